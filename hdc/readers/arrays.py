@@ -54,8 +54,10 @@ def open_arrays(
     _check_pixels(path, name, array)
     known = Known(path, store, labels, table, fewest_classes)
     if axes is None:
-        convention = store.frames_last and name not in store.notes
-        axes = reading(f"{path}[{name}]", array.shape, known.count, convention)
+        where = f"{path}[{name}]"
+        axes = store.axes.get(name) or reading(
+            where, array.shape, known.count, store.frames_last
+        )
     frames = Frames(path, array, axes, window)
     n = len(frames)
     about = known.about(n, axes, frames.counts, value_columns)

@@ -7,11 +7,12 @@ import unicodedata
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from hdc.readers.files import natural_key, parse_number
+from hdc.readers.files import natural_key, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
 """Columns known by name, which are no numbers to learn."""
@@ -26,6 +27,14 @@ class Columns:
 
     places: Sequence[str]
     texts: dict[str, list[str]]
+
+    @classmethod
+    def read(cls, path: Path, required: Sequence[str] = ()) -> Columns:
+        """The columns of a CSV; see :func:`hdc.readers.files.read_csv`."""
+        found = list(read_csv(path, required))
+        if not found:
+            raise ValueError(f"{path}: expected a row per frame, found none")
+        return cls.of([place for place, _ in found], [row for _, row in found])
 
     @classmethod
     def of(cls, places: Sequence[str], rows: Sequence[dict[str, str]]) -> Columns:

@@ -16,7 +16,7 @@ _DECIMAL_COMMA = re.compile(r"^(\s*[-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*)$")
 
 LIBRARIES = {
     "cv2": "readers",
-    "tifffile": "files",
+    "tifffile": "readers",
     "imagecodecs": "files",
     "av": "files",
     "h5py": "files",
@@ -24,6 +24,13 @@ LIBRARIES = {
     "pyarrow": "files",
 }
 """Packages that read files, and the extra of this distribution that brings each."""
+
+
+def missing(package: str) -> ModuleNotFoundError:
+    """The error of a package that is not installed, with the extra that brings it."""
+    extra = LIBRARIES[package]
+    text = f"expected the package {package}, found none; pip install 'speckle-hdc[{extra}]'"
+    return ModuleNotFoundError(text, name=package)
 
 
 @contextmanager
@@ -35,11 +42,7 @@ def missing_named() -> Iterator[None]:
         package = (error.name or "").partition(".")[0]
         if package not in LIBRARIES:
             raise
-        extra = LIBRARIES[package]
-        raise ModuleNotFoundError(
-            f"expected the package {package}, found none; pip install 'speckle-hdc[{extra}]'",
-            name=package,
-        ) from error
+        raise missing(package) from error
 
 
 class BadFrame(ValueError):

@@ -138,6 +138,16 @@ def frame_of(place: str, image: np.ndarray, window: Window) -> np.ndarray:
         raise BadFrame(f"{place}: {error}") from error
 
 
+def check_alike(
+    place: str, image: np.ndarray, size: tuple[int, ...], dtype: np.dtype[Any]
+) -> None:
+    """Raise BadFrame for an image of another size [height, width] or depth."""
+    if image.shape[:2] != size or image.dtype != dtype:
+        found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
+        wanted = f"{size[1]} × {size[0]} pixels {dtype} as in the other frames"
+        raise BadFrame(f"{place}: expected {wanted}, found {found}")
+
+
 def open_listing(
     root: Path,
     listing: Listing,
@@ -260,11 +270,7 @@ class Images:
 
     def _load(self, file: Path) -> np.ndarray:
         image = decode(file)
-        if image.shape[:2] != self._size or image.dtype != self.dtype:
-            height, width = self._size
-            found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
-            wanted = f"{width} × {height} pixels {self.dtype} as in the other frames"
-            raise BadFrame(f"{file}: expected {wanted}, found {found}")
+        check_alike(str(file), image, self._size, self.dtype)
         return frame_of(str(file), image, self._window)
 
     def _counted(self, error: BadFrame) -> BadFrame:

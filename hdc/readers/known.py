@@ -10,7 +10,7 @@ import numpy as np
 
 from hdc.readers.axes import ALONG
 from hdc.readers.columns import Columns, check_times, class_indices, natural_ranks
-from hdc.readers.files import SettingError, columns_of, read_csv
+from hdc.readers.files import SettingError, columns_of
 from hdc.readers.stores import Store
 
 LABELS = ("labels", "label")
@@ -47,7 +47,7 @@ class Known:
         has_own = self._labels is not None or "values" in self._arrays
         if table is None and not has_own and "label" in columns_of(beside):
             self._table = beside
-        self._columns = None if self._table is None else _columns(self._table)
+        self._columns = None if self._table is None else Columns.read(self._table)
         self.count = self._count()
 
     def _count(self) -> int | None:
@@ -144,17 +144,6 @@ def _vector(array: Any, of_matlab: bool) -> Any:
     if of_matlab and len(array.shape) == 2 and 1 in array.shape:
         return np.asarray(array[:, :]).ravel()
     return array
-
-
-def _columns(table: Path) -> Columns:
-    """Rows of a table, in the order of the frames; a column ``frame`` numbers them from 0."""
-    places, rows = [], []
-    for place, row in read_csv(table, ()):
-        places.append(place)
-        rows.append(row)
-    if not rows:
-        raise ValueError(f"{table}: expected a row per frame, found none")
-    return Columns.of(places, rows)
 
 
 def _of_table(

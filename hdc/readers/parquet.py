@@ -18,7 +18,7 @@ import pyarrow.parquet as pq
 
 from hdc.readers.columns import Columns
 from hdc.readers.files import Ambiguous, BadFrame, file_digest
-from hdc.readers.images import decoded, frame_of
+from hdc.readers.images import check_alike, decoded, frame_of
 from hdc.readers.recording import Recording, Window
 
 
@@ -90,12 +90,9 @@ def _holds_bytes(kind: Any) -> bool:
 
 def _columns(path: Path, file: Any, label: str) -> Columns:
     """Columns of numbers and text; the chosen one is the label."""
-    tests = (pa.types.is_integer, pa.types.is_floating, pa.types.is_string)
-    names = [
-        field.name
-        for field in file.schema_arrow
-        if any(test(field.type) for test in tests)
-    ]
+    plain = ("int", "uint", "float", "double", "string", "large_string")
+    kinds = {field.name: str(field.type) for field in file.schema_arrow}
+    names = [name for name, kind in kinds.items() if kind.rstrip("0123456789") in plain]
     table = file.read(columns=names)
     texts = {}
     for name in names:
@@ -121,14 +118,14 @@ def _class_names(schema: Any, label: str) -> dict[str, str]:
 
 
 class _Rows:
-    """Images of one size and depth, row by row."""
+    """Images of one size and depth, those of the first row."""
 
     def __init__(self, path: Path, file: Any, column: str, window: Window) -> None:
         self._path, self._file, self._column, self._window = path, file, column, window
         groups = range(file.num_row_groups)
         counts = [file.metadata.row_group(group).num_rows for group in groups]
-        self._ends = np.cumsum(counts)
-        first = next(self._decoded(np.arange(1)))
+        self._starts = np.cumsum([0, *counts])
+        (first,) = self._decoded(np.arange(1))
         self._size, self.dtype = first.shape[:2], first.dtype
         self.shape = frame_of(self.place(0), first, window).shape
 
@@ -137,24 +134,17 @@ class _Rows:
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
         for i, image in zip(index, self._decoded(index), strict=True):
-            found = image.shape[:2], image.dtype
-            if found != (self._size, self.dtype):
-                raise BadFrame(
-                    f"{self.place(i)}: expected {self._size} {self.dtype} as in the first image, "
-                    f"found {found[0]} {found[1]}"
-                )
+            check_alike(self.place(i), image, self._size, self.dtype)
             yield frame_of(self.place(i), image, self._window)
 
     def _decoded(self, index: np.ndarray) -> Iterator[np.ndarray]:
-        held, cells = -1, None
+        held, cells = -1, pa.chunked_array([[]])
         for i in index:
-            group = int(np.searchsorted(self._ends, i, side="right"))
+            group = int(np.searchsorted(self._starts, i, side="right")) - 1
             if group != held:
                 held = group
                 cells = self._file.read_row_group(group, [self._column]).column(0)
-            assert cells is not None
-            start = self._ends[group] - len(cells)
-            cell = cells[int(i - start)].as_py()
+            cell = cells[int(i - self._starts[group])].as_py()
             data = cell["bytes"] if isinstance(cell, dict) else cell
             if data is None:
                 raise BadFrame(f"{self.place(i)}: expected an image, found none")

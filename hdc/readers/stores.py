@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 NUMPY = (".npz", ".npy")
-HDF5 = (".h5", ".hdf5", ".hdf")
+HDF5 = (".h5", ".hdf5")
 TIFF = (".tif", ".tiff")
 SUFFIXES = (*NUMPY, ".mat", *HDF5, *TIFF)
-_IS_HDF5 = b"\x89HDF\r\n\x1a\n"
 
 
 @dataclass
@@ -27,12 +26,14 @@ class Store:
         arrays: anything with ``shape``, ``dtype`` and ``[…]``, by name.
         frames_last: MATLAB shows a stack as [H, W, N].
         unread: names of what is there and not read, and why.
+        axes: of arrays whose file states them, by name.
         notes: how an array was read, by its name.
     """
 
     arrays: dict[str, Any]
     frames_last: bool = False
     unread: dict[str, str] = field(default_factory=dict)
+    axes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     notes: dict[str, list[str]] = field(default_factory=dict)
 
     def advice(self) -> str:
@@ -41,8 +42,9 @@ class Store:
             return ""
         first, why = next(iter(self.unread.items()))
         return (
-            f" (not read: {', '.join(self.unread)}: {why}; in MATLAB: {first} = cellstr({first}) "
-            f"for text, double({first}) for numbers, then save again)"
+            f" (not read: {', '.join(self.unread)}: {why}; in MATLAB, before saving: "
+            f"cellstr({first}) for text, double({first}) for numbers, cat(3, {first}{{:}}) for "
+            "frames in cells)"
         )
 
 
@@ -57,14 +59,13 @@ def load(path: Path) -> Store:
         from hdc.readers import tiff
 
         stacks = tiff.stacks(path)
+        axes = {name: stack.axes for name, stack in stacks.items()}
         notes = {name: stack.notes() for name, stack in stacks.items()}
-        return Store(dict(stacks), notes=notes)
+        return Store(dict(stacks), axes=axes, notes=notes)
     try:
         if suffix in NUMPY:
             return _numpy(path)
-        if suffix == ".mat" and not _is_hdf5(path):
-            return _matlab(path)
-        return _hdf5(path)
+        return _hdf5(path) if suffix in HDF5 else _matlab(path)
     except ImportError:
         raise
     except Exception as error:  # damage makes these libraries raise many types
@@ -96,21 +97,18 @@ def _plain(path: Path, name: str) -> str:
     )
 
 
-def _is_hdf5(path: Path) -> bool:
-    with path.open("rb") as file:
-        start = file.read(520)
-    return _IS_HDF5 in (start[:8], start[512:])
-
-
 # MATLAB ------------------------------------------------------------------------------------------
 
 
 def _matlab(path: Path) -> Store:
-    """Version 5 and earlier, by SciPy."""
+    """Version 5 and earlier, by SciPy; version 7.3 is HDF5."""
     from scipy.io import loadmat
 
     store = Store({}, frames_last=True)
-    found = loadmat(path, simplify_cells=True)
+    try:
+        found = loadmat(path, simplify_cells=True)
+    except NotImplementedError:
+        return _hdf5(path)
     _add(store, {k: v for k, v in found.items() if not k.startswith("__")}, "")
     return store
 
@@ -122,23 +120,18 @@ def _add(store: Store, found: dict[str, Any], before: str) -> None:
         if isinstance(item, dict):
             _add(store, item, f"{path}/")
             continue
-        array: np.ndarray | None = np.asarray(item)
-        if np.asarray(item).dtype == object:
-            array = _of_cells(np.ravel(item).tolist())
-        if array is None or array.dtype.kind not in "iufbU":
+        array = np.asarray(item)
+        if array.dtype == object and all(isinstance(c, str) for c in array.flat):
+            array = np.array(array.ravel().tolist())  # a cell array of texts
+        if array.dtype.kind not in "iufbU":
             store.unread[path] = "no numbers or text that MATLAB saves plainly"
         elif array.ndim:
-            store.arrays[path] = array
+            store.arrays[path] = _unpadded(array)
 
 
-def _of_cells(cells: list[Any]) -> np.ndarray | None:
-    """A cell array of texts [N], or of frames of one size [H, W, N]; None of another."""
-    if all(isinstance(cell, str) for cell in cells):
-        return np.array(cells)
-    shapes = {np.shape(cell) for cell in cells}
-    if len(shapes) != 1 or any(np.asarray(cell).dtype == object for cell in cells):
-        return None
-    return np.stack(cells, axis=-1)
+def _unpadded(array: np.ndarray) -> np.ndarray:
+    """Texts without the spaces that make rows of characters equally long."""
+    return np.char.rstrip(array) if array.dtype.kind == "U" else array
 
 
 class Reversed:
@@ -183,22 +176,17 @@ def _dataset(item: Any) -> Any:
     if "MATLAB_object_decode" in item.attrs or "MATLAB_empty" in item.attrs:
         return None
     if kind == b"cell":
-        cells = [_cell(item.file[reference]) for reference in np.ravel(item[()])]
-        return _of_cells(cells)
+        cells = [item.file[reference] for reference in np.ravel(item[()])]
+        is_text = all(c.attrs.get("MATLAB_class") == b"char" for c in cells)
+        return np.array([_text(np.ravel(c[()])) for c in cells]) if is_text else None
     if kind == b"char":
-        return np.array([_text(row) for row in np.atleast_2d(item[()].T)])
+        rows = [_text(row) for row in np.atleast_2d(item[()].T)]
+        return _unpadded(np.array(rows))
     if h5py.check_string_dtype(item.dtype):
         return np.array(np.ravel(item.asstr()[()]).tolist())
     if item.dtype.kind not in "iufb":
         return None
     return Reversed(item) if kind else item
-
-
-def _cell(item: Any) -> Any:
-    """What a cell holds: text, or an array as MATLAB shows it."""
-    if item.attrs.get("MATLAB_class") == b"char":
-        return _text(np.ravel(item[()]))
-    return np.asarray(item[()]).T
 
 
 def _text(codes: Iterable[int]) -> str:

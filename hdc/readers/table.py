@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from hdc.readers.columns import KNOWN, Columns
-from hdc.readers.files import file_digest, read_csv
+from hdc.readers.files import file_digest
 from hdc.readers.recording import Recording, Window
 
 
@@ -26,7 +26,7 @@ def open_table(
         ValueError: the table is not as described; a cell that is no number is named.
     """
     needed = value_columns if fewest_classes > 0 else ()
-    columns = _columns(path, needed)
+    columns = Columns.read(path, needed)
     chosen = [name for name in value_columns if name in columns.texts]
     known = columns.only(("label", *KNOWN, *chosen))
     if fewest_classes > 0 and not chosen and "label" not in known.texts:
@@ -55,14 +55,3 @@ def open_table(
         features=tuple(numbers),
         **about,
     )
-
-
-def _columns(path: Path, required: Sequence[str]) -> Columns:
-    places = []
-    rows = []
-    for place, row in read_csv(path, required):
-        places.append(place)
-        rows.append(row)
-    if not rows:
-        raise ValueError(f"{path}: expected a row of numbers per frame, found none")
-    return Columns.of(places, rows)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import tifffile
 
-from hdc.readers.files import BadFrame
+from hdc.readers.files import BadFrame, missing
 
 _WHITE_IS_ZERO, _GREY, _RGB, _YCBCR, _MOSAIC = 0, 1, 2, 6, 32803
 """Values of the tag PhotometricInterpretation."""
@@ -26,47 +26,30 @@ _JPEG = (6, 7)
 
 
 class Stack:
-    """Pages [N, H, W] or [N, H, W, 3] of one series of a TIFF, read when they are asked for."""
+    """Pages [N, H, W] or [N, H, W, 3] of one series of a TIFF.
 
-    def __init__(self, place: str, series: Any) -> None:
-        self._place, self._series, self._page = place, series, series.keyframe
-        self._check()
-        samples = self._page.samplesperpixel
+    Args:
+        place: the file, for errors.
+        series: as tifffile has it.
+        on_disk: plain pages are read as they are asked for; compressed ones are decoded once, into
+            a temporary file.
+    """
+
+    def __init__(self, place: str, series: Any, on_disk: bool) -> None:
+        self._page = series.keyframe
+        _check_meaning(place, series)
+        _check_whole(place, series)
+        pixels = series.asarray(out="memmap" if on_disk else None)
+        channels = self._page.samplesperpixel
+        axis = series.axes.find("S")
+        if axis >= 0:
+            pixels = np.moveaxis(pixels, axis, -1)
         sides = (self._page.imagelength, self._page.imagewidth)
-        colour = (3,) if samples > 2 else ()
-        self._planes = samples if int(self._page.planarconfig) == 2 else 1
-        n = series.size // (sides[0] * sides[1] * samples)
-        self.shape = (n, *sides, *colour)
-        self._whole = None
-        file = series.parent.filehandle
-        if series.dataoffset is not None and file.is_file:
-            kind = np.dtype(series.parent.byteorder + series.dtype.char)
-            own = (n, samples, *sides) if self._planes > 1 else (n, *sides, samples)
-            self._whole = file.memmap_array(kind, own, series.dataoffset)
-        self.dtype = self[0].dtype
-
-    def _check(self) -> None:
-        """Raise BadFrame for pixels of a meaning that is not read here, or that are cut off."""
-        page = self._page
-        meaning = int(page.photometric)
-        as_rgb = meaning == _YCBCR and int(page.compression) in _JPEG
-        signed = np.dtype(self._series.dtype).kind not in "ub"
-        if meaning not in (_WHITE_IS_ZERO, _GREY, _RGB, _MOSAIC) and not as_rgb:
-            found = getattr(page.photometric, "name", meaning)
-            raise BadFrame(
-                f"{self._place}: expected grey or RGB, found {found} (PIL.Image.open(file)"
-                ".convert('RGB').save('x.png') converts it)"
-            )
-        if meaning == _WHITE_IS_ZERO and signed:
-            raise BadFrame(
-                f"{self._place}: expected unsigned pixels where white is zero, found "
-                f"{self._series.dtype}"
-            )
-        size = self._series.parent.filehandle.size
-        for part in self._series.pages:
-            ends = zip(part.dataoffsets, part.databytecounts, strict=True)
-            if any(start + count > size for start, count in ends):
-                raise BadFrame(f"{self._place}: expected a whole file, found a cut one")
+        pixels = pixels.reshape(-1, *sides, channels)
+        self._pixels = pixels[..., :3] if channels > 2 else pixels[..., 0]
+        self.shape = self._pixels.shape
+        self.axes = ("frame", "height", "width", "channel")[: len(self.shape)]
+        self.dtype = np.dtype(np.uint8) if pixels.dtype == bool else pixels.dtype
 
     def notes(self) -> list[str]:
         """How the pixels were read, a phrase each."""
@@ -83,48 +66,54 @@ class Stack:
         return found
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        """The page of a number, or of a tuple that begins with it."""
-        number, *rest = key if isinstance(key, tuple) else (key,)
-        sides = self.shape[1:3]
-        if self._whole is not None:
-            pixels = np.asarray(self._whole[number])
-        else:
-            with strict(self._place):
-                pixels = self._decoded(int(number))
-        if self._planes > 1:
-            pixels = np.moveaxis(pixels, 0, -1)
-        pixels = pixels.reshape(*sides, -1)
-        pixels = pixels[..., :3] if len(self.shape) == 4 else pixels[..., 0]
-        return self._meant(pixels)[tuple(rest)]
-
-    def _decoded(self, number: int) -> np.ndarray:
-        page = self._series.pages[number]
-        return np.asarray(page.asarray())
-
-    def _meant(self, pixels: np.ndarray) -> np.ndarray:
-        """Pixels of this machine's byte order, white the largest; two values are 0 and 255."""
-        pixels = pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
-        if pixels.dtype == bool:
-            pixels = pixels.astype(np.uint8) * 255
-        if int(self._page.photometric) != _WHITE_IS_ZERO:
-            return pixels
+        """Pixels with white the largest; those of one bit are 0 and 255."""
+        pixels = np.asarray(self._pixels[key])
         bits = self._page.bitspersample
-        white = 255 if bits == 1 else 2**bits - 1
-        return (white - pixels).astype(pixels.dtype)
+        if pixels.dtype == bool:
+            bits, pixels = 8, pixels.astype(np.uint8) * 255
+        if int(self._page.photometric) == _WHITE_IS_ZERO:
+            return 2**bits - 1 - pixels
+        return pixels
+
+
+def _check_meaning(place: str, series: Any) -> None:
+    """Raise BadFrame for pixels of a meaning that is not read here."""
+    page = series.keyframe
+    meaning = int(page.photometric)
+    as_rgb = meaning == _YCBCR and int(page.compression) in _JPEG
+    if meaning not in (_WHITE_IS_ZERO, _GREY, _RGB, _MOSAIC) and not as_rgb:
+        found = getattr(page.photometric, "name", meaning)
+        raise BadFrame(
+            f"{place}: expected grey or RGB, found {found} (PIL.Image.open(file).convert('RGB')"
+            ".save('x.png') converts it)"
+        )
+    if meaning == _WHITE_IS_ZERO and series.dtype.kind not in "ub":
+        wanted = "unsigned pixels where white is zero"
+        raise BadFrame(f"{place}: expected {wanted}, found {series.dtype}")
+
+
+def _check_whole(place: str, series: Any) -> None:
+    """Raise BadFrame for a file that ends before its pixels do."""
+    size = series.parent.filehandle.size
+    for page in series.pages:
+        ends = zip(page.dataoffsets, page.databytecounts, strict=True)
+        if any(start + count > size for start, count in ends):
+            raise BadFrame(f"{place}: expected a whole file, found a cut one")
 
 
 def stacks(path: Path) -> dict[str, Stack]:
-    """The series of a TIFF by their numbers; the file stays open while they are used.
+    """The series of a TIFF by their numbers.
 
     Raises:
         BadFrame: it is damaged, or of a kind that is not read here.
     """
-    with strict(str(path)):
-        found = tifffile.TiffFile(path)
-        return {
-            str(number): Stack(str(path), series)
-            for number, series in enumerate(found.series)
-        }
+    with _strict(str(path)), tifffile.TiffFile(path) as file:
+        shapes = {(series.shape, series.dtype, series.axes) for series in file.series}
+    # Pages that Python wrote one by one are stated to be stacks of their own.
+    shaped = False if len(shapes) == 1 and len(file.series) > 1 else None
+    with _strict(str(path)), tifffile.TiffFile(path, is_shaped=shaped) as file:
+        found = [Stack(str(path), series, on_disk=True) for series in file.series]
+    return {str(number): stack for number, stack in enumerate(found)}
 
 
 def image(place: str, data: bytes) -> np.ndarray:
@@ -133,16 +122,17 @@ def image(place: str, data: bytes) -> np.ndarray:
     Raises:
         BadFrame: it is damaged, or holds several.
     """
-    with strict(place), tifffile.TiffFile(io.BytesIO(data)) as file:
-        found = [Stack(place, series) for series in file.series]
-        pages = sum(stack.shape[0] for stack in found)
-        if pages != 1:
-            raise BadFrame(f"{place}: expected a single image, found {pages}")
-        return found[0][0]
+    with _strict(place), tifffile.TiffFile(io.BytesIO(data)) as file:
+        found = [Stack(place, series, on_disk=False) for series in file.series]
+    pages = sum(stack.shape[0] for stack in found)
+    if pages != 1:
+        raise BadFrame(f"{place}: expected a single image, found {pages}")
+    pixels = found[0][0]
+    return pixels.astype(pixels.dtype.newbyteorder("="), copy=False)
 
 
 @contextmanager
-def strict(place: str) -> Iterator[None]:
+def _strict(place: str) -> Iterator[None]:
     """What tifffile logs or raises becomes a BadFrame: it goes on where pages are lost."""
     said = _Said()
     logger = logging.getLogger("tifffile")
@@ -152,6 +142,8 @@ def strict(place: str) -> Iterator[None]:
     except BadFrame:
         raise
     except Exception as error:  # damage makes tifffile raise a dozen different types
+        if "requires the 'imagecodecs' package" in str(error):
+            raise missing("imagecodecs") from error
         raise BadFrame(f"{place}: expected a whole TIFF, found: {error}") from error
     finally:
         logger.removeHandler(said)

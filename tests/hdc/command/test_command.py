@@ -529,7 +529,7 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         ("sklearn", ["compare", "FOLDER"], "compare"),
         ("av", ["train", "film.mp4", "-o", "m"], "files"),
         ("h5py", ["train", "stack.h5", "-o", "m"], "files"),
-        ("tifffile", ["train", "stack.tif", "-o", "m"], "files"),
+        ("tifffile", ["train", "stack.tif", "-o", "m"], "readers"),
         ("pyarrow", ["train", "rows.parquet", "-o", "m"], "files"),
         ("matplotlib", ["compare", "FOLDER", "-o", "curve.svg"], "compare"),
     ],

@@ -1,0 +1,347 @@
+"""Files of other programs: frames come as they were written, or the file is refused in one line.
+
+They are written by the libraries of the field. Frames are of 3 × 5 pixels and all different: one
+that is turned, or an axis that is taken for another, is seen.
+"""
+
+import subprocess
+import sys
+
+import cv2
+import h5py
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+import scipy.io
+import tifffile
+
+from hdc.readers import Ambiguous, BadFrame, open_recording
+
+N, H, W = 4, 3, 5
+RNG = np.random.default_rng(0)
+FRAMES = RNG.permutation(N * H * W).astype(np.uint16).reshape(N, H, W) * 300
+NAMES = ["a", "bb", "a", "bb"]
+LABELS = np.array([1.0, 2, 1, 2])
+MATLAB = np.moveaxis(FRAMES, 0, -1)  # [H, W, N], as MATLAB shows a stack
+
+
+def check(recording, names=NAMES):
+    assert recording.shape == (N, H, W)
+    assert recording.dtype == np.uint16
+    assert np.array_equal(recording[:], FRAMES)
+    assert np.array_equal(recording[[2, 0]], FRAMES[[2, 0]])
+    assert recording.names == names
+
+
+def refused(path, message, kind=ValueError, **settings):
+    with pytest.raises(kind, match=message) as caught:
+        open_recording(path, **settings)
+    assert "\n" not in str(caught.value)
+    return caught.value
+
+
+# MATLAB and HDF5 ---------------------------------------------------------------------------------
+
+
+def save_v73(path, **arrays):
+    """As MATLAB writes version 7.3: axes reversed, text as codes, cells as references."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, array in arrays.items():
+            if isinstance(array, list):
+                references = [text(file, f"#refs#/{k}", t) for k, t in enumerate(array)]
+                cells = np.array([references], dtype=h5py.ref_dtype)
+                file[name] = cells
+                file[name].attrs["MATLAB_class"] = np.bytes_("cell")
+            else:
+                file[name] = array.T
+                file[name].attrs["MATLAB_class"] = np.bytes_(array.dtype.name)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
+def text(file, name, value):
+    codes = np.array([[ord(c)] for c in value], np.uint16)
+    file[name] = codes
+    file[name].attrs["MATLAB_class"] = np.bytes_("char")
+    return file[name].ref
+
+
+def save_v5(path, **arrays):
+    cells = {k: np.array(a, object) for k, a in arrays.items() if isinstance(a, list)}
+    scipy.io.savemat(path, arrays | cells)
+
+
+@pytest.mark.parametrize("save", [save_v5, save_v73])
+def test_frames_of_matlab_are_those_that_it_shows(tmp_path, save):
+    def saved(**arrays):
+        path = tmp_path / f"{len(list(tmp_path.iterdir()))}.mat"
+        save(path, **arrays)
+        return path
+
+    path = saved(cube=MATLAB, labels=NAMES, trial=np.arange(N)[None] + 0.5)
+    recording = open_recording(path)
+    check(recording)
+    assert recording.notes == ("0.mat[cube] (3, 5, 4) as height, width, frame",)
+    assert recording.samples["trial"].tolist() == [0.5, 1.5, 2.5, 3.5]
+    path = saved(cube=MATLAB, kind=LABELS[None])
+    check(open_recording(path, labels="kind"), ["1", "2", "1", "2"])
+    refused(path, "found no labels .--labels kind, or --column kind for numbers")
+    path = saved(cube=MATLAB, cube2=MATLAB, labels=LABELS[None])
+    error = refused(path, "several arrays: expected one reading", Ambiguous)
+    assert error.choices == (f"{path}:/cube", f"{path}:/cube2")
+    check(open_recording(f"{path}:/cube2"), ["1", "2", "1", "2"])
+    check(open_recording(saved(cube=FRAMES, labels=NAMES)))  # frames first, from Python
+
+
+@pytest.mark.parametrize("save", [save_v5, save_v73])
+def test_a_cube_with_two_axes_as_long_as_the_labels_is_refused(tmp_path, save):
+    """cracks: [H, W, N] with H = N was taken as [N, H, W]."""
+    path, cube = tmp_path / "x.mat", MATLAB[:, :4, :3]
+    save(path, cube=cube, labels=LABELS[None, :3])
+    error = refused(path, "one reading", Ambiguous)
+    readings = ("frame,height,width", "height,width,frame")
+    assert error.choices == tuple(f"--axes {reading}" for reading in readings)
+    first = open_recording(path, axes=readings[0].split(","))
+    assert np.array_equal(first[:], cube)
+    last = open_recording(path, axes=readings[1].split(","))
+    assert np.array_equal(last[:], np.moveaxis(cube, -1, 0))
+
+
+def test_rows_of_characters_and_fields_of_a_struct_are_read(tmp_path):
+    path = tmp_path / "x.mat"
+    scipy.io.savemat(path, {"s": {"cube": MATLAB, "y": np.array(NAMES)}})
+    check(open_recording(path, labels="s/y"))
+
+
+@pytest.mark.parametrize("names", ["labels", "texts"])
+def test_frames_of_hdf5_come_first(tmp_path, names):
+    path = tmp_path / "x.h5"
+    with h5py.File(path, "w") as file:
+        file["run/frames"] = FRAMES
+        file["run/labels"] = NAMES if names == "texts" else LABELS.astype(int)
+    expected = NAMES if names == "texts" else ["1", "2", "1", "2"]
+    check(open_recording(path, labels="run/labels"), expected)
+    check(open_recording(f"{path}:/run/frames", labels="run/labels"), expected)
+    refused(f"{path}:/y", "expected one of run/frames .*; no y")
+    cut = path.read_bytes()[: path.stat().st_size // 2]
+    (tmp_path / "cut.h5").write_bytes(cut)
+    refused(tmp_path / "cut.h5", "cut.h5: expected an intact .h5, found")
+
+
+def test_what_matlab_saves_in_forms_of_its_own_is_named_with_what_to_do(tmp_path):
+    path = tmp_path / "x.mat"
+    save_v73(path, cube=MATLAB)
+    with h5py.File(path, "r+") as file:
+        file["labels"] = np.zeros((1, 6), np.uint32)
+        file["labels"].attrs["MATLAB_class"] = np.bytes_("string")
+        file["labels"].attrs["MATLAB_object_decode"] = 3
+    refused(path, r"not read: labels: .*: cellstr\(labels\) for text")
+
+
+# A table beside ----------------------------------------------------------------------------------
+
+
+def test_a_table_beside_labels_a_cube(tmp_path):
+    np.save(tmp_path / "x.npy", FRAMES)
+    rows = "".join(f"{name},{k / 2}\n" for k, name in enumerate(NAMES))
+    (tmp_path / "x.csv").write_text(f"label,force\n{rows}")
+    check(open_recording(tmp_path / "x.npy"))
+    (tmp_path / "y.csv").write_text(f"label,force\n{rows}")
+    check(open_recording(tmp_path / "x.npy", labels=tmp_path / "y.csv"))
+    force = open_recording(tmp_path / "x.npy", table=tmp_path / "y.csv")
+    assert force.values[:, 0].tolist() == [0, 0.5, 1, 1.5]
+    numbered = "".join(f"{k},{NAMES[k]}\n" for k in (2, 0, 3, 1))
+    (tmp_path / "x.csv").write_text(f"frame,label\n{numbered}")
+    check(open_recording(tmp_path / "x.npy"))
+    (tmp_path / "x.csv").write_text("frame,label\n1,a\n2,bb\n3,a\n4,bb\n")
+    refused(tmp_path / "x.npy", "each number of a frame from 0 to 3 .*, found 1 to 4")
+    (tmp_path / "x.csv").write_text("label\na\nbb\n")
+    refused(tmp_path / "x.npy", r"with N = 2, as there are labels")
+
+
+# TIFF --------------------------------------------------------------------------------------------
+
+STACKS = {
+    "pages": {},
+    "pages one by one": {"contiguous": False},
+    "ImageJ": {"imagej": True},
+    "OME": {"ome": True},
+    "BigTIFF": {"bigtiff": True},
+    "big-endian": {"byteorder": ">"},
+    "LZW": {"compression": "lzw"},
+    "deflate": {"compression": "zlib", "predictor": 2},
+    "tiles": {"tile": (16, 16)},
+}
+
+
+def write_stack(path, frames, contiguous=True, **options):
+    with tifffile.TiffWriter(path, **writer_options(options)) as file:
+        if contiguous:
+            file.write(frames, photometric="minisblack", **options)
+        else:
+            for frame in frames:
+                file.write(frame, photometric="minisblack", contiguous=False)
+    path.with_suffix(".csv").write_text("\n".join(["label", *NAMES]))
+
+
+def writer_options(options):
+    names = ("imagej", "ome", "bigtiff", "byteorder")
+    return {name: options.pop(name) for name in names if name in options}
+
+
+@pytest.mark.parametrize("kind", STACKS)
+def test_every_frame_of_a_stack_is_read_as_it_was_written(tmp_path, kind):
+    """cracks: of an ImageJ stack of 20 frames one was read."""
+    path = tmp_path / "x.tif"
+    write_stack(path, FRAMES, **dict(STACKS[kind]))
+    check(open_recording(path))
+
+
+@pytest.mark.parametrize("compression", [None, "lzw"])
+@pytest.mark.parametrize("dtype", ["u1", "<u2", ">u2"])
+def test_white_is_zero_is_inverted_at_every_depth_and_said(
+    tmp_path, compression, dtype
+):
+    """cracks: at 8 bits it came inverted, and at 16 not. TIFF 6.0: 0 is imaged as white."""
+    frames = (FRAMES // 300).astype(dtype)
+    options = {"photometric": "miniswhite", "compression": compression}
+    path = tmp_path / "x.tif"
+    tifffile.imwrite(
+        path, frames, byteorder=dtype[0] if dtype[0] != "u" else None, **options
+    )
+    path.with_suffix(".csv").write_text("\n".join(["label", *NAMES]))
+    recording = open_recording(path)
+    white = 2 ** (8 * frames.itemsize) - 1
+    assert np.array_equal(recording[:], white - frames.astype(int))
+    assert recording.dtype.isnative
+    assert recording.notes[1] == "white is zero: inverted"
+    (tmp_path / "r" / "a").mkdir(parents=True)
+    tifffile.imwrite(tmp_path / "r" / "a" / "1.tif", frames[0], **options)
+    found = open_recording(tmp_path / "r", fewest_classes=1)[0]
+    assert np.array_equal(found, white - frames[0].astype(int))
+    tifffile.imwrite(path, frames.astype("i2"), photometric="miniswhite")
+    refused(path, "expected unsigned pixels where white is zero, found int16", BadFrame)
+
+
+def test_signed_and_float_pixels_keep_their_sign(tmp_path):
+    """cracks: signed 8-bit TIFF was read as unsigned."""
+    for dtype in ("i1", "i2", "f4"):
+        frames = (FRAMES // 300).astype(dtype) - 30
+        write_stack(tmp_path / "x.tif", frames)
+        recording = open_recording(tmp_path / "x.tif")
+        assert recording.dtype == frames.dtype
+        assert np.array_equal(recording[:], frames)
+
+
+@pytest.mark.parametrize("planar", ["contig", "separate"])
+def test_alpha_is_left_out_and_colour_becomes_luminance(tmp_path, planar):
+    colour = RNG.integers(0, 256, (N, H, W, 4), np.uint8)
+    stored = colour if planar == "contig" else np.moveaxis(colour, -1, 1)
+    options = {
+        "photometric": "rgb",
+        "extrasamples": ["unassalpha"],
+        "planarconfig": planar,
+    }
+    tifffile.imwrite(tmp_path / "x.tif", stored, **options)
+    (tmp_path / "x.csv").write_text("\n".join(["label", *NAMES]))
+    recording = open_recording(tmp_path / "x.tif")
+    luminance = colour[..., :3] @ [0.299, 0.587, 0.114]  # ITU-R BT.601
+    assert np.abs(recording[:] - luminance).max() <= 1
+    assert "alpha left out" in recording.notes
+
+
+def test_a_tiff_that_is_cut_or_of_a_palette_is_refused(tmp_path):
+    path = tmp_path / "x.tif"
+    write_stack(path, FRAMES)
+    whole = path.read_bytes()
+    for length in (9, len(whole) // 2, len(whole) - 20):
+        path.write_bytes(whole[:length])
+        refused(path, "x.tif: expected a whole", BadFrame)
+    palette = np.zeros((3, 256), np.uint16)
+    tifffile.imwrite(
+        path, np.zeros((N, H, W), "u1"), photometric="palette", colormap=palette
+    )
+    refused(path, "expected grey or RGB, found PALETTE", BadFrame)
+
+
+# Parquet -----------------------------------------------------------------------------------------
+
+
+def png(frame):
+    return cv2.imencode(".png", frame)[1].tobytes()
+
+
+@pytest.mark.parametrize("form", ["bytes", "struct"])
+def test_images_of_a_parquet_are_read_group_by_group(tmp_path, form):
+    cells = [png(frame) for frame in FRAMES]
+    images = cells if form == "bytes" else [{"bytes": c, "path": None} for c in cells]
+    table = pa.table({"image": images, "label": NAMES, "force": [0.5, 1, 2, 4]})
+    path = tmp_path / "x.parquet"
+    pq.write_table(table, path, row_group_size=3)
+    check(open_recording(path))
+    assert open_recording(path, value_columns=["force"]).values[:, 0].tolist() == [
+        0.5,
+        1,
+        2,
+        4,
+    ]
+    pq.write_table(table.rename_columns(["picture", "kind", "force"]), path)
+    check(open_recording(path, labels="kind"))
+    assert open_recording(path).value_names == ("force",)
+    refused(path, "labels: .*expected one of kind, force, found 'y'", labels="y")
+    pq.write_table(table.append_column("depth", table["image"]).rename_columns(
+        ["rgb", "label", "force", "depth"]), path)  # fmt: skip
+    error = refused(path, "several columns of images", Ambiguous)
+    assert error.choices == ("--image-column rgb", "--image-column depth")
+    check(open_recording(path, image_column="depth"))
+    pq.write_table(table.select(["label", "force"]), path)
+    refused(path, r"expected a column of encoded images, found label .string., force")
+    path.write_bytes(path.read_bytes()[:-9])
+    refused(path, "x.parquet: expected an intact parquet file")
+
+
+def test_classes_that_are_numbered_have_the_names_that_the_file_states(tmp_path):
+    """As Hugging Face writes the feature ClassLabel."""
+    info = b'{"info": {"features": {"label": {"names": ["a", "bb"], "_type": "ClassLabel"}}}}'
+    cells = [png(frame) for frame in FRAMES]
+    table = pa.table({"image": cells, "label": [0, 1, 0, 1]})
+    table = table.replace_schema_metadata({"huggingface": info})
+    pq.write_table(table, tmp_path / "x.parquet")
+    check(open_recording(tmp_path / "x.parquet"))
+
+
+def test_a_row_with_another_image_or_none_is_named(tmp_path):
+    path = tmp_path / "x.parquet"
+    for cell, message in ((None, "an image, found none"), (png(FRAMES[0].T), "5 × 3")):
+        cells = [*map(png, FRAMES[:3]), cell]
+        pq.write_table(pa.table({"image": cells, "label": NAMES}), path)
+        with pytest.raises(BadFrame, match=f"x.parquet, row 3: expected {message}"):
+            open_recording(path)[:]
+
+
+# What is missing ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "package", "extra"),
+    [
+        ("x.tif", "imagecodecs", "files"),
+        ("x.mat", "scipy", "files"),
+    ],
+)
+def test_a_missing_library_is_named_with_its_extra(tmp_path, name, package, extra):
+    (tmp_path / name).write_bytes(b"x")
+    if package == "imagecodecs":
+        write_stack(tmp_path / name, FRAMES, compression="lzw")
+    code = (
+        f"import sys; sys.modules[{package!r}] = None\n"
+        "from hdc.readers import open_recording\n"
+        f"try: open_recording({str(tmp_path / name)!r})\n"
+        "except ModuleNotFoundError as error: print(error, '.', error.name)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True
+    )
+    said = f"expected the package {package}, found none; pip install 'speckle-hdc[{extra}]'"
+    assert done.stdout == f"{said} . {package}\n"
