@@ -11,7 +11,7 @@ import numpy as np
 
 from hdc import readers
 from hdc.accuracy import accuracy, confusion, wilson
-from hdc.command.work import check_size, printable, value_names, with_units
+from hdc.command.work import check_fits, check_size, printable, value_names, with_units
 from hdc.readers import FRAMES, TABLE, VIDEO_SUFFIXES, Recording, Window
 from hdc.readers.images import stream_files
 from hdc.readers.recording import with_progress
@@ -39,6 +39,7 @@ def ask(
     reject: float | None = None,
     interval: float | None = None,
     proba: bool = False,
+    axes: Sequence[str] | None = None,
 ) -> Iterator[dict[str, Any]]:
     """The model's answers for image files, then for each frame of arrays, tables and videos.
 
@@ -46,7 +47,8 @@ def ask(
     these). Where classes have prototypes, ``margin`` and ``distances`` by class follow. With an
     `interval`, the share of frames that shall hold the truth, values have ``intervals`` by name
     (an end of None is infinite), and labels the ``set`` of all classes that may be. With `proba`
-    the best class has a ``probability``, and ``probabilities`` are those by class.
+    the best class has a ``probability``, and ``probabilities`` are those by class. `axes` are those
+    of arrays; see :func:`hdc.readers.open_recording`.
 
     Raises:
         ValueError: `proba` of a regressor, or of a model that has no probabilities.
@@ -56,7 +58,7 @@ def ask(
     arrays = []
     videos = []
     for file in files:
-        suffix = file.suffix.lower()
+        suffix = readers.split_name(file)[0].suffix.lower()
         if suffix in VIDEO_SUFFIXES:
             videos.append(file)
         elif suffix in FRAMES:
@@ -66,7 +68,7 @@ def ask(
     stills = zip(images, stream_files(images, window), strict=True)
     yield from _answers(model, stills, wanted)
     for array in arrays:
-        frames = _of_array(model, array, window)
+        frames = _of_array(model, array, window, axes)
         yield from _answers(model, frames, wanted)
     for video in videos:
         # All before the first is given: at its end a video may turn out to be cut off.
@@ -74,12 +76,15 @@ def ask(
         yield from list(_answers(model, frames, wanted))
 
 
-def _of_array(model: Any, path: Path, window: Window) -> Iterator[Placed]:
+def _of_array(
+    model: Any, path: Path, window: Window, axes: Sequence[str] | None
+) -> Iterator[Placed]:
     """Frames of an .npz, an .npy or a .csv, which may have labels and values or not."""
     columns = value_names(model) if path.suffix.lower() == TABLE else ()
     recording = readers.open_recording(
-        path, window=window, value_columns=columns, fewest_classes=0
+        path, axes=axes, window=window, value_columns=columns, fewest_classes=0
     )
+    check_fits(model, recording)
     for i, frame in enumerate(recording.stream()):
         yield recording.place(i), frame
 

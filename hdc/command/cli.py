@@ -16,6 +16,7 @@ import numpy as np
 import hdc
 from hdc.command import answers, options, work
 from hdc.command.export import export
+from hdc.command.look import look
 from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
 from hdc.readers.batches import Batches
@@ -77,7 +78,7 @@ def train(
     """Learn the classes of a RECORDING, or its numbers with --values."""
     if choose and (encoder or readout):
         raise click.UsageError("expected --choose, or --encoder and --readout")
-    from hdc.command.learn import learn, learnt  # late: torch takes seconds
+    from hdc.command.learn import learn  # late: torch takes seconds
 
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
@@ -93,7 +94,7 @@ def train(
     metadata["version"] = hdc.__version__
     model.save(output, metadata=metadata)
     click.echo(
-        f"{output}: {len(training)} frames, {learnt(frames)}, {work.size(frames.frame_shape)}"
+        f"{output}: {len(training)} frames, {work.learnt(frames)}, {work.size(frames.frame_shape)}"
     )
     if chosen_line:
         click.echo(chosen_line)
@@ -111,6 +112,7 @@ def train(
 @cli.command()
 @options.model
 @click.argument("images", type=options.FILE, nargs=-1, required=True)
+@options.axes
 @options.reject
 @options.interval
 @click.option(
@@ -122,6 +124,7 @@ def train(
 def predict(
     model: Path,
     images: tuple[Path, ...],
+    axes: tuple[str, ...] | None,
     reject: float | None,
     interval: float | None,
     proba: bool,
@@ -144,7 +147,7 @@ def predict(
         else:
             files.append(path)
     for number, answer in enumerate(
-        answers.ask(found, window, files, reject, interval, proba)
+        answers.ask(found, window, files, reject, interval, proba, axes)
     ):
         if as_json:
             click.echo(json.dumps(answer, ensure_ascii=False))
@@ -408,3 +411,4 @@ def info(model: Path) -> None:
 
 
 cli.add_command(export)
+cli.add_command(look)

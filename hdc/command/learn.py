@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 import hdc
-from hdc.command import work
 from hdc.command.compare.choose import choose
 from hdc.command.compare.frames import read_frames
 from hdc.encoders import make_encoder
@@ -41,16 +40,12 @@ def learn(
         images = read_frames(recording, rows=rows).bank.frames
     else:
         images = Batches(recording, rows)
+    model: Any
     if recording.values is not None:
-        regressor = hdc.HDCRegressor(encoder or "median", readout or "ridge")
-        return regressor.fit(images, recording.values[rows]), line
-    classifier = hdc.HDCClassifier(encoder or "median", readout or "majority")
-    return classifier.fit(images, np.array(recording.names)[rows]), line
-
-
-def learnt(recording: Recording) -> str:
-    """What a model learns of a recording, in words."""
-    if recording.values is None:
-        return f"{len(recording.classes)} classes"
-    names = work.with_units(recording.value_names, recording.value_units)
-    return f"values of {', '.join(names)}"
+        model = hdc.HDCRegressor(encoder or "median", readout or "ridge")
+        model.fit(images, recording.values[rows])
+    else:
+        model = hdc.HDCClassifier(encoder or "median", readout or "majority")
+        model.fit(images, np.array(recording.names)[rows])
+    model._columns = list(recording.features) or None
+    return model, line

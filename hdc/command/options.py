@@ -30,6 +30,12 @@ def _names(_: Any, __: Any, text: str | None) -> tuple[str, ...] | None:
     return None if text is None else tuple(text.replace(" ", "").split(","))
 
 
+axes = click.option(
+    "--axes",
+    metavar="NAMES",
+    callback=_names,
+    help="Axes of an array, such as height,width,frame.",
+)
 recording = together(
     click.argument("recording", type=FILE),
     click.option(
@@ -62,12 +68,7 @@ recording = together(
         metavar="NAME",
         help="Array or column of labels, or a CSV with a row per frame.",
     ),
-    click.option(
-        "--axes",
-        metavar="NAMES",
-        callback=_names,
-        help="Axes of an array, such as height,width,frame.",
-    ),
+    axes,
     click.option(
         "--skip-damaged", is_flag=True, help="Leave damaged images out, and count them."
     ),

@@ -7,6 +7,7 @@ import shlex
 import warnings
 from collections import Counter
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
@@ -67,7 +68,7 @@ def frames_for(
     if names and has_columns and not source["value_columns"]:
         source = source | {"value_columns": names}
     frames = open_frames(recording, window, 1, **source)
-    check_size(model, frames.frame_shape, frames.place(0))
+    check_fits(model, frames)
     if not hasattr(model, "classes_"):
         return frames
     known = [str(c) for c in model.classes_]
@@ -88,8 +89,10 @@ def unlabelled_frames(
     Such are the images of a folder without sub-folders of images, a table or a template, and an
     array or a table of frames alone.
     """
+    if any(source.get(name) for name in ("table", "template", "labels")):
+        return None
     if recording.is_dir():
-        if source["table"] or source["template"] or (recording / MANIFEST).exists():
+        if (recording / MANIFEST).exists():
             return None
         files = image_files(recording)
         if any(file.parent != recording for file in files):
@@ -97,11 +100,13 @@ def unlabelled_frames(
         placed = zip(files, stream_files(files, window), strict=True)
         stream: Any = (_checked(model, place, frame) for place, frame in placed)
         total = len(files)
-    elif recording.suffix.lower() in readers.FRAMES:
-        found = readers.open_recording(recording, window=window, fewest_classes=0)
+    elif readers.split_name(recording)[0].suffix.lower() in readers.FRAMES:
+        found = readers.open_recording(
+            recording, window=window, axes=source.get("axes"), fewest_classes=0
+        )
         if found.labels is not None:
             return None
-        check_size(model, found.frame_shape, found.place(0))
+        check_fits(model, found)
         stream, total = found.stream(), len(found)
     else:
         return None
@@ -126,6 +131,20 @@ def with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
         return list(names)
     pairs = zip(names, units, strict=True)
     return [f"{name} [{unit}]" if unit else name for name, unit in pairs]
+
+
+def check_fits(model: Any, recording: Recording) -> None:
+    """Raise a BadFrame for other columns, or another size, than those in training."""
+    trained = getattr(model, "feature_names_in_", ())
+    found = recording.features
+    place = recording.place(0)
+    if len(trained) and found and tuple(trained) != found:
+        pairs = zip_longest(trained, found, fillvalue="none")
+        wanted, other = next((a, b) for a, b in pairs if a != b)
+        raise BadFrame(
+            f"{place}: expected the columns of training in its order, found {other} for {wanted}"
+        )
+    check_size(model, recording.frame_shape, place)
 
 
 def check_size(model: Any, shape: tuple[int, ...], place: object) -> None:
@@ -183,7 +202,16 @@ def command_line(
     readout: str,
 ) -> str:
     """What to type to train such a model of a recording that was opened so."""
-    words = ["hdc", "train", str(recording)]
+    words = ["hdc", "train", *recording_words(recording, window, source)]
+    words += ["--encoder", encoder, "--readout", readout, "-o", "model.safetensors"]
+    return shlex.join(words)
+
+
+def recording_words(
+    recording: Path, window: Window, source: dict[str, Any]
+) -> list[str]:
+    """What to type to open a recording so: its path, and options."""
+    words = [str(recording)]
     if source["template"]:
         words += ["--template", source["template"]]
     if source["table"]:
@@ -201,8 +229,7 @@ def command_line(
         words += ["--crop", *map(str, window.crop)]
     if window.subsample != 1:
         words += ["--subsample", str(window.subsample)]
-    words += ["--encoder", encoder, "--readout", readout, "-o", "model.safetensors"]
-    return shlex.join(words)
+    return words
 
 
 # What was read -----------------------------------------------------------------------------------
@@ -212,6 +239,14 @@ def class_line(recording: Recording, index: np.ndarray) -> str:
     """The classes of some frames, and how many each has."""
     names = np.array(recording.names)[index].tolist()
     return f"classes: {_counted(names, recording.classes)}"
+
+
+def learnt(recording: Recording) -> str:
+    """What a model learns of a recording, in words."""
+    if recording.values is None:
+        return f"{len(recording.classes)} classes"
+    names = with_units(recording.value_names, recording.value_units)
+    return f"values of {', '.join(names)}"
 
 
 def reading_line(recording: Recording) -> list[str]:

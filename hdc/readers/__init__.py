@@ -97,7 +97,7 @@ def open_recording(
         ModuleNotFoundError: a library of the extra ``files`` is missing.
     """
     window = window or Window(crop, subsample)
-    path, dataset = _dataset(Path(path).expanduser())
+    path, dataset = split_name(Path(path).expanduser())
     kind = _kind(path)
     sheet = table
     name = None if labels is None else str(labels)
@@ -162,7 +162,7 @@ _KINDS = {
 """Settings, and the kinds of recordings that have them."""
 
 
-def _dataset(path: Path) -> tuple[Path, str]:
+def split_name(path: Path) -> tuple[Path, str]:
     """The file of ``FILE:/NAME``, and the name; "" of a file alone."""
     file, colon, name = str(path).rpartition(":/")
     if colon and not path.exists() and file.lower().endswith(stores.SUFFIXES):

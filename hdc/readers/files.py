@@ -62,8 +62,7 @@ class Ambiguous(SettingError):
 
     def __init__(self, where: object, choices: Sequence[str]) -> None:
         self.choices = tuple(choices)
-        readings = "; or ".join(choices)
-        super().__init__(f"{where}: expected one reading, found {readings}")
+        super().__init__(f"{where}: expected one of {'; or '.join(choices)}")
 
 
 def require(condition: bool, name: str, found: object, expected: str) -> None:

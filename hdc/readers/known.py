@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -9,8 +10,14 @@ from typing import Any
 import numpy as np
 
 from hdc.readers.axes import ALONG
-from hdc.readers.columns import Columns, check_times, class_indices, natural_ranks
-from hdc.readers.files import SettingError, columns_of
+from hdc.readers.columns import (
+    KNOWN,
+    Columns,
+    check_times,
+    class_indices,
+    natural_ranks,
+)
+from hdc.readers.files import Ambiguous, SettingError, columns_of
 from hdc.readers.stores import Store
 
 LABELS = ("labels", "label")
@@ -105,13 +112,18 @@ class Known:
         """Raise a ValueError where there is nothing to learn, and something is needed."""
         if self._fewest == 0 or value_columns:
             return
-        fitting = [k for k, array in self._arrays.items() if array.shape == (n,)]
-        advice = f"--labels FILE.csv with a row for each of {n} frames"
-        if fitting:
-            advice = f"--labels {fitting[0]}, or --column {fitting[0]} for numbers"
+        choices = []
+        for name, array in self._arrays.items():
+            if array.shape == (n,) and name not in KNOWN:
+                word = shlex.quote(name)
+                repeats = len(np.unique(array)) < n
+                choices += [f"--labels {word}"] if repeats else []
+                choices += [f"--column {word}"] if array.dtype.kind in "iuf" else []
+        if choices:
+            raise Ambiguous(f"{self._path}: {n} frames and no array labels", choices)
         raise ValueError(
-            f"{self._path}: expected arrays frames and labels, found no labels ({advice})"
-            f"{self._store.advice()}"
+            f"{self._path}: expected arrays frames and labels, found no labels "
+            f"(--labels FILE.csv with a row for each of {n} frames){self._store.advice()}"
         )
 
     def _class_labels(self, n: int) -> tuple[tuple[str, ...], np.ndarray | None]:

@@ -7,6 +7,7 @@ Other columns of numbers and text are read as those of a table of images: ``labe
 from __future__ import annotations
 
 import json
+import shlex
 from collections.abc import Iterator, Sequence
 from functools import cache
 from pathlib import Path
@@ -76,7 +77,7 @@ def _image_column(path: Path, schema: Any, wanted: str) -> str:
         listed = ", ".join(f"{field.name} ({field.type})" for field in schema)
         raise ValueError(f"{path}: expected a column of encoded images, found {listed}")
     if len(found) > 1:
-        choices = [f"--image-column {name}" for name in found]
+        choices = [f"--image-column {shlex.quote(name)}" for name in found]
         raise Ambiguous(f"{path}: several columns of images", choices)
     return found[0]
 

@@ -52,6 +52,6 @@ def open_table(
         place=lambda i: columns.places[i],
         digest=cache(lambda: file_digest(path)),
         window=window,
-        features=tuple(numbers),
+        features=tuple(numbers[:: window.subsample]),
         **about,
     )

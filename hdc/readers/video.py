@@ -56,7 +56,9 @@ def open_video(
         BadFrame: the video ends before its header says, or has lost frames.
         ValueError: the video or its table is not as described, or a crop does not fit.
     """
-    check_file(table)
+    if not table.is_file():
+        wanted = "a table with start_s, end_s and label, or with a row per frame"
+        raise ValueError(f"{table}: expected {wanted}, found none (--values names it)")
     film = Film(path, window)
     columns = columns_of(table)
     if "frame" in columns:

@@ -400,7 +400,8 @@ def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, tmp_path):
     film.release()
     words = ("train", path, "-o", tmp_path / "m")
     assert hdc(*words)[2] == [
-        f"error: {tmp_path}/v.csv: expected a readable file, found none"
+        f"error: {tmp_path}/v.csv: expected a table with start_s, end_s and label, or with a "
+        "row per frame, found none (--values names it)"
     ]
     (tmp_path / "v.csv").write_text("start_s,end_s,label\n0,0.5,x\n0.5,1,y\n")
     assert "10 frames, 2 classes" in hdc(*words)[1][0]

@@ -544,8 +544,28 @@ def test_axes_that_two_readings_fit_are_named_on_the_command_line(hdc, tmp_path)
         axes = words.removeprefix("--axes ").replace(",", ", ")
         assert out[-1] == f"read: r.npz[frames] (12, 9, 12) as {axes}"
         read[words] = out[0]
+    assert hdc("train", "r.npz", "-o", "m", *both[1].split())[0] == 0
+    np.save("new.npy", cube[:, :, :5])
+    assert (
+        "expected 9 × 12 pixels as in training" in hdc("predict", "m", "new.npy")[2][0]
+    )
+    assert len(hdc("predict", "m", "new.npy", *both[1].split())[1]) == 1 + 5
     assert read[both[0]] == "m: 12 frames, 2 classes, 12 × 9 pixels"
     assert read[both[1]] == "m: 12 frames, 2 classes, 9 × 12 pixels"
+
+
+def test_labels_that_are_named_are_learnt_anew(hdc, tmp_path):
+    """Frames without an array of the name labels are no frames without labels then."""
+    frames = np.stack([image(k % 2) for k in range(12)])
+    names = np.array(["a", "b"] * 6)
+    np.savez("r.npz", frames=frames, labels=names)
+    np.savez("k.npz", frames=frames, kind=names)
+    np.save("n.npy", frames)
+    (tmp_path / "t.csv").write_text("\n".join(["label", *names]))
+    assert hdc("train", "r.npz", "-o", "m")[0] == 0
+    for words in (("k.npz", "--labels", "kind"), ("n.npy", "--labels", "t.csv")):
+        status, out, _ = hdc("recalibrate", "m", *words, "-o", "new")
+        assert (status, "12 new frames of 2 classes" in out[0]) == (0, True)
 
 
 def test_damaged_and_missing_images_are_counted_and_left_out_when_asked(hdc, tmp_path):
@@ -567,3 +587,48 @@ def test_damaged_and_missing_images_are_counted_and_left_out_when_asked(hdc, tmp
     assert (status, out[0].split(",")[0]) == (0, "m: 7 frames")
     assert "2 of 10 images are missing" in out[-1]
     assert "1 of 8 images are damaged" in out[-1]
+
+
+@pytest.mark.parametrize("words", [(), ("--choose",), ("--subsample", 2)])
+def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path, words):
+    """cracks: columns that were permuted, or had other names, were taken as they came."""
+    frames = RNG.integers(0, 200, (2, 1, 30)) + RNG.integers(0, 90, (2, 12, 30))
+    frames = frames.reshape(24, 30)
+    labels = np.repeat(["oil", "water"], 12)
+
+    def save(name, columns, numbers, with_labels=True):
+        rows = [["label"] * with_labels + columns]
+        for label, row in zip(labels, numbers.tolist(), strict=True):
+            rows.append([label] * with_labels + row)
+        with open(name, "w", newline="") as file:
+            csv.writer(file).writerows(rows)
+
+    names = [f"{k}nm" for k in range(400, 430)]
+    save("r.csv", names, frames)
+    save("new.csv", names, frames, with_labels=False)
+    assert hdc("train", "r.csv", "-o", "m", *words)[0] == 0
+    assert hdc("evaluate", "m", "r.csv")[0] == 0
+    assert hdc("predict", "m", "new.csv")[0] == 0
+    assert hdc("recalibrate", "m", "r.csv", "-o", "n")[0] == 0
+    model = HDCClassifier.load("n")  # recalibrated models still ask
+    assert (
+        model.feature_names_in_.tolist() == names[:: 2 if "--subsample" in words else 1]
+    )
+    np.save("bare.npy", frames)
+    assert hdc("predict", "m", "bare.npy")[0] == 0  # an array has no names
+    others = {
+        "permuted": ([names[2], *names[1:2], names[0], *names[3:]], "402nm for 400nm"),
+        "other": (["time", *names[1:]], "time for 400nm"),
+    }
+    for columns, said in others.values():
+        save("p.csv", columns, frames)
+        save("q.csv", columns, frames, with_labels=False)
+        for command in (("evaluate", "m", "p.csv"), ("predict", "n", "q.csv"),
+                        ("recalibrate", "m", "p.csv", "-o", "k")):  # fmt: skip
+            status, _, err = hdc(*command)
+            assert status == 1
+            assert err == [f"error: {command[2]}, line 2: expected the columns of training in its "
+                           f"order, found {said}"]  # fmt: skip
+    save("p.csv", names[:-2], frames[:, :-2])
+    (line,) = hdc("evaluate", "m", "p.csv")[2]
+    assert line.endswith("found none for 428nm")

@@ -86,9 +86,9 @@ def test_frames_of_matlab_are_those_that_it_shows(tmp_path, save):
     assert recording.samples["trial"].tolist() == [0.5, 1.5, 2.5, 3.5]
     path = saved(cube=MATLAB, kind=LABELS[None])
     check(open_recording(path, labels="kind"), ["1", "2", "1", "2"])
-    refused(path, "found no labels .--labels kind, or --column kind for numbers")
+    refused(path, "no array labels: expected one of --labels kind; or --column kind")
     path = saved(cube=MATLAB, cube2=MATLAB, labels=LABELS[None])
-    error = refused(path, "several arrays: expected one reading", Ambiguous)
+    error = refused(path, "several arrays: expected one of", Ambiguous)
     assert error.choices == (f"{path}:/cube", f"{path}:/cube2")
     check(open_recording(f"{path}:/cube2"), ["1", "2", "1", "2"])
     check(open_recording(saved(cube=FRAMES, labels=NAMES)))  # frames first, from Python
@@ -99,7 +99,7 @@ def test_a_cube_with_two_axes_as_long_as_the_labels_is_refused(tmp_path, save):
     """cracks: [H, W, N] with H = N was taken as [N, H, W]."""
     path, cube = tmp_path / "x.mat", MATLAB[:, :4, :3]
     save(path, cube=cube, labels=LABELS[None, :3])
-    error = refused(path, "one reading", Ambiguous)
+    error = refused(path, "for 3 labels: expected one of", Ambiguous)
     readings = ("frame,height,width", "height,width,frame")
     assert error.choices == tuple(f"--axes {reading}" for reading in readings)
     first = open_recording(path, axes=readings[0].split(","))

@@ -177,7 +177,7 @@ def test_what_is_no_video_is_named(film):
             open_recording(film)
     table.unlink()
     with pytest.raises(
-        ValueError, match=r"x.csv: expected a readable file, found none"
+        ValueError, match=r"x.csv: expected a table with start_s, end_s and label"
     ):
         open_recording(film)
 

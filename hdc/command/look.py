@@ -1,0 +1,140 @@
+"""``hdc look``: what a recording holds, and what to type for each way to read it."""
+
+from __future__ import annotations
+
+import shlex
+from collections import Counter
+from contextlib import suppress
+from pathlib import Path, PurePath
+from typing import Any
+
+import click
+
+from hdc import readers
+from hdc.command import options, work
+from hdc.readers import Recording, Window, stores
+from hdc.readers.files import Ambiguous, columns_of
+from hdc.readers.listing import all_files
+
+MOST = 12
+"""Arrays, columns and readings that are shown."""
+
+
+@click.command()
+@options.recording
+def look(recording: Path, **source: Any) -> None:
+    """Show what a RECORDING holds, and the line to type for hdc train.
+
+    A RECORDING that can be read in several ways has a line for each.
+    """
+    file, _ = readers.split_name(recording)
+    if file.exists():
+        for line in _shortened(contents(file)):
+            click.echo(line)
+    words = work.recording_words(recording, Window(), source)
+    for taken, frames in _readings(words)[:MOST]:
+        click.echo()
+        for line in _described(taken, frames):
+            click.echo(line)
+
+
+def _shortened(lines: list[str]) -> list[str]:
+    rest = len(lines) - MOST
+    return [*lines[:MOST], f"… {rest} more"] if rest > 0 else lines
+
+
+# What it holds -----------------------------------------------------------------------------------
+
+
+def contents(path: Path) -> list[str]:
+    """A line on each array, column or kind of file of a recording."""
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        return _files(path)
+    if suffix in stores.SUFFIXES:
+        return _arrays(path)
+    if suffix == readers.PARQUET:
+        from pyarrow import parquet
+
+        return [f"{field.name}: {field.type}" for field in parquet.read_schema(path)]
+    if suffix == readers.TABLE:
+        return [f"columns: {', '.join(_shortened(columns_of(path)))}"]
+    return _video(path) if suffix in readers.VIDEO_SUFFIXES else []
+
+
+def _files(folder: Path) -> list[str]:
+    """How many files of each suffix there are, and the first of them."""
+    files = all_files(folder)
+    suffixes = Counter(PurePath(file).suffix.lower() for file in files)
+    first: dict[str, str] = {}
+    for file in files:
+        first.setdefault(PurePath(file).suffix.lower(), file)
+    return [
+        f"{n} {suffix or 'other'} files, such as {first[suffix]}"
+        for suffix, n in suffixes.most_common()
+    ]
+
+
+def _arrays(path: Path) -> list[str]:
+    store = stores.load(path)
+    lines = []
+    for name, array in store.arrays.items():
+        kind = "text" if array.dtype.kind == "U" else array.dtype.name
+        lines.append(f"{name}: {kind} {tuple(array.shape)}")
+    return lines + [f"{name}: not read, {why}" for name, why in store.unread.items()]
+
+
+def _video(path: Path) -> list[str]:
+    import av
+
+    with av.open(str(path)) as container:
+        return [
+            f"{stream.name}, {stream.width} × {stream.height} pixels, {stream.frames or '?'} "
+            f"frames, {float(stream.average_rate or 0):g} a second"
+            for stream in container.streams.video
+        ]
+
+
+# How it can be read ------------------------------------------------------------------------------
+
+
+@click.command()
+@options.recording
+def _opened(recording: Path, **source: Any) -> Recording:
+    return work.open_frames(recording, Window(), **source)
+
+
+def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
+    """Each way in which the words of a command line can be read: with what is added, and opened.
+
+    Raises:
+        ValueError: there is none.
+    """
+    try:
+        return [(words, _opened.main(words, standalone_mode=False))]
+    except Ambiguous as error:
+        found = []
+        for choice in error.choices[:MOST]:
+            with suppress(ValueError):
+                found += _readings(_with(words, choice))
+        if not found:
+            raise
+        return found
+
+
+def _with(words: list[str], choice: str) -> list[str]:
+    """Words with one of the choices, which is options or another path."""
+    if choice.startswith("--"):
+        return [*words, *shlex.split(choice)]
+    return [choice, *words[1:]]
+
+
+def _described(words: list[str], frames: Recording) -> list[str]:
+    """What a reading gives, and what to type for it."""
+    size = work.size(frames.frame_shape)
+    lines = [f"{len(frames)} frames, {work.learnt(frames)}, {size}"]
+    if frames.session is not None:
+        lines.append(work.session_line(frames))
+    lines += work.reading_line(frames)
+    test = ("--test-fraction", "0.2", "-o", "model.safetensors")
+    return [*lines, shlex.join(["hdc", "train", *words, *test])]
