@@ -52,7 +52,13 @@ def open_arrays(
     name = _frames_name(path, store, dataset)
     array = store.arrays.pop(name)
     _check_pixels(path, name, array)
-    known = Known(path, store, labels, table, fewest_classes)
+    # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
+    group = name[: name.rfind("/") + 1]
+    for neighbour in [key for key in store.arrays if key.startswith(group)]:
+        own = neighbour.removeprefix(group)
+        store.arrays[own] = store.arrays.pop(neighbour)
+    own_labels = labels.removeprefix(group) if labels else None
+    known = Known(path, store, own_labels, table, fewest_classes)
     if axes is None:
         where = f"{path}[{name}]"
         axes = store.axes.get(name) or reading(

@@ -27,11 +27,14 @@ NOT_RUN = {
 
 
 def commands(page):
-    """Lines of fenced and indented code that begin a command, comments left out."""
+    """Lines of fenced and indented code that begin a command, comments left out; sessions with what
+    they print are those of test_formats.py."""
     fence, found = None, []
     for line in page.read_text().splitlines():
         if line.startswith("```"):
             fence = line[3:] if fence is None else None
+        elif line.startswith("$ "):
+            fence = "session"
         elif fence in ("shell", "console") or (
             fence is None and line.startswith("    ")
         ):

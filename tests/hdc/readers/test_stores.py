@@ -17,6 +17,7 @@ import scipy.io
 import tifffile
 
 from hdc.readers import Ambiguous, BadFrame, open_recording
+from tests.hdc.readers.matlab import save_v73
 
 N, H, W = 4, 3, 5
 RNG = np.random.default_rng(0)
@@ -42,29 +43,6 @@ def refused(path, message, kind=ValueError, **settings):
 
 
 # MATLAB and HDF5 ---------------------------------------------------------------------------------
-
-
-def save_v73(path, **arrays):
-    """As MATLAB writes version 7.3: axes reversed, text as codes, cells as references."""
-    with h5py.File(path, "w", userblock_size=512) as file:
-        for name, array in arrays.items():
-            if isinstance(array, list):
-                references = [text(file, f"#refs#/{k}", t) for k, t in enumerate(array)]
-                cells = np.array([references], dtype=h5py.ref_dtype)
-                file[name] = cells
-                file[name].attrs["MATLAB_class"] = np.bytes_("cell")
-            else:
-                file[name] = array.T
-                file[name].attrs["MATLAB_class"] = np.bytes_(array.dtype.name)
-    with path.open("r+b") as file:
-        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
-
-
-def text(file, name, value):
-    codes = np.array([[ord(c)] for c in value], np.uint16)
-    file[name] = codes
-    file[name].attrs["MATLAB_class"] = np.bytes_("char")
-    return file[name].ref
 
 
 def save_v5(path, **arrays):
@@ -111,7 +89,7 @@ def test_a_cube_with_two_axes_as_long_as_the_labels_is_refused(tmp_path, save):
 def test_rows_of_characters_and_fields_of_a_struct_are_read(tmp_path):
     path = tmp_path / "x.mat"
     scipy.io.savemat(path, {"s": {"cube": MATLAB, "y": np.array(NAMES)}})
-    check(open_recording(path, labels="s/y"))
+    check(open_recording(path, labels="y"))
 
 
 @pytest.mark.parametrize("names", ["labels", "texts"])
@@ -121,9 +99,15 @@ def test_frames_of_hdf5_come_first(tmp_path, names):
         file["run/frames"] = FRAMES
         file["run/labels"] = NAMES if names == "texts" else LABELS.astype(int)
     expected = NAMES if names == "texts" else ["1", "2", "1", "2"]
-    check(open_recording(path, labels="run/labels"), expected)
+    check(open_recording(path), expected)  # labels of the same group are known by name
+    with h5py.File(path, "a") as file:
+        file["later/frames"] = FRAMES[:3]
+        file["later/labels"] = file["run/labels"][1:]
+    check(open_recording(f"{path}:/run/frames"), expected)
+    later = open_recording(f"{path}:/later/frames")
+    assert later.names == expected[1:]
     check(open_recording(f"{path}:/run/frames", labels="run/labels"), expected)
-    refused(f"{path}:/y", "expected one of run/frames .*; no y")
+    refused(f"{path}:/y", "expected one of later/frames .*; no y")
     cut = path.read_bytes()[: path.stat().st_size // 2]
     (tmp_path / "cut.h5").write_bytes(cut)
     refused(tmp_path / "cut.h5", "cut.h5: expected an intact .h5, found")
