@@ -45,11 +45,6 @@ class Columns:
                 texts[name].append(text)
         return cls(places, texts)
 
-    def at(self, rows: np.ndarray) -> Columns:
-        """These rows, in this order."""
-        texts = {name: [own[k] for k in rows] for name, own in self.texts.items()}
-        return Columns([self.places[k] for k in rows], texts)
-
     def about(
         self, where: object, fewest_classes: int, value_columns: Sequence[str] | None
     ) -> dict[str, Any]:

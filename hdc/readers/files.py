@@ -147,7 +147,8 @@ def columns_of(path: Path) -> list[str]:
         return []
     with path.open(encoding=_encoding(path), errors="replace") as file:
         first = file.readline()
-    return [name.strip() for name in first.split(_separator(first))]
+    header = next(csv.reader([first], delimiter=_separator(first)), [])
+    return [name.strip() for name in header]
 
 
 def _separator(header: str) -> str:

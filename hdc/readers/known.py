@@ -170,15 +170,12 @@ def _of_table(
         raise ValueError(
             f"{table}: expected {n} rows, one per frame, found {len(columns.places)}"
         )
-    if "frame" in columns.texts:
-        numbers = columns.numbers("frame").astype(int)
-        if sorted(numbers) != list(range(n)):
-            raise ValueError(
-                f"{table}: expected each number of a frame from 0 to {n - 1} in the column frame, "
-                f"found {int(numbers.min())} to {int(numbers.max())}"
-            )
-        columns = columns.at(np.argsort(numbers))
-        del columns.texts["frame"]
+    numbers = columns.texts.pop("frame", None)
+    if numbers is not None and numbers != [str(i) for i in range(n)]:
+        raise ValueError(
+            f"{table}: expected rows in the order of the frames, numbered from 0 to {n - 1} in the "
+            f"column frame, found {numbers[0]} to {numbers[-1]}"
+        )
     return columns.about(table, fewest_classes, value_columns)
 
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import math
 from bisect import bisect_right
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -94,14 +94,15 @@ def _of_intervals(
 ) -> dict[str, Any]:
     intervals = _intervals(table)
     starts = [start - _EARLY_S for start, _, _ in intervals]
-    numbers, times, members = [], [], []
-    for number, time in film.read(memory_bytes, intervals[-1][1]):
-        member = bisect_right(starts, time) - 1
-        if member >= 0 and time < intervals[member][1] - _EARLY_S:
-            numbers.append(number)
-            times.append(time)
-            members.append(member)
-            film.keep()
+
+    def interval_of(time: float) -> int:
+        """The number of the interval at a time; -1 between them."""
+        number = bisect_right(starts, time) - 1
+        return number if time < intervals[number][1] - _EARLY_S else -1
+
+    last_end = intervals[-1][1]
+    found = film.read(lambda _, time: interval_of(time) >= 0, memory_bytes, last_end)
+    members = [interval_of(time) for time in found.values()]
     empty = sorted(set(range(len(intervals))) - set(members))
     if empty:
         start, end, _ = intervals[empty[0]]
@@ -111,8 +112,8 @@ def _of_intervals(
     where = f"{film.path} with {table}"
     classes, indices = class_indices(labels, where, fewest_classes)
     samples = {
-        "frame": np.array(numbers),
-        "time": np.array(times),  # seconds
+        "frame": np.array(list(found)),
+        "time": np.array(list(found.values())),  # seconds
         "interval": np.array(members),
     }
     return {"classes": classes, "labels": indices, "samples": samples}
@@ -125,29 +126,17 @@ def _of_frames(
     fewest_classes: int,
     memory_bytes: int,
 ) -> dict[str, Any]:
-    rows: dict[int, dict[str, str]] = {}
-    places = []
-    for place, row in read_csv(table, ("frame", *(value_columns or ()))):
-        text = row.pop("frame")
+    columns = Columns.read(table, ("frame", *(value_columns or ())))
+    rows: dict[int, str] = {}
+    for place, text in zip(columns.places, columns.texts.pop("frame"), strict=True):
         if not text.isdecimal() or int(text) in rows:
             wanted = "a number of a frame from 0, each once"
             raise ValueError(f"{place}: expected {wanted}, found {text!r}")
-        rows[int(text)] = row
-        places.append(place)
-    if not rows:
-        raise ValueError(f"{table}: expected at least one row, found none")
-    about = Columns.of(places, list(rows.values())).about(
-        table, fewest_classes, value_columns
-    )
-    times = {}
-    n = 0
-    for number, time in film.read(memory_bytes):
-        n = number + 1
-        if number in rows:
-            times[number] = time
-            film.keep()
+        rows[int(text)] = place
+    about = columns.about(table, fewest_classes, value_columns)
+    times = film.read(lambda number, _: number in rows, memory_bytes)
     if missing := sorted(set(rows) - set(times)):
-        wanted = f"numbers of the {n} frames of {film.path.name}, from 0"
+        wanted = f"numbers of the {film.count} frames of {film.path.name}, from 0"
         raise ValueError(f"{table}: expected {wanted}, found {missing[0]}")
     about["samples"] |= {
         "frame": np.array(list(rows)),
@@ -194,42 +183,45 @@ class Film:
 
     Attributes:
         path: of the file.
+        count: of all frames that were read.
         shape, dtype: of a frame; known after :meth:`read`.
         notes: how frames are read where the file could be read otherwise.
     """
 
     def __init__(self, path: Path, window: Window) -> None:
         self.path, self._window = path, window
+        self.count = 0
         self.shape: tuple[int, ...] = ()
         self.dtype = np.dtype(np.uint8)
         self.notes: list[str] = []
-        self._kept: dict[int, np.ndarray] | None = {}
-        self._now: tuple[int, np.ndarray]
+        self._kept: dict[int, np.ndarray] = {}
 
     def read(
-        self, memory_bytes: int, end: float = math.inf
-    ) -> Iterator[tuple[int, float]]:
-        """Number and time in s of each frame before ``end``; :meth:`keep` keeps the present one."""
-        self._left = memory_bytes
-        for number, (time, frame) in enumerate(
-            stream_video(self.path, self._window, end, self.notes)
-        ):
-            self.shape, self.dtype = frame.shape, frame.dtype
-            self._now = number, frame
-            yield number, time
+        self,
+        is_wanted: Callable[[int, float], bool],
+        memory_bytes: int,
+        end: float = math.inf,
+    ) -> dict[int, float]:
+        """Number and time in s of each frame before ``end`` that is wanted by these two.
 
-    def keep(self) -> None:
-        """Keep the frame that was read last in memory, if all that are asked for fit."""
-        number, frame = self._now
-        self._left -= frame.nbytes
-        if self._left < 0:
-            self._kept = None
-        elif self._kept is not None:
-            self._kept[number] = frame
+        Frames are kept in memory if all that are wanted fit.
+        """
+        times = {}
+        frames = stream_video(self.path, self._window, end, self.notes)
+        for number, (time, frame) in enumerate(frames):
+            self.count = number + 1
+            self.shape, self.dtype = frame.shape, frame.dtype
+            if is_wanted(number, time):
+                times[number] = time
+                if len(times) * frame.nbytes <= memory_bytes:
+                    self._kept[number] = frame
+        if len(self._kept) < len(times):
+            self._kept = {}
+        return times
 
     def each(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
         """Frames of these numbers; the video is decoded once more where they are not kept."""
-        if self._kept is not None:
+        if self._kept:
             return (self._kept[number] for number in numbers)
         if all(first < second for first, second in pairwise(numbers)):
             return self._decoded(numbers)
@@ -238,14 +230,12 @@ class Film:
         return (found[number] for number in numbers)
 
     def _decoded(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
-        wanted = iter(numbers)
-        next_one = next(wanted, None)
+        wanted, last = set(numbers), max(numbers, default=-1)
         for number, (_, frame) in enumerate(stream_video(self.path, self._window)):
-            if next_one is None:
-                return
-            if number == next_one:
+            if number in wanted:
                 yield frame
-                next_one = next(wanted, None)
+            if number >= last:
+                return
 
 
 def stream_video(
@@ -354,10 +344,6 @@ class _Times:
 
 def _stated_end(container: Any, stream: Any) -> float:
     """Seconds to which a header says that the video goes on; 0 where it says nothing."""
-    clock = stream.metadata.get("DURATION", "")  # of Matroska: 00:00:06.000000000
-    if clock:
-        hours, minutes, seconds = clock.split(":")
-        return 3600 * int(hours) + 60 * int(minutes) + float(seconds)
     if len(container.streams) > 1 or container.duration is None:
         return 0.0
     return float(container.duration / av.time_base)

@@ -135,11 +135,18 @@ def test_a_table_beside_labels_a_cube(tmp_path):
     check(open_recording(tmp_path / "x.npy", labels=tmp_path / "y.csv"))
     force = open_recording(tmp_path / "x.npy", table=tmp_path / "y.csv")
     assert force.values[:, 0].tolist() == [0, 0.5, 1, 1.5]
-    numbered = "".join(f"{k},{NAMES[k]}\n" for k in (2, 0, 3, 1))
-    (tmp_path / "x.csv").write_text(f"frame,label\n{numbered}")
+    numbered = "".join(f"{k},{name}\n" for k, name in enumerate(NAMES))
+    (tmp_path / "x.csv").write_text(f'"frame","label"\n{numbered}')  # as R quotes
     check(open_recording(tmp_path / "x.npy"))
-    (tmp_path / "x.csv").write_text("frame,label\n1,a\n2,bb\n3,a\n4,bb\n")
-    refused(tmp_path / "x.npy", "each number of a frame from 0 to 3 .*, found 1 to 4")
+    for wrong, found in (
+        ("1,a 2,bb 3,a 4,bb", "1 to 4"),
+        ("0,a 2,a 1,bb 3,bb", "0 to 3"),
+    ):
+        rows = wrong.replace(" ", "\n")
+        (tmp_path / "x.csv").write_text(f"frame,label\n{rows}\n")
+        refused(
+            tmp_path / "x.npy", f"rows in the order of the frames, .*, found {found}"
+        )
     (tmp_path / "x.csv").write_text("label\na\nbb\n")
     refused(tmp_path / "x.npy", r"with N = 2, as there are labels")
 
