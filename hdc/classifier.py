@@ -68,9 +68,9 @@ class HDCClassifier(Recalibrating):
             ``"reference_levels"`` or ``"deviation"``; an object of
             :class:`hdc.encoders.Encoder`; or the dotted name of such a class.
         readout: ``"majority"`` as published, ``"counts"``, ``"ridge"``, ``"neighbours"``,
-            ``"lda"`` or ``"trained"``; an object of :class:`hdc.readouts.Readout`; or the dotted
-            name of such a class. Prototypes are made with each, for :meth:`distances` and
-            :meth:`is_known`.
+            ``"lda"``, ``"trained"`` or ``"kernel"``; an object of
+            :class:`hdc.readouts.Readout`; or the dotted name of such a class. Prototypes are made
+            with each, for :meth:`distances` and :meth:`is_known`.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
             numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
@@ -273,8 +273,8 @@ class HDCClassifier(Recalibrating):
 
         Its temperature is fitted to training frames scored as if each had not been learnt
         (:mod:`hdc.probability`): in closed form, of up to 19 frames a class, for majority, counts
-        and neighbours, of all for ridge and of up to 400 for lda; else by five folds of the
-        training frames, when first asked. Files keep it, that of five folds if it was asked for
+        and neighbours, of all for ridge and of up to 400 for lda and kernel; else by five folds of
+        the training frames, when first asked. Files keep it, that of five folds if it was asked for
         before; new frames, by ``partial_fit`` or with labels by ``recalibrate``, have it fitted
         anew.
 

@@ -29,7 +29,8 @@ def _fixed(model: Learner) -> str | None:
     if hasattr(readout, "adapt") or isinstance(encoder, RelativeEncoder):
         return None
     return (
-        f"expected another read-out than {readout!r}, or encoder 'reference'; fit anew"
+        f"expected another read-out than {readout!r}, or an encoder with a reference "
+        "('reference', 'deviation'); fit anew"
     )
 
 
@@ -125,8 +126,8 @@ class Recalibrating(Learner):
         """Take the mean of new frames as the reference of the encoder."""
         if not isinstance(self.encoder_, RelativeEncoder):
             raise ValueError(
-                f"recalibrate: expected labels y, or a model with encoder 'reference' to be zeroed "
-                f"without any, found {self.encoder_!r}"
+                f"recalibrate: expected labels y, or a model with encoder 'reference' or "
+                f"'deviation' to be zeroed without any, found {self.encoder_!r}"
             )
         frames = self._checked_frames(frames)
         if len(frames) == 0:

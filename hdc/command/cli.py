@@ -55,8 +55,8 @@ def cli() -> None:
 @click.option(
     "--readout",
     metavar="NAME",
-    help="How bits are read: majority, counts, ridge, neighbours, lda, trained, or "
-    "a module.Class; for numbers ridge or neighbours. [default: majority; for numbers ridge]",
+    help="How bits are read: majority, counts, ridge, neighbours, lda, trained, kernel, "
+    "or a module.Class; for numbers ridge or neighbours. [default: majority; for numbers ridge]",
 )
 @click.option(
     "--choose",

@@ -18,7 +18,7 @@ from hdc.export.sizes import Sizes
 from hdc.export.thresholds import distance_thresholds
 from hdc.parameters import check_choice
 from hdc.readers import Window
-from hdc.readouts import LDA, Counts, Majority, Neighbours, Ridge, Trained
+from hdc.readouts import LDA, Counts, Kernel, Majority, Neighbours, Ridge, Trained
 from hdc.readouts.majority import EXTRAS
 from hdc.rejection import Peers
 
@@ -34,6 +34,7 @@ _WHY_NOT: dict[type, str] = {
     Counts: "the cosines of which need roots",
     Ridge: "the weights of which are no whole numbers",
     Neighbours: "which keeps every training frame",
+    Kernel: "which keeps every training frame",
 }
 
 

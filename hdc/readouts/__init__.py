@@ -7,6 +7,7 @@ from typing import Any
 from hdc.parameters import make_part
 from hdc.readouts.base import Readout, Updatable
 from hdc.readouts.counts import Counts
+from hdc.readouts.kernel import Kernel
 from hdc.readouts.lda import LDA
 from hdc.readouts.majority import Counting, Majority
 from hdc.readouts.neighbours import Neighbours
@@ -20,6 +21,7 @@ __all__ = [
     "VALUE_READOUTS",
     "Counting",
     "Counts",
+    "Kernel",
     "Majority",
     "NeighbourValues",
     "Neighbours",
@@ -40,6 +42,7 @@ READOUTS: dict[str, type[Readout]] = {
     "neighbours": Neighbours,
     "lda": LDA,
     "trained": Trained,
+    "kernel": Kernel,
 }
 """Our own read-outs of classes by name."""
 

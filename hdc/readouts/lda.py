@@ -1,13 +1,10 @@
 """Shrinkage discriminant analysis of the bits, with weights of four bits a pixel.
 
 Linear discriminant analysis with a shrunken covariance (Friedman, JASA 84, 165 (1989)), solved
-among the N frames. With x ∈ {±1}^D, n_c frames of class c and L classes,
+among the N frames (:mod:`hdc.readouts.discriminant`) with x ∈ {±1}^D and
 
     G = X·Xᵀ = D − 2·Hamming                       integers, N × N
-    E = onehot/n_c,  E' = E − mean over classes,  C = I − E·onehotᵀ
-    K = C·G·C                                      products of frames less the mean of their class
-    A = E' − C·(K + ℓ·I)⁻¹·C·G·E'                  dual weights, w = Aᵀ·X
-    b_c = −½·(E_c + mean over classes of E)ᵀ·G·A_c
+    w = Aᵀ·X                                       weights of the bits
 
 The shrunken covariance is (1 − α)·S + α·(tr S/D)·I, so that ℓ = α/(1 − α)·tr(K)/D; α = 1 is the
 nearest mean.
@@ -24,7 +21,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor
@@ -35,12 +32,8 @@ from hdc.parameters import is_number
 from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout
-from hdc.readouts.leave_one_out import (
-    Products,
-    discriminants,
-    inverse_diagonal,
-    spread_over,
-)
+from hdc.readouts.discriminant import Problem
+from hdc.readouts.leave_one_out import discriminants
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 MOST_FRAMES = 8000
@@ -48,7 +41,6 @@ _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
 _CLIPPED = 0.995  # quantile of the weights that becomes the largest
 _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
 _UNIT_BITS = 20  # of the largest scale
-_ROWS = 256  # rows of the Gram matrix changed at a time
 
 
 class LDA(Readout):
@@ -97,21 +89,21 @@ class LDA(Readout):
                 "'trained'"
             )
         known, place = rows.unique(return_inverse=True)
-        onehot = torch.nn.functional.one_hot(place, len(known)).double()
-        share = onehot / onehot.sum(0)
-        products = gram(words, words, dimension, self.backend)
-        of_means = products @ share  # G·E
-        solution = _solve(products, of_means, onehot, share, dimension, self.shrinkage)
-        dual = solution.dual
-        halfway = of_means + of_means.mean(1, keepdim=True)
-        offsets = -0.5 * (halfway * dual).sum(0)
+        problem = Problem.of(gram(words, words, dimension, self.backend), place)
+        if problem.is_empty:
+            warnings.warn(
+                "lda: no class has two different frames, so the nearest mean is learned",
+                stacklevel=3,
+            )
+        alpha = _share_of_target(problem, dimension, self.shrinkage)
+        dual, offsets, products = problem.solve(_penalty(problem, dimension, alpha))
         weights = combinations(dual, words, self.backend)[:, :dimension]
         means = class_means(words, place, len(known), dimension, self.backend)
         planes, scales, offsets = _quantised(weights, means, offsets)
         planes = planes.to(words.device)
         unit = self._take(planes, scales, offsets, known, n_classes, dimension)
-        self.shrinkage_ = torch.tensor(solution.alpha, dtype=torch.float64)
-        found, places = discriminants(solution.products, place)
+        self.shrinkage_ = torch.tensor(alpha, dtype=torch.float64)
+        found, places = discriminants(products, place)
         held_out = torch.zeros(len(places), n_classes, dtype=torch.float64)
         held_out[:, known] = unit * found
         self._held_out = HeldOut(held_out, rows[places])
@@ -202,71 +194,25 @@ def closed_form(
     return min(1.0, max(0.0, share))
 
 
-class _Solution(NamedTuple):
-    """What is learned before weights are rounded."""
+def _share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -> float:
+    """α for a problem in D dimensions; 1 is the nearest mean."""
+    if problem.is_empty:
+        return 1.0
+    if not isinstance(shrinkage, str):
+        return float(shrinkage)
+    n, n_classes = problem.onehot.shape
+    squares = float((problem.products**2).sum())
+    degrees = max(1, n - n_classes)
+    return closed_form(
+        shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
+    )
 
-    dual: Tensor  # A, float64 [N, L]
-    alpha: float
-    products: Products
 
-
-def _solve(
-    products: Tensor,
-    of_means: Tensor,
-    onehot: Tensor,
-    share: Tensor,
-    dimension: int,
-    shrinkage: float | str,
-) -> _Solution:
-    """A and α; `products`, G, becomes K on the way, and memory for one more is needed."""
-    centred = share - share.mean(1, keepdim=True)  # E'
-    n = len(products)
-    right = of_means - of_means.mean(1, keepdim=True)  # G·E'
-    between = centred.T @ right  # E'ᵀ·G·E'
-    right = right - onehot @ (share.T @ right)
-    _centre_within_classes(products, of_means, onehot, share)
-    diagonal = products.diagonal().clone()
-    trace = float(diagonal.sum())
-    chosen = spread_over(n)
-    nearest_mean = Products(right, between, diagonal[chosen], None)
-    if trace / n < 1e-9 * dimension:
-        warnings.warn(
-            "lda: no class has two different frames, so the nearest mean is learned",
-            stacklevel=4,
-        )
-        return _Solution(centred, 1.0, nearest_mean)
-    if isinstance(shrinkage, str):
-        squares = float((products**2).sum())
-        degrees = max(1, n - onehot.shape[1])
-        alpha = closed_form(shrinkage, trace, squares, diagonal, degrees, dimension)
-    else:
-        alpha = float(shrinkage)
+def _penalty(problem: Problem, dimension: int, alpha: float) -> float | None:
+    """ℓ; None for the nearest mean."""
     if alpha == 1:
-        return _Solution(centred, 1.0, nearest_mean)
-    # α = 0 has no inverse where there are fewer frames than bits; rounding's share is the least.
-    least = 1e-10 * trace / n
-    penalty = max(alpha / (1 - alpha) * trace / dimension, least)
-    products.diagonal().add_(penalty)
-    factor = torch.linalg.cholesky(products)
-    solved = torch.cholesky_solve(right, factor)
-    of_mean_pairs = (between - right.T @ solved) / penalty
-    own = 1 - penalty * inverse_diagonal(factor, chosen)
-    solved_within = solved - share @ (onehot.T @ solved)
-    kept = Products(solved, of_mean_pairs, own, penalty)
-    return _Solution(centred - solved_within, alpha, kept)
-
-
-def _centre_within_classes(
-    products: Tensor, of_means: Tensor, onehot: Tensor, share: Tensor
-) -> None:
-    """C·G·C in place of G, some rows at a time."""
-    between = share.T @ of_means  # Eᵀ·G·E
-    for start in range(0, len(products), _ROWS):
-        rows = slice(start, start + _ROWS)
-        member = onehot[rows]
-        products[rows] -= of_means[rows] @ onehot.T
-        products[rows] -= member @ of_means.T
-        products[rows] += (member @ between) @ onehot.T
+        return None
+    return alpha / (1 - alpha) * problem.trace / dimension
 
 
 def class_means(

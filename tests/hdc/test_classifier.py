@@ -116,7 +116,8 @@ def test_same_bits_on_an_accelerator() -> None:
         ),
         (
             lambda f, y, _: HDCClassifier(readout="x").fit(f, y),
-            "readout: expected one of majority, counts, ridge, neighbours, lda, trained, or",
+            "readout: expected one of majority, counts, ridge, neighbours, lda, trained, "
+            "kernel, or",
         ),
         (
             lambda f, y, _: HDCClassifier(readout=Neighbours(0)).fit(f, y),

@@ -44,6 +44,7 @@ def touches(
         HDCClassifier("levels", "trained"),
         HDCClassifier("reference"),
         HDCClassifier("deviation", "lda"),
+        HDCClassifier("levels", "kernel"),
         HDCRegressor(),
         HDCRegressor("levels", NeighbourValues(3)),
     ],

@@ -532,6 +532,7 @@ class Shifted(Majority):
         ("median", "counts", "cosines of which need roots"),
         ("median", "ridge", "weights of which are no whole numbers"),
         ("median", "neighbours", "keeps every training frame"),
+        ("median", "kernel", "keeps every training frame"),
         ("median", Shifted(), "which export does not know"),
     ],
     ids=str,

@@ -12,7 +12,8 @@ from sklearn.covariance import OAS, LedoitWolf
 from hdc import HDCClassifier, bits
 from hdc.readouts import LDA, Majority
 from hdc.readouts.arithmetic import combinations, gram
-from hdc.readouts.lda import _solve
+from hdc.readouts.discriminant import Problem
+from hdc.readouts.lda import _penalty, _share_of_target
 
 
 def problem(
@@ -47,12 +48,10 @@ def primal(
 
 def dual(words: torch.Tensor, rows: torch.Tensor, d: int, shrinkage):
     """A, α and G·E of the dual form."""
-    onehot = torch.nn.functional.one_hot(rows).double()
-    share = onehot / onehot.sum(0)
-    products = gram(words, words, d)
-    of_means = products @ share
-    solution = _solve(products, of_means, onehot, share, d, shrinkage)
-    return solution.dual, solution.alpha, of_means
+    problem = Problem.of(gram(words, words, d), rows)
+    alpha = _share_of_target(problem, d, shrinkage)
+    solution = problem.solve(_penalty(problem, d, alpha))
+    return solution.dual, alpha, problem.of_means
 
 
 @pytest.mark.parametrize("alpha", [0.01, 0.3, 0.9, 0.999])

@@ -1,0 +1,135 @@
+"""Discriminant analysis solved among the frames, of any products G of them.
+
+With N frames, n_c of class c, and L classes,
+
+    E = onehot/n_c,  E' = E − mean over classes,  C = I − E·onehotᵀ
+    K = C·G·C                                      products of frames less the mean of their class
+    A = E' − C·(K + ℓ·I)⁻¹·C·G·E'                  dual weights
+    b_c = −½·(E_c + mean over classes of E)ᵀ·G·A_c
+
+and the score of a query x for class c is g(x)ᵀ·A_c + b_c, with its products g(x) with the frames.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import torch
+from torch import Tensor
+
+from hdc.readouts.leave_one_out import (
+    Products,
+    inverse_diagonal,
+    spread_over,
+)
+
+_ROWS = 256  # rows of the products changed at a time
+_NOTHING = 1e-9  # share of the products that rounding leaves of equal frames
+_LEAST = 1e-10  # of the mean of K's diagonal, the least penalty: rounding's share
+
+
+class Solution(NamedTuple):
+    """What is learned with one penalty.
+
+    Attributes:
+        dual: A, float64 [N, L].
+        offsets: b, float64 [L].
+        products: for the scores of frames without themselves.
+    """
+
+    dual: Tensor
+    offsets: Tensor
+    products: Products
+
+
+@dataclass(frozen=True)
+class Problem:
+    """What does not depend on the penalty; :meth:`of` products and classes.
+
+    Attributes:
+        products: K, float64 [N, N], with a penalty on its diagonal once solved.
+        diagonal: that of K, float64 [N].
+        share: E, float64 [N, L].
+        of_means: G·E, float64 [N, L].
+        right: C·G·E', float64 [N, L].
+        between: E'ᵀ·G·E', float64 [L, L].
+        onehot: float64 [N, L].
+        is_empty: whether no class has two different frames.
+    """
+
+    products: Tensor
+    diagonal: Tensor
+    onehot: Tensor
+    share: Tensor
+    of_means: Tensor
+    right: Tensor
+    between: Tensor
+    is_empty: bool
+
+    @classmethod
+    def of(cls, products: Tensor, rows: Tensor) -> Self:
+        """Of products G, float64 [N, N], which become K; memory for no more is needed.
+
+        `rows` are the classes int64 [N], each of them with a frame.
+        """
+        onehot = torch.nn.functional.one_hot(rows).double()
+        share = onehot / onehot.sum(0)
+        size = float(products.diagonal().mean())
+        of_means = products @ share
+        centred = share - share.mean(1, keepdim=True)
+        right = of_means - of_means.mean(1, keepdim=True)  # G·E'
+        between = centred.T @ right
+        right = right - onehot @ (share.T @ right)
+        _centre_within_classes(products, of_means, onehot, share)
+        diagonal = products.diagonal().clone()
+        return cls(
+            products=products,
+            diagonal=diagonal,
+            onehot=onehot,
+            share=share,
+            of_means=of_means,
+            right=right,
+            between=between,
+            is_empty=float(diagonal.sum()) / len(products) < _NOTHING * size,
+        )
+
+    @property
+    def trace(self) -> float:
+        """tr K."""
+        return float(self.diagonal.sum())
+
+    def solve(self, penalty: float | None) -> Solution:
+        """With ℓ, but for rounding's share at least; None is the nearest mean, ℓ without end."""
+        chosen = spread_over(len(self.products))
+        centred = self.share - self.share.mean(1, keepdim=True)
+        if penalty is None:
+            own = self.diagonal[chosen]
+            nearest = Products(self.right, self.between, own, None)
+            return Solution(centred, self._offsets(centred), nearest)
+        penalty = max(penalty, _LEAST * self.trace / len(self.products))
+        self.products.diagonal().copy_(self.diagonal + penalty)
+        factor = torch.linalg.cholesky(self.products)
+        solved = torch.cholesky_solve(self.right, factor)
+        of_mean_pairs = (self.between - self.right.T @ solved) / penalty
+        own = 1 - penalty * inverse_diagonal(factor, chosen)
+        dual = centred - (solved - self.share @ (self.onehot.T @ solved))
+        kept = Products(solved, of_mean_pairs, own, penalty)
+        return Solution(dual, self._offsets(dual), kept)
+
+    def _offsets(self, dual: Tensor) -> Tensor:
+        halfway = self.of_means + self.of_means.mean(1, keepdim=True)
+        return -0.5 * (halfway * dual).sum(0)
+
+
+def _centre_within_classes(
+    products: Tensor, of_means: Tensor, onehot: Tensor, share: Tensor
+) -> None:
+    """C·G·C in place of G, some rows at a time."""
+    between = share.T @ of_means  # Eᵀ·G·E
+    for start in range(0, len(products), _ROWS):
+        rows = slice(start, start + _ROWS)
+        member = onehot[rows]
+        products[rows] -= of_means[rows] @ onehot.T
+        products[rows] -= member @ of_means.T
+        products[rows] += (member @ between) @ onehot.T

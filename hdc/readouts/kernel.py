@@ -1,0 +1,213 @@
+"""Discriminant analysis with a kernel of Hamming distances.
+
+The products G of :mod:`hdc.readouts.discriminant` are exp(−H/(s·m)), with the Hamming distances H
+of the training hypervectors and their median m over pairs: a Laplacian kernel (Chapelle, Haffner,
+Vapnik, IEEE Trans. Neural Netw. 10, 1055 (1999)), since H of levels is a sum of absolute
+differences. The penalty is ℓ = λ·tr(K)/N. The factors s and λ are those with the fewest errors on
+training frames scored as if each had not been learnt, in closed form
+(:mod:`hdc.readouts.leave_one_out`); a read-out is told of no groups, so frames of one group decide
+about each other.
+
+Scores are floating-point numbers: with another backend, processor or number of threads they may
+differ in their last digits, and the predicted class only where two scores are that close.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Mapping, Sequence
+from typing import Any, NamedTuple, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.io import check_tensors
+from hdc.parameters import is_number
+from hdc.readouts.base import HeldOut, Readout
+from hdc.readouts.discriminant import Problem, Solution
+from hdc.readouts.leave_one_out import discriminants
+
+MOST_FRAMES = 8000
+_LOWEST = -1e300  # offset of a class without frames
+
+
+class Kernel(Readout):
+    """Discriminant analysis with a kernel; it keeps the hypervectors of all training frames.
+
+    Args:
+        scales: values of s to choose from, above zero; of equally good ones the first.
+        penalties: values of λ to choose from, as `scales`.
+
+    Attributes:
+        frames_: int64 [N, W], the hypervectors of all training frames.
+        dual_: float64 [N, L], what the likeness to each frame counts for each class.
+        offsets_: float64 [L].
+        reach_: float64 [], s·m: the distance in bits at which a likeness is 1/e.
+        scale_, penalty_: float64 [], s and λ.
+    """
+
+    frames_: Tensor
+    dual_: Tensor
+    offsets_: Tensor
+    reach_: Tensor
+    scale_: Tensor
+    penalty_: Tensor
+    _held_out: HeldOut | None = None  # not in files
+
+    def __init__(
+        self,
+        scales: Sequence[float] = (1, 2, 0.5, 0.25),
+        penalties: Sequence[float] = (0.1, 0.3, 0.03),
+    ):
+        self.scales = scales
+        self.penalties = penalties
+
+    def check(self) -> None:
+        _check_positive("scales", self.scales)
+        _check_positive("penalties", self.penalties)
+
+    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+        """See :meth:`hdc.readouts.base.Readout.fit`.
+
+        Raises:
+            ValueError: for more than 8000 frames, of which the matrices fill the memory.
+        """
+        n = len(words)
+        if n > MOST_FRAMES:
+            raise ValueError(
+                f"kernel: expected at most {MOST_FRAMES} frames, found {n}, which need three "
+                f"matrices of {n} × {n}, {3 * 8 * n**2 / 1e9:.1f} GB; train on some of them, or "
+                "use the read-out 'trained'"
+            )
+        known, place = rows.unique(return_inverse=True)
+        distances = bits.hamming(words, words, self.backend).cpu()
+        median = median_of_pairs(distances)
+        tried: list[_Tried] = []
+        for scale in self.scales:
+            reach = scale * median
+            tried += _tries(distances, place, reach, scale, self.penalties)
+        best = min(tried, key=lambda one: one.errors)  # the first of equal ones
+        if best.solution.products.penalty is None:
+            warnings.warn(
+                "kernel: no class has two different frames, so the nearest mean is learned",
+                stacklevel=3,
+            )
+        self.frames_ = words.clone()
+        self.dual_ = torch.zeros(n, n_classes, dtype=torch.float64)
+        self.offsets_ = torch.full((n_classes,), _LOWEST, dtype=torch.float64)
+        self.dual_[:, known] = best.solution.dual
+        self.offsets_[known] = best.solution.offsets
+        self.reach_ = _number(best.scale * median)
+        self.scale_ = _number(best.scale)
+        self.penalty_ = _number(best.penalty)
+        found, places = discriminants(best.solution.products, place)
+        held_out = torch.zeros(len(places), n_classes, dtype=torch.float64)
+        held_out[:, known] = found
+        self._held_out = HeldOut(held_out, rows[places])
+        return self
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+        """Of up to 400 frames of training; None once loaded."""
+        return self._held_out
+
+    def scores(self, words: Tensor) -> Tensor:
+        """The discriminants, float64 [Q, L]."""
+        distances = bits.hamming(words, self.frames_, self.backend)
+        likeness = _likeness(distances, float(self.reach_))
+        dual = self.dual_.to(words.device)
+        return likeness @ dual + self.offsets_.to(words.device)
+
+    def state(self) -> dict[str, Tensor]:
+        return {
+            "frames": self.frames_,
+            "dual": self.dual_,
+            "offsets": self.offsets_,
+            "reach": self.reach_,
+        }
+
+    def stored(self) -> dict[str, Tensor]:
+        return {**self.state(), "scale": self.scale_, "penalty": self.penalty_}
+
+    def restore(
+        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
+    ) -> None:
+        n = len(tensors["dual"])
+        shapes = {
+            "frames": (n, bits.words_for(dimension)),
+            "dual": (n, n_classes),
+            "offsets": (n_classes,),
+            "reach": (),
+            "scale": (),
+            "penalty": (),
+        }
+        check_tensors(tensors, shapes, floats=[*shapes][1:])
+        bits.check_padding(tensors["frames"], dimension)
+        if float(tensors["reach"]) <= 0:
+            raise ValueError(
+                f"reach: expected one above zero, found {tensors['reach']}"
+            )
+        self.frames_ = tensors["frames"]
+        for name in [*shapes][1:]:
+            setattr(self, f"{name}_", tensors[name].cpu())
+
+
+class _Tried(NamedTuple):
+    """A choice of factors, and its errors on training frames left out."""
+
+    errors: int
+    scale: float
+    penalty: float
+    solution: Solution
+
+
+def _tries(
+    distances: Tensor,
+    place: Tensor,
+    reach: float,
+    scale: float,
+    penalties: Sequence[float],
+) -> list[_Tried]:
+    """Each penalty with the kernel of one scale, of frames of classes int64 [N]."""
+    problem = Problem.of(_likeness(distances, reach), place)
+    found = []
+    for penalty in penalties:
+        strength = penalty * problem.trace / len(place)
+        solution = problem.solve(None if problem.is_empty else strength)
+        scores, places = discriminants(solution.products, place)
+        errors = int((scores.argmax(1) != place[places]).sum())
+        found.append(_Tried(errors, scale, penalty, solution))
+    return found
+
+
+def _likeness(distances: Tensor, reach: float) -> Tensor:
+    """exp(−H/reach) in float64."""
+    return distances.double().div_(-reach).exp_()
+
+
+def median_of_pairs(distances: Tensor) -> int:
+    """The median of the distances int64 [N, N] of all pairs, the lower of two; at least 1.
+
+    Each pair stands there twice, and N zeros besides.
+    """
+    n = len(distances)
+    n_pairs = n * (n - 1) // 2
+    if n_pairs == 0:
+        return 1
+    place = n + 2 * ((n_pairs - 1) // 2)
+    flat = distances.numpy().ravel()
+    return max(1, int(np.partition(flat, place)[place]))
+
+
+def _number(value: float) -> Tensor:
+    return torch.tensor(value, dtype=torch.float64)
+
+
+def _check_positive(name: str, values: Any) -> None:
+    """Raise ValueError for anything but a list of numbers above zero."""
+    is_list = isinstance(values, list | tuple) and len(values) > 0
+    if not is_list or not all(is_number(value) and value > 0 for value in values):
+        raise ValueError(
+            f"{name}: expected a list of numbers above zero, found {values!r}"
+        )

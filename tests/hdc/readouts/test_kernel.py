@@ -1,0 +1,245 @@
+"""Discriminant analysis with a kernel of Hamming distances: against its definition, in floats."""
+
+from __future__ import annotations
+
+import itertools
+
+import numpy as np
+import pytest
+import torch
+from sklearn.base import clone
+
+from hdc import HDCClassifier, bits
+from hdc.readouts import Kernel
+from hdc.readouts.kernel import median_of_pairs
+
+SINGLE = pytest.mark.filterwarnings("ignore:kernel. no class has two different")
+
+
+def problem(n: int, d: int, n_classes: int, seed: int = 0):
+    """Bits bool [n, d] of classes of unequal size, and the classes [n]."""
+    rng = np.random.default_rng(seed)
+    rows = np.concatenate(
+        [np.arange(n_classes), rng.integers(0, n_classes, n - n_classes)]
+    )
+    share = rng.random((n_classes, d)) * 0.4 + 0.3
+    return rng.random((n, d)) < share[rows], rows
+
+
+def likeness(a: np.ndarray, b: np.ndarray, reach: float) -> np.ndarray:
+    return np.exp(-(a[:, None] != b).sum(2) / reach)
+
+
+def median(masks: np.ndarray) -> int:
+    pairs = itertools.combinations(masks, 2)
+    return sorted(int((a != b).sum()) for a, b in pairs)[
+        (len(masks) * (len(masks) - 1) // 2 - 1) // 2
+    ]
+
+
+def scores_of(
+    masks: np.ndarray,
+    rows: np.ndarray,
+    asked: np.ndarray,
+    reach: float,
+    penalty: float | None,
+) -> np.ndarray:
+    """Primal discriminants ℓ·(x − ½(μ_c + μ))ᵀ·(S + ℓ)⁻¹·(μ_c − μ), in coordinates of which the
+    kernel is the product; None is ℓ without end."""
+    whole = likeness(np.concatenate([masks, asked]), masks, reach)
+    values, vectors = np.linalg.eigh(whole[: len(masks)])
+    kept = values > 1e-12
+    coordinates = whole @ vectors[:, kept] / np.sqrt(values[kept])
+    x, query = coordinates[: len(masks)], coordinates[len(masks) :]
+    means = np.stack([x[rows == c].mean(0) for c in np.unique(rows)])
+    within = x - means[rows]
+    centre = means.mean(0)
+    away = (means - centre).T
+    if penalty is not None:
+        matrix = within.T @ within + penalty * np.eye(x.shape[1])
+        away = penalty * np.linalg.solve(matrix, away)
+    offsets = 0.5 * ((means + centre) * away.T).sum(1)
+    return query @ away - offsets
+
+
+def strength(masks, rows, reach, factor) -> float:
+    """ℓ = λ·tr(K)/N: a share of the mean square distance from the mean of a class."""
+    products = likeness(masks, masks, reach)
+    total = 0.0
+    for c in np.unique(rows):
+        own = products[np.ix_(rows == c, rows == c)]
+        total += np.trace(own) - own.sum() / len(own)
+    return factor * total / len(masks)
+
+
+def fitted(masks, rows, n_classes=None, **parameters):
+    words = bits.pack(torch.from_numpy(masks))
+    count = n_classes or rows.max() + 1
+    return Kernel(**parameters).fit(
+        words, torch.from_numpy(rows), count, masks.shape[1]
+    )
+
+
+@pytest.mark.parametrize("d", [65, 1000])
+@pytest.mark.parametrize("scale", [0.25, 1, 2])
+@pytest.mark.parametrize("factor", [0.03, 0.3])
+def test_scores_are_those_of_the_primal_form(d, scale, factor) -> None:
+    masks, rows = problem(40, d, 4)
+    asked, _ = problem(30, d, 4, seed=1)
+    model = fitted(masks, rows, scales=[scale], penalties=[factor])
+    reach = scale * median(masks)
+    assert float(model.reach_) == reach
+    penalty = strength(masks, rows, reach, factor)
+    expected = scores_of(masks, rows, asked, reach, penalty)
+    found = model.scores(bits.pack(torch.from_numpy(asked))).numpy()
+    assert found.dtype == np.float64
+    np.testing.assert_allclose(found, expected, atol=1e-8)
+    assert np.array_equal(found.argmax(1), expected.argmax(1))
+
+
+def test_factors_have_the_fewest_errors_on_frames_left_out() -> None:
+    """Each of the frames trained without, with distance and penalty of all."""
+    masks, rows = problem(45, 65, 5, seed=3)
+    several = np.bincount(rows)[rows] > 1
+    errors = {}
+    for scale, factor in itertools.product([0.25, 0.5, 1, 2, 8], [0.03, 0.3, 3]):
+        reach = scale * median(masks)
+        penalty = strength(masks, rows, reach, factor)
+        wrong = 0
+        for i in np.flatnonzero(several):
+            others = np.arange(45) != i
+            found = scores_of(masks[others], rows[others], masks[[i]], reach, penalty)
+            wrong += int(found.argmax() != rows[i])
+        errors[scale, factor] = wrong
+    assert len(set(errors.values())) > 3
+    factors = list(errors)
+    model = fitted(masks, rows, scales=[0.25, 0.5, 1, 2, 8], penalties=[0.03, 0.3, 3])
+    best = min(factors, key=errors.__getitem__)  # the first of equal ones
+    assert (float(model.scale_), float(model.penalty_)) == best
+    held_out = model.held_out(None, None)
+    wrong = held_out.scores.argmax(1) != held_out.rows
+    assert int(wrong.sum()) == errors[best]
+
+
+@pytest.mark.parametrize("n", [2, 3, 4, 9])
+def test_the_median_is_that_of_pairs(n: int) -> None:
+    masks = np.random.default_rng(n).random((n, 300)) < 0.3
+    words = bits.pack(torch.from_numpy(masks))
+    assert median_of_pairs(bits.hamming(words, words)) == median(masks)
+    assert median_of_pairs(torch.zeros(n, n, dtype=torch.int64)) == 1
+
+
+@SINGLE
+@pytest.mark.parametrize("d", [1, 65])
+def test_one_frame_a_class_is_the_nearest_mean(d: int) -> None:
+    masks = np.random.default_rng(0).random((4, d)) < 0.5
+    masks[1] = ~masks[0]
+    with pytest.warns(UserWarning, match="kernel: no class has two different frames"):
+        model = fitted(masks, np.arange(4))
+    asked, _ = problem(9, d, 4, seed=1)
+    found = model.scores(bits.pack(torch.from_numpy(asked))).numpy()
+    expected = scores_of(masks, np.arange(4), asked, median(masks) or 1, None)
+    np.testing.assert_allclose(found, expected, atol=1e-8)
+    assert len(model.held_out(None, None).rows) == 0
+
+
+@SINGLE
+@pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
+@pytest.mark.parametrize("encoder", ["median", "levels", "deviation"])
+def test_constant_and_two_valued_and_equal_frames(encoder: str) -> None:
+    rng = np.random.default_rng(0)
+    two = np.where(rng.random((12, 8, 9)) < 0.4, 200, 3)
+    for frames in (two, np.full((12, 8, 9), 7), np.repeat(two[:2], 6, axis=0)):
+        frames = frames.astype(np.uint8)
+        model = HDCClassifier(encoder, "kernel").fit(frames, np.arange(12) // 6)
+        assert np.isfinite(model.decision_function(frames)).all()
+        assert set(model.predict(frames)) <= {0, 1}
+    assert model.score(frames, np.arange(12) // 6) == 1
+
+
+def test_a_class_without_frames_never_wins() -> None:
+    masks, rows = problem(20, 100, 2)
+    model = fitted(masks, 2 * rows, n_classes=4)
+    found = model.scores(bits.pack(torch.from_numpy(masks)))
+    assert found.isfinite().all()
+    assert set(found.argmax(1).tolist()) == {0, 2}
+
+
+def test_routes_agree_on_predictions() -> None:
+    pytest.importorskip("numba")
+    masks, rows = problem(80, 4200, 5, seed=2)
+    asked, _ = problem(200, 4200, 5, seed=4)
+    words = bits.pack(torch.from_numpy(masks))
+    found = []
+    for backend in bits.BACKENDS:
+        model = Kernel()
+        model.backend = backend
+        model.fit(words, torch.from_numpy(rows), 5, 4200)
+        found.append(model.scores(bits.pack(torch.from_numpy(asked))).numpy())
+    np.testing.assert_allclose(*found, atol=1e-10)
+    assert np.array_equal(found[0].argmax(1), found[1].argmax(1))
+
+
+def test_order_of_frames_decides_nothing() -> None:
+    masks, rows = problem(60, 500, 3)
+    asked = bits.pack(torch.from_numpy(problem(50, 500, 3, seed=1)[0]))
+    order = np.random.default_rng(0).permutation(60)
+    one, other = fitted(masks, rows), fitted(masks[order], rows[order])
+    np.testing.assert_allclose(one.scores(asked), other.scores(asked), atol=1e-10)
+
+
+def frames_of(n: int = 30):
+    rng = np.random.default_rng(0)
+    labels = np.arange(n) % 3
+    base = rng.integers(0, 150, (3, 7, 9))
+    frames = base[labels] + rng.integers(0, 90, (n, 7, 9))
+    return frames.astype(np.uint8), np.array(["a", "b", "c"])[labels]
+
+
+def test_a_model_is_saved_loaded_cloned_and_set(tmp_path) -> None:
+    frames, labels = frames_of()
+    model = HDCClassifier("levels", "kernel").fit(frames, labels)
+    assert model.score(frames, labels) == 1
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert np.array_equal(
+        loaded.decision_function(frames), model.decision_function(frames)
+    )
+    assert np.array_equal(loaded.predict_proba(frames), model.predict_proba(frames))
+    loaded.save(tmp_path / "again")
+    assert (tmp_path / "again").read_bytes() == (tmp_path / "m").read_bytes()
+    other = clone(model).set_params(readout__scales=[2], readout__penalties=[0.5])
+    other.fit(frames, labels)
+    assert float(other.readout_.scale_) == 2
+    assert float(other.readout_.penalty_) == 0.5
+    assert not hasattr(model, "partial_fit")
+    assert not hasattr(model, "recalibrate")
+
+
+def test_tensors_that_do_not_fit_are_refused() -> None:
+    masks, rows = problem(20, 100, 2)
+    stored = fitted(masks, rows).stored()
+    Kernel().restore(stored, 2, 100)
+    changes = {
+        "frames": torch.zeros(20, 3, dtype=torch.int64),
+        "dual": stored["dual"][:, :1],
+        "offsets": stored["offsets"] * torch.nan,
+        "reach": torch.tensor(0.0, dtype=torch.float64),
+    }
+    for name, tensor in changes.items():
+        with pytest.raises(ValueError, match=name):
+            Kernel().restore({**stored, name: tensor}, 2, 100)
+
+
+@pytest.mark.parametrize("values", [[], [0], [-1.0], ["a"], 1, "1", None], ids=repr)
+@pytest.mark.parametrize("name", ["scales", "penalties"])
+def test_other_factors_are_refused(name, values) -> None:
+    with pytest.raises(ValueError, match=f"{name}: expected a list of numbers above"):
+        Kernel(**{name: values}).check()
+
+
+def test_more_frames_than_memory_holds_are_refused(monkeypatch) -> None:
+    monkeypatch.setattr("hdc.readouts.kernel.MOST_FRAMES", 19)
+    masks, rows = problem(20, 100, 2)
+    with pytest.raises(ValueError, match="kernel: expected at most 19 frames, found"):
+        fitted(masks, rows)
