@@ -31,9 +31,10 @@ def cli() -> None:
     """Train a hyperdimensional classifier of images, and use it.
 
     A RECORDING is a folder of images with one sub-folder per class, a manifest.csv (columns file,
-    label), a --template or a table of --values; an .npz with frames [N, H, W] or [N, D] and labels
-    or values [N]; a .csv with a row of numbers and a label per frame; or a video with a CSV table
-    of intervals (columns start_s, end_s, label) beside it, or with a table of --values.
+    label), a --template or a table of --values; frames [N, H, W] or [N, D] with labels or values
+    [N] in an .npz, .mat or .h5, or in a TIFF or .npy with a CSV beside it; a .parquet with a column
+    of images; a .csv with a row of numbers and a label per frame; or a video with a CSV table of
+    intervals (columns start_s, end_s, label) beside it. hdc look RECORDING shows how it is read.
     """
 
 

@@ -119,12 +119,12 @@ def open_recording(
     learnt = None if table is not None and not value_columns else value_columns
     # Libraries are imported where their files are read: OpenCV for images, and not for an array.
     if kind == FOLDER:
-        from hdc.readers.images import open_listing
+        from hdc.readers.images import open_listing, whole_images
         from hdc.readers.listing import list_folder
 
         rows = (template, where, image_column, learnt, fewest_classes, skip_missing)
-        listing = list_folder(path, *rows)
-        return open_listing(path, listing, window, check, memory_bytes, skip_damaged)
+        listing = list_folder(path, *rows, whole_images if skip_damaged else None)
+        return open_listing(path, listing, window, check, memory_bytes)
     check_file(path)
     if kind == ARRAY:
         from hdc.readers.arrays import open_arrays

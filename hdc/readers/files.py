@@ -53,7 +53,7 @@ class SettingError(ValueError):
     """A setting out of range, as ``name: expected …, found …``."""
 
 
-class Ambiguous(SettingError):
+class Ambiguous(ValueError):
     """Something that can be read in several ways.
 
     Attributes:

@@ -154,21 +154,13 @@ def open_listing(
     window: Window,
     check: bool,
     memory_bytes: int,
-    skip_damaged: bool = False,
 ) -> Recording:
     """Open the images of a folder; with ``check`` every one is decoded at once.
 
     Raises:
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
     """
-    files, about, notes = listing.files, listing.about, listing.notes
-    if skip_damaged:
-        whole = whole_images(files)
-        files, about = _of_rows(files, about, whole)
-        if not files:
-            raise BadFrame(f"{root}: expected whole images, found none")
-        if not whole.all():
-            notes = [*notes, _skipped(listing.files, whole)]
+    files, about = listing.files, listing.about
     images = Images(files, window)
     if check:
         images.check(memory_bytes)
@@ -186,26 +178,9 @@ def open_listing(
         digest=cache(images.digest),
         window=window,
         other_files=tuple(listing.other_files),
-        notes=tuple(notes),
+        notes=tuple(listing.notes),
         **about,
     )
-
-
-def _of_rows(
-    files: list[Path], about: dict[str, Any], whole: np.ndarray
-) -> tuple[list[Path], dict[str, Any]]:
-    """Files of a mask [N], and what is known of them."""
-    kept = dict(about)
-    for name in ("labels", "values"):
-        if about[name] is not None:
-            kept[name] = about[name][whole]
-    kept["samples"] = {name: own[whole] for name, own in about["samples"].items()}
-    return [file for file, good in zip(files, whole, strict=True) if good], kept
-
-
-def _skipped(files: Sequence[Path], whole: np.ndarray) -> str:
-    first = files[int(whole.argmin())]
-    return f"left out: {int((~whole).sum())} of {len(files)} images are damaged, the first {first}"
 
 
 def whole_images(files: Sequence[Path]) -> np.ndarray:

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath, PurePosixPath
 from typing import Any
+
+import numpy as np
 
 from hdc.readers.columns import Columns
 from hdc.readers.files import Ambiguous, SettingError, natural_key, read_csv, require
@@ -44,6 +46,18 @@ class _Rows:
         self.names.append(name)
         self.texts.append(texts)
 
+    def only(self, kept: np.ndarray, lack: str, notes: list[str]) -> _Rows:
+        """Those of a mask [N]; what the others lack is noted."""
+        if kept.all():
+            return self
+        first, n = int(kept.argmin()), len(kept)
+        lacking = f"{n - int(kept.sum())} of {n} images are {lack}"
+        notes.append(f"{lacking}, the first {self.names[first]}")
+        rows = _Rows([], [], [], self.other_files)
+        for k in np.flatnonzero(kept):
+            rows.add(self.places[k], self.names[k], self.texts[k])
+        return rows
+
 
 def list_folder(
     root: Path,
@@ -53,8 +67,11 @@ def list_folder(
     value_columns: Sequence[str] | None = (),
     fewest_classes: int = 2,
     skip_missing: bool = False,
+    whole: Callable[[Sequence[Path]], np.ndarray] | None = None,
 ) -> Listing:
     """List the files of a folder by its table or manifest, by a template, or by its sub-folders.
+
+    ``whole`` says which of N files are whole images; the others are left out.
 
     Raises:
         SettingError: the template or a column cannot be, or a path has two readings.
@@ -79,8 +96,17 @@ def list_folder(
         value_columns = None
     notes: list[str] = []
     if where != root:
-        rows, notes = _present(where, base, rows, skip_missing)
+        there = np.array([(base / name).is_file() for name in rows.names], bool)
+        rows = rows.only(there, "missing", notes)
+        if notes and not skip_missing:
+            raise ValueError(
+                f"{where}: expected every image, found that {notes[0]} (--skip-missing leaves them "
+                "out)"
+            )
         _check_once(base, rows)
+    if whole is not None:
+        files = [base / name for name in rows.names]
+        rows = rows.only(whole(files), "damaged", notes)
     if not rows.names:
         raise ValueError(_nothing_found(where, rows.other_files))
     columns = Columns.of(rows.places, rows.texts)
@@ -88,34 +114,8 @@ def list_folder(
         files=[base / name for name in rows.names],
         about=columns.about(where, fewest_classes, value_columns),
         other_files=rows.other_files,
-        notes=notes,
+        notes=[f"left out: {note}" for note in notes],
     )
-
-
-def _present(
-    where: Path, base: Path, rows: _Rows, skip_missing: bool
-) -> tuple[_Rows, list[str]]:
-    """The rows whose image is there, and a note on the others.
-
-    Raises:
-        ValueError: there are others, and they are not to be skipped; all are counted.
-    """
-    kept = _Rows([], [], [], rows.other_files)
-    absent = []
-    for place, name, texts in zip(rows.places, rows.names, rows.texts, strict=True):
-        if (base / name).is_file():
-            kept.add(place, name, texts)
-        else:
-            absent.append(f"{name} ({place})")
-    if not absent:
-        return rows, []
-    n = len(rows.names)
-    found = f"{len(absent)} of {n} images are missing, the first {absent[0]}"
-    if not skip_missing:
-        raise ValueError(
-            f"{where}: expected every image, found that {found} (--skip-missing leaves them out)"
-        )
-    return kept, [f"left out: {found}"]
 
 
 def _check_once(base: Path, rows: _Rows) -> None:

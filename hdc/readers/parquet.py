@@ -90,10 +90,12 @@ def _holds_bytes(kind: Any) -> bool:
 
 
 def _columns(path: Path, file: Any, label: str) -> Columns:
-    """Columns of numbers and text; the chosen one is the label."""
-    plain = ("int", "uint", "float", "double", "string", "large_string")
-    kinds = {field.name: str(field.type) for field in file.schema_arrow}
-    names = [name for name, kind in kinds.items() if kind.rstrip("0123456789") in plain]
+    """All other columns, as text; the chosen one is the label."""
+    names = [
+        field.name
+        for field in file.schema_arrow
+        if not (pa.types.is_nested(field.type) or _holds_bytes(field.type))
+    ]
     table = file.read(columns=names)
     texts = {}
     for name in names:

@@ -69,7 +69,8 @@ def load(path: Path) -> Store:
     except ImportError:
         raise
     except Exception as error:  # damage makes these libraries raise many types
-        found = str(error) or type(error).__name__
+        # NumPy would have people unpickle what they trust.
+        found = str(error).partition(" If you trust")[0] or type(error).__name__
         raise ValueError(
             f"{path}: expected an intact {suffix}, found: {found}"
         ) from error

@@ -302,6 +302,18 @@ def test_classes_that_are_numbered_have_the_names_that_the_file_states(tmp_path)
     check(open_recording(tmp_path / "x.parquet"))
 
 
+@pytest.mark.parametrize("kind", [pa.dictionary(pa.int8(), pa.string()), pa.bool_()])
+def test_labels_of_every_kind_of_column_are_taken(tmp_path, kind):
+    """A data frame has categories and truth values, too."""
+    names = NAMES if kind != pa.bool_() else [name == "a" for name in NAMES]
+    columns = {
+        "image": [png(frame) for frame in FRAMES],
+        "label": pa.array(names, kind),
+    }
+    pq.write_table(pa.table(columns), tmp_path / "x.parquet")
+    check(open_recording(tmp_path / "x.parquet"), [str(name) for name in names])
+
+
 def test_a_row_with_another_image_or_none_is_named(tmp_path):
     path = tmp_path / "x.parquet"
     for cell, message in ((None, "an image, found none"), (png(FRAMES[0].T), "5 × 3")):
