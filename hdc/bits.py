@@ -26,6 +26,7 @@ import torch
 from torch import Tensor
 
 from hdc import ahead, planes
+from hdc.parameters import not_among
 
 WORD = 64
 TIES = ("zero", "one", "random")
@@ -47,9 +48,7 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
         ValueError: for an unknown backend, or compiled kernels without CPU or numba.
     """
     if backend not in BACKENDS:
-        raise ValueError(
-            f"backend: expected one of auto, {', '.join(BACKENDS)}, found {backend!r}"
-        )
+        raise ValueError(f"backend: {not_among(backend, ('auto', *BACKENDS))}")
     if backend == "numpy":
         return None
     if torch.device(device).type != "cpu":
@@ -224,7 +223,7 @@ def majority_of_counts(
 ) -> Tensor:
     """:func:`majority` from bit-sliced counts, int64 [P, W] of n hypervectors."""
     if ties not in TIES:
-        raise ValueError(f"ties: expected one of {', '.join(TIES)}, found {ties!r}")
+        raise ValueError(f"ties: {not_among(ties, TIES)}")
     more = planes.greater(counts, n // 2)
     if n % 2 or ties == "zero":
         return more

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Iterator
 from typing import Any, ClassVar, Self
 
@@ -159,15 +160,14 @@ class HDCClassifier(Recalibrating):
             AttributeError: for a read-out that needs all frames at once; ``hasattr`` is False.
         """
         self._check_counts("partial_fit")
-        frames, labels = self._samples(frames, y)
+        model = self if hasattr(self, "readout_") else self._untrained()
+        frames, labels = model._samples(frames, y)
         allowed = labels
         if classes is not None:
             allowed = inputs.label_array(classes, len(classes)).tolist()
             inputs.check_among(labels, allowed)
         inputs.classes_of([*getattr(self, "_index", ()), *allowed])
-        model = self if hasattr(self, "readout_") else self._untrained()
         if model is not self:
-            model._columns = self._columns
             model._start(frames, inputs.classes_of(allowed).tolist())
         words = torch.cat(list(model._encoded(frames)))
         model._make_room_for(allowed)
@@ -182,7 +182,8 @@ class HDCClassifier(Recalibrating):
     def merge(self, other: HDCClassifier) -> Self:
         """Learn what another model was trained on: bit for bit the model of all frames.
 
-        Classes are united; parameters stay those of this model.
+        Classes are united; parameters stay those of this model. A call that raises leaves the model
+        as it was. Which frames :meth:`is_known` compares with is drawn anew.
 
         Raises:
             ValueError: for a model of another kind, frame shape or encoder, not trained, or
@@ -195,6 +196,13 @@ class HDCClassifier(Recalibrating):
         if mine != theirs:
             raise ValueError(f"merge: expected a {mine}, found a {theirs}")
         Estimator._check_is_trained(other)
+        merged = self._copied() if hasattr(self, "readout_") else self._untrained()
+        merged._merge(other)
+        self._adopt(merged)
+        return self
+
+    def _merge(self, other: HDCClassifier) -> None:
+        """:meth:`merge` of checked models; where it raises, this one is spoilt."""
         if not hasattr(self, "readout_"):
             self._columns = other._columns
             self._take_encoder(other)
@@ -209,7 +217,13 @@ class HDCClassifier(Recalibrating):
             own.merge(others, places)
         self._sample.merge(other._sample)
         self._settle()
-        return self
+
+    def _copied(self) -> Self:
+        """A model whose counts and frames are no longer those of this one."""
+        copied = copy.copy(self)
+        learned = self.readout_, self._majority, self._sample
+        copied.readout_, copied._majority, copied._sample = copy.deepcopy(learned)
+        return copied
 
     # Answers -------------------------------------------------------------------------------------
 

@@ -9,7 +9,7 @@ import inspect
 import sys
 import warnings
 from abc import ABC, abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from math import prod
 from numbers import Integral
 from pathlib import Path
@@ -45,6 +45,8 @@ class Estimator(Parametrised, ABC):
     """Of the data frame that the model learned from."""
     _used: dict[str, Any]
     """The parameters of the parts that were trained."""
+    _trained_on: str
+    """The device of training."""
 
     @classmethod
     def components(cls, **parameters: Any) -> tuple[type, ...]:
@@ -60,6 +62,7 @@ class Estimator(Parametrised, ABC):
     def _check_parameters(self) -> None:
         for name, make in self.parts.items():
             make(getattr(self, name)).check()
+        check_device(self.device)
         self._backend()
 
     def _check_is_trained(self) -> None:
@@ -74,6 +77,11 @@ class Estimator(Parametrised, ABC):
         for name, used in self._used.items():
             if getattr(self, name) is not used:
                 raise ValueError(f"{name}: changed after training; call fit again")
+        if str(self.device) != self._trained_on:
+            raise ValueError(
+                f"device: expected {self._trained_on!r}, where the model was trained, found "
+                f"{self.device!r}; call fit again"
+            )
 
     @property
     def feature_names_in_(self) -> np.ndarray:
@@ -107,20 +115,23 @@ class Estimator(Parametrised, ABC):
         self.encoder_ = encoder
         self.dimension_ = encoder.dimension(self.n_features_in_)
         self._used = {name: getattr(self, name) for name in self.parts}
+        self._trained_on = str(self.device)
 
     def _backend(self, frames: Any = None) -> str:
         """The backend to encode a chunk with, or (None) one that is loaded already."""
         n_pixels = 0 if frames is None else prod(frames.shape)
         return bits.choose_backend(self.backend, self.device, n_pixels)
 
-    def _checked_frames(self, frames: Any, training: bool = False) -> Any:
+    def _checked_frames(self, frames: Any) -> Any:
         """Frames with a shape; those of a data frame have the columns of training, in its order.
+
+        A model that has learned nothing takes these columns for those of training.
 
         Raises:
             ValueError: for other columns, or pixels that are masked.
         """
         columns = _columns_of(frames)
-        if training and not hasattr(self, "dimension_"):
+        if not hasattr(self, "dimension_"):
             self._columns = columns
         self._check_columns(columns)
         return inputs.indexable(frames, getattr(self, "frame_shape_", None))
@@ -193,9 +204,10 @@ class Estimator(Parametrised, ABC):
         metadata = dict(metadata)
         # Not the backend: the best one depends on the machine, and the model does not.
         parameters: dict[str, Any] = {"device": str(self.device)}
-        for name, make in self.parts.items():
-            part = make(getattr(self, name))
-            parameters[name] = describe(part, self._known[name])
+        for name in self.parts:
+            # What was trained: the object that was given may have been changed since.
+            trained = getattr(self, f"{name}_")
+            parameters[name] = describe(trained, self._known[name])
         header, tensors = self._stored()
         tensors |= io.prefixed("encoder", self.encoder_.state())
         header = {"kind": type(self).__name__, **header}
@@ -209,7 +221,7 @@ class Estimator(Parametrised, ABC):
     ) -> None:
         """Raise ValueError for what :meth:`load` would refuse."""
         try:
-            self._rebuilt(header, tensors)
+            self._rebuilt(header, tensors, trusted=None)
         except Exception as error:
             kind = type(self).__name__
             raise ValueError(
@@ -217,11 +229,14 @@ class Estimator(Parametrised, ABC):
             ) from error
 
     @classmethod
-    def load(cls, path: str | Path) -> Self:
+    def load(cls, path: str | Path, trusted: Collection[str] = ()) -> Self:
         """Read a model that :meth:`save` wrote; one of a missing GPU computes on the CPU.
 
-        A file may name an encoder or a read-out of one's own, whose module is imported: load only
-        files that you trust.
+        Args:
+            path: file name.
+            trusted: dotted names of encoders and read-outs of one's own. The module of such a class
+                is imported, which runs its code; a file that names one that is not trusted is
+                refused before that.
 
         Raises:
             ValueError: if the file is not such a model, of another class, or damaged; it is named.
@@ -237,7 +252,7 @@ class Estimator(Parametrised, ABC):
                 warnings.warn(
                     f"{path}: trained on a GPU, not here: on the CPU", stacklevel=2
                 )
-            return cls._rebuilt(header, tensors)
+            return cls._rebuilt(header, tensors, trusted)
         except FileNotFoundError:
             raise
         # A hostile header reaches numpy and torch in many ways.
@@ -247,21 +262,28 @@ class Estimator(Parametrised, ABC):
             ) from error
 
     @classmethod
-    def _rebuilt(cls, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> Self:
-        """The model of a header and tensors, which may be anything; errors of any kind."""
+    def _rebuilt(
+        cls,
+        header: Mapping[str, Any],
+        tensors: dict[str, Tensor],
+        trusted: Collection[str] | None,
+    ) -> Self:
+        """The model of a header and tensors, which may be anything; errors of any kind.
+
+        `trusted` as of :func:`hdc.parameters.rebuild`.
+        """
         parameters = dict(header["parameters"])
         for name in cls.parts:
-            parameters[name] = rebuild(parameters[name], name, cls._known[name])
+            part = rebuild(parameters[name], name, cls._known[name], trusted)
+            parameters[name] = part
         model = cls(**parameters)
-        if torch.device(model.device).type == "meta":
-            raise ValueError(f"device {model.device!r}, which has no memory")
         model._check_parameters()
         shape = header["frame_shape"]
         whole = all(type(n) is int and n > 0 for n in shape)
         if not whole or not 1 <= len(shape) <= 2:
             raise ValueError(f"frame_shape {shape!r}")
         model._set_shape(shape)
-        own = dict(tensors)
+        own = {name: tensor.to(model.device) for name, tensor in tensors.items()}
         model._restore_encoder(own)
         model._restore(header, own)
         model._columns = header.get("columns")
@@ -303,6 +325,22 @@ class Estimator(Parametrised, ABC):
             regressor_tags=None if classifier else RegressorTags(poor_score=True),
             input_tags=InputTags(two_d_array=True, three_d_array=True),
         )
+
+
+def check_device(device: Any) -> None:
+    """Raise ValueError, one line, for a device that this machine has not, or that holds nothing."""
+    try:
+        if torch.empty(1, device=torch.device(device)).is_meta:
+            raise ValueError("it has no memory")
+    # Each kind of device has errors of its own.
+    except Exception as error:
+        expected = "'cpu'"
+        if torch.cuda.is_available():
+            expected += " or 'cuda'"
+        reason = str(error).partition("\n")[0]
+        raise ValueError(
+            f"device: expected {expected}, found {device!r}: {reason}"
+        ) from error
 
 
 def _columns_of(frames: Any) -> list[str | int] | None:

@@ -13,6 +13,8 @@ import torch
 from torch import Tensor
 
 Label = str | int | float | bool
+_LABELS = (str, int, float, bool)
+_TIMES = (np.datetime64, np.timedelta64)
 _VALUES = {"frames": "pixels", "labels": "labels", "targets": "numbers"}
 _LARGEST_TARGET = 1e300  # sums of larger ones overflow
 _CONTINUOUS = 30
@@ -142,28 +144,40 @@ def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> 
 def label_array(labels: Any, n: int) -> np.ndarray:
     """Labels [n], each a str, int, float or bool, as an array; those of a column [n, 1], too.
 
+    Each is exactly what was given, in an array of objects where numpy has no type that holds them.
+
     Raises:
-        ValueError: for a wrong number of labels, another type, NaN, or masked ones.
+        ValueError: for a wrong number of labels, another type such as dates, NaN, or masked ones.
     """
     labels = _without_column(_one_a_frame("labels", labels, n))
-    if isinstance(labels, np.ndarray):
-        items = labels.tolist()
-    else:
-        items = [_as_python(label) for label in labels]
+    if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
+        labels = labels.tolist()  # numbers as Python's, of the same value
+    items = [_as_python(label) for label in labels]
     for i, label in enumerate(items):
-        if not isinstance(label, Label) or label != label:
+        if type(label) not in _LABELS or label != label:
+            advice = "; dates and times as text: y.astype(str)"
+            if not isinstance(label, _TIMES):
+                advice = ""
             raise ValueError(
-                f"labels[{i}]: expected a str, int, float or bool, found {label!r}"
+                f"labels[{i}]: expected a str, int, float or bool, found {label!r}{advice}"
             )
-    of_one_type = len(set(map(type, items))) == 1
-    array = np.array(items) if of_one_type else np.array(items, object)
-    # numpy drops null characters at the end of a string.
-    return array if array.tolist() == items else np.array(items, object)
+    array = np.array(items, object)
+    if len(set(map(type, items))) == 1:
+        # numpy makes floats of some integers, and drops null characters at the end of a string.
+        plain = np.array(items)
+        found = plain.tolist()
+        if found == items and type(found[0]) is type(items[0]):
+            return plain
+    return array
 
 
 def _as_python(label: Any) -> Any:
-    """A number of numpy or torch as Python's, others as they are."""
-    return label.item() if isinstance(label, np.generic | Tensor) else label
+    """A number or text of numpy or torch as Python's, others, such as dates, as they are."""
+    if isinstance(label, Tensor) and label.ndim == 0:
+        return label.item()
+    if isinstance(label, np.generic) and not isinstance(label, _TIMES):
+        return label.item()
+    return label
 
 
 def _without_column(labels: Any) -> Any:
@@ -246,20 +260,36 @@ def classes_of(labels: Iterable[Label]) -> np.ndarray:
     """The distinct labels, sorted.
 
     Raises:
-        ValueError: for text beside numbers, which have no order.
+        ValueError: for text beside numbers, which have no order, or truth values beside numbers, of
+            which True and 1 would become one class.
     """
-    try:
-        distinct = sorted(dict.fromkeys(labels))
-    except TypeError as error:
-        raise ValueError(
-            "labels: expected all text or all numbers, found both"
-        ) from error
+    labels = list(labels)
+    _check_one_kind(labels)
+    distinct = sorted(dict.fromkeys(labels))
     return label_array(distinct, len(distinct))
+
+
+def _check_one_kind(labels: Iterable[Label]) -> None:
+    """Raise ValueError for labels of two of the kinds text, numbers and truth values."""
+    kinds = {_kind_of(label): label for label in labels}
+    if len(kinds) < 2:
+        return
+    listed = " beside ".join(repr(kinds[kind]) for kind in sorted(kinds))
+    raise ValueError(
+        "labels: expected all text, all numbers or all truth values, found " + listed
+    )
+
+
+def _kind_of(label: Label) -> str:
+    if isinstance(label, str):
+        return "text"
+    return "truth value" if isinstance(label, bool) else "number"
 
 
 def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
     """Raise ValueError for the first label that is not among the classes of a model."""
     known = set(classes)
+    _check_one_kind([*labels, *known])
     if unknown := [label for label in labels if label not in known]:
         raise ValueError(
             f"labels: expected classes among {sorted(known)}, found {unknown[0]!r}"

@@ -42,9 +42,9 @@ class Learner(Rejecting):
         A read-out that wants all hypervectors at once has them before the last yield.
         """
         frames, labels = self._samples(frames, y)
+        inputs.check_discrete(labels)
         classes = inputs.classes_of(labels)
         inputs.check_two_classes(classes)
-        inputs.check_discrete(labels)
         self._start(frames, classes.tolist())
         rows = torch.tensor([self._index[label] for label in labels])
         self._reserve(rows)
@@ -75,7 +75,7 @@ class Learner(Rejecting):
     def _samples(self, frames: Any, y: Any) -> tuple[Any, list[Label]]:
         """Frames with a shape, and their labels; at least one."""
         self._check_parameters()
-        frames = self._checked_frames(frames, training=True)
+        frames = self._checked_frames(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
         if not labels:
             raise ValueError("frames: expected at least one frame, found none")

@@ -8,11 +8,12 @@ of the part are ``encoder__ties`` and so on.
 from __future__ import annotations
 
 import copy
+import difflib
 import importlib
 import inspect
 import math
 import numbers
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 Method = TypeVar("Method", bound=Callable[..., Any])
@@ -42,12 +43,11 @@ class Parametrised:
         Raises:
             ValueError: for a name that is none of them.
         """
-        own = self.get_params(deep=False)
         for name, value in sorted(params.items(), key=lambda item: "__" in item[0]):
             part, _, inner = name.partition("__")
-            if part not in own or (inner and part not in self.parts):
-                known = ", ".join(self.get_params())
-                raise ValueError(f"set_params: expected one of {known}, found {name!r}")
+            known = self.get_params(deep=bool(inner))
+            if name not in known:
+                raise ValueError(f"set_params: {not_among(name, known)}")
             if inner:
                 chosen = copy.copy(self.parts[part](getattr(self, part)))
                 setattr(self, part, chosen.set_params(**{inner: value}))
@@ -146,10 +146,9 @@ def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
     if name in known:
         return known[name]
     module, _, attribute = name.rpartition(".")
-    listed = ", ".join(known)
     if not module:
-        expected = f"one of {listed}, or a dotted name such as 'module.Class'"
-        raise ValueError(f"{what}: expected {expected}, found {name!r}")
+        dotted = "or a dotted name such as 'module.Class'"
+        raise ValueError(f"{what}: {not_among(name, known, dotted)}")
     try:
         found = getattr(importlib.import_module(module), attribute)
     except (ImportError, AttributeError) as error:
@@ -173,8 +172,26 @@ def name_of(part: object, known: Mapping[str, type]) -> str:
 def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
     """Raise ValueError, listing the choices, for a value that is none of them."""
     if value not in list(choices):  # a dictionary would ask for its hash
-        listed = ", ".join(map(str, choices))
-        raise ValueError(f"{name}: expected one of {listed}, found {value!r}")
+        raise ValueError(f"{name}: {not_among(value, choices)}")
+
+
+def not_among(value: Any, choices: Iterable[Any], others: str = "") -> str:
+    """What was expected, what was found, and the choice of a name much like it, if there is one.
+
+    Args:
+        value: what was found.
+        choices: what it could have been.
+        others: what else, in words.
+    """
+    names = [str(choice) for choice in choices]
+    expected = f"expected one of {', '.join(names)}"
+    if others:
+        expected += f", {others}"
+    text = f"{expected}, found {value!r}"
+    if isinstance(value, str):
+        for near in difflib.get_close_matches(value, names, n=1):
+            text += f". Did you mean {near!r}?"
+    return text
 
 
 def check_integer(name: str, value: Any, least: int, most: int | None = None) -> None:
@@ -240,19 +257,40 @@ def _shown(value: Any) -> str:
 
 
 def rebuild(
-    description: Mapping[str, Any], what: str, known: Mapping[str, type]
+    description: Mapping[str, Any],
+    what: str,
+    known: Mapping[str, type],
+    trusted: Collection[str] | None = None,
 ) -> Any:
-    """The part that :func:`describe` described; errors as of :func:`make_part`."""
-    kind = find_class(description["class"], what, known)
-    if not issubclass(kind, Parametrised):
+    """The part that :func:`describe` described; errors as of :func:`make_part`.
+
+    Args:
+        description: of a file, which may be anything.
+        what: the parameter, for errors.
+        known: our own classes by name.
+        trusted: dotted names of the other classes whose modules may be imported; None: any.
+    """
+    name = description["class"]
+    if name not in known and trusted is not None and name not in trusted:
         raise ValueError(
-            f"{what}: expected a part of a model, found {description['class']!r}"
+            f"{what}: expected one of {', '.join(known)}, or a class that is trusted, found "
+            f"{name!r}; to import it: load(path, trusted=[{name!r}])"
         )
+    kind = find_class(name, what, known)
+    if not issubclass(kind, Parametrised):
+        raise ValueError(f"{what}: expected a part of a model, found {name!r}")
     parameters = dict(description["parameters"])
-    for name, value in parameters.items():
+    for key, value in parameters.items():
         if isinstance(value, Mapping):
-            parameters[name] = rebuild(value, name, known)
-    return kind(**parameters)
+            parameters[key] = rebuild(value, key, known, trusted)
+    part = kind(**parameters)
+    for key in part.parts:
+        found = getattr(part, key)
+        if not isinstance(
+            found, Parametrised
+        ):  # a name would be imported, trusted or not
+            raise ValueError(f"{key}: expected a part of a model, found {found!r}")
+    return part
 
 
 def _is_scalar(value: Any) -> bool:

@@ -80,13 +80,13 @@ class HDCRegressor(Estimator):
         """
         trained = self._untrained()
         trained._check_parameters()
-        frames = trained._checked_frames(frames, training=True)
+        frames = trained._checked_frames(frames)
         values = inputs.targets(y, len(frames))
         trained._one = values.ndim == 1
         trained._check_enough(frames)
         trained._learn_encoder(frames)
         words = torch.cat(list(trained._encoded(frames)))
-        trained._learn(words, _table(values))
+        trained._learn(words, _table(values), make_value_readout(self.readout))
         self._adopt(trained)
         return self
 
@@ -108,7 +108,7 @@ class HDCRegressor(Estimator):
         words, values = self._pairs(frames, y)
         all_words = torch.cat((self._words, words))
         all_values = torch.cat((self._values, values))
-        self._learn(all_words, all_values)
+        self._learn(all_words, all_values, self.readout_)
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
@@ -147,9 +147,9 @@ class HDCRegressor(Estimator):
                 f"frames: expected at least two, found {len(frames)} sample"
             )
 
-    def _learn(self, words: Tensor, values: Tensor) -> None:
-        """Take a read-out that has learned these."""
-        readout = make_value_readout(self.readout).unlearned()
+    def _learn(self, words: Tensor, values: Tensor, like: ValueReadout) -> None:
+        """Take a read-out of the parameters of another one that has learned these."""
+        readout = like.unlearned()
         # Numpy compares a pair of words in the time that it encodes a pixel in.
         n_compared = len(words) * words.numel() // 2
         readout.backend = bits.choose_backend(self.backend, self.device, n_compared)
@@ -230,7 +230,7 @@ class HDCRegressor(Estimator):
         check_tensors({"words": words, "values": values}, shapes, floats=("values",))
         bits.check_padding(words, self.dimension_)
         self._one = bool(header["one"])
-        words = words.to(self.device)
+        values = values.cpu()
         readout = make_value_readout(self.readout).unlearned()
         own = {}
         for name, tensor in tensors.items():

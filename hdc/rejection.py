@@ -46,7 +46,8 @@ RATE = 0.05
 """Share of known frames that are refused unless another is given."""
 FEWEST = 4
 """Frames of a class from which its distances are compared with those of other classes."""
-_GOLDEN = 0x9E3779B97F4A7C15  # 2^64 over the golden ratio
+_SEED = 0  # of the choice among training frames
+_WORD = 2**64 - 1
 
 
 class Rejecting(Estimator):
@@ -117,9 +118,18 @@ class Rejecting(Estimator):
 
 
 class Sample:
-    """Up to 19 hypervectors of each class, every one with the same chance, in any batches."""
+    """Up to 19 hypervectors of each class, every one with the same chance, in any batches.
 
-    def __init__(self) -> None:
+    A reservoir (Vitter, ACM Trans. Math. Softw. 11, 37 (1985), algorithm R): frame k takes a random
+    one of k + 1 places, and is kept where that is one of the 19. Random numbers follow from the
+    seed and from k alone, so batches, files and machines change nothing.
+
+    Args:
+        seed: of the random numbers, a whole number that is not negative.
+    """
+
+    def __init__(self, seed: int = _SEED) -> None:
+        self.seed = seed
         self.seen: dict[Label, int] = {}  # how many of each class came by
         self._kept: dict[Label, list[Tensor]] = {}
 
@@ -129,7 +139,7 @@ class Sample:
         for i, label in enumerate(labels):
             k = self.seen.get(label, 0)
             self.seen[label] = k + 1
-            place = k if k < KEPT else _random_place(k)
+            place = k if k < KEPT else random_place(self.seed, k)
             if place < KEPT:
                 chosen[label, place] = i
         return {i: place for place, i in chosen.items()}
@@ -157,21 +167,49 @@ class Sample:
         self.seen[label] = seen
 
     def merge(self, other: Sample) -> None:
-        """Make this a sample of all that came by either."""
+        """Make this a sample of all that came by either.
+
+        How many places the frames of the other take is what drawing 19 of all frames would give
+        (hypergeometric).
+        """
         for label, n_other in other.seen.items():
             words = other.of(label)
             n = self.seen.get(label, 0)
             if n:
                 mine = self.of(label)
-                share = round(KEPT * n_other / (n + n_other))
-                theirs = words[: max(share, KEPT - len(mine))]
-                words = torch.cat((mine[: KEPT - len(theirs)], theirs))
+                drawn = np.random.default_rng((self.seed, n, n_other))
+                n_kept = min(KEPT, n + n_other)
+                share = int(drawn.hypergeometric(n_other, n, n_kept))
+                words = torch.cat(
+                    (
+                        _some(mine, n_kept - share, drawn),
+                        _some(words, share, drawn),
+                    )
+                )
             self.put(label, words, n + n_other)
 
 
-def _random_place(k: int) -> int:
-    """Place of frame k among k + 1 (Vitter's reservoir), the same whenever it is asked for."""
-    return (k * _GOLDEN % 2**64) * (k + 1) >> 64
+def _some(words: Tensor, n: int, drawn: np.random.Generator) -> Tensor:
+    """Any n of the hypervectors, in their order."""
+    places = np.sort(drawn.permutation(len(words))[:n])
+    return words[torch.from_numpy(places)]
+
+
+def random_place(seed: int, k: int) -> int:
+    """A random place of frame k among k + 1, by SplitMix64 of the seed and k.
+
+    Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
+    """
+    mixed = _mix(_mix(seed + 1) + k)
+    return mixed * (k + 1) >> 64
+
+
+def _mix(z: int) -> int:
+    """One number of SplitMix64 from its state."""
+    z = (z * 0x9E3779B97F4A7C15) & _WORD
+    z = ((z ^ z >> 30) * 0xBF58476D1CE4E5B9) & _WORD
+    z = ((z ^ z >> 27) * 0x94D049BB133111EB) & _WORD
+    return z ^ z >> 31
 
 
 @dataclass(frozen=True)

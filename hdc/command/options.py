@@ -97,7 +97,25 @@ pixels = together(
 output = click.option(
     "-o", "--output", type=FILE, required=True, help="File to write the model to."
 )
-model = click.argument("model", type=FILE)
+TRUSTED = "hdc.trusted"
+"""Where the names of ``--trusted`` are kept in the context of a command."""
+
+
+def _keep_trusted(context: click.Context, _: object, names: tuple[str, ...]) -> None:
+    context.meta[TRUSTED] = names
+
+
+model = together(
+    click.argument("model", type=FILE),
+    click.option(
+        "--trusted",
+        multiple=True,
+        expose_value=False,
+        callback=_keep_trusted,
+        metavar="MODULE.CLASS",
+        help="Import this class of your own, which the model names; may be repeated.",
+    ),
+)
 json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
 reject = click.option(
     "--reject",

@@ -11,10 +11,12 @@ from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 import hdc
 from hdc import io, readers
+from hdc.command.options import TRUSTED
 from hdc.readers import BadFrame, Recording, Window, natural_key
 from hdc.readers.images import stream_files
 from hdc.readers.listing import MANIFEST, image_files
@@ -54,7 +56,9 @@ def load(path: Path) -> tuple[Any, Window]:
         raise ValueError(
             f"{path}: expected a saved {' or '.join(KINDS)}, found {kind!r}"
         )
-    model = getattr(hdc, kind).load(path)
+    context = click.get_current_context(silent=True)
+    trusted = context.meta.get(TRUSTED, ()) if context else ()
+    model = getattr(hdc, kind).load(path, trusted)
     crop, subsample = (model.metadata_.get(key) for key in ("crop", "subsample"))
     return model, Window(crop, subsample or 1)
 

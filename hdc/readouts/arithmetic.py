@@ -9,8 +9,27 @@ from torch import Tensor
 
 from hdc import bits
 
+MOST_FRAMES = 8000
+"""Training frames of a read-out that is solved by the products of all pairs."""
 _ROWS = 64  # of a Gram matrix at a time
 _STEP = 64  # words unpacked at a time; their floats stay in the cache
+
+
+def check_memory(readout: str, n: int, matrices: int) -> None:
+    """Raise ValueError for more frames than a Gram matrix of all pairs has room for.
+
+    Args:
+        readout: its name, for the error.
+        n: training frames.
+        matrices: float64 [n, n] that are held at a time.
+    """
+    if n > MOST_FRAMES:
+        memory = matrices * 8 * n**2 / 1e9
+        raise ValueError(
+            f"{readout}: expected at most {MOST_FRAMES} frames, found {n}, which need {matrices} "
+            f"matrices of {n} × {n}, {memory:.1f} GB; train on some of them, or use a read-out "
+            "without such a matrix, such as 'neighbours'"
+        )
 
 
 def dot(

@@ -30,13 +30,12 @@ from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
 from hdc.prototypes import Counters
-from hdc.readouts.arithmetic import combinations, dot, gram
+from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout
 from hdc.readouts.discriminant import Problem
 from hdc.readouts.leave_one_out import discriminants
 
 SHRINKAGES = ("ledoit_wolf", "oas")
-MOST_FRAMES = 8000
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
 _CLIPPED = 0.995  # quantile of the weights that becomes the largest
 _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
@@ -80,14 +79,7 @@ class LDA(Readout):
         Raises:
             ValueError: for more than 8000 frames, of which the Gram matrices fill the memory.
         """
-        n = len(words)
-        if n > MOST_FRAMES:
-            memory = 2 * 8 * n**2 / 1e9
-            raise ValueError(
-                f"lda: expected at most {MOST_FRAMES} frames, found {n}, which need two matrices "
-                f"of {n} × {n}, {memory:.1f} GB; train on some of them, or use the read-out "
-                "'trained'"
-            )
+        check_memory("lda", len(words), matrices=2)
         known, place = rows.unique(return_inverse=True)
         problem = Problem.of(gram(words, words, dimension, self.backend), place)
         if problem.is_empty:

@@ -24,7 +24,7 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
-from hdc.readouts.arithmetic import dot, gram
+from hdc.readouts.arithmetic import check_memory, dot, gram
 from hdc.readouts.base import HeldOut, Readout
 from hdc.readouts.values import ValueReadout
 
@@ -289,7 +289,11 @@ def solve(
         penalty: in units of the mean of K's diagonal; None tries :data:`PENALTIES`.
         backend: of :func:`hdc.bits.hamming`.
         prior: weights to stay near, with their penalty.
+
+    Raises:
+        ValueError: for more than 8000 frames, of which the matrices fill the memory.
     """
+    check_memory("ridge", len(words), matrices=4)
     products = gram(words, words, dimension, backend)
     left = targets
     if prior is not None:

@@ -15,6 +15,8 @@ from hdc.io import check_tensors
 from hdc.parameters import Parametrised, check_integer
 from hdc.readouts.base import learned_tensors
 
+_ROWS = 256  # frames that are compared with all others at a time
+
 
 class ValueReadout(Parametrised, ABC):
     """T numbers a frame from packed hypervectors; an idea is a subclass in a file of its own.
@@ -93,11 +95,14 @@ class NeighbourValues(ValueReadout):
         self._words = words
         self._targets = values
         self._dimension = dimension
-        distances = self._distances(words)
-        np.fill_diagonal(distances, dimension + 1)  # none is its own neighbour
-        n_others = max(1, len(words) - 1)
-        places = self._nearest(distances)[:, : min(self.n_neighbours, n_others)]
-        self.residuals_ = values - values[places].mean(1)
+        k = min(self.n_neighbours, max(1, len(words) - 1))
+        means = []
+        for start in range(0, len(words), _ROWS):  # not all pairs at a time
+            distances = self._distances(words[start : start + _ROWS])
+            own = np.arange(len(distances))
+            distances[own, start + own] = dimension + 1  # none is its own neighbour
+            means.append(values[self._nearest(distances)[:, :k]].mean(1))
+        self.residuals_ = values - torch.cat(means)
         return self
 
     def values(self, words: Tensor) -> Tensor:

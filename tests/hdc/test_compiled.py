@@ -181,7 +181,7 @@ def test_other_backends_and_devices_are_refused() -> None:
         HDCClassifier(backend="cuda").fit(frames, [0, 1, 0, 1])
     message = "backend: 'compiled' expects device 'cpu', found 'meta'"
     with pytest.raises(ValueError, match=message):
-        HDCClassifier(backend="compiled", device="meta").fit(frames, [0, 1, 0, 1])
+        bits.choose_backend("compiled", "meta")
     with pytest.raises(ValueError, match=message):
         encode(frames.to("meta"), backend="compiled")
 

@@ -150,6 +150,24 @@ def test_any_frame_with_any_ties(encoder, d, dtype, gcc, tmp_path, kinds_of_fram
     assert len(np.unique(answers.classes)) > 1
 
 
+@pytest.mark.parametrize("readout", ["majority", "lda"])
+@pytest.mark.parametrize(
+    "encoder", [Median("below"), Levels(2, lit=0.9), Deviation()], ids=repr
+)
+def test_compilers_of_cpp_have_nothing_to_say(encoder, readout, tmp_path):
+    gpp = shutil.which("g++")
+    if gpp is None:
+        pytest.skip("no C++ compiler here: looked for g++")
+    model, _ = trained_on(100, encoder, readout)
+    plan = Plan.of(model, "touch", reject=0.2)
+    (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a test"))
+    (tmp_path / "sketch.cpp").write_text(ANSWER)
+    strict = [*STRICT, "-Wold-style-cast", "-Wuseless-cast"]
+    command = [gpp, "-std=c++17", *strict, "-c", "-o", "sketch.o", "sketch.cpp"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.parametrize("encoder", [Levels(3), Deviation()], ids=repr)
 @pytest.mark.parametrize("d", [1, 2, 63, 64])
 def test_few_pixels(d, encoder, gcc, tmp_path, kinds_of_frames):

@@ -63,7 +63,10 @@ def test_integer_labels_in_any_container(kind: str) -> None:
             r"labels\[1\]: expected a str, int, float or bool",
         ),
         ([0, None, 1], r"labels\[1\]: expected a str, int, float or bool, found None"),
-        ([1, "a", 1], "labels: expected all text or all numbers, found both"),
+        (
+            [1, "a", 1],
+            "labels: expected all text, all numbers or .*, found 1 beside 'a'",
+        ),
         ([7, 7, 7], "expected at least two classes, found one class, 7"),
     ],
 )

@@ -126,6 +126,7 @@ def test_every_combination_recalibrates_or_says_why_not(encoder, readout: str) -
 # Parts of one's own -------------------------------------------------------------------------------
 
 
+OWN_NAMES = [f"laboratory.{name}" for name in ("Bright", "Corner", "First", "Mean")]
 OWN = """
 import torch
 from hdc import bits
@@ -207,7 +208,7 @@ def test_own_parts_by_dotted_name(
     assert model.score(queries, truth) > 0.7
     assert model.is_known(queries, 0.2).mean() > 0.5
     model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m", OWN_NAMES)
     expected = model.decision_function(queries)
     assert np.array_equal(loaded.decision_function(queries), expected)
     if readout == "laboratory.First":
@@ -225,7 +226,7 @@ def test_parameters_of_own_parts_are_kept_and_searched(
     assert model.get_params()["encoder__above"] == 100
     model.set_params(encoder__above=130, readout__place=1).fit(frames, labels)
     model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m", OWN_NAMES)
     assert (loaded.encoder.above, loaded.readout.place) == (130, 1)
     assert np.array_equal(loaded.predict(frames), model.predict(frames))
 
@@ -236,7 +237,9 @@ def test_own_read_outs_of_numbers_by_dotted_name(own: Path, tmp_path: Path) -> N
         frames, np.arange(80.0)
     )
     model.save(tmp_path / "m")
-    assert HDCRegressor.load(tmp_path / "m").predict(frames[:2]).tolist() == [
+    assert HDCRegressor.load(tmp_path / "m", OWN_NAMES).predict(
+        frames[:2]
+    ).tolist() == [
         39.5,
         39.5,
     ]
@@ -249,7 +252,7 @@ def test_where_the_module_is_missing_one_line_says_so(
     HDCClassifier(readout="laboratory.First").fit(frames, labels).save(tmp_path / "m")
     code = (
         "import sys; from hdc import HDCClassifier\n"
-        "try: HDCClassifier.load(sys.argv[1])\n"
+        "try: HDCClassifier.load(sys.argv[1], ['laboratory.First'])\n"
         "except ValueError as error: print(error)"
     )
     done = subprocess.run(

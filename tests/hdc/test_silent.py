@@ -1,11 +1,16 @@
 """What once answered silently wrong, or not at all: refused, or right."""
 
+import datetime
+import enum
+import sys
+
 import numpy as np
 import pytest
 import torch
 
 from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.encoders import Levels, Median, Reference
+from hdc.encoders import Levels, Median, Quantile, Reference
+from hdc.readouts import Majority, RidgeValues
 from hdc.readouts.values import NeighbourValues
 
 X = np.random.default_rng(0).integers(0, 255, (12, 8, 8)).astype("u1")
@@ -86,3 +91,266 @@ def test_a_recalibration_without_frames_of_a_class_warns(readout):
         UserWarning, match="recalibrate: no new frames of 'b', 'c'; where"
     ):
         model.recalibrate(X[::3], ["a"] * 4)
+
+
+# Parts and parameters that change after training -------------------------------------------------
+
+
+def test_what_was_trained_is_saved_whatever_becomes_of_the_objects_given(tmp_path):
+    encoder, readout = Quantile("3/4"), Majority("one")
+    model = HDCClassifier(encoder, readout).fit(X, Y)
+    expected = model.distances(X)
+    encoder.at, readout.ties = "1/4", "zero"
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert (loaded.distances(X) == expected).all()
+    assert (loaded.encoder.at, loaded.readout.ties) == ("3/4", "one")
+    base = Quantile("3/4")
+    nested = HDCClassifier(Reference(base)).fit(X, Y)
+    expected = nested.distances(X)
+    base.at = "1/4"
+    nested.save(tmp_path / "n")
+    assert (HDCClassifier.load(tmp_path / "n").distances(X) == expected).all()
+
+
+def test_further_frames_are_learnt_by_what_was_trained():
+    readout = RidgeValues(2.0)
+    model = HDCRegressor(readout=readout).fit(X[:8], np.arange(8.0))
+    readout.penalty = 1e-4
+    model.partial_fit(X[8:], np.arange(8.0, 12.0))
+    expected = HDCRegressor(readout=RidgeValues(2.0)).fit(X, np.arange(12.0))
+    assert (model.predict(X) == expected.predict(X)).all()
+
+
+@pytest.mark.parametrize("kind", [HDCClassifier, HDCRegressor])
+def test_a_device_that_is_set_after_training_is_refused(kind):
+    model = kind().fit(X, Y).set_params(device="gpu")
+    with pytest.raises(
+        ValueError, match=r"^device: expected 'cpu', .* found 'gpu'; call fit again$"
+    ):
+        model.predict(X)
+
+
+@pytest.mark.parametrize("device", ["gpu", "cuda:99", "meta", "", 1.5, None])
+@pytest.mark.parametrize("kind", [HDCClassifier, HDCRegressor])
+def test_a_device_that_is_none_is_named_in_one_line(kind, device):
+    with pytest.raises(ValueError, match=r"^device: expected 'cpu'.*, found") as caught:
+        kind(device=device).fit(X, Y)
+    assert "\n" not in str(caught.value)
+
+
+# Whole or nothing --------------------------------------------------------------------------------
+
+
+def test_a_failed_first_batch_leaves_no_names_of_columns():
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame(X.reshape(12, -1)).add_prefix("pixel ")
+    model = HDCClassifier()
+    before = vars(model).copy()
+    with pytest.raises(ValueError, match="labels: expected 12"):
+        model.partial_fit(table, Y[:3])
+    assert vars(model) == before
+    other = table.rename(columns=str.upper)
+    assert model.partial_fit(other, Y).feature_names_in_[0] == "PIXEL 0"
+
+
+def test_a_merge_that_fails_halfway_changes_nothing(monkeypatch):
+    mine = HDCClassifier(readout="neighbours").fit(X, Y)
+    other = HDCClassifier(readout="neighbours").fit(255 - X, [1, 2] * 6)
+    before = mine.distances(X), mine.predict(X), mine.counts_.tolist()
+    frames, kept = mine.readout_.frames_.clone(), mine._sample.of(1).clone()
+
+    def fail(*_):
+        raise MemoryError
+
+    monkeypatch.setattr(type(mine.readout_), "merge", fail)
+    with pytest.raises(MemoryError):
+        mine.merge(other)
+    untrained = HDCClassifier(readout="neighbours")
+    with pytest.raises(MemoryError):
+        untrained.merge(other)
+    assert not hasattr(untrained, "classes_")
+    assert mine.classes_.tolist() == [0, 1]
+    assert (mine.distances(X) == before[0]).all()
+    assert (mine.predict(X) == before[1]).all()
+    assert mine.counts_.tolist() == before[2]
+    assert torch.equal(mine.readout_.frames_, frames)
+    assert torch.equal(mine._sample.of(1), kept)
+
+
+# Labels ------------------------------------------------------------------------------------------
+
+
+class Colour(enum.IntEnum):
+    RED = 1
+
+
+BIG = 2**53 + 1
+EXACT = {
+    "large": [BIG, BIG - 1],
+    "larger": [2**63, -1],
+    "largest": [2**70, 2**70 + 1],
+    "objects": np.array([BIG, BIG - 1], object),
+    "mixed": [BIG, 0.5],
+    "objects of numpy": np.array([np.int64(BIG), np.int64(3)], object),
+    "uint64": np.array([2**64 - 1, 1], np.uint64),
+    "float16": np.array([0.5, 1], np.float16),
+    "float32": np.array([0.1, 1], np.float32),
+    "bools": [True, False],
+    "text": ["1", "1\0"],
+    "numpy's text": np.array(["b", "a"]),
+    "scalars": [np.str_("b"), np.str_("a")],
+    "tensors": [torch.tensor(BIG), torch.tensor(1)],
+}
+
+
+@pytest.mark.parametrize("name", EXACT)
+def test_labels_are_exactly_those_given(name):
+    given = EXACT[name]
+    model = HDCClassifier().fit(X, [*given] * 6)
+    wanted = [x.item() if hasattr(x, "item") else x for x in given]
+    assert model.classes_.tolist() == sorted(wanted)
+    found = {type(label) for label in model.classes_.tolist()}
+    assert found == {type(label) for label in wanted}
+    asked = model.predict(X).tolist()
+    assert set(asked) == set(wanted)
+
+
+@pytest.mark.parametrize("kind", ["Int64", "string", "category", "boolean", "object"])
+def test_labels_of_pandas_are_exactly_those_given(kind):
+    pandas = pytest.importorskip("pandas")
+    values = {"Int64": [BIG, BIG - 1], "boolean": [True, False]}.get(kind, ["b", "a"])
+    labels = pandas.Series(values * 6, dtype=kind)
+    model = HDCClassifier().fit(X, labels)
+    assert model.classes_.tolist() == sorted(values)
+    assert type(model.classes_.tolist()[0]) is type(values[0])
+
+
+TODAY = datetime.date(2024, 1, 1)
+REFUSED = {
+    "days": np.array(["2024-01-01", "2024-01-02"], "M8[D]"),
+    "nanoseconds": np.array([0, 1], "M8[ns]"),
+    "durations": np.array([0, 1], "m8[ns]"),
+    "durations in a list": [np.timedelta64(1, "ns"), np.timedelta64(2, "ns")],
+    "times in a list": [np.datetime64(1, "ns"), np.datetime64(2, "ns")],
+    "times in an array": np.array([np.datetime64(1, "ns"), 2], object),
+    "dates": [TODAY, TODAY + datetime.timedelta(1)],
+    "bytes": [b"a", b"b"],
+    "longdouble": np.array([0, 1], np.longdouble),
+    "enumerations": [Colour.RED, 2],
+    "tuples": [(1, 2), (1, 3)],
+    "rows": np.zeros((2, 3)),
+    "records": np.zeros(2, "i4, i4"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_labels_of_other_kinds_are_refused(name):
+    with pytest.raises(ValueError, match=r"labels\[\d\]: expected a str, int, float"):
+        HDCClassifier().fit(X[:2], REFUSED[name])
+
+
+@pytest.mark.parametrize("labels", [[1, True, 2], [0, 1, False], ["1", 1, 2]])
+def test_labels_of_two_kinds_are_refused_not_merged(labels):
+    with pytest.raises(ValueError, match="labels: expected all text, all numbers or"):
+        HDCClassifier().fit(X, labels * 4)
+    numbers = HDCClassifier().fit(X, [1, 2, 3] * 4)
+    for learn in (numbers.partial_fit, numbers.recalibrate):
+        with pytest.raises(ValueError, match=r"labels: expected all .* beside"):
+            learn(X[:2], [True, True])
+
+
+# Memory ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("kind", [HDCClassifier, HDCRegressor])
+def test_ridge_regression_of_too_many_frames_is_refused(kind, monkeypatch):
+    monkeypatch.setattr("hdc.readouts.arithmetic.MOST_FRAMES", 11)
+    message = r"^ridge: expected at most 11 frames, found 12, which need 4 matrices"
+    with pytest.raises(ValueError, match=message):
+        kind(readout="ridge").fit(X, Y)
+    kind(readout="neighbours").fit(X, Y)
+
+
+@pytest.mark.parametrize("k", [1, 2, 11, 20])
+def test_neighbours_are_left_out_alike_however_many_are_compared(k, monkeypatch):
+    values = np.arange(12.0) ** 2
+    whole = HDCRegressor(readout=NeighbourValues(k)).fit(X, values).residuals_
+    monkeypatch.setattr("hdc.readouts.values._ROWS", 5)
+    parts = HDCRegressor(readout=NeighbourValues(k)).fit(X, values).residuals_
+    assert (whole == parts).all()
+
+
+# Files that name code ----------------------------------------------------------------------------
+
+
+@pytest.fixture
+def module(tmp_path, monkeypatch):
+    """A module of a user's own that says when it is imported."""
+    folder = tmp_path / "own"
+    folder.mkdir()
+    (folder / "mine.py").write_text(
+        "import sys\nsys.imported_mine = True\n"
+        "from hdc.encoders import Median\nfrom hdc.readouts import Majority\n"
+        "class Bits(Median): pass\nclass Votes(Majority): pass\n"
+    )
+    monkeypatch.syspath_prepend(folder)
+    monkeypatch.setattr(sys, "imported_mine", False, raising=False)
+    yield
+    sys.modules.pop("mine", None)
+
+
+@pytest.mark.parametrize(
+    ("parameters", "name"),
+    [
+        ({"encoder": "mine.Bits"}, "mine.Bits"),
+        ({"readout": "mine.Votes"}, "mine.Votes"),
+        ({"encoder": Reference("mine.Bits")}, "mine.Bits"),
+    ],
+)
+def test_only_a_trusted_module_is_imported(parameters, name, module, tmp_path):
+    model = HDCClassifier(**parameters).fit(X, Y)
+    model.save(tmp_path / "m")
+    del sys.modules["mine"]
+    sys.imported_mine = False
+    for trusted in ((), ["mine"], ["mine.Other"]):
+        with pytest.raises(ValueError, match=r"m: .*trusted=\['mine\.") as caught:
+            HDCClassifier.load(tmp_path / "m", trusted=trusted)
+        assert "\n" not in str(caught.value)
+    assert not sys.imported_mine
+    loaded = HDCClassifier.load(tmp_path / "m", trusted=[name])
+    assert (loaded.predict(X) == model.predict(X)).all()
+    assert sys.imported_mine
+
+
+# Names -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameters", "meant"),
+    [
+        ({"encoder": "medain"}, "median"),
+        ({"readout": "majorty"}, "majority"),
+        ({"readout": Majority("zeros")}, "zero"),
+        ({"encoder": Median("spraed")}, "spread"),
+        ({"backend": "compield"}, "compiled"),
+    ],
+)
+def test_a_name_that_is_much_like_another_is_answered_with_it(parameters, meant):
+    with pytest.raises(ValueError, match=f"Did you mean '{meant}'\\?$"):
+        HDCClassifier(**parameters).fit(X, Y)
+    with pytest.raises(ValueError, match=r"expected one of .*, found 'xyz'$"):
+        HDCClassifier("xyz").fit(X, Y)
+
+
+@pytest.mark.parametrize(
+    ("name", "meant"),
+    [
+        ("enocder", "encoder"),
+        ("readout__balnce", "readout__balance"),
+        ("encoder__base__tise", "encoder__base__ties"),
+    ],
+)
+def test_a_parameter_that_is_much_like_another_is_answered_with_it(name, meant):
+    with pytest.raises(ValueError, match=f"found '{name}'. Did you mean '{meant}'"):
+        HDCClassifier(Reference()).set_params(**{name: 1})

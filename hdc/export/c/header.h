@@ -4,6 +4,15 @@ $banner
 
 #include <stdint.h>
 
+/* The casts of C, where C++ would like its own. */
+#if defined(__cplusplus) && defined(__GNUC__)
+#pragma GCC diagnostic push
+#pragma GCC diagnostic ignored "-Wold-style-cast"
+#if !defined(__clang__)
+#pragma GCC diagnostic ignored "-Wuseless-cast"
+#endif
+#endif
+
 $sizes
 
 typedef $pixel ${name}_pixel;
@@ -40,4 +49,8 @@ static inline int ${name}_predict(${name}_scratch *s, const ${name}_pixel *frame
     return best;
 }
 $after
+#if defined(__cplusplus) && defined(__GNUC__)
+#pragma GCC diagnostic pop
+#endif
+
 #endif /* ${NAME}_H */

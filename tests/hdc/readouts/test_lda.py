@@ -228,7 +228,7 @@ def test_a_class_without_frames_never_wins() -> None:
 
 
 def test_too_many_frames_are_named(monkeypatch) -> None:
-    monkeypatch.setattr("hdc.readouts.lda.MOST_FRAMES", 39)
+    monkeypatch.setattr("hdc.readouts.arithmetic.MOST_FRAMES", 39)
     _, words, rows = problem(40, 130, 3, 10)
     with pytest.raises(
         ValueError, match=r"at most 39 frames, found 40, .* 0\.0 GB; train on"

@@ -27,7 +27,7 @@ STEPS = 1000
 """A probability is stored as a whole number of this."""
 
 
-@experiment(revision=1, uses=("hdc.HDCClassifier",))
+@experiment(revision=2, uses=("hdc.HDCClassifier",))
 def calibration(
     run: Run,
     scene: Mapping[str, Any],

@@ -80,7 +80,7 @@ def values(
             yield {**row, "n": n, "model": "regressor", **of_regressor}
 
 
-@experiment(revision=2, uses=("hdc.HDCClassifier",))
+@experiment(revision=3, uses=("hdc.HDCClassifier",))
 def coverage(
     run: Run,
     scene: Mapping[str, Any],
