@@ -13,6 +13,7 @@ from hdc.encoders.median import Median
 from hdc.encoders.quantile import Quantile
 from hdc.encoders.reference import Reference, ReferenceLevels
 from hdc.encoders.relative import RelativeEncoder
+from hdc.encoders.smoothed import Smoothed
 from hdc.parameters import make_part
 
 __all__ = [
@@ -25,6 +26,7 @@ __all__ = [
     "Reference",
     "ReferenceLevels",
     "RelativeEncoder",
+    "Smoothed",
     "make_encoder",
 ]
 
@@ -56,6 +58,6 @@ def encode_with(
     out: Tensor | None = None,
 ) -> Tensor:
     """Hypervectors by an encoder; one from outside is asked for no more than frames to words."""
-    if type(encoder) in ENCODERS.values():
+    if type(encoder) in (*ENCODERS.values(), Smoothed):
         return encoder.encode(frames, first, backend, out)  # type: ignore[call-arg]
     return encoder.encode(frames)

@@ -10,9 +10,9 @@ from torch import Tensor
 from hdc.encoders.ranks import check_finite, check_frames
 
 FRACTION = 16  # bits after the point of a standardised pixel
-_LARGEST = 18  # bits that floating-point pixels are scaled to
+LARGEST = 18  # bits that floating-point pixels are scaled to
 # A pixel below the first is rounded to 0.
-_POWERS = [2.0**k for k in range(-2, _LARGEST + 1)]
+_POWERS = [2.0**k for k in range(-2, LARGEST + 1)]
 _EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
 
 
@@ -32,7 +32,7 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
             table = values_of_greys(counts[None])[0]
             torch.index_select(table, 0, frame.int(), out=row)
         return values
-    pixels = _integers(flat, first)
+    pixels = integers(flat, first)
     squares = (pixels * pixels).sum(1)
     return _in_steps(pixels, pixels.sum(1), squares, flat.shape[1])
 
@@ -59,7 +59,7 @@ def _in_steps(pixels: Tensor, sums: Tensor, squares: Tensor, n_pixels: int) -> T
     return (scaled / divisors[:, None]).floor().to(torch.int32)
 
 
-def _integers(pixels: Tensor, first: int) -> Tensor:
+def integers(pixels: Tensor, first: int) -> Tensor:
     """Pixels [N, D] as int64 of at most 18 bits; those of more are scaled, frame by frame."""
     if pixels.dtype in _EXACT:
         return pixels.to(torch.int64)

@@ -14,7 +14,7 @@ import torch
 
 from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.command import main
-from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile
+from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile, Smoothed
 from hdc.export import Plan, Sizes, header
 from hdc.readers import Window
 from hdc.readouts import Majority
@@ -576,6 +576,13 @@ def test_settings_that_are_not_allowed(settings, message):
     model, _ = trained_on(65)
     with pytest.raises(ValueError, match=message):
         Plan.of(model, **{"name": "touch", **settings})
+
+
+def test_smoothing_is_not_exported():
+    frames = np.random.default_rng(0).integers(0, 256, (6, 8, 9), np.uint8)
+    model = HDCClassifier(Smoothed("deviation", 1), "lda").fit(frames, [0, 1] * 3)
+    with pytest.raises(ValueError, match=r"expected the encoder .* found Smoothed"):
+        Plan.of(model, "touch")
 
 
 def test_frames_too_large_for_sums_of_64_bits_are_refused():

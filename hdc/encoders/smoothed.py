@@ -1,0 +1,188 @@
+"""Frames smoothed by a Gaussian in integers, before another encoder."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Mapping
+from typing import Any, ClassVar, Self
+
+import torch
+from torch import Tensor
+
+from hdc import inputs
+from hdc.encoders.base import Encoder
+from hdc.encoders.ranks import check_frames
+from hdc.encoders.standardised import LARGEST, integers
+from hdc.io import check_tensors
+from hdc.parameters import check_integer
+
+_MOST = 16  # pixels of deviation
+_REACH = 3  # deviations up to which pixels count
+_WEIGHT = 12  # the weights along an axis have the sum 2¹²
+_STEP = 2**20  # pixels of several frames at a time; 8 bytes each, several times
+_BITS = {torch.uint8: 8, torch.int8: 8, torch.int16: 16, torch.uint16: 16}
+
+
+class Smoothed(Encoder):
+    """Smooths each image, and asks another encoder.
+
+    A pixel becomes the weighted mean of those around it, along columns and then along rows, with
+    the weights of a Gaussian up to three deviations away, in whole numbers of 1/4096; beyond an
+    edge the image is mirrored at its outermost pixels. The mean is rounded to 18 bits, so that all
+    arithmetic is in integers, and every machine has the same bits. Rounding of single grey levels,
+    by a codec or a conversion, then decides few bits; so do details of about a pixel.
+
+    Args:
+        base: the encoder of the smoothed frames, a name or an object.
+        smooth: deviation of the Gaussian in pixels, from 1 to 16.
+
+    Attributes:
+        shape_: int64 [2], rows and columns of a frame.
+
+    Example:
+        >>> import torch
+        >>> frames = torch.zeros(2, 3, 5, dtype=torch.uint8)
+        >>> frames[0, :, 1] = frames[1, :, 3] = 9
+        >>> words = Smoothed("median", 1).fit(frames).encode(frames)
+        >>> words[0] == words[1]
+        tensor([False])
+    """
+
+    learns: ClassVar[bool] = True
+
+    shape_: Tensor
+
+    def __init__(self, base: Any = "median", smooth: int = 1):
+        self.base = base
+        self.smooth = smooth
+
+    @property
+    def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
+        from hdc.encoders import make_encoder
+
+        return {"base": functools.partial(make_encoder, what="base")}
+
+    @property
+    def base_(self) -> Encoder:
+        """The encoder of the smoothed frames."""
+        kept = getattr(self, "_base", None)
+        if kept is None or kept[0] is not self.base:  # set since
+            kept = self._base = self.base, self.parts["base"](self.base).unlearned()
+        return kept[1]
+
+    def check(self) -> None:
+        check_integer("smooth", self.smooth, 1, _MOST)
+        self.base_.check()
+
+    def fit(self, frames: Any) -> Self:
+        """Learn the shape of images [N, H, W], and what the other encoder learns of them smoothed.
+
+        Raises:
+            ValueError: for frames that are no images.
+        """
+        shape = tuple(frames.shape[1:])
+        if len(shape) != 2:
+            raise ValueError(
+                f"smooth: expected images [N, H, W], found frames of shape {shape}"
+            )
+        self.shape_ = torch.tensor(shape)
+        if self.base_.learns:
+            self.base_.fit(_Frames(self, frames))
+        return self
+
+    def dimension(self, n_pixels: int) -> int:
+        return self.base_.dimension(n_pixels)
+
+    def encode(
+        self,
+        frames: Tensor,
+        first: int = 0,
+        backend: str = "numpy",
+        out: Tensor | None = None,
+    ) -> Tensor:
+        """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the smoothed frames."""
+        from hdc.encoders import encode_with
+
+        found = encode_with(self.base_, self.images(frames, first), first, "numpy")
+        if out is None:
+            return found
+        out[: len(found)] = found
+        return out[: len(found)]
+
+    def images(self, frames: Tensor, first: int = 0) -> Tensor:
+        """Smoothed images int32 [N, H, W] of frames [N, H, W] or [N, D], of 18 bits."""
+        check_frames(frames)
+        flat = frames.flatten(1)
+        height, width = self.shape_.tolist()
+        found = torch.empty(flat.shape, dtype=torch.int32, device=frames.device)
+        step = max(1, _STEP // flat.shape[1])
+        weights = gaussian(self.smooth)
+        surplus = _BITS.get(frames.dtype, LARGEST) + 2 * _WEIGHT - LARGEST
+        half = 1 << (surplus - 1)
+        for start in range(0, len(flat), step):
+            part = integers(flat[start : start + step], first + start)
+            images = part.view(-1, height, width)
+            total = _along(_along(images, weights, 1), weights, 2)
+            found[start : start + step] = ((total + half) >> surplus).flatten(1)
+        return found.view(-1, height, width)
+
+    def state(self) -> dict[str, Tensor]:
+        return {"shape": self.shape_, **self.base_.state()}
+
+    def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
+        others = dict(tensors)
+        shape = others.pop("shape").cpu()
+        check_tensors({"shape": shape}, {"shape": (2,)})
+        if int(shape.min()) < 1 or math.prod(shape.tolist()) != n_pixels:
+            raise ValueError(
+                f"shape: expected that of {n_pixels} pixels, found {shape.tolist()}"
+            )
+        self.shape_ = shape
+        self.base_.restore(others, n_pixels)
+
+
+class _Frames:
+    """Frames that are smoothed where they are asked for."""
+
+    def __init__(self, encoder: Smoothed, frames: Any) -> None:
+        self.shape = tuple(frames.shape)
+        self._encoder = encoder
+        self._frames = frames
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, chosen: slice) -> Tensor:
+        part = inputs.tensor(self._frames[chosen])
+        return self._encoder.images(part, chosen.start or 0)
+
+
+@functools.cache
+def gaussian(deviation: int) -> tuple[int, ...]:
+    """Weights of pixels −3σ to 3σ away, whole numbers with the sum 2¹²."""
+    reach = _REACH * deviation
+    heights = [math.exp(-0.5 * (k / deviation) ** 2) for k in range(-reach, reach + 1)]
+    unit = 2**_WEIGHT / sum(heights)
+    weights = [round(height * unit) for height in heights]
+    weights[reach] += 2**_WEIGHT - sum(weights)
+    return tuple(weights)
+
+
+def _along(images: Tensor, weights: tuple[int, ...], axis: int) -> Tensor:
+    """Weighted sums along an axis of images int64 [N, H, W]."""
+    n = images.shape[axis]
+    reach = len(weights) // 2
+    around = _mirrored(n, reach).to(images.device)
+    padded = images.index_select(axis, around)
+    total = torch.zeros_like(images)
+    for k, weight in enumerate(weights):
+        total.add_(padded.narrow(axis, k, n), alpha=weight)
+    return total
+
+
+def _mirrored(n: int, reach: int) -> Tensor:
+    """Places −reach to n − 1 + reach of an axis of n pixels, mirrored at the first and the last."""
+    period = max(1, 2 * (n - 1))
+    places = torch.arange(-reach, n + reach) % period
+    return torch.minimum(places, period - places) if n > 1 else places

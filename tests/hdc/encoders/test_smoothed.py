@@ -1,0 +1,156 @@
+"""Smoothing in integers: against the double sum, and against a Gaussian in floats."""
+
+from __future__ import annotations
+
+from math import exp, floor
+
+import numpy as np
+import pytest
+import torch
+from scipy.ndimage import gaussian_filter
+from sklearn.base import clone
+
+from hdc import HDCClassifier
+from hdc.bank import Bank
+from hdc.encoders import Deviation, Levels, Median, Reference, Smoothed
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
+BASES = [Median(), Levels(3), Levels(2, lit=0.5), Reference("levels"), Deviation()]
+
+
+def weights_of(deviation: int) -> dict[int, int]:
+    reach = 3 * deviation
+    heights = {k: exp(-0.5 * k**2 / deviation**2) for k in range(-reach, reach + 1)}
+    found = {k: round(4096 * h / sum(heights.values())) for k, h in heights.items()}
+    found[0] += 4096 - sum(found.values())
+    return found
+
+
+def mirrored(place: int, n: int) -> int:
+    while not 0 <= place < n:
+        place = -place if place < 0 else 2 * (n - 1) - place
+        if n == 1:
+            return 0
+    return place
+
+
+def plainly(image: np.ndarray, deviation: int, bits: int) -> list[list[int]]:
+    """The double sum over an image of integers of so many bits, rounded to 18."""
+    height, width = image.shape
+    weights = weights_of(deviation)
+    rows = []
+    for y in range(height):
+        row = []
+        for x in range(width):
+            total = 0
+            for dy, a in weights.items():
+                for dx, b in weights.items():
+                    pixel = image[mirrored(y + dy, height), mirrored(x + dx, width)]
+                    total += a * b * int(pixel)
+            unit = 2 ** (bits + 24 - 18)
+            row.append(floor((2 * total + unit) / (2 * unit)))
+        rows.append(row)
+    return rows
+
+
+@pytest.mark.parametrize(("dtype", "bits"), [("uint8", 8), ("uint16", 16)])
+@pytest.mark.parametrize("shape", [(1, 1), (1, 9), (2, 2), (6, 11)])
+@pytest.mark.parametrize("deviation", [1, 2])
+def test_sums_by_their_definition(shape, deviation, dtype, bits) -> None:
+    rng = np.random.default_rng(0)
+    images = rng.integers(0, 2**bits, (3, *shape)).astype(dtype)
+    images[1] = 2**bits - 1
+    encoder = Smoothed(smooth=deviation).fit(images)
+    found = encoder.images(torch.from_numpy(images))
+    assert found.dtype == torch.int32
+    assert found.tolist() == [plainly(image, deviation, bits) for image in images]
+
+
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "float32", "float64"])
+@pytest.mark.parametrize("deviation", [1, 2, 4, 16])
+def test_it_is_a_gaussian_mirrored_at_the_edges(deviation, dtype) -> None:
+    rng = np.random.default_rng(1)
+    images = rng.integers(-100 if dtype != "uint8" else 0, 200, (4, 23, 30))
+    images = images.astype(dtype)
+    found = Smoothed(smooth=deviation).fit(images).images(torch.from_numpy(images))
+    expected = np.stack(
+        [
+            gaussian_filter(image.astype(float), deviation, mode="mirror", truncate=3)
+            for image in images
+        ]
+    )
+    unit = 2**18 / {"uint8": 256, "int16": 65_536}.get(dtype, 256)
+    difference = np.abs(found.numpy() / unit - expected)
+    assert difference.max() < 0.01 * images.std()
+
+
+@pytest.mark.parametrize("base", BASES, ids=repr)
+def test_words_are_those_of_the_base(base, kinds_of_frames) -> None:
+    """On every route: flat frames, several at a time, from a bank, and into given room."""
+    flat = kinds_of_frames(21 * 13)
+    frames = torch.from_numpy(flat.reshape(-1, 21, 13))
+    encoder = Smoothed(base, 2).fit(frames)
+    images = encoder.images(frames)
+    other = base.unlearned().fit(images)
+    words = encoder.encode(frames)
+    assert encoder.dimension(273) == other.dimension(273)
+    assert torch.equal(words, other.encode(images))
+    assert torch.equal(encoder.encode(torch.from_numpy(flat)), words)
+    assert torch.equal(encoder.encode(frames, backend="compiled"), words)
+    room = torch.full((len(frames) + 2, words.shape[1]), -1)
+    assert torch.equal(encoder.encode(frames, out=room), words)
+    bank = Bank(frames, np.zeros(len(frames), int), 1)
+    assert torch.equal(bank.words(encoder), words)
+    assert not torch.equal(words, base.unlearned().fit(frames).encode(frames))
+
+
+@pytest.mark.parametrize("readout", ["majority", "lda"])
+@pytest.mark.parametrize("base", BASES, ids=repr)
+def test_a_model_is_saved_loaded_cloned_and_set(base, readout, tmp_path) -> None:
+    rng = np.random.default_rng(0)
+    labels = np.arange(24) % 3
+    fields = np.repeat(np.repeat(rng.integers(0, 150, (3, 4, 5)), 4, 1), 4, 2)
+    frames = (fields[labels] + rng.integers(0, 90, (24, 16, 20))).astype(np.uint8)
+    model = HDCClassifier(Smoothed(base, 1), readout).fit(frames, labels)
+    assert model.score(frames, labels) == 1
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    scores = model.decision_function(frames)
+    assert np.array_equal(loaded.decision_function(frames), scores)
+    assert np.array_equal(loaded.decision_function(frames.reshape(24, -1)), scores)
+    loaded.save(tmp_path / "again")
+    assert (tmp_path / "again").read_bytes() == (tmp_path / "m").read_bytes()
+    other = clone(model).set_params(encoder__smooth=4, encoder__base="median")
+    assert other.fit(frames, labels).dimension_ == 320
+    again = HDCClassifier(Smoothed(base, 1), readout).fit(frames, labels)
+    assert np.array_equal(again.decision_function(frames), scores)
+
+
+def test_what_is_no_image_or_no_deviation_is_refused() -> None:
+    frames = np.random.default_rng(0).integers(0, 99, (6, 8, 9)).astype(np.uint8)
+    with pytest.raises(ValueError, match=r"smooth: expected images \[N, H, W\], found"):
+        HDCClassifier(Smoothed()).fit(frames.reshape(6, -1), [0, 1] * 3)
+    for value in (0, 17, 1.5, True, None):
+        with pytest.raises(ValueError, match="smooth: expected an integer from 1 to"):
+            Smoothed(smooth=value).check()
+    with pytest.raises(ValueError, match="base: expected one of median, "):
+        Smoothed("x").check()
+    encoder = Smoothed().fit(frames)
+    with pytest.raises(ValueError, match="shape: expected that of 71 pixels"):
+        Smoothed().restore(encoder.state(), 71)
+    bad = frames.astype(float)
+    bad[5, 2, 3] = np.nan
+    with pytest.raises(ValueError, match=r"frames\[105\]: expected finite pixels"):
+        encoder.encode(torch.from_numpy(bad), 100)
+
+
+def test_the_base_of_an_encoder_stays_untrained() -> None:
+    """Two models that share the object of a base learn references of their own."""
+    rng = np.random.default_rng(0)
+    base = Deviation([0])
+    first = rng.integers(0, 255, (6, 8, 9)).astype(np.uint8)
+    one = Smoothed(base, 1).fit(first)
+    before = one.state()["reference"].clone()
+    Smoothed(base, 1).fit(first[::-1] // 2 + rng.integers(0, 99, (6, 8, 9)))
+    assert torch.equal(one.state()["reference"], before)
+    assert not hasattr(base, "reference_")
