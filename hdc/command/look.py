@@ -85,13 +85,13 @@ def _arrays(path: Path) -> list[str]:
 
 
 def _video(path: Path) -> list[str]:
-    import av
+    from hdc.readers.video import opened
 
-    with av.open(str(path)) as container:
+    with opened(path) as (_, stream):
+        rate = float(stream.average_rate or 0)
+        size = work.size((stream.height, stream.width))
         return [
-            f"{stream.name}, {stream.width} × {stream.height} pixels, {stream.frames or '?'} "
-            f"frames, {float(stream.average_rate or 0):g} a second"
-            for stream in container.streams.video
+            f"{stream.name}, {size}, {stream.frames or '?'} frames, {rate:g} a second"
         ]
 
 

@@ -14,6 +14,7 @@ import hashlib
 import math
 from bisect import bisect_right
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
@@ -252,38 +253,44 @@ def stream_video(
         BadFrame: a frame is damaged, or frames are missing.
         ValueError: it is no video that is read here.
     """
+    found = [] if notes is None else notes
+    with opened(path) as (container, stream):
+        times = _Times(path, container, stream)
+        for frame in container.decode(stream):
+            time = times.of(frame)
+            if time >= end - _EARLY_S:
+                times.check_whole(before_its_end=True)
+                return
+            if frame.is_corrupt:
+                raise BadFrame(
+                    f"{path}: expected whole frames, found a damaged one at {time:g} s"
+                )
+            yield time, grey(window.of(_pixels(frame, found)))
+        times.check_whole()
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[tuple[Any, Any]]:
+    """A container and its one stream of video, decoded without concealing what is damaged.
+
+    Raises:
+        BadFrame: it is damaged, or no video.
+        ValueError: there are several streams.
+    """
     check_file(path)
     try:
         with av.open(str(path), options={"err_detect": "explode"}) as container:
-            stream = _only_video(path, container)
-            stream.thread_type = "NONE"
-            stream.codec_context.options = {"err_detect": "explode"}
-            times = _Times(path, container, stream)
-            for frame in container.decode(stream):
-                time = times.of(frame)
-                if time >= end - _EARLY_S:
-                    times.check_whole(before_its_end=True)
-                    return
-                if frame.is_corrupt:
-                    raise BadFrame(
-                        f"{path}: expected whole frames, found a damaged one at {time:g} s"
-                    )
-                yield (
-                    time,
-                    grey(window.of(_pixels(frame, [] if notes is None else notes))),
-                )
-            times.check_whole()
+            streams = container.streams.video
+            if len(streams) != 1:
+                wanted = "one stream of video"
+                raise ValueError(f"{path}: expected {wanted}, found {len(streams)}")
+            streams[0].thread_type = "NONE"
+            streams[0].codec_context.options = {"err_detect": "explode"}
+            yield container, streams[0]
     except av.error.FFmpegError as error:
         raise BadFrame(
             f"{path}: expected a whole video, found: {error.strerror}"
         ) from error
-
-
-def _only_video(path: Path, container: Any) -> Any:
-    streams = container.streams.video
-    if len(streams) != 1:
-        raise ValueError(f"{path}: expected one stream of video, found {len(streams)}")
-    return streams[0]
 
 
 class _Times:

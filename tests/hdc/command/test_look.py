@@ -142,6 +142,8 @@ def test_what_is_missing_is_said_after_what_is_there(look, tmp_path):
     (tmp_path / "v.csv").write_text("start_s,end_s,label\n0,0.6,a\n0.6,1.2,b\n")
     _, blocks = look("v.avi")
     assert blocks[0][0] == "12 frames, 2 classes, 8 × 6 pixels"
+    (tmp_path / "cut.mp4").write_bytes(b"x" * 99)
+    assert "cut.mp4: expected a whole video, found: Invalid" in look("cut.mp4")[1][0]
     for name in ("nothing", "x.doc"):
         (tmp_path / "x.doc").write_text("x")
         holds, error = look(name)
