@@ -66,7 +66,7 @@ class HDCClassifier(Recalibrating):
 
     Args:
         encoder: ``"median"`` as published, ``"quantile"``, ``"levels"``, ``"reference"``,
-            ``"reference_levels"`` or ``"deviation"``; an object of
+            ``"reference_levels"``, ``"deviation"`` or ``"smoothed"``; an object of
             :class:`hdc.encoders.Encoder`; or the dotted name of such a class.
         readout: ``"majority"`` as published, ``"counts"``, ``"ridge"``, ``"neighbours"``,
             ``"lda"``, ``"trained"`` or ``"kernel"``; an object of

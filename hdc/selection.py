@@ -15,7 +15,7 @@ import numpy as np
 from hdc import inputs
 from hdc.bank import Bank, Selection, Shared
 from hdc.classifier import HDCClassifier
-from hdc.encoders import ENCODERS, Encoder, make_encoder
+from hdc.encoders import COMPARED, Encoder, make_encoder
 from hdc.readouts import (
     READOUTS,
     VALUE_READOUTS,
@@ -133,7 +133,7 @@ def combinations(
     """
     ours = VALUE_READOUTS if learns_values else READOUTS
     make = make_value_readout if learns_values else make_readout
-    encoders = list(dict.fromkeys(encoders or ENCODERS))
+    encoders = list(dict.fromkeys(encoders or COMPARED))
     readouts = list(dict.fromkeys(readouts or ours))
     for encoder in encoders:
         make_encoder(encoder).check()

@@ -51,7 +51,7 @@ def cli() -> None:
     "--encoder",
     metavar="NAME",
     help="How frames become bits: median, quantile, levels, reference, reference_levels, "
-    "deviation, or a module.Class. [default: median]",
+    "deviation, smoothed, or a module.Class. [default: median]",
 )
 @click.option(
     "--readout",

@@ -17,6 +17,7 @@ from hdc.encoders.smoothed import Smoothed
 from hdc.parameters import make_part
 
 __all__ = [
+    "COMPARED",
     "ENCODERS",
     "Deviation",
     "Encoder",
@@ -37,8 +38,12 @@ ENCODERS: dict[str, type[Encoder]] = {
     "reference": Reference,
     "reference_levels": ReferenceLevels,
     "deviation": Deviation,
+    "smoothed": Smoothed,
 }
 """Our own encoders by name."""
+
+COMPARED = tuple(name for name in ENCODERS if name != "smoothed")
+"""Those that a comparison tries where none are asked for: smoothing is for images alone."""
 
 
 def make_encoder(part: Any, what: str = "encoder") -> Encoder:
@@ -58,6 +63,6 @@ def encode_with(
     out: Tensor | None = None,
 ) -> Tensor:
     """Hypervectors by an encoder; one from outside is asked for no more than frames to words."""
-    if type(encoder) in (*ENCODERS.values(), Smoothed):
+    if type(encoder) in ENCODERS.values():
         return encoder.encode(frames, first, backend, out)  # type: ignore[call-arg]
     return encoder.encode(frames)

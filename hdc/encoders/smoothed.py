@@ -53,7 +53,7 @@ class Smoothed(Encoder):
 
     shape_: Tensor
 
-    def __init__(self, base: Any = "median", smooth: int = 1):
+    def __init__(self, base: Any = "deviation", smooth: int = 1):
         self.base = base
         self.smooth = smooth
 

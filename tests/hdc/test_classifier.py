@@ -112,7 +112,7 @@ def test_same_bits_on_an_accelerator() -> None:
         (
             lambda f, y, _: HDCClassifier("x").fit(f, y),
             "encoder: expected one of median, quantile, levels, reference, reference_levels, "
-            "deviation, or",
+            "deviation, smoothed, or",
         ),
         (
             lambda f, y, _: HDCClassifier(readout="x").fit(f, y),

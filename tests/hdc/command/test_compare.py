@@ -18,7 +18,7 @@ from hdc.command.compare import advice, judge, rivals
 from hdc.command.compare.choose import choose
 from hdc.command.compare.curve import learning_curve
 from hdc.command.compare.frames import FrameBank, Frames, part, read_frames
-from hdc.encoders import ENCODERS, Median, make_encoder
+from hdc.encoders import COMPARED, Median, make_encoder
 from hdc.readers import open_recording
 from hdc.readouts import (
     READOUTS,
@@ -347,7 +347,7 @@ def test_train_takes_the_best_combination(hdc, tmp_path):
     assert "by 5 folds at random" in line
     model = HDCClassifier.load(path)
     chosen, _, rest = line.removeprefix("chosen: ").partition(" among ")
-    assert rest.startswith(f"{len(ENCODERS) * len(READOUTS)} ")
+    assert rest.startswith(f"{len(COMPARED) * len(READOUTS)} ")
     encoder, readout = chosen.split(", ")
     assert type(make_encoder(encoder)) is type(model.encoder)
     assert type(make_readout(readout)) is type(model.readout)
