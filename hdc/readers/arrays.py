@@ -58,7 +58,7 @@ def open_arrays(
         own = neighbour.removeprefix(group)
         store.arrays[own] = store.arrays.pop(neighbour)
     own_labels = labels.removeprefix(group) if labels else None
-    known = Known(path, store, own_labels, table, fewest_classes)
+    known = Known(path, store, own_labels, table, value_columns, fewest_classes)
     if axes is None:
         where = f"{path}[{name}]"
         axes = store.axes.get(name) or reading(
@@ -66,7 +66,7 @@ def open_arrays(
         )
     frames = Frames(path, array, axes, window)
     n = len(frames)
-    about = known.about(n, axes, frames.counts, value_columns)
+    about = known.about(n, axes, frames.counts, array.shape)
     about["samples"] = {"order": np.arange(n), **about["samples"]}
     usual = tuple(axes[-2:]) == ("height", "width") or axes[-1] == "feature"
     special = None if usual and not dataset else (dataset, tuple(axes))

@@ -37,9 +37,11 @@ class Known:
         store: Store,
         labels: str | None,
         table: Path | None,
+        value_columns: Sequence[str] | None,
         fewest_classes: int,
     ) -> None:
         self._path, self._store, self._fewest = path, store, fewest_classes
+        self._value_columns = value_columns
         self._arrays = {
             name: _vector(array, store.frames_last)
             for name, array in store.arrays.items()
@@ -60,20 +62,26 @@ class Known:
     def _count(self) -> int | None:
         if self._columns is not None:
             return len(self._columns.places)
-        for array in (self._labels, self._arrays.get("values")):
-            if array is not None and array.shape:
-                return int(array.shape[0])
-        return None
+        names = ("values", *(self._value_columns or ()))
+        known = [self._labels, *(self._arrays.get(name) for name in names)]
+        shapes = [array.shape for array in known if array is not None]
+        return next((shape[0] for shape in shapes if shape), None)
 
     def about(
         self,
         n: int,
         axes: Sequence[str],
         counts: Sequence[int],
-        value_columns: Sequence[str] | None,
+        shape: Sequence[int],
     ) -> dict[str, Any]:
-        """Classes, labels, samples and values of N frames, as a recording takes them."""
-        path = self._path
+        """Classes, labels, samples and values of N frames, as a recording takes them.
+
+        Args:
+            n: the number of frames.
+            axes, shape: of their array.
+            counts: lengths of the axes along the frames.
+        """
+        path, value_columns = self._path, self._value_columns
         if self._columns is not None and self._table is not None:
             return _of_table(self._table, self._columns, n, self._fewest, value_columns)
         value_columns = value_columns or ()
@@ -85,7 +93,7 @@ class Known:
         named, units = _named_values(path, self._arrays, n)
         if labels is None:
             value_columns = value_columns or tuple(named)
-            self._check_learnt(value_columns, n)
+            self._check_learnt(value_columns, n, shape)
         known = self._arrays | named
         samples = _samples(known, n)
         check_times(path, {"order": np.arange(n), **samples}, n)
@@ -108,23 +116,30 @@ class Known:
             elif axis != "frame":
                 self._arrays[axis] = place
 
-    def _check_learnt(self, value_columns: Sequence[str], n: int) -> None:
+    def _check_learnt(
+        self, value_columns: Sequence[str], n: int, shape: Sequence[int]
+    ) -> None:
         """Raise a ValueError where there is nothing to learn, and something is needed."""
         if self._fewest == 0 or value_columns:
             return
-        choices = []
-        for name, array in self._arrays.items():
-            if array.shape == (n,) and name not in KNOWN:
-                word = shlex.quote(name)
-                repeats = len(np.unique(array)) < n
-                choices += [f"--labels {word}"] if repeats else []
-                choices += [f"--column {word}"] if array.dtype.kind in "iuf" else []
+        choices = self._choices([n]) or self._choices(shape)
         if choices:
             raise Ambiguous(f"{self._path}: {n} frames and no array labels", choices)
         raise ValueError(
             f"{self._path}: expected arrays frames and labels, found no labels "
             f"(--labels FILE.csv with a row for each of {n} frames){self._store.advice()}"
         )
+
+    def _choices(self, lengths: Sequence[int]) -> list[str]:
+        """Options that name what can be learnt: arrays of one of these lengths."""
+        choices = []
+        for name, array in self._arrays.items():
+            if len(array.shape) == 1 and len(array) in lengths and name not in KNOWN:
+                word = shlex.quote(name)
+                repeats = len(np.unique(array)) < len(array)
+                choices += [f"--labels {word}"] if repeats else []
+                choices += [f"--column {word}"] if array.dtype.kind in "iuf" else []
+        return choices
 
     def _class_labels(self, n: int) -> tuple[tuple[str, ...], np.ndarray | None]:
         """Class names, and the index of each frame's [N]; integers count the names in classes."""

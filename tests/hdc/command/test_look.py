@@ -71,6 +71,18 @@ def test_arrays_and_what_may_be_labels_or_numbers(look):
     ]
 
 
+def test_frames_that_come_last_are_found_by_what_is_as_long_as_they_are(look):
+    cube = np.moveaxis(FRAMES, 0, -1)
+    np.savez("x.npz", cube=cube, kind=NAMES, force=np.arange(12.0), rows=np.arange(7))
+    _, blocks = look("x.npz")
+    assert [shlex.split(block[-1])[3:5] for block in blocks] == [
+        ["--labels", "kind"],
+        ["--column", "force"],
+    ]
+    for block in blocks:
+        assert block[1] == "read: x.npz[cube] (6, 8, 12) as height, width, frame"
+
+
 def test_two_cubes_that_can_each_be_read_in_two_ways_have_four_lines(look):
     with h5py.File("x.h5", "w") as file:
         for name in ("day 1", "day 2"):
