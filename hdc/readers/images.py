@@ -92,9 +92,9 @@ def _check_png(place: str, data: bytes) -> None:
 
 def _check_jpeg(place: str, data: bytes) -> None:
     """Raise BadFrame for a cut file, and for a lost block of zeros: decoders go on over both."""
-    end = data.find(_END, data.rfind(_SCAN))
-    scans = data[data.find(_SCAN) : end]
-    if end < 0 or (_USUAL_CODES in data and _SECTOR in scans):
+    scan = data.rfind(_SCAN)  # what stands before may be a thumbnail
+    end = data.find(_END, scan)
+    if end < 0 or (_USUAL_CODES in data and _SECTOR in data[scan:end]):
         raise _damaged(place)
 
 

@@ -187,6 +187,27 @@ def test_damaged_images_are_refused_or_have_their_size(tmp_path, suffix):
                 assert np.array_equal(frames[1], reference[1])
 
 
+def test_a_jpeg_with_a_lost_block_of_zeros_is_refused(tmp_path):
+    """cracks: the decoder went on, with three quarters of the pixels wrong."""
+    image = np.random.default_rng(0).integers(0, 256, (120, 160), np.uint8)
+    whole = encoded(image, ".jpg")
+    for start, end in ((5000, 6024), (5000, len(whole)), (2000, len(whole) - 2)):
+        lost = whole[:start] + bytes(end - start) + whole[end:]
+        (tmp_path / "1.jpg").write_bytes(lost)
+        with pytest.raises(BadFrame, match=r"1.jpg: expected a whole image"):
+            decode(tmp_path / "1.jpg")
+
+
+def test_zeros_beside_a_thumbnail_are_no_damage(tmp_path):
+    """Cameras pad what they write beside it."""
+    whole, small = encoded(NOISE, ".jpg"), encoded(NOISE[::2, ::2], ".jpg")
+    about = b"Exif\0\0" + small + bytes(2000)
+    segment = b"\xff\xe1" + struct.pack(">H", len(about) + 2) + about
+    (tmp_path / "1.jpg").write_bytes(whole[:2] + segment + whole[2:])
+    assert np.array_equal(decode(tmp_path / "1.jpg"), cv2.imdecode(
+        np.frombuffer(whole, np.uint8), cv2.IMREAD_UNCHANGED))  # fmt: skip
+
+
 @pytest.mark.parametrize("orientation", range(1, 9))
 @pytest.mark.parametrize("colour", [False, True])
 def test_pixels_of_a_tiff_are_as_they_are_stored(tmp_path, orientation, colour):
