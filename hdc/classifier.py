@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import copy
-from collections.abc import Iterator
+import warnings
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -11,45 +12,26 @@ import torch
 from torch import Tensor
 
 from hdc import inputs
+from hdc.availability import (
+    fixed,
+    not_compared,
+    whole_only,
+    without_held_out,
+    without_reference,
+)
 from hdc.bank import Bank
-from hdc.encoders import ENCODERS, make_encoder
+from hdc.conformal import RATE
+from hdc.encoders import ENCODERS, RelativeEncoder, make_encoder
 from hdc.estimator import Estimator
 from hdc.inputs import check_share
-from hdc.parameters import available_unless, describe
-from hdc.probability import probabilities
+from hdc.learned import Learned
+from hdc.learner import learn
+from hdc.parameters import available_unless, describe, renamed
 from hdc.prototypes import Counters
-from hdc.readouts import READOUTS, Counting, Readout, Updatable, make_readout
-from hdc.recalibration import Recalibrating
-from hdc.rejection import RATE, p_values
+from hdc.readouts import READOUTS, Readout, make_readout
 
 
-def _whole_only(model: HDCClassifier) -> str | None:
-    """Why the read-out of a model does not learn batch by batch, if it does not."""
-    try:
-        readout = make_readout(model.readout)
-    except (TypeError, ValueError) as error:
-        return str(error)
-    if isinstance(readout, Updatable):
-        return None
-    return (
-        f"expected a read-out that learns batch by batch, found {readout!r}, which needs all "
-        "frames at once; fit anew"
-    )
-
-
-def _without_held_out(model: HDCClassifier) -> str | None:
-    """Why a model has no probabilities, if it has none."""
-    try:
-        readout = make_readout(model.readout)
-    except (TypeError, ValueError) as error:
-        return str(error)
-    own = type(readout).held_out is not Readout.held_out
-    if own or not isinstance(readout, Updatable):
-        return None
-    return f"expected a read-out with a method held_out, found {readout!r}"
-
-
-class HDCClassifier(Recalibrating):
+class HDCClassifier(Estimator):
     """Classifier on packed hypervectors (Kitagawa et al., Opt. Express 32, 3209 (2024)).
 
     An encoder makes a hypervector of each frame, a read-out scores the classes. As published, a
@@ -100,6 +82,7 @@ class HDCClassifier(Recalibrating):
     _estimator_type = "classifier"
     parts: ClassVar = {"encoder": make_encoder, "readout": make_readout}
     _known: ClassVar = {"encoder": ENCODERS, "readout": READOUTS}
+    _learned: Learned
 
     def __init__(
         self,
@@ -118,16 +101,18 @@ class HDCClassifier(Recalibrating):
     def fit(self, frames: Any, y: Any) -> Self:
         """Learn from frames [N, H, W] or [N, D] and N labels y.
 
-        A call that raises leaves the model as it was.
+        Frames of one class alone make a model for :meth:`is_known`, of the read-outs majority,
+        counts and neighbours. A call that raises leaves the model as it was.
 
         Raises:
-            ValueError: for no frames, one class only, lengths that differ, pixels that are not
-                finite, labels other than str, int, float or bool, or an unknown parameter value.
+            ValueError: for no frames, one class only where the read-out has to tell two apart,
+                lengths that differ, pixels that are not finite, labels other than str, int, float
+                or bool, or an unknown parameter value.
         """
         trained = self._untrained()
         for _ in trained._train(frames, y):
             pass
-        trained._settle()
+        trained._learned.settle()
         self._adopt(trained)
         return self
 
@@ -138,11 +123,19 @@ class HDCClassifier(Recalibrating):
         """
         trained = self._untrained()
         for seen in trained._train(frames, y):
-            trained._settle()
+            trained._learned.settle()
             self._adopt(trained)
             yield {"samples_seen": seen}
 
-    @available_unless(_whole_only)
+    def _train(self, frames: Any, y: Any) -> Iterator[int]:
+        """Learn, untrained so far; yield as :func:`hdc.learner.learn`."""
+        frames, labels = self._samples(frames, y)
+        inputs.check_discrete(labels)
+        self._learn_encoder(frames)
+        self._start(inputs.classes_of(labels).tolist())
+        yield from learn(self, self._learned, frames, labels)
+
+    @available_unless(whole_only)
     def partial_fit(self, frames: Any, y: Any, classes: Any = None) -> Self:
         """Learn a further batch of frames; a label not met before becomes a new class.
 
@@ -160,25 +153,26 @@ class HDCClassifier(Recalibrating):
             AttributeError: for a read-out that needs all frames at once; ``hasattr`` is False.
         """
         self._check_counts("partial_fit")
-        model = self if hasattr(self, "readout_") else self._untrained()
+        model = self if self._has_learned() else self._untrained()
         frames, labels = model._samples(frames, y)
         allowed = labels
         if classes is not None:
             allowed = inputs.label_array(classes, len(classes)).tolist()
             inputs.check_among(labels, allowed)
-        inputs.classes_of([*getattr(self, "_index", ()), *allowed])
+        known = self._learned.index if self._has_learned() else ()
+        inputs.classes_of([*known, *allowed])
         if model is not self:
-            model._start(frames, inputs.classes_of(allowed).tolist())
+            model._learn_encoder(frames)
+            model._start(inputs.classes_of(allowed).tolist())
         words = torch.cat(list(model._encoded(frames)))
-        model._make_room_for(allowed)
-        rows = torch.tensor([model._index[label] for label in labels])
-        model._add(words, rows, labels, model._backend(frames))
-        model._settle()
+        model._learned.make_room_for(allowed)
+        model._learned.add(words, labels, model._backend(frames))
+        model._learned.settle()
         if model is not self:
             self._adopt(model)
         return self
 
-    @available_unless(_whole_only)
+    @available_unless(whole_only)
     def merge(self, other: HDCClassifier) -> Self:
         """Learn what another model was trained on: bit for bit the model of all frames.
 
@@ -195,58 +189,203 @@ class HDCClassifier(Recalibrating):
         mine, theirs = _kind(self), _kind(other)
         if mine != theirs:
             raise ValueError(f"merge: expected a {mine}, found a {theirs}")
-        Estimator._check_is_trained(other)
-        merged = self._copied() if hasattr(self, "readout_") else self._untrained()
-        merged._merge(other)
+        other._check_is_trained()
+        merged = copy.copy(self) if self._has_learned() else self._untrained()
+        if merged._has_learned():
+            shape = merged.frame_shape_
+            inputs.check_shape(other.frame_shape_, shape, type(self).__name__)
+            merged._check_columns(other._columns)
+            merged._check_same_encoder(other)
+        else:
+            merged._columns = other._columns
+            merged._take_encoder(other)
+            merged._start(other.classes_.tolist())
+        merged._learned = merged._learned.merged(other._learned)
         self._adopt(merged)
         return self
 
-    def _merge(self, other: HDCClassifier) -> None:
-        """:meth:`merge` of checked models; where it raises, this one is spoilt."""
-        if not hasattr(self, "readout_"):
-            self._columns = other._columns
-            self._take_encoder(other)
-            self._begin(other.classes_.tolist())
-        inputs.check_shape(other.frame_shape_, self.frame_shape_, type(self).__name__)
-        self._check_columns(other._columns)
-        self._check_same_encoder(other)
-        labels = other.classes_.tolist()
-        self._make_room_for(labels)
-        places = [self._index[label] for label in labels]
-        for own, others in zip(self._updated(), other._updated(), strict=True):
-            own.merge(others, places)
-        self._sample.merge(other._sample)
-        self._settle()
+    def _has_learned(self) -> bool:
+        return hasattr(self, "_learned")
 
-    def _copied(self) -> Self:
-        """A model whose counts and frames are no longer those of this one."""
-        copied = copy.copy(self)
-        learned = self.readout_, self._majority, self._sample
-        copied.readout_, copied._majority, copied._sample = copy.deepcopy(learned)
-        return copied
+    def _samples(self, frames: Any, y: Any) -> tuple[Any, list[inputs.Label]]:
+        """Frames with a shape, and their labels; at least one."""
+        self._check_parameters()
+        frames = self._checked_frames(frames)
+        labels = inputs.label_array(y, len(frames)).tolist()
+        if not labels:
+            raise ValueError("frames: expected at least one frame, found none")
+        return frames, labels
+
+    def _start(self, classes: Sequence[inputs.Label]) -> None:
+        """Be ready to learn hypervectors of these classes."""
+        readout = make_readout(self.readout).unlearned()
+        self._learned = Learned(readout, classes, self.dimension_, self.device)
+
+    # Adapting ------------------------------------------------------------------------------------
+
+    @available_unless(fixed)
+    def recalibrate(
+        self,
+        frames: Any,
+        y: Any = None,
+        p: float = 0.5,
+        seed: int = 0,
+        method: str = "replace",
+    ) -> Self:
+        """Adapt to a changed environment by new frames with labels.
+
+        Prototypes of classes without new frames stay as they are, and a warning says so, as a drift
+        that all classes share then costs them their frames; :meth:`is_known` compares with the new
+        frames; ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression goes
+        from its old weights to those near them that fit the new frames, neighbours take the new
+        frames in place of the kept ones of their classes; neither depends on p. Without labels, see
+        :meth:`rezero`.
+
+        Args:
+            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
+            y: their labels.
+            p: share of the new: probability with which a bit is replaced, or share of the votes.
+            seed: seed of the choice of bits that are replaced.
+            method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
+                votes (:func:`hdc.prototypes.merged`), which recovers more.
+
+        Raises:
+            ValueError: if p is outside [0, 1], or a label is not among ``classes_``.
+            AttributeError: for a read-out that does not adapt; ``hasattr`` is False.
+        """
+        self._check_is_trained()
+        if y is None:
+            raise ValueError(
+                "recalibrate: expected labels y, found None; without labels: rezero(frames)"
+            )
+        frames, labels = self._samples(frames, y)
+        inputs.check_among(labels, self._learned.index)
+        self._warn_of_missing(labels)
+        words = torch.cat(list(self._encoded(frames)))
+        # A copy: a call that raises leaves the model as it was.
+        options = p, seed, method
+        backend = self._backend(frames)
+        self._learned = self._learned.adapted(words, labels, options, backend)
+        return self
+
+    def _warn_of_missing(self, labels: Sequence[inputs.Label]) -> None:
+        """Warn where classes have no new frames: they keep prototypes of before the change."""
+        missing = [name for name in self.classes_.tolist() if name not in set(labels)]
+        if not missing:
+            return
+        named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
+        warnings.warn(
+            f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
+            "alike, frames of these classes will be taken for the others",
+            stacklevel=3,
+        )
+
+    @available_unless(without_reference)
+    def rezero(self, frames: Any) -> Self:
+        """Adapt a model with a reference to a changed environment by new frames without labels.
+
+        The reference becomes the mean of the new standardised frames, and all else stays. The new
+        frames have to show what the frames of the old reference showed: all classes about as often.
+        Frames of one class can spoil the model; a warning says so where the model puts them into
+        few classes. Frames without a touch are no way around it: in the study of drift ten of them
+        improved no model, even where the old reference was without a touch.
+
+        Args:
+            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
+
+        Raises:
+            ValueError: for no frames, or frames of another shape; the model stays as it was.
+            AttributeError: for an encoder without a reference; ``hasattr`` is False.
+        """
+        self._check_is_trained()
+        before = self.encoder_
+        assert isinstance(before, RelativeEncoder)
+        frames = self._checked_frames(frames)
+        if len(frames) == 0:
+            raise ValueError("frames: expected at least one frame, found none")
+        inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
+        self.encoder_ = copy.copy(before).zero(frames)
+        try:
+            found = len(set(self.predict(frames).tolist()))
+        except BaseException:
+            self.encoder_ = before
+            raise
+        if 2 * found < len(self.classes_):
+            warnings.warn(
+                f"rezero: the {len(frames)} frames are put into {found} of {len(self.classes_)} "
+                "classes; they have to show the classes as the training frames did, or the model "
+                "is spoilt",
+                stacklevel=2,
+            )
+        return self
 
     # Answers -------------------------------------------------------------------------------------
 
-    def predict(self, frames: Any, reject: bool | float = False) -> np.ndarray:
-        """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W].
-
-        Args:
-            frames: the queries.
-            reject: answer None, in an array of objects, for a frame that :meth:`is_known` does not
-                know: the share of frames of known classes that may be lost so; True for 5 %.
-        """
-        share = _rejected_share(reject)
+    @renamed("reject", "is_known(frames, alpha), which says what is to be rejected")
+    def predict(self, frames: Any) -> np.ndarray:
+        """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W]."""
         self._check_is_trained()
         labels = []
         for words in self._encoded(frames):
             rows = self._scores_of(words).argmax(1).numpy(force=True)
-            found = self.classes_[rows]
-            if share is not None:
-                found = found.astype(object)
-                likeness = p_values(self._known_peers(), words, share).max(1)
-                found[likeness <= share] = None
-            labels.append(found)
+            labels.append(self.classes_[rows])
         return np.concatenate(labels)
+
+    @available_unless(not_compared)
+    def predict_set(self, frames: Any, alpha: float = 0.1) -> list[np.ndarray]:
+        """The classes that each of Q frames may be of: Q arrays of labels.
+
+        The set of a frame that is like none of the classes is empty; any other has the label of
+        :meth:`predict`. With majority and counts, a set has the right label of a fresh frame,
+        exchangeable with the training frames of its class, with probability 1 − alpha at least
+        (full conformal prediction): of each class with 1/alpha − 1 training frames or more, of all
+        together with fewer. With other read-outs frames are compared by their scores with training
+        frames that were left out. That covers about 1 − alpha, but is promised for no distribution
+        of frames (:mod:`hdc.conformal`). A class with fewer frames than 1/alpha − 1 and than 4 is
+        in every set. After drift nothing is promised.
+
+        Args:
+            frames: the queries.
+            alpha: share of the sets that may lack the right label.
+
+        Raises:
+            ValueError: for a share outside (0, 1), or a model that has no frames to compare with;
+                it says so.
+        """
+        share = check_share(alpha)
+        self._check_is_trained()
+        conformal = self._learned.conformal()
+        sets = []
+        for words in self._encoded(frames):
+            possible = conformal.possible(words, self._scores_of(words), share)
+            sets += [self.classes_[row] for row in possible]
+        return sets
+
+    @available_unless(not_compared)
+    @renamed("reject", "alpha")
+    def is_known(self, frames: Any, alpha: float = RATE) -> np.ndarray:
+        """Whether frames are like those of some class: bool [Q].
+
+        False where :meth:`predict_set` is empty: for a share `alpha` of fresh frames of known
+        classes at most, if they come as the training frames did, and for noise, a black frame or an
+        object that was not trained, as long as there are 1/alpha training frames, and 4 of each
+        class (or as many of it as 1/alpha − 1).
+
+        Args:
+            frames: the queries.
+            alpha: share of frames of known classes that may be refused.
+
+        Raises:
+            ValueError: as :meth:`predict_set`.
+        """
+        share = check_share(alpha)
+        self._check_is_trained()
+        conformal = self._learned.conformal()
+        parts = [
+            conformal.p_values(words, self._scores_of(words), share).max(1) > share
+            for words in self._encoded(frames)
+        ]
+        return np.concatenate(parts)
 
     def predict_from(
         self, bank: Bank, train: np.ndarray, queries: np.ndarray
@@ -281,16 +420,15 @@ class HDCClassifier(Recalibrating):
             return found[:, 1] - found[:, 0]
         return found
 
-    @available_unless(_without_held_out)
+    @available_unless(without_held_out)
     def predict_proba(self, frames: Any) -> np.ndarray:
         """Probabilities of the classes, float64 [Q, L]: the softmax of the scores.
 
         Its temperature is fitted to training frames scored as if each had not been learnt
         (:mod:`hdc.probability`): in closed form, of up to 19 frames a class, for majority, counts
         and neighbours, of all for ridge and of up to 400 for lda and kernel; else by five folds of
-        the training frames, when first asked. Files keep it, that of five folds if it was asked for
-        before; new frames, by ``partial_fit`` or with labels by ``recalibrate``, have it fitted
-        anew.
+        the training frames, when first asked or saved. New frames, by :meth:`partial_fit` or
+        :meth:`recalibrate`, have it fitted anew.
 
         Raises:
             ValueError: for training with one frame of each class, or a model that must be fitted
@@ -299,10 +437,10 @@ class HDCClassifier(Recalibrating):
                 ``held_out``; ``hasattr`` is False.
         """
         self._check_is_trained()
-        beta = self._known_sharpness()
-        known = self._majority.counters_.n.cpu() > 0
+        temperature = self._learned.temperature()
+        known = self._learned.counts > 0
         parts = [
-            probabilities(self._scores_of(words), beta, known)
+            temperature.probabilities(self._scores_of(words), known)
             for words in self._encoded(frames)
         ]
         return torch.cat(parts).numpy()
@@ -322,24 +460,42 @@ class HDCClassifier(Recalibrating):
         return {**self.encoder_.state(), **self.readout_.state()}
 
     @property
+    def classes_(self) -> np.ndarray:
+        return self._trained.labels
+
+    @property
+    def readout_(self) -> Readout:
+        return self._trained.readout
+
+    @property
     def counters_(self) -> Counters:
-        return self._trained_majority.counters_
+        return self._trained.majority.counters_
 
     @property
     def prototypes_(self) -> Tensor:
-        return self._trained_majority.prototypes_
+        return self._trained.majority.prototypes_
 
     @property
     def counts_(self) -> np.ndarray:
         return self.counters_.n.numpy()
 
     @property
-    def _trained_majority(self) -> Counting:
-        if not hasattr(self, "_majority"):
+    def _trained(self) -> Learned:
+        if not self._has_learned():
             raise AttributeError(
                 f"{type(self).__name__}: expected a trained model; call fit first"
             )
-        return self._majority
+        return self._learned
+
+    def _check_counts(self, action: str) -> None:
+        """Raise ValueError for a trained model whose prototypes are not those of its frames."""
+        if not self._has_learned():
+            return
+        self._check_is_trained()
+        if self._learned.recalibrated:
+            raise ValueError(
+                f"{action}: expected a model that was not recalibrated; fit anew"
+            )
 
     def _check_same_encoder(self, other: HDCClassifier) -> None:
         mine, theirs = self.encoder_, other.encoder_
@@ -354,19 +510,22 @@ class HDCClassifier(Recalibrating):
                 )
 
     def _scores_of(self, words: Tensor) -> Tensor:
-        self.readout_.backend = self._backend()
-        return self.readout_.scores(words)
+        return self._learned.scores(words, self._backend())
 
     def _distances_of(self, words: Tensor) -> Tensor:
-        self._majority.backend = self._backend()
-        return self._majority.distances(words)
+        return self._learned.distances(words, self._backend())
 
+    # Files ---------------------------------------------------------------------------------------
 
-def _rejected_share(reject: bool | float) -> float | None:
-    """The share of known frames that may be lost, of the argument of ``predict``; None: none."""
-    if not isinstance(reject, bool | np.bool_):
-        return check_share(reject)
-    return RATE if reject else None
+    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+        return self._learned.stored()
+
+    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
+        classes = header["classes"]
+        if not classes or inputs.classes_of(classes).tolist() != classes:
+            raise ValueError(f"classes {classes!r}")
+        self._start(classes)
+        self._learned.restore(header, tensors)
 
 
 def _kind(model: HDCClassifier) -> str:

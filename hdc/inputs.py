@@ -201,9 +201,12 @@ def check_discrete(labels: Sequence[Label]) -> None:
     own, with a fraction, there is nothing to classify.
 
     Raises:
-        ValueError: for more than 30 floats with fractions of which no two are equal.
+        ValueError: for more than 30 floats with fractions of which no two are equal, or infinity
+            alone.
     """
     n = len(labels)
+    if set(labels) <= {math.inf, -math.inf}:
+        raise ValueError(f"labels: expected classes, found {labels[0]!r} alone")
     if n <= _CONTINUOUS or len(set(labels)) < n:
         return
     if all(isinstance(label, float) and label % 1 for label in labels):
@@ -313,5 +316,5 @@ def check_share(share: Any) -> float:
     """
     is_float = isinstance(share, float | np.floating)
     if not is_float or not 0 < share < 1:
-        raise ValueError(f"reject, alpha: expected a share in (0, 1), found {share!r}")
+        raise ValueError(f"alpha: expected a share in (0, 1), found {share!r}")
     return float(share)

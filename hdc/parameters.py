@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import functools
 import importlib
 import inspect
 import math
@@ -89,6 +90,28 @@ def available_unless(reason: Callable[[Any], str | None]) -> Callable[[Method], 
 
     def decorate(method: Method) -> Method:
         return _Available(method, reason)  # type: ignore[return-value]
+
+    return decorate
+
+
+def renamed(old: str, new: str) -> Callable[[Method], Method]:
+    """A decorator: an argument that had another name up to version 2.0 is refused by its new one.
+
+    Args:
+        old: keyword that is no longer taken.
+        new: what stands for it, in words.
+    """
+
+    def decorate(method: Method) -> Method:
+        @functools.wraps(method)
+        def refusing(*arguments: Any, **named: Any) -> Any:
+            if old in named:
+                raise TypeError(
+                    f"{method.__name__}: expected {new}, found {old!r}, which was of version 2.0"
+                )
+            return method(*arguments, **named)
+
+        return refusing  # type: ignore[return-value]
 
     return decorate
 

@@ -18,6 +18,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -31,18 +32,22 @@ _FLATTEST = 1e-6
 """Least sharpness in units of one over the spread of the scores: equal probabilities, nearly."""
 
 
-@dataclass
-class Calibration:
-    """What a model knows of its probabilities; the sharpness is found when first asked for.
+@dataclass(frozen=True)
+class Temperature:
+    """One over the temperature, β, by which scores become probabilities."""
 
-    Attributes:
-        sharpness: β, or None as long as it is not known.
-        learnt: training hypervectors int64 [N, W] and their classes [N], of a read-out without a
-            closed form.
-    """
+    sharpness: float
 
-    sharpness: float | None = None
-    learnt: tuple[Tensor, Tensor] | None = None
+    @classmethod
+    def fit(cls, held_out: HeldOut) -> Self:
+        """To scores float64 [m, L] of m frames that were not learnt, and their classes."""
+        return cls(sharpness(held_out))
+
+    def probabilities(self, scores: Tensor, known: Tensor) -> Tensor:
+        """p [Q, L] of scores [Q, L]; 0 of classes that are not `known`, bool [L]."""
+        exponents = self.sharpness * scores.double().cpu()
+        exponents[:, ~known] = -math.inf
+        return torch.softmax(exponents, dim=1)
 
 
 def sharpness(held_out: HeldOut) -> float:
@@ -74,13 +79,6 @@ def sharpness(held_out: HeldOut) -> float:
         else:
             high = middle
     return max(high, _FLATTEST / spread)
-
-
-def probabilities(scores: Tensor, beta: float, known: Tensor) -> Tensor:
-    """p [Q, L] of scores [Q, L] and β; 0 of classes that are not `known`, bool [L]."""
-    exponents = beta * scores.double().cpu()
-    exponents[:, ~known] = -math.inf
-    return torch.softmax(exponents, dim=1)
 
 
 def cross_validated(

@@ -124,7 +124,12 @@ def _labels_of_batch(
 ) -> list[dict[str, Any]]:
     """The label of each frame, with margin and distances where classes have prototypes."""
     classes = [str(c) for c in model.classes_]
-    labels = model.predict(batch, reject=wanted.reject or False).tolist()
+    labels = model.predict(batch).tolist()
+    if wanted.reject:
+        known = model.is_known(batch, wanted.reject)
+        labels = [
+            label if like else None for label, like in zip(labels, known, strict=True)
+        ]
     answers: list[dict[str, Any]] = [{"label": label} for label in labels]
     if wanted.interval is not None:
         sets = model.predict_set(batch, outside(wanted.interval))

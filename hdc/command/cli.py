@@ -238,7 +238,7 @@ def recalibrate(
             raise click.UsageError(
                 "expected no --p, --method or --seed for frames without labels"
             )
-        found.recalibrate(without_labels)
+        found.rezero(without_labels)
         found.save(output)
         n = len(without_labels)
         click.echo(f"{output}: zeroed by {n} new frames without labels")

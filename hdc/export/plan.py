@@ -12,15 +12,15 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.classifier import HDCClassifier
+from hdc.conformal import Peers
 from hdc.encoders import Deviation, Levels, Median, Quantile
 from hdc.encoders.ranks import RankEncoder
 from hdc.export.sizes import Sizes
 from hdc.export.thresholds import distance_thresholds
-from hdc.parameters import check_choice
+from hdc.parameters import check_choice, renamed
 from hdc.readers import Window
 from hdc.readouts import LDA, Counts, Kernel, Majority, Neighbours, Ridge, Trained
 from hdc.readouts.majority import EXTRAS
-from hdc.rejection import Peers
 
 PIXEL_BITS = (8, 16)
 """Bits of a pixel that a header can be made for."""
@@ -69,13 +69,14 @@ class Plan:
     sizes: Sizes
 
     @classmethod
+    @renamed("reject", "alpha")
     def of(
         cls,
         model: Any,
         name: str,
         pixel_bits: int = 8,
         subsample: int = 1,
-        reject: float | None = None,
+        alpha: float | None = None,
         window: Window | None = None,
     ) -> Self:
         """The plan of a trained model.
@@ -85,7 +86,7 @@ class Plan:
             name: beginning of all names in the header, an identifier of C.
             pixel_bits: of the frames, one of :data:`PIXEL_BITS`.
             subsample: compare only every n-th word of 64 bits; the frame stays whole.
-            reject: share of frames of known classes that may be refused, in (0, 1); None exports
+            alpha: share of frames of known classes that may be refused, in (0, 1); None exports
                 no rejection.
             window: how training frames were cut out of images.
 
@@ -101,7 +102,7 @@ class Plan:
         known = model.counts_ > 0
         rows = np.flatnonzero(known).tolist()
         names = np.array([str(label) for label in model.classes_.tolist()])
-        share = None if reject is None else _exact_share(reject)
+        share = None if alpha is None else _exact_share(alpha)
         relative = isinstance(encoder, Deviation)
         if relative:
             _check_size(model.n_features_in_, pixel_bits)
@@ -175,11 +176,11 @@ def _check_subsample(subsample: int, readout: Any) -> None:
         )
 
 
-def _exact_share(reject: float) -> Fraction:
+def _exact_share(alpha: float) -> Fraction:
     """The share as it is written: 0.05 is 1/20."""
-    share = Fraction(str(reject))
+    share = Fraction(str(alpha))
     if not 0 < share < 1:
-        raise ValueError(f"reject: expected a share in (0, 1), found {reject!r}")
+        raise ValueError(f"alpha: expected a share in (0, 1), found {alpha!r}")
     return share
 
 
@@ -256,11 +257,11 @@ def _rejection(
     model: HDCClassifier, rows: list[int], every: int, share: Fraction
 ) -> dict[str, np.ndarray]:
     """Thresholds, and the prototypes that they are of where the scores are of others."""
-    deciding = model._majority.deciding()[rows]
+    deciding = model._learned.majority.deciding()[rows]
     labels = model.classes_.tolist()
     peers = []
     for row, prototypes in zip(rows, deciding[..., ::every], strict=True):
-        kept = model._sample.of(labels[row])[:, ::every]
+        kept = model._learned.sample.of(labels[row])[:, ::every]
         peers.append(Peers.of(kept.contiguous(), prototypes.contiguous()))
     thresholds = distance_thresholds(peers, share, model.dimension_)
     tables = {"thresholds": np.array(thresholds, np.int64)}

@@ -1,6 +1,6 @@
 """How far a frame of a class may be from its prototype, as one number a class.
 
-The model's own rejection (:mod:`hdc.rejection`) asks, for every new frame x, how far each kept
+The model's own rejection (:mod:`hdc.conformal`) asks, for every new frame x, how far each kept
 training frame would be from the prototype with x in its place. A board has no room for that. Here
 kept frames are compared once with the prototype made without them, and a new frame with the
 prototype as it is: the jackknife, which unlike conformal prediction guarantees nothing for every
@@ -16,7 +16,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from hdc.rejection import FEWEST, Peers
+from hdc.conformal import FEWEST, Peers
 
 
 def distance_thresholds(
@@ -26,7 +26,7 @@ def distance_thresholds(
 
     Of m kept frames of a class, ⌊share·(m + 1)⌋ − 1 are farther. Where that is none that can be
     left out, the deviations from the mean of their class are taken of all classes together, as in
-    :func:`hdc.rejection.p_values`.
+    :func:`hdc.conformal.Conformal.p_values`.
 
     Args:
         peers: kept frames of each class.

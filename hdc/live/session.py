@@ -134,7 +134,9 @@ class Session:
         frames = frame[None]
         shares = self.model.distances(frames)[0] / self.model.dimension_
         names = [str(c) for c in self.model.classes_]
-        (label,) = self.model.predict(frames, reject=True).tolist()
+        (label,) = self.model.predict(frames).tolist()
+        if not self.model.is_known(frames)[0]:
+            label = None
         (likely,) = self.model.predict_set(frames, ALPHA)
         return Answer(
             label=None if label is None else str(label),

@@ -17,7 +17,7 @@ from hdc.readouts.base import HeldOut, Updatable
 
 METHODS = ("replace", "merge")
 EXTRAS = (-2, -1, 0, 1, 2)
-"""Hypervectors more or less that :mod:`hdc.rejection` asks for, as `extra` of
+"""Hypervectors more or less that :mod:`hdc.conformal` asks for, as `extra` of
 :meth:`hdc.prototypes.Counters.prototype`."""
 
 
@@ -184,7 +184,7 @@ class Counting(Updatable):
         self._deciding = deciding
 
     def deciding(self) -> Tensor:
-        """Prototypes [L, 5, W] with :data:`EXTRAS` hypervectors more, for :mod:`hdc.rejection`."""
+        """Prototypes [L, 5, W] with :data:`EXTRAS` hypervectors more, for :mod:`hdc.conformal`."""
         if self._deciding is not None:
             return self._deciding.clone()
         n_classes, width = self.prototypes_.shape

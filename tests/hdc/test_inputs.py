@@ -67,7 +67,6 @@ def test_integer_labels_in_any_container(kind: str) -> None:
             [1, "a", 1],
             "labels: expected all text, all numbers or .*, found 1 beside 'a'",
         ),
-        ([7, 7, 7], "expected at least two classes, found one class, 7"),
     ],
 )
 def test_labels_that_cannot_be_learnt_are_named(labels, message: str) -> None:

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc import HDCClassifier, bits
-from hdc.probability import FOLDS, cross_validated, probabilities, sharpness
+from hdc.probability import FOLDS, Temperature, cross_validated, sharpness
 from hdc.readouts import (
     LDA,
     Counts,
@@ -205,12 +205,12 @@ def test_the_likelihood_is_greatest_at_the_sharpness() -> None:
 def test_all_right_is_not_certain_and_all_wrong_is_no_guess_upside_down() -> None:
     rows = torch.arange(20) % 2
     right = torch.nn.functional.one_hot(rows, 2).double()
-    beta = sharpness(HeldOut(right, rows))
-    found = probabilities(right, beta, torch.ones(2, dtype=torch.bool))
+    fitted = Temperature.fit(HeldOut(right, rows))
+    found = fitted.probabilities(right, torch.ones(2, dtype=torch.bool))
     torch.testing.assert_close(found.amax(1), torch.full((20,), 21 / 22).double())
-    beta = sharpness(HeldOut(1 - right, rows))
-    wrong = probabilities(1 - right, beta, torch.ones(2, dtype=torch.bool))
-    assert beta > 0
+    fitted = Temperature.fit(HeldOut(1 - right, rows))
+    wrong = fitted.probabilities(1 - right, torch.ones(2, dtype=torch.bool))
+    assert fitted.sharpness > 0
     assert wrong.max() < 0.5001
     constant = HeldOut(torch.ones(20, 2).double(), rows)
     assert sharpness(constant) > 0
@@ -292,18 +292,10 @@ def test_files_keep_probabilities(readout: str, tmp_path: Path) -> None:
     frames, labels = noisy(40, 0)
     model = HDCClassifier(readout=readout).fit(frames, labels)
     path = tmp_path / "model.safetensors"
-    if readout == "trained":  # five folds are not computed unless they are asked for
-        model.save(path)
-        message = (
-            r"predict_proba: expected a model fresh from fit, .*Trained\(.*fit anew"
-        )
-        with pytest.raises(ValueError, match=message):
-            HDCClassifier.load(path).predict_proba(frames)
-    else:
-        model.save(path)
-        loaded = HDCClassifier.load(path).predict_proba(frames)
-        np.testing.assert_array_equal(loaded, model.predict_proba(frames))
+    model.save(path)
+    loaded = HDCClassifier.load(path).predict_proba(frames)
     asked = model.predict_proba(frames)
+    np.testing.assert_array_equal(loaded, asked)
     model.save(path)
     np.testing.assert_array_equal(HDCClassifier.load(path).predict_proba(frames), asked)
 
@@ -335,7 +327,7 @@ def test_recalibrated_counts_say_fit_anew() -> None:
     frames, labels = noisy(40, 0)
     model = HDCClassifier(readout="counts").fit(frames, labels)
     model.recalibrate(frames, labels, method="merge")
-    with pytest.raises(ValueError, match=r"found one with Counts\(.* fit anew"):
+    with pytest.raises(ValueError, match=r"recalibrated, .*Counts\(.* fit anew"):
         model.predict_proba(frames)
 
 

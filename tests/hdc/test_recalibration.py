@@ -267,7 +267,7 @@ def test_a_reference_is_zeroed_again_without_labels(base: str, readout: str) -> 
     before = {k: v.clone() for k, v in model.readout_.state().items()}
     prototypes = model.prototypes_.clone()
     assert model.score(new, labels) < 0.6
-    assert model.recalibrate(new[::2]) is model
+    assert model.rezero(new[::2]) is model
     assert model.score(new[1::2], labels[1::2]) > 0.95
     fresh = Reference().fit(new[::2])
     assert torch.equal(model.encoder_.reference_, fresh.reference_)
@@ -282,14 +282,10 @@ def test_frames_of_one_class_are_warned_of() -> None:
     model = HDCClassifier("reference", "lda").fit(old, labels)
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        model.recalibrate(new)
-    message = (
-        "recalibrate: the 15 frames are put into [12] of 6 classes; they have to show"
-    )
+        model.rezero(new)
+    message = "rezero: the 15 frames are put into [12] of 6 classes; they have to show"
     with pytest.warns(UserWarning, match=message):
-        model.recalibrate(
-            np.repeat(new[labels == 2][:1], 15, 0) + np.arange(1500) / 1e6
-        )
+        model.rezero(np.repeat(new[labels == 2][:1], 15, 0) + np.arange(1500) / 1e6)
 
 
 def test_a_frame_without_touch_is_zeroed_by_another() -> None:
@@ -300,7 +296,7 @@ def test_a_frame_without_touch_is_zeroed_by_another() -> None:
     pattern = (new - old).mean(0)
     model = HDCClassifier(Reference(frame=rest[0])).fit(old, labels)
     with pytest.warns(UserWarning, match="are put into 1 of 6 classes"):
-        model.recalibrate(rest + pattern)
+        model.rezero(rest + pattern)
     expected = Reference().zero(rest + pattern).reference_
     assert torch.equal(model.encoder_.reference_, expected)
 
@@ -311,10 +307,9 @@ def test_other_encoders_cannot_be_zeroed() -> None:
         model = HDCClassifier(encoder).fit(old, labels)
         before = model.distances(new)
         with pytest.raises(
-            ValueError,
-            match="recalibrate: expected labels y, or a model with encoder 'ref",
+            AttributeError, match="rezero: expected an encoder with a reference"
         ):
-            model.recalibrate(new)
+            model.rezero(new)
         assert np.array_equal(model.distances(new), before)
     model = HDCClassifier("reference").fit(old, labels)
     reference = model.encoder_.reference_.clone()
@@ -324,13 +319,14 @@ def test_other_encoders_cannot_be_zeroed() -> None:
         (np.where(new > 300, 1, np.nan), r"frames\[0\]: expected finite pixels"),
     ):
         with pytest.raises(ValueError, match=message):
-            model.recalibrate(frames)
+            model.rezero(frames)
         assert torch.equal(model.encoder_.reference_, reference)
 
 
 def test_labels_need_a_read_out_that_adapts() -> None:
     old, new, labels = drifted()
     model = HDCClassifier("reference", "lda").fit(old, labels)
+    assert not hasattr(model, "recalibrate")
     with pytest.raises(
         ValueError, match="recalibrate: expected another read-out than LDA"
     ):

@@ -158,7 +158,7 @@ def test_a_merge_that_fails_halfway_changes_nothing(monkeypatch):
     mine = HDCClassifier(readout="neighbours").fit(X, Y)
     other = HDCClassifier(readout="neighbours").fit(255 - X, [1, 2] * 6)
     before = mine.distances(X), mine.predict(X), mine.counts_.tolist()
-    frames, kept = mine.readout_.frames_.clone(), mine._sample.of(1).clone()
+    frames, kept = mine.readout_.frames_.clone(), mine._learned.sample.of(1).clone()
 
     def fail(*_):
         raise MemoryError
@@ -175,7 +175,7 @@ def test_a_merge_that_fails_halfway_changes_nothing(monkeypatch):
     assert (mine.predict(X) == before[1]).all()
     assert mine.counts_.tolist() == before[2]
     assert torch.equal(mine.readout_.frames_, frames)
-    assert torch.equal(mine._sample.of(1), kept)
+    assert torch.equal(mine._learned.sample.of(1), kept)
 
 
 # Labels ------------------------------------------------------------------------------------------

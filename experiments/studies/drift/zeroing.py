@@ -10,7 +10,7 @@ subtracted from the queries, and nothing else changes. By ``method``:
   training is then the mean of such frames of the first session.
 
 Every mean is of standardised frames. HDC does it by the reference of its encoder and its own
-``recalibrate``, a rival by ``predict_zeroed``: the same frames, alike.
+``rezero``, a rival by ``predict_zeroed``: the same frames, alike.
 """
 
 from __future__ import annotations
@@ -189,5 +189,5 @@ def _zero(model: HDCClassifier, frames: Selection) -> None:
     with warnings.catch_warnings():
         # What frames of one class do to a model is measured here; a single frame less
         # itself is constant.
-        warnings.filterwarnings("ignore", message="recalibrate:|.*constant frame")
-        model.recalibrate(frames)
+        warnings.filterwarnings("ignore", message="rezero:|.*constant frame")
+        model.rezero(frames)

@@ -360,7 +360,7 @@ def test_hdc_is_zeroed_by_its_own_recalibration(scene, name):
     assert (stored == model.predict(scene.images[asked])).all()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        model.recalibrate(scene.images[after])
+        model.rezero(scene.images[after])
     assert (moved == model.predict(scene.images[asked])).all()
     assert (moved != stored).any()
 

@@ -25,15 +25,12 @@ class Nearest:
     def distances(self, frames):
         return frames[:, 0].astype(int)
 
-    def predict(self, frames, reject=False):
+    def predict(self, frames):
         self.asked.append(len(frames))
-        labels = NAMES[self.distances(frames).argmin(1)].astype(object)
-        if reject:
-            labels[~self.is_known(frames, reject)] = None
-        return labels
+        return NAMES[self.distances(frames).argmin(1)]
 
-    def is_known(self, frames, reject):
-        return self.distances(frames).min(1) < 100 * (1 - reject)
+    def is_known(self, frames, alpha):
+        return self.distances(frames).min(1) < 100 * (1 - alpha)
 
     def predict_set(self, frames, alpha):
         return [NAMES[row <= 100 * alpha] for row in self.distances(frames)]

@@ -354,7 +354,7 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path
     status, out, err = hdc("recalibrate", path, tmp_path / "today", "-o", new)
     assert (status, err) == (0, [])
     assert out == [f"{new}: zeroed by 36 new frames without labels"]
-    expected = HDCClassifier.load(path).recalibrate(later)
+    expected = HDCClassifier.load(path).rezero(later)
     found = HDCClassifier.load(new)
     assert (found.encoder_.reference_ == expected.encoder_.reference_).all()
     before = HDCClassifier.load(path).encoder_.reference_
@@ -378,7 +378,7 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path
     hdc("train", old, "-o", plain)
     status, _, (line,) = hdc("recalibrate", plain, tmp_path / "today", "-o", new)
     assert status == 1
-    assert "expected labels y, or a model with encoder 'reference'" in line
+    assert "rezero: expected an encoder with a reference, such as 'reference'" in line
     wide = tmp_path / "wide"
     wide.mkdir()
     assert cv2.imwrite(str(wide / "x.png"), np.zeros((9, 9), np.uint8))

@@ -196,7 +196,7 @@ def test_new_frames_replace_the_reference_without_labels(hard) -> None:
     model = HDCClassifier("deviation", "lda").fit(frames, labels)
     learned = Deviation().fit(moved).reference_
     assert not torch.equal(model.encoder_.reference_, learned)
-    assert model.recalibrate(moved).score(moved, truth) > 0.9
+    assert model.rezero(moved).score(moved, truth) > 0.9
     assert torch.equal(model.encoder_.reference_, learned)
 
 

@@ -9,10 +9,13 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, bits
+from hdc.conformal import FEWEST, Conformal, Peers
 from hdc.encoders import Median
+from hdc.export import Plan
 from hdc.prototypes import Counters
+from hdc.readouts import Readout, Ridge
 from hdc.readouts.majority import EXTRAS, deciding_prototypes
-from hdc.rejection import FEWEST, KEPT, Peers, Sample, p_values, random_place
+from hdc.sample import KEPT, Sample, random_place
 
 D = 4096
 
@@ -43,6 +46,12 @@ class Speckle:
         fields = self.fields if fields is None else fields
         intensity = np.abs(fields[labels] + share * self.field(n)) ** 2
         return np.clip(30 * intensity, 0, 255).astype(np.uint8), labels
+
+
+def p_values(peers, words: torch.Tensor, alpha: float) -> np.ndarray:
+    """Those of hypervectors, whatever their scores."""
+    scores = torch.zeros(len(words), len(peers))
+    return Conformal(peers).p_values(words, scores, alpha)
 
 
 def junk(seed: int = 0) -> np.ndarray:
@@ -199,7 +208,7 @@ def test_each_class_is_covered_whatever_its_spread_and_number(share: float) -> N
 
 
 @pytest.mark.filterwarnings("ignore:.*constant frame")
-def test_predictions_that_are_none() -> None:
+def test_predictions_are_labels_and_what_is_known_is_asked_apart() -> None:
     speckle = Speckle(1)
     frames, labels = speckle.frames(100)
     names = np.array(list("edcba"))
@@ -207,11 +216,11 @@ def test_predictions_that_are_none() -> None:
     new, labels = speckle.frames(200)
     mixed = np.concatenate([new, junk()])
     plain, known = model.predict(mixed), model.is_known(mixed)
-    expected = [label if k else None for label, k in zip(plain, known, strict=True)]
-    assert model.predict(mixed, reject=True).tolist() == expected
-    assert expected[200:] == [None] * 52
+    assert known[:200].mean() > 0.8
+    assert not known[200:].any()
     assert plain.dtype == np.dtype("<U1")
-    assert model.predict(new[:0], reject=True).shape == (0,)
+    assert plain.shape == (252,)
+    assert model.is_known(new[:0]).shape == (0,)
     for share in (0, -1.0, 1.0, 7, "x", None):
         with pytest.raises(ValueError, match=r"expected a share in \(0, 1\), found"):
             model.is_known(mixed, share)
@@ -258,7 +267,11 @@ def test_recalibrated_models_compare_with_the_new_frames() -> None:
             .fit(old, labels)
             .recalibrate(new, labels[:20], 0.6, 1, method)
         )
-        d, d_i = model._known_peers()[0].compare(Median().encode(torch.from_numpy(x)))
+        d, d_i = (
+            model._learned.conformal()
+            .peers[0]
+            .compare(Median().encode(torch.from_numpy(x)))
+        )
         assert d.tolist() == model.distances(x)[:, 0].tolist()
         for i, place in enumerate(range(0, 20, 5)):
             exchanged = new.copy()
@@ -377,3 +390,152 @@ def test_merged_samples_have_hypervectors_of_both(n, n_other) -> None:
     sample.merge(numbered("b", 7, 2))
     assert sample.of("b")[:, 0].tolist() == [7, 8]
     assert sample.of("a")[:, 0].tolist() == kept
+
+
+# Read-outs that are compared by their own scores --------------------------------------------------
+
+
+class Nearest(Readout):
+    """The nearest mean, of one's own: without scores in closed form."""
+
+    def fit(self, words, rows, n_classes, dimension):
+        ones = bits.unpack(words, dimension).double()
+        self.means_ = torch.stack([ones[rows == c].mean(0) for c in range(n_classes)])
+        self._dimension = dimension
+        return self
+
+    def scores(self, words):
+        return -torch.cdist(bits.unpack(words, self._dimension).double(), self.means_)
+
+    def restore(self, tensors, n_classes, dimension):
+        super().restore(tensors, n_classes, dimension)
+        self._dimension = dimension
+
+
+OTHERS = ["ridge", "lda", "kernel", "trained", "neighbours", Nearest()]
+
+
+@pytest.mark.parametrize("readout", OTHERS, ids=str)
+@pytest.mark.parametrize("per_class", [8, 25])
+def test_other_read_outs_cover_about_what_is_asked_and_refuse_junk(
+    readout, per_class: int
+) -> None:
+    covered, refused, unknown = [], [], []
+    for seed in range(6):
+        speckle = Speckle(seed)
+        model = HDCClassifier(readout=readout).fit(*speckle.frames(5 * per_class))
+        frames, labels = speckle.frames(200)
+        covered.append(_share_of_right(model.predict_set(frames, 0.2), labels))
+        refused.append(1 - model.is_known(frames, 0.2).mean())
+        others, _ = speckle.frames(50, speckle.of_new_classes())
+        unknown.append(1 - model.is_known(others, 0.2).mean())
+    assert 0.72 < np.mean(covered) < 0.93, covered
+    assert np.mean(refused) < 0.28, refused
+    assert np.mean(unknown) > 0.5, unknown
+
+
+@pytest.mark.parametrize("readout", ["majority", "counts", *OTHERS], ids=str)
+def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(
+    readout, tmp_path
+) -> None:
+    """29 of 240 labels lay outside their own set."""
+    speckle = Speckle(4)
+    frames, labels = speckle.frames(75)
+    queries, _ = speckle.frames(240)
+    model = HDCClassifier(readout=readout).fit(frames, labels)
+    sets = model.predict_set(queries, 0.2)
+    known = model.is_known(queries, 0.2)
+    assert 0 < known.sum() < 240
+    pairs = zip(model.predict(queries), sets, known, strict=True)
+    for label, found, is_known in pairs:
+        assert (len(found) > 0) == is_known
+        assert not is_known or label in found
+    if not isinstance(readout, Nearest):  # its module is that of a test
+        model.save(tmp_path / "m")
+        loaded = HDCClassifier.load(tmp_path / "m").predict_set(queries, 0.2)
+        assert [x.tolist() for x in loaded] == [x.tolist() for x in sets]
+
+
+def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones() -> None:
+    """With ridge regression, whose left-out scores are those of models without the frame."""
+    speckle = Speckle(2, classes=2)
+    frames, labels = speckle.frames(40)
+    queries, _ = speckle.frames(30)
+    readout = Ridge(1.0)
+    model = HDCClassifier(readout=readout).fit(frames, labels)
+    scores = model.readout_.scores(model.encoder_.encode(torch.from_numpy(queries)))
+    left_out = []
+    for i in range(40):
+        others = np.arange(40) != i
+        again = HDCClassifier(readout=readout).fit(frames[others], labels[others])
+        one = again.encoder_.encode(torch.from_numpy(frames[i : i + 1]))
+        left_out.append(float(again.readout_.scores(one)[0, labels[i]]))
+    words = model.encoder_.encode(torch.from_numpy(queries))
+    found = model._learned.conformal().p_values(words, scores, 0.2)
+    for c in range(2):
+        own = np.array(left_out)[labels == c]
+        for q in range(30):
+            lower = (own <= float(scores[q, c])).sum()
+            assert found[q, c] == pytest.approx((1 + lower) / 21, abs=2.1 / 21)
+    assert len(np.unique(found)) > 5
+
+
+def test_classes_without_new_frames_keep_their_left_out_scores() -> None:
+    speckle = Speckle(6)
+    frames, labels = speckle.frames(100)
+    model = HDCClassifier(readout="ridge").fit(frames, labels)
+    few = labels < 2
+    with pytest.warns(UserWarning, match="no new frames of 2, 3, 4"):
+        model.recalibrate(frames[few], labels[few])
+    assert [len(own) for own in model._learned.conformal().peers] == [20] * 5
+    assert model.is_known(junk(), 0.2).mean() < 0.5
+
+
+# One class ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("readout", ["majority", "counts", "neighbours"])
+def test_one_class_is_told_from_what_is_unknown(readout: str, tmp_path) -> None:
+    speckle = Speckle(0, classes=1)
+    frames, labels = speckle.frames(60)
+    model = HDCClassifier(readout=readout).fit(frames, ["touch"] * 60)
+    fresh, _ = speckle.frames(200)
+    others, _ = speckle.frames(200, speckle.of_new_classes())
+    model.save(tmp_path / "m")
+    for asked in (model, HDCClassifier.load(tmp_path / "m")):
+        assert 0.1 < 1 - asked.is_known(fresh, 0.2).mean() < 0.32
+        assert asked.is_known(others, 0.2).mean() < 0.1
+        assert set(asked.predict(fresh)) == {"touch"}
+        assert (asked.predict_proba(fresh) == 1).all()
+    first = HDCClassifier(readout=readout).partial_fit(frames[:20], labels[:20])
+    assert not first.is_known(others, 0.2).all()
+    assert (
+        first.partial_fit(others[:20], labels[:20] + 1).score(others, [1] * 200) > 0.9
+    )
+
+
+@pytest.mark.parametrize("readout", ["ridge", "lda", "kernel", "trained"])
+def test_a_read_out_that_tells_classes_apart_refuses_one(readout: str) -> None:
+    frames, labels = Speckle(0, classes=1).frames(10)
+    with pytest.raises(
+        ValueError, match=r"^labels: expected at least two classes for "
+    ):
+        HDCClassifier(readout=readout).fit(frames, labels)
+
+
+# Words of version 2.0 -----------------------------------------------------------------------------
+
+
+def test_words_of_version_2_0_name_those_of_today() -> None:
+    frames, labels = Speckle(0).frames(50)
+    model = HDCClassifier("reference").fit(frames, labels)
+    for call, message in (
+        (lambda: model.predict(frames, reject=True), r"predict: expected is_known\("),
+        (lambda: model.is_known(frames, reject=0.1), "is_known: expected alpha, found"),
+        (lambda: Plan.of(model, "touch", reject=0.1), "of: expected alpha, found"),
+    ):
+        with pytest.raises(TypeError, match=f"^{message}") as caught:
+            call()
+        assert "\n" not in str(caught.value)
+    with pytest.raises(ValueError, match=r"^recalibrate: .*labels: rezero\(frames\)$"):
+        model.recalibrate(frames)

@@ -1,0 +1,243 @@
+"""Which classes a frame may be of: conformal prediction by what a read-out thinks.
+
+**Read-outs that count.** A model keeps up to 19 training frames of each class, chosen at random
+(:class:`hdc.sample.Sample`). To ask whether a frame x is of class c, with n training frames and
+their prototype P, compare
+
+- d, the distance of x to P, with
+- d_i, the distance of a kept frame x_i to the prototype of the n frames with x in place of x_i.
+
+The counters give each d_i exactly: a prototype bit changes only where one count more or less
+decides. The p-value is the share of frames that are as far out as x, x included:
+
+    p_c(x) = (1 + #{i: d_i ≥ d}) / (m + 1)        m frames kept.
+
+If x and the training frames of class c are exchangeable, then P(p_c(x) ≤ α) ≤ α for every α, n and
+D, whatever the distribution of frames: full conformal prediction (Vovk, Gammerman, Shafer,
+Algorithmic Learning in a Random World, 2005, Prop. 2.3), class by class. It holds on average over
+training sets; after drift it does not hold at all.
+
+**Other read-outs.** Here d is minus the score of class c, and d_i minus the score that training
+frame i of the class has from a read-out that has not learnt it: in closed form, or from four folds
+of five. This is the jackknife. It keeps 1 − α as far as one frame more or less hardly moves the
+scores, and promises nothing for every distribution. The 1 − 2α of the jackknife+ and of CV+
+(Barber et al., Ann. Statist. 49, 486 (2021)) would need, for each query, a model without each
+training frame; a file would hold five models, or all training frames. Scores from four fifths of
+the frames are lower, and their sets cover rather more.
+
+A p-value is at least 1/(m + 1). Where that is above α, a class of at least 4 frames is compared
+with those of all such classes: their leave-one-out distances less the mean of their class, and
+those of class c less the mean of all m + 1. Coverage is then that of all classes together, not of
+each, and holds as far as their distances spread alike. Distances of fewer frames less their mean
+are too near to zero (those of two frames are zero), so such a class is in every set, and nothing is
+refused.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.inputs import Label
+from hdc.readouts.base import HeldOut
+from hdc.readouts.majority import Counting
+from hdc.sample import Sample
+
+RATE = 0.05
+"""Share of known frames that are refused unless another is given."""
+FEWEST = 4
+"""Frames of a class from which its distances are compared with those of other classes."""
+
+
+@dataclass(frozen=True)
+class Peers:
+    """The kept frames of one class, and what a new frame changes for them."""
+
+    prototype: Tensor
+    """int64 [W]."""
+    constant: np.ndarray
+    """[m], distances d_i for a black frame x."""
+    gained: Tensor
+    """[W], bits of the prototype that become one if x has a one where x_i has none."""
+    shared: Tensor
+    """[m, W], bits of x_i that are not lost, or not gained, where x has a one, too."""
+    held_out: np.ndarray
+    """[m], leave-one-out distances less their mean; none of a single frame."""
+    mean: float
+    """Of the leave-one-out distances; NaN of a single frame."""
+
+    @classmethod
+    def of(cls, words: Tensor, prototypes: Tensor) -> Peers:
+        """Peers of kept hypervectors [m, W] and prototypes [5, W] of the read-out's EXTRAS."""
+        if_gained, if_zero, prototype, if_one, if_lost = prototypes
+        lost = prototype & ~if_lost
+        gained = if_gained & ~prototype
+        constant = bits.count_ones(words ^ prototype)
+        constant += bits.count_ones(words & lost)
+        without = (words & if_one) | (~words & if_zero)
+        distances = bits.count_ones(words ^ without)
+        held_out = distances.numpy(force=True).astype(np.float64)
+        mean = np.nan
+        if len(held_out) > 1:
+            mean = float(held_out.mean())
+            held_out = held_out - mean
+        else:
+            held_out = held_out[:0]
+        return cls(
+            prototype=prototype,
+            constant=constant.numpy(force=True),
+            gained=gained,
+            shared=words & (lost | gained),
+            held_out=held_out,
+            mean=mean,
+        )
+
+    def __len__(self) -> int:
+        return len(self.constant)
+
+    def compare(
+        self, words: Tensor, scores: Tensor | None = None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Distances d [Q] of hypervectors [Q, W] as if of this class, and d_i [Q, m]."""
+        ones = bits.count_ones(words)[:, None]
+        differing = bits.hamming(words, self.shared)
+        overlap = (ones + bits.count_ones(self.shared) - differing) // 2
+        gained = bits.count_ones(words & self.gained)[:, None]
+        distances = bits.count_ones(words ^ self.prototype)
+        moved = (gained - overlap).numpy(force=True)
+        d_i = self.constant + moved
+        return distances.numpy(force=True), d_i
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """Scores of training frames of one class by read-outs that have not learnt them."""
+
+    distances: np.ndarray
+    """[m], minus the scores."""
+    held_out: np.ndarray
+    """[m], the same less their mean; none of a single frame."""
+
+    @classmethod
+    def of(cls, scores: np.ndarray) -> LeftOut:
+        """Of the scores [m] of their own class."""
+        deviations = scores.mean() - scores if len(scores) > 1 else scores[:0]
+        return cls(-scores, deviations)
+
+    def __len__(self) -> int:
+        return len(self.distances)
+
+    def compare(self, words: Tensor, scores: Tensor) -> tuple[np.ndarray, np.ndarray]:
+        """Distances d [Q] of frames with these scores [Q] of the class, and d_i [Q, m]."""
+        d = -scores.double().numpy(force=True)
+        return d, np.broadcast_to(self.distances, (len(d), len(self)))
+
+
+Compared = Peers | LeftOut
+"""What frames are compared with, to know whether they may be of one class."""
+
+
+@dataclass(frozen=True)
+class Conformal:
+    """What frames are compared with, class by class; None of a class without training frames."""
+
+    peers: Sequence[Compared | None]
+
+    @classmethod
+    def of_counting(
+        cls, readout: Counting, sample: Sample, labels: Sequence[Label]
+    ) -> Self:
+        """By exchanging a kept frame and the new one in the counters of a read-out."""
+        prototypes = readout.deciding()
+        peers: list[Compared | None] = []
+        for row, label in enumerate(labels):
+            own = None
+            if sample.seen.get(label):
+                own = Peers.of(sample.of(label), prototypes[row])
+            peers.append(own)
+        return cls(peers)
+
+    @classmethod
+    def of_scores(cls, held_out: HeldOut, counts: Tensor) -> Self:
+        """By scores of training frames as if each had not been learnt.
+
+        Args:
+            held_out: the scores; those of the only frame of a class say nothing, and are left out.
+            counts: training frames int64 [L] of each class.
+        """
+        peers: list[Compared | None] = []
+        for c, n in enumerate(counts.tolist()):
+            own = held_out.scores[held_out.rows == c, c] if n > 1 else torch.empty(0)
+            peers.append(LeftOut.of(own.double().numpy()) if n else None)
+        return cls(peers)
+
+    def p_values(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
+        """p_c(x) of Q frames and L classes, [Q, L], to be compared with α.
+
+        A class without training frames has p = 0.
+
+        Args:
+            words: hypervectors int64 [Q, W].
+            scores: of the read-out [Q, L].
+            alpha: α.
+        """
+        result = np.zeros((len(words), len(self.peers)))
+        _warn_of_few(self.peers, alpha)
+        for c, own in enumerate(self.peers):
+            if own is None:
+                continue
+            d, d_i = own.compare(words, scores[:, c])
+            m = len(own)
+            as_far = (d_i >= d[:, None]).sum(1)
+            if (m + 1) * alpha >= 1 or m < FEWEST:
+                result[:, c] = (1 + as_far) / (m + 1)
+                continue
+            others = _held_out_of_others(self.peers, c)
+            mean = (d_i.sum(1) + d) / (m + 1)
+            nearer = np.searchsorted(others, d - mean, "left")
+            as_far += len(others) - nearer
+            result[:, c] = (1 + as_far) / (1 + m + len(others))
+        return result
+
+    def possible(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
+        """Which classes Q frames may be of, bool [Q, L]; arguments as of :meth:`p_values`.
+
+        A set that is not empty has the class of the largest score.
+        """
+        found = self.p_values(words, scores, alpha) > alpha
+        known = found.any(1)
+        best = scores.argmax(1).numpy(force=True)
+        found[known, best[known]] = True
+        return found
+
+
+def _warn_of_few(peers: Sequence[Compared | None], alpha: float) -> None:
+    """Warn where some class is in every set, so that no frame is refused."""
+    kept = [len(peer) for peer in peers if peer is not None]
+    n, least = sum(kept), min(kept, default=0)
+    if (n + 1) * alpha < 1:
+        expected = f"expected at least {1 / (n + 1):.2g} with {n} frames kept"
+    elif least < FEWEST and (least + 1) * alpha < 1:
+        expected = f"expected at least {FEWEST} frames of each class, found {least}"
+    else:
+        return
+    warnings.warn(
+        f"{alpha:g} of known frames: {expected}; no frame is refused", stacklevel=4
+    )
+
+
+def _held_out_of_others(peers: Sequence[Compared | None], c: int) -> np.ndarray:
+    """Leave-one-out distances, each less the mean of its class, of all classes but c, sorted;
+    without those of fewer frames than :data:`FEWEST`."""
+    found = [np.empty(0)]
+    for other, peer in enumerate(peers):
+        if peer is not None and other != c and len(peer.held_out) >= FEWEST:
+            found.append(peer.held_out)
+    return np.sort(np.concatenate(found))
