@@ -47,7 +47,7 @@ def test_every_encoder_with_every_read_out(
     sets = model.predict_set(queries, 0.1)
     assert np.mean([y in found for y, found in zip(truth, sets, strict=True)]) > 0.75
     assert model.is_known(queries, 0.1).mean() > 0.75
-    assert model.is_known(255 - queries, 0.1).mean() < 0.1
+    assert model.is_known(255 - queries, 0.1).mean() < 0.25
     compiled = HDCClassifier(encoder, readout, backend="compiled").fit(frames, labels)
     model.save(tmp_path / "m")
     loaded = HDCClassifier.load(tmp_path / "m")
