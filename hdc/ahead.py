@@ -56,8 +56,9 @@ def are_due(n_pixels: int) -> bool:
 
 def say_loaded() -> None:
     """The kernels can be used; leave a mark that they were compiled, for the processes to come."""
-    _loaded.set()
-    _leave(_mark())
+    if not _loaded.is_set():
+        _loaded.set()
+        _leave(_mark())
 
 
 def _leave(mark: Path) -> None:
@@ -92,6 +93,7 @@ def _load() -> bool:
         importlib.import_module("numba")
         if threading.main_thread().is_alive():
             importlib.import_module("hdc.compiled")
+            say_loaded()
             return True
     return False
 
@@ -138,7 +140,7 @@ def _compile_in_background() -> None:
     folder = str(Path(__file__).parent.parent)
     paths = [folder, os.environ.get("PYTHONPATH", "")]
     environment = {**os.environ, "PYTHONPATH": os.pathsep.join(filter(None, paths))}
-    code = "import os; os.nice(10); import hdc.compiled"
+    code = "import os; os.nice(10); from hdc import ahead; ahead._load()"
     with suppress(OSError):
         _compiler = subprocess.Popen(
             # -P: no module of the folder that the user happens to be in

@@ -62,6 +62,7 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
         raise ValueError(
             f"backend: 'compiled' expects {install}, found: {error}"
         ) from error
+    ahead.say_loaded()
     return compiled
 
 

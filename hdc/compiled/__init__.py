@@ -9,7 +9,6 @@ seconds) and keeps the code beside these files, in the user's cache folder, or i
 
 from __future__ import annotations
 
-from hdc import ahead
 from hdc.compiled.combine import combine
 from hdc.compiled.count import count_into, count_uint8, hamming, weighted_hamming
 from hdc.compiled.deviation import encode_deviation, histograms
@@ -25,5 +24,3 @@ __all__ = [
     "histograms",
     "weighted_hamming",
 ]
-
-ahead.say_loaded()

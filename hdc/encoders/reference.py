@@ -9,6 +9,7 @@ from typing import Any
 from torch import Tensor
 
 from hdc.encoders.base import Encoder
+from hdc.encoders.named import encode_with, make_encoder
 from hdc.encoders.relative import RelativeEncoder
 
 
@@ -38,8 +39,6 @@ class Reference(RelativeEncoder):
 
     @property
     def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
-        from hdc.encoders import make_encoder
-
         return {"base": functools.partial(make_encoder, what="base")}
 
     @property
@@ -61,8 +60,6 @@ class Reference(RelativeEncoder):
         return self.base_.dimension(n_pixels)
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
-        from hdc.encoders import encode_with
-
         return encode_with(self.base_, differences, first, "numpy")
 
 

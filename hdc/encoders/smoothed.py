@@ -12,6 +12,7 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.encoders.base import Encoder
+from hdc.encoders.named import encode_with, make_encoder
 from hdc.encoders.ranks import check_frames
 from hdc.encoders.standardised import LARGEST, integers
 from hdc.io import check_tensors
@@ -59,8 +60,6 @@ class Smoothed(Encoder):
 
     @property
     def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
-        from hdc.encoders import make_encoder
-
         return {"base": functools.partial(make_encoder, what="base")}
 
     @property
@@ -102,8 +101,6 @@ class Smoothed(Encoder):
         out: Tensor | None = None,
     ) -> Tensor:
         """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the smoothed frames."""
-        from hdc.encoders import encode_with
-
         found = encode_with(self.base_, self.images(frames, first), first, "numpy")
         if out is None:
             return found

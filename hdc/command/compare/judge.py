@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hdc import HDCRegressor, theory
+from hdc import HDCRegressor
 from hdc.accuracy import wilson
 from hdc.bits import choose_backend
 from hdc.command.compare.advice import paired_accuracies, paired_errors
@@ -83,7 +83,6 @@ def compare(
     else:
         result["classes"] = list(frames.names)
         result["tests"] = [_test_of_classes(frames, judged, *test) for test in tests]
-        result["expected"] = expected(frames, parts.earlier)
     result["curve"] = learning_curve(
         frames, parts.earlier, parts.later, judged.followed(), draws
     )
@@ -249,26 +248,4 @@ def _less(frames: Frames, mine: np.ndarray, theirs: np.ndarray) -> dict[str, Any
     for column, name in enumerate(frames.names):
         gain = paired_errors(mine[:, column], theirs[:, column])
         found[name] = gain.as_json()
-    return found
-
-
-def expected(frames: Frames, rows: np.ndarray) -> dict[int, float]:
-    """Frames a class, all and more, and the accuracy that :mod:`hdc.theory` expects of prototypes.
-
-    Nothing is expected of fewer than three frames, or equal ones.
-    """
-    labels = frames.labels[rows]
-    n, counts = len(rows), np.bincount(labels)
-    if counts.min() < 3:
-        return {}
-    bank = frames.bank
-    correlations = bank.bits.numpy()[np.ix_(rows, rows)] / bank.dimension
-    with np.errstate(divide="ignore", invalid="ignore"):
-        moments = theory.correlations(correlations, labels)
-    if not np.isfinite(moments.skew).all():
-        return {}
-    found = {}
-    for times in (1, 2, 10):
-        size = n // len(counts) * times
-        found[size] = theory.hdc_accuracy(moments, size * len(counts), bank.dimension)
     return found

@@ -25,12 +25,6 @@ def text(result: Mapping[str, Any]) -> str:
     tables = _tests_of_values(result) if "values" in result else [_tests(result)]
     parts += [_of_table(table) for table in tables]
     parts.append(_of_table(_curve(result)))
-    if result.get("expected"):
-        items = result["expected"].items()
-        likely = ", ".join(f"{share:.0%} with {n}" for n, share in items)
-        parts.append(
-            f"Theory expects of prototypes, as at random: {likely} frames per class."
-        )
     lines = advice.of_values if "values" in result else advice.of_classes
     parts.append("\n".join(lines(result)))
     return "\n\n".join(parts)

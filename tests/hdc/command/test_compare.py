@@ -166,7 +166,6 @@ def test_a_test_of_classes_is_the_plain_computation(tmp_path):
     assert result["chosen_by"] == (
         f"cross-validation on {len(parts.chosen_on)} training frames, 4 folds at random"
     )
-    assert list(result["expected"]) == [6, 12, 60]
     read = read_frames(recording)
     every = {
         method.name: method
@@ -251,7 +250,6 @@ def test_too_few_frames_are_compared_without_a_choice(tmp_path):
     assert result["chosen_by"] == ""
     assert result["chosen"] == result["published"] == "median, majority"
     assert (result["rival"], result["cross_validation"]) == ("", {})
-    assert result["expected"] == {}
     test = result["tests"][-1]
     assert (test["learnt"], test["tested"]) == (6, 3)
     assert "rival_gain" not in test
@@ -935,21 +933,3 @@ def test_errors_are_one_line(hdc, archive, of_values, tmp_path):
         status, out, err = hdc("compare", *words)
         assert (status, out, err.count("\n")) == (1, "", 1), words
         assert message in err
-
-
-def test_theory_expects_about_what_more_frames_give():
-    frames = frames_of(4, 60, noise=600, dtype=np.uint16)
-    labels = np.repeat(np.arange(4), 60)
-    data = in_memory(frames, labels)
-    few = np.flatnonzero(np.arange(240) % 60 < 10)
-    expected = judge.expected(data, few)
-    assert list(expected) == [10, 20, 100]
-    learnt = np.arange(240) % 60 < 20
-    model = HDCClassifier().fit(frames[learnt], labels[learnt])
-    right = model.score(frames[~learnt], labels[~learnt])
-    assert 0.4 < expected[10] < expected[20] < expected[100] < 1
-    assert expected[20] == pytest.approx(right, abs=0.1)
-    assert list(judge.expected(data, np.arange(0, 240, 20))) == [3, 6, 30]
-    assert judge.expected(data, np.arange(0, 240, 30)) == {}  # two a class
-    alike = in_memory(np.repeat(frames[::60], 5, 0), np.repeat(np.arange(4), 5))
-    assert judge.expected(alike, np.arange(20)) == {}
