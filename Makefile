@@ -43,7 +43,7 @@ reproduce: $(VENV)  ## everything again, into results/mine (hours; QUICK=1: fewe
 	$(BIN)/python -m experiments.reproduce $(if $(QUICK),--quick) $(if $(CLAIM),--claim $(CLAIM))
 
 reference: reproduce  ## for maintainers: the reproduction becomes results/reference
-	$(BIN)/python -m experiments.reference --drop-older
+	$(BIN)/python -m experiments.reference
 
 docs: $(VENV)  ## the documentation, into site/; any warning stops it
 	$(BIN)/python -m sphinx -q -W --keep-going -b html -d site/.doctrees docs site/html

@@ -1,10 +1,9 @@
 """For maintainers: own results become the committed reference: ``python -m experiments.reference``.
 
-What finished steps of the reproduction left in the folder of own results replaces the same records
-in ``results/reference``; all others stay as they are, so that a reproduction can be taken over step
-by step. Tables and figures are made again, and the marked parts of README.md and of the docs are
-filled from them; tables that rest on records of older revisions are named. ``--drop-older`` removes
-those records.
+What finished steps of the reproduction left in the folder of own results replaces what
+``results/reference`` has of these steps; other steps stay as they are, so that a reproduction can
+be taken over step by step. Tables and figures are made again, and the marked parts of README.md and
+of the docs are filled from them; tables that rest on records of older revisions are named.
 """
 
 from __future__ import annotations
@@ -48,15 +47,10 @@ def main(arguments: list[str] | None = None) -> int:
         action="store_true",
         help="only tables, figures, and the marked parts of README and docs",
     )
-    parser.add_argument(
-        "--drop-older",
-        action="store_true",
-        help="remove records of other revisions that nothing replaced",
-    )
     chosen = parser.parse_args(arguments)
     console = Console(highlight=False)
     if not chosen.tables:
-        adopted = adopt(results_dir(), REFERENCE, chosen.drop_older)
+        adopted = adopt(results_dir(), REFERENCE)
         _tell(adopted, console)
     answers = report.Answers("reference", Results(REFERENCE), studies_of(studies))
     written = answers.write(REFERENCE)
@@ -76,19 +70,17 @@ def main(arguments: list[str] | None = None) -> int:
 
 def _tell(adopted: Adopted, console: Console) -> None:
     """What entered the reference, and what did not."""
-    text = f"{adopted.runs} runs and {adopted.measurements} measurements taken over"
+    text = f"{adopted.entered} records taken over, {adopted.left} have left"
     if adopted.outside:
-        text += f"; {adopted.outside} records stay outside: no finished step has them"
+        text += f"; {adopted.outside} stay outside: no finished step has them"
     console.print(text, soft_wrap=True)
 
 
 def _tell_older(answers: report.Answers, console: Console) -> int:
     """Name the code of other revisions and the tables that rest on it; 1 if there are any."""
     changed = Counter[str]()
-    for run in answers.results.runs:
-        changed.update(run.outdated)
-    for measured in answers.results.measurements:
-        changed.update(measured.outdated)
+    for record in answers.results.finished:
+        changed.update(record.outdated)
     for name, n in sorted(changed.items()):
         console.print(f"{name}: {n} records are of another", soft_wrap=True)
     older = answers.older_tables()

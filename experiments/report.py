@@ -20,8 +20,6 @@ from rich.text import Text
 
 from experiments import studies
 from experiments.records.files import REFERENCE, results_dir
-from experiments.records.groups import Run
-from experiments.records.measurement import Measured
 from experiments.records.results import Results
 from experiments.reporting import against, comparison, listing, page
 from experiments.reporting.page import Part, Section
@@ -62,7 +60,7 @@ class Answers:
         # Among one's own stands nothing that was not measured.
         every = comparison.compare(quantities, with_missing=self.name != MINE)
         self.tables["comparison"] = [every] if len(every.data) else []
-        if self.name == MINE:  # runs.jsonl has the runs of the reference
+        if self.name == MINE:  # records.jsonl has the runs of the reference
             self.tables["runs"] = [runs_table(self.results)]
 
     def every_table(self) -> Iterator[Table]:
@@ -237,8 +235,8 @@ def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
 def _about(answers: Answers) -> str:
     """How many records there are, of which code, from which machine."""
     results = answers.results
-    records: list[Run | Measured] = [*results.runs, *results.measurements]
-    environments = [one.record.environment for one in records]
+    records = results.finished
+    environments = [record.environment for record in records]
     machines = {(env.cpu, env.threads) for env in environments}
     where = [f"{cpu}, {counted(n, 'thread')}" for cpu, n in sorted(machines)]
     counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements"

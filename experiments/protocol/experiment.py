@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import functools
 import inspect
+import sys
+import time
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -15,8 +17,17 @@ from rich.console import Console
 from experiments.protocol import data
 from experiments.protocol.model import instantiate
 from experiments.protocol.settings import checked
-from experiments.records import configs, measurement
-from experiments.records.measurement import measure
+from experiments.records import configs, locks, store
+from experiments.records.environment import command, environment
+from experiments.records.files import results_dir
+from experiments.records.record import (
+    SCHEMA,
+    Measurement,
+    Rows,
+    current_steps,
+    name_of,
+)
+from experiments.records.revision import revisions
 from experiments.records.rows import Row
 from scenes.frames import Scene
 
@@ -31,9 +42,10 @@ class Run:
     Args:
         name: name of the measurement.
         config: bound arguments of the experiment, with its ``_target_``.
+        scene_name: name of the scene's config, where it has one.
         device: as torch names it.
         cache: keep frames on disk.
-        force: make kept parts again.
+        force: make everything again.
         console: shows progress.
         data: digest of the frames, where the config does not determine them.
     """
@@ -42,6 +54,7 @@ class Run:
         self,
         name: str = "experiment",
         config: Mapping[str, Any] | None = None,
+        scene_name: str = "",
         device: str = "cpu",
         cache: bool = False,
         force: bool = False,
@@ -49,7 +62,8 @@ class Run:
         data: str = "",
     ):
         self.name, self.config, self.data = name, dict(config or {}), data
-        self.device, self.cache, self.force = device, cache, force
+        self.scene_name, self.device = scene_name, device
+        self.cache, self.force = cache, force
         self.console = console or Console(highlight=False)
 
     def note(self, text: str) -> None:
@@ -78,12 +92,83 @@ class Run:
             key: tells the part from others of the same experiment and config.
             compute: makes its rows.
         """
+        config = {**self.config, "part": dict(key)}
+        folder = results_dir() / "cache" / "parts"
         if self.force:
             yield from compute()
         else:
-            config = {**self.config, "part": dict(key)}
-            yield from measurement.part(self.name, config, compute, self.data)
+            yield from self._made(folder, config, compute).rows.dicts()
         self.note(", ".join(f"{name} {value}" for name, value in key.items()))
+
+    def measure(
+        self, compute: Callable[[], Iterable[Row]], changed: Mapping[str, str]
+    ) -> Measurement:
+        """The record of this experiment: made, or found finished by the same code.
+
+        Args:
+            compute: makes the rows.
+            changed: values that differ from those of the experiment's file, by key.
+
+        Raises:
+            locks.Held: another process measures the same.
+        """
+        folder = results_dir()
+        with locks.held(store.lock_of(folder, self._id(self.config)), self.name):
+            return self._made(folder, self.config, compute, changed, self.console)
+
+    def _id(self, config: Mapping[str, Any]) -> str:
+        determining = {k: v for k, v in config.items() if k != "_target_"}
+        if self.device != "cpu":
+            determining["device"] = self.device
+        return name_of(self.name, determining, self.data)
+
+    def _made(
+        self,
+        folder: Path,
+        config: Mapping[str, Any],
+        compute: Callable[[], Iterable[Row]],
+        changed: Mapping[str, str] | None = None,
+        console: Console | None = None,
+    ) -> Measurement:
+        """The record of a config in a folder; a console is told of it."""
+        identity = self._id(config)
+        known = store.made_before(folder, identity, self.force, console)
+        if isinstance(known, Measurement):
+            if console:
+                text = _found_text(self.name, known)
+                console.print(text, soft_wrap=True, markup=False)
+            return known
+        start = time.perf_counter()
+        rows = Rows.of(compute())
+        torch = sys.modules.get("torch")
+        threads = torch.get_num_threads() if torch else 1
+        made = Measurement(
+            schema=SCHEMA,
+            id=identity,
+            name=self.name,
+            command=command(),
+            steps=current_steps(),
+            task=str(config.get("_target_", "")),
+            scene=self.scene_name,
+            config={k: v for k, v in config.items() if k != "_target_"},
+            changed=dict(changed or {}),
+            data=self.data,
+            revisions=revisions(config),
+            environment=environment(self.device, threads),
+            seconds=time.perf_counter() - start,
+            rows=rows,
+        )
+        store.append(folder, made)
+        if console:
+            text = f"{self.name}: {len(rows.values)} rows in {made.seconds:.1f} s, {identity}"
+            console.print(text, soft_wrap=True, markup=False)
+        return made
+
+
+def _found_text(name: str, known: Measurement) -> str:
+    text = f"{name}: finished before (force=true runs it again)"
+    versions = known.environment.other_versions
+    return f"{text}, by {', '.join(versions)}" if versions else text
 
 
 def experiment(
@@ -97,9 +182,10 @@ def experiment(
     """Make a Hydra task of a generator of rows; its arguments, defaults included, are its identity.
 
     The task takes ``name``, ``scene_name``, ``device``, ``cache`` and ``force`` from the runner,
-    binds the other arguments to those of the generator, and writes the rows (:func:`measure`). Its
-    attribute ``rows`` makes them alone. An argument that is annotated as a typed part of a config
-    (:mod:`experiments.protocol.settings`), or a mapping of such, is checked and handed on as that.
+    binds the other arguments to those of the generator, and keeps the rows (:meth:`Run.measure`).
+    Its attribute ``rows`` makes them alone. An argument that is annotated as a typed part of a
+    config (:mod:`experiments.protocol.settings`), or a mapping of such, is checked and handed on as
+    that.
 
     Args:
         rows: the generator; its first argument is the :class:`Run`.
@@ -136,22 +222,20 @@ def experiment(
         cache: bool = True,
         force: bool = False,
         **given: Any,
-    ) -> Path:
+    ) -> Measurement:
         arguments = _bound(signature, given)
         config = {"_target_": f"{rows.__module__}.{rows.__name__}", **arguments}
-        data = _data_of(arguments)
-        run = Run(name or rows.__name__, config, device, cache, force, data=data)
-        return measure(
-            run.name,
+        run = Run(
+            name or rows.__name__,
             config,
-            functools.partial(typed_rows, run, **arguments),
-            scene=scene_name if "scene" in arguments else "",
-            data=data,
-            changed=_changed(name, arguments),
-            device=device,
-            force=force,
-            console=run.console,
+            scene_name if "scene" in arguments else "",
+            device,
+            cache,
+            force,
+            data=_data_of(arguments),
         )
+        compute = functools.partial(typed_rows, run, **arguments)
+        return run.measure(compute, _changed(name, arguments))
 
     task.rows = typed_rows  # type: ignore[attr-defined]
     task.revision = revision  # type: ignore[attr-defined]

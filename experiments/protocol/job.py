@@ -16,15 +16,33 @@ from experiments.protocol.model import instantiate
 from experiments.protocol.settings import Settings, settings_of
 from experiments.protocol.train_test import train_and_test
 from experiments.protocol.trial import Trial
-from experiments.records import configs, locks, steps
-from experiments.records import record as records
+from experiments.records import configs, locks, store
 from experiments.records.environment import command, environment
 from experiments.records.files import results_dir
-from experiments.records.record import Finished
+from experiments.records.record import (
+    NOT_IDENTITY,
+    SCHEMA,
+    Choices,
+    Digests,
+    Finished,
+    Rows,
+    RunRecord,
+    SceneOf,
+    Unfinished,
+    current_steps,
+    name_of,
+    to_line,
+)
 from experiments.records.revision import revisions
 from scenes.frames import Scene
 
 _ERROR_CHARACTERS = 2000
+_ENDED = (
+    "status",
+    "error",
+    "training_s",
+    "rows",
+)  # of a record, once its run has ended
 _OF_FILES = ("scene", "model", "stop")  # groups of configs/ that make a run
 # Keys that say which run of a config it is, or how it is carried out; those below `seed` besides.
 _NO_CHANGE = (
@@ -55,57 +73,48 @@ def run(
         ValueError: if the config is wrong; the key is named.
     """
     settings = settings_of(config)
-    displays = {key: config.get(key) or {} for key in ("display", "scene_display")}
-    config = {k: v for k, v in config.items() if k not in records.NOT_IDENTITY}
+    display, scene_display = config.get("display"), config.get("scene_display")
+    config = {k: v for k, v in config.items() if k not in NOT_IDENTITY}
     config["threads"] = torch.get_num_threads()
     scene: Scene = instantiate(settings.scene, "scene")
     data = scene.fingerprint()
     names = {key: choices.get(key) or "custom" for key in _OF_FILES}
-    identity = records.run_id(names["scene"], names["model"], config, data)
-    steps.add(identity)
-    entry: dict[str, Any] = {
-        "schema": records.SCHEMA,
-        "id": identity,
-        "command": command(),
-        "choices": names,
-        "experiment": choices.get("experiment"),
-        "overrides": list(overrides),
-        **displays,
-        "config": config,
-        "data": data,
-        "scene": {
-            "name": names["scene"],
-            "origin": scene.origin,
-            "classes": list(scene.classes),
-            "shape": list(scene.shape),
-            "n": len(scene.labels),
-            "saturated": str(getattr(scene, "saturated", "") or ""),
-        },
-    }
+    identity = name_of(f"{names['scene']}-{names['model']}", config, data)
     folder = results_dir()
     known = _finished(folder, identity, settings.force)
     if known is not None:
         return known, True
-    with locks.held(folder / "cache" / "locks" / identity, identity):
+    with locks.held(store.lock_of(folder, identity), identity):
         # Another process may have finished it since.
         known = _finished(folder, identity, settings.force, console)
         if known is not None:
             return known, True
-        entry["revisions"] = revisions(config)
-        entry["changed"] = changed_keys(config, choices, overrides)
         libraries_of = machine.libraries(config["model"], config["threads"])
         with exclusive(settings, console), libraries_of as libraries:
-            entry["environment"] = {
-                **environment(settings.device, config["threads"]),
-                "exclusive": settings.exclusive,
-                "libraries": libraries,
-            }
+            of_machine = environment(settings.device, config["threads"])
+            of_machine.exclusive = settings.exclusive
+            of_machine.libraries = libraries
+            begun = Unfinished(
+                schema=SCHEMA,
+                id=identity,
+                command=command(),
+                steps=current_steps(),
+                config=config,
+                changed=changed_keys(config, choices, overrides),
+                data=data,
+                revisions=revisions(config),
+                environment=of_machine,
+                choices=Choices(**names),
+                scene=_scene_of(scene, names["scene"]),
+                experiment=choices.get("experiment"),
+                overrides=list(overrides),
+                display=display or {},
+                scene_display=scene_display or {},
+                status="interrupted",
+            )
             cache = folder / "cache" if settings.cache else None
             trials = train_and_test(settings, scene, names["model"], cache, console)
-            _carry_out(trials, entry, folder)
-    done = records.find(folder, identity)
-    assert done is not None
-    return done, False
+            return _carry_out(trials, begun, folder), False
 
 
 def _finished(
@@ -115,21 +124,20 @@ def _finished(
     console: Console | None = None,
 ) -> Finished | None:
     """The finished record of a run, if today's code made it; if another did, that is said."""
-    known = None if force else records.find(folder, identity)
-    if known is None:
-        return None
-    reasons = known.outdated
-    if not reasons:
-        return known
-    if console is not None:
-        text = f"{identity}: run again, finished by other code: {', '.join(reasons)}"
-        console.print(
-            text,
-            style="yellow",
-            markup=False,
-            soft_wrap=True,
-        )
-    return None
+    known = store.made_before(folder, identity, force, console)
+    return known if isinstance(known, Finished) else None
+
+
+def _scene_of(scene: Scene, name: str) -> SceneOf:
+    height, width = scene.shape
+    return SceneOf(
+        name=name,
+        origin=scene.origin,
+        classes=list(scene.classes),
+        shape=(height, width),
+        n=len(scene.labels),
+        saturated=str(getattr(scene, "saturated", "") or ""),
+    )
 
 
 def changed_keys(
@@ -192,34 +200,40 @@ def exclusive(settings: Settings, console: Console) -> AbstractContextManager[No
 
 def _carry_out(
     trials: Iterator[Trial],
-    entry: dict[str, Any],
+    begun: Unfinished,
     folder: Path,
-) -> None:
+) -> Finished:
     """Carry out a trial and add its record; one that breaks off is recorded as far as it came."""
     trial = Trial()
     # A record that cannot be written is found before the training.
-    records.to_line(entry, [])
+    to_line(begun)
     try:
         for reached in trials:
             trial = reached
-        _check_labels(trial.results()["predicted"], len(entry["scene"]["classes"]))
+        done = finished(begun, trial)
+        to_line(done)  # predictions that are none fail here
     except BaseException as error:
-        status = "failed" if isinstance(error, Exception) else "interrupted"
         text = "".join(traceback.format_exception_only(error)).strip()
-        ended = {"status": status, "error": text[:_ERROR_CHARACTERS]}
-        # On a full disk, or with labels that are none, the first error is the one to see.
-        with suppress(OSError, TypeError):
-            records.append(
-                folder, {**entry, **trial.results(), **ended}, list(trial.curve)
-            )
+        begun.status = "failed" if isinstance(error, Exception) else "interrupted"
+        begun.error = text[:_ERROR_CHARACTERS]
+        begun.stop, begun.training_s = trial.stop, trial.training_s
+        begun.rows = Rows.of_curve(trial.curve)
+        # On a full disk the first error is the one to see.
+        with suppress(OSError):
+            store.append(folder, begun)
         raise
-    ended = {"status": "finished"}
-    records.append(folder, {**entry, **trial.results(), **ended}, list(trial.curve))
+    store.append(folder, done)
+    return done
 
 
-def _check_labels(predicted: Sequence[int], classes: int) -> None:
-    for label in predicted:
-        if not 0 <= label < classes:
-            raise ValueError(
-                f"predicted: expected labels below {classes}, found {label}"
-            )
+def finished(begun: Unfinished, trial: Trial) -> Finished:
+    """The record of a run whose trial came to its end.
+
+    Raises:
+        ValueError: for predictions that are no classes.
+    """
+    own = {f: getattr(begun, f) for f in RunRecord.__struct_fields__}
+    of_run = {key: value for key, value in own.items() if key not in _ENDED}
+    results = trial.results()
+    results["data_sha256"] = Digests(**results["data_sha256"])
+    return Finished(**of_run, **results, rows=Rows.of_curve(trial.curve))

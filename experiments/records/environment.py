@@ -32,11 +32,12 @@ COMMAND = "EXPERIMENTS_COMMAND"
 _COMPUTING = ("torch", "numpy")  # whose versions may move a number
 
 
-class Environment(msgspec.Struct):
-    """What is read of :func:`environment`.
+class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
+    """By what a record was made, and where.
 
     Attributes:
         cpu: what the system calls its processor.
+        cores: of the machine.
         threads: of torch.
         device: as torch names it, a GPU with its model.
         packages: versions of the libraries.
@@ -44,9 +45,13 @@ class Environment(msgspec.Struct):
         dirty: whether code or configs were not those of the commit.
         changes: digest of what differed in the code; None where nothing did.
         exclusive: whether it was timed alone.
+        libraries: that compute with threads of their own, each with their number.
     """
 
+    python: str | None = None
+    platform: str | None = None
     cpu: str
+    cores: int | None = None
     threads: int
     device: str | None = None
     packages: dict[str, str | None] = {}
@@ -54,6 +59,7 @@ class Environment(msgspec.Struct):
     dirty: bool | None = None
     changes: str | None = None
     exclusive: bool = True
+    libraries: list[Any] = []
 
     @property
     def short_commit(self) -> str:
@@ -76,25 +82,25 @@ class Environment(msgspec.Struct):
         return lines
 
 
-def environment(device: str, threads: int) -> dict[str, Any]:
+def environment(device: str, threads: int) -> Environment:
     """Machine, versions of libraries, commit and what differs from it."""
     name = device
     if device.startswith("cuda"):
         import torch
 
         name = f"{device}: {torch.cuda.get_device_name(device)}"
-    return {
-        "python": platform.python_version(),
-        "platform": platform.platform(),
-        "cpu": cpu_model(),
-        "cores": os.cpu_count(),
-        "threads": threads,
-        "device": name,
-        "packages": {name: _version(name) for name in _PACKAGES},
-        "commit": commit(),
-        "dirty": _is_dirty(),
-        "changes": changes(),
-    }
+    return Environment(
+        python=platform.python_version(),
+        platform=platform.platform(),
+        cpu=cpu_model(),
+        cores=os.cpu_count(),
+        threads=threads,
+        device=name,
+        packages={name: _version(name) for name in _PACKAGES},
+        commit=commit(),
+        dirty=_is_dirty(),
+        changes=changes(),
+    )
 
 
 def command() -> str:

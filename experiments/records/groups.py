@@ -37,12 +37,10 @@ class Run:
     """A finished run.
 
     Attributes:
-        record: its line of runs.jsonl.
-        curve: one dict a report of the model.
+        record: its record.
     """
 
     record: Finished
-    curve: Curve
 
     @cached_property
     def overrides(self) -> dict[str, str]:
@@ -55,6 +53,11 @@ class Run:
             if key not in _COORDINATES and not of_stop:
                 found[key] = changed[key]
         return found
+
+    @property
+    def curve(self) -> Curve:
+        """A row a report of the model."""
+        return self.record.curve
 
     @property
     def seeds(self) -> str:
@@ -70,14 +73,6 @@ class Run:
     def outdated(self) -> list[str]:
         """What has another revision today."""
         return self.record.outdated
-
-    @property
-    def place(self) -> tuple[Any, ...]:
-        """What it measured, whatever its config says today: its row, its seeds and its rule."""
-        config, stop = self.record.config, self.record.choices.stop
-        sizes = config["split"]["n_train"], config["data"]["pixels"]
-        threads = config.get("threads")
-        return self.scene, self.model, *sizes, self.seeds, stop, threads
 
     @property
     def made_by(self) -> str:

@@ -12,7 +12,6 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-FILE = ".lock"  # in the folder that it guards
 LEFT = 75  # exit status of a command that left runs to another process (EX_TEMPFAIL)
 
 

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from functools import cached_property
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
-from experiments.records import configs, measurement
-from experiments.records import record as records
+from experiments.records import configs, store
 from experiments.records.groups import Groups, Run
-from experiments.records.measurement import Measured
-from experiments.records.record import Finished, Record
+from experiments.records.record import Finished, Measurement, Unfinished
 
 RUNS = "runs"  # the name of single trainings among those of experiments
 META = (
@@ -34,21 +32,35 @@ METRICS = (
 
 
 class Results:
-    """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files."""
+    """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files.
+
+    Attributes:
+        measurements: those on the frames of their experiment's config first, and of these those of
+            which least was changed.
+    """
 
     def __init__(self, folder: Path):
         self.folder = folder
-        self.problems: list[str] = []
+        self.problems: list[str] = [*_of_version_2(folder)]
         self.runs: list[Run] = []
-        self.unfinished: list[Record] = []
-        for entry in records.read(folder):
-            if isinstance(entry, ValueError):
-                self.problems.append(str(entry))
+        self.unfinished: list[Unfinished] = []
+        self.measurements: list[Measurement] = []
+        for record in store.read(folder):
+            if isinstance(record, ValueError):
+                self.problems.append(str(record))
+            elif isinstance(record, Measurement):
+                self.measurements.append(record)
             else:
-                self._take(entry)
+                self._take(record)
+        self.measurements.sort(key=lambda m: (m.of_other_frames, len(m.changed), m.id))
 
     def __bool__(self) -> bool:
         return bool(self.runs or self.unfinished or self.measurements)
+
+    @property
+    def finished(self) -> list[store.Made]:
+        """Every finished record."""
+        return [*(run.record for run in self.runs), *self.measurements]
 
     def frame(self, *experiments: str) -> pd.DataFrame:
         """The rows of records as one table, a line a row; without lines where there are none.
@@ -68,11 +80,11 @@ class Results:
             self._frames[experiments] = _joined(parts, several=len(experiments) > 1)
         return self._frames[experiments]
 
-    def _by_scene(self, name: str) -> list[Measured]:
-        found: dict[str, Measured] = {}
+    def _by_scene(self, name: str) -> list[Measurement]:
+        found: dict[str, Measurement] = {}
         for measured in self.measurements:  # those changed least come first
-            if measured.record.name == name:
-                found.setdefault(measured.record.scene, measured)
+            if measured.name == name:
+                found.setdefault(measured.scene, measured)
         places = {scene: configs.scene_display(scene)["place"] for scene in found}
         ordered = sorted(found, key=lambda scene: (places[scene], scene))
         return [found[scene] for scene in ordered]
@@ -86,40 +98,33 @@ class Results:
         """The runs by the rows that they may stand in."""
         return Groups(self.runs)
 
-    @cached_property
-    def measurements(self) -> list[Measured]:
-        """Every finished measurement, those on the frames of its experiment's config first."""
-        finished = []
-        paths = (self.folder / "measured").glob("*/record.json")
-        for path in sorted(paths):
-            try:
-                measured = measurement.read(path.parent)
-            except ValueError as error:
-                self.problems.append(str(error))
-                continue
-            if measured is not None and measured.record.status == "finished":
-                finished.append(measured)
-        return sorted(finished, key=lambda m: (m.of_other_frames, len(m.overrides)))
-
-    def measured(self, name: str) -> Measured | None:
+    def measured(self, name: str) -> Measurement | None:
         """The measurement of an experiment on its own scene, whole before quick; None if there is
         none."""
         for measured in self.measurements:
-            if measured.record.name == name and not measured.of_other_frames:
+            if measured.name == name and not measured.of_other_frames:
                 return measured
         return None
 
-    def _take(self, entry: Record) -> None:
+    def _take(self, entry: Finished | Unfinished) -> None:
         scene, model = entry.choices.scene, entry.choices.model
         if entry.display and not configs.is_known("model", model):
             configs.show_as("model", model, entry.display)
         if entry.scene_display and not configs.is_known("scene", scene):
             configs.show_as("scene", scene, entry.scene_display)
         if isinstance(entry, Finished):
-            run = Run(entry, records.curve_of(entry))
-            self.runs.append(run)
+            self.runs.append(Run(entry))
         else:
             self.unfinished.append(entry)
+
+
+def _of_version_2(folder: Path) -> Iterator[str]:
+    for name in ("runs.jsonl", "measured"):
+        if (folder / name).exists():
+            yield (
+                f"{folder / name}: records of version 2.0, which this version does not read; "
+                "set RESULTS_DIR to another folder, or report on them by version 2.0"
+            )
 
 
 def own_columns(frame: pd.DataFrame) -> pd.DataFrame:
@@ -149,16 +154,16 @@ def of_scenes(frame: pd.DataFrame, experiment: str) -> dict[str, pd.DataFrame]:
     return found
 
 
-def _frame_of(measured: Measured) -> pd.DataFrame:
+def _frame_of(measured: Measurement) -> pd.DataFrame:
     """A line a row of a measurement; a column of the row keeps its name before that of a record."""
-    environment = measured.record.environment
+    environment = measured.environment
     frame = measured.frame.copy()
     of_record = {
-        "experiment": measured.record.name,
-        "scene": measured.record.scene,
-        "record": measured.folder.name,
-        "command": measured.record.command,
-        "config": measured.record.config,
+        "experiment": measured.name,
+        "scene": measured.scene,
+        "record": measured.id,
+        "command": measured.command,
+        "config": measured.config,
         "elsewhere": measured.of_other_frames,
         "device": environment.device,
         "cpu": environment.cpu,

@@ -1,13 +1,11 @@
-"""Rows of a measurement as JSON lines, and labels in them: small, and what was predicted."""
+"""Values of rows as JSON has them; labels as a short text."""
 
 from __future__ import annotations
 
 import base64
 import zlib
-from collections.abc import Iterable
 from typing import Any
 
-import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -61,17 +59,6 @@ def unpack_labels(text: str) -> np.ndarray:
         return np.frombuffer(data, kinds[kind]).astype(np.int64)
     except (ValueError, zlib.error) as error:
         raise ValueError(f"labels: expected packed integers, found: {error}") from error
-
-
-def to_lines(rows: Iterable[Row]) -> str:
-    """Rows as JSON lines; numbers that JSON lacks (NaN, infinities) become null."""
-    lines = (msgspec.json.encode(row, enc_hook=plain).decode() for row in rows)
-    return "".join(f"{line}\n" for line in lines)
-
-
-def from_lines(text: str) -> list[Row]:
-    """The rows in a text of JSON lines."""
-    return [msgspec.json.decode(line) for line in text.splitlines()]
 
 
 def plain(value: Any) -> Any:

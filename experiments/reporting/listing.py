@@ -51,7 +51,7 @@ def _older_scenes(results: Results) -> dict[str, set[str]]:
             scenes.setdefault(experiment, set()).add(run.record.scene.name)
     for measured in results.measurements:
         if measured.outdated:
-            scenes.setdefault(measured.record.name, set()).add(measured.record.scene)
+            scenes.setdefault(measured.name, set()).add(measured.scene)
     return scenes
 
 

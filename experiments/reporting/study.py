@@ -350,7 +350,7 @@ def own_studies(results: Results) -> list[Study]:
 
     A module that cannot be imported from here has none: its rows stay in its records.
     """
-    tasks = {measured.record.task for measured in results.measurements}
+    tasks = {measured.task for measured in results.measurements}
     modules = {task.rpartition(".")[0] for task in tasks if task}
     found = []
     for name in sorted(modules):

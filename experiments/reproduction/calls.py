@@ -15,12 +15,12 @@ from pathlib import Path
 
 from rich.console import Console
 
-from experiments.records import steps as records_of
 from experiments.records.environment import commit
 from experiments.records.files import ROOT
 from experiments.records.locks import LEFT
+from experiments.records.record import STEP
 from experiments.reproduction.steps import LANES, Step, cost_text
-from experiments.reproduction.took import FINISHED, INTERRUPTED, note
+from experiments.reproduction.took import FINISHED, INTERRUPTED, Row, begin, end
 
 _UNIT = {"darwin": 1}.get(sys.platform, 1024)  # bytes that the system counts memory in
 _INTERRUPTED = (
@@ -160,21 +160,29 @@ def carry_out(
     """Run a step, note its time and the memory of its largest process; its status."""
     processes = processes or Processes()
     sys.stdout.flush()  # what stands above is told first
-    start, peak, status = time.perf_counter(), 0, INTERRUPTED
-    records = records_of.place(results, mode, step.name)
-    begun = records_of.begin(records)
-    environment = {**os.environ, records_of.VARIABLE: str(begun)}
+    environment = {**os.environ, STEP: f"{mode}/{step.name}"}
     if not step.timed:
         environment["OMP_NUM_THREADS"] = "1"
     command = [sys.executable, "-m", *step.all_words]
+    row: Row = {
+        "step": step.name,
+        "mode": mode,
+        "command": step.command,
+        "seconds": 0.0,
+        "peak_bytes": 0,
+        "status": INTERRUPTED,
+        "lanes": lanes,
+        "commit": commit(),
+    }
+    with _writing:
+        known = begin(results, row)
+    start = time.perf_counter()
     process = processes.start(command, environment)
     try:
         _, ended, usage = os.wait4(process.pid, 0)
         process.returncode = os.waitstatus_to_exitcode(ended)
-        peak = usage.ru_maxrss * _UNIT
-        status = _status(process.returncode)
-        if status == FINISHED:
-            records_of.finish(records)
+        row["peak_bytes"] = usage.ru_maxrss * _UNIT
+        row["status"] = _status(process.returncode)
     except BaseException as error:
         if not isinstance(error, KeyboardInterrupt):  # which it got as well
             process.terminate()
@@ -182,19 +190,10 @@ def carry_out(
         raise
     finally:
         processes.forget(process)
-        row = {
-            "step": step.name,
-            "mode": mode,
-            "command": step.command,
-            "seconds": time.perf_counter() - start,
-            "peak_bytes": peak,
-            "status": status,
-            "lanes": lanes,
-            "commit": commit(),
-        }
+        row["seconds"] = time.perf_counter() - start
         with _writing:
-            note(results, row)
-    return status
+            end(results, row, known)
+    return str(row["status"])
 
 
 def _status(code: int) -> str:

@@ -8,51 +8,75 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.reproduction.steps import LANES, plain
+from experiments.reproduction.steps import plain
 from hdc.io import write_atomically
 
 FILE = "reproduce.csv"
 FINISHED, INTERRUPTED = "finished", "interrupted"
 
 
-def note(results: Path, row: dict[str, Any]) -> None:
-    """Put a call of a step into its row of reproduce.csv.
+Row = dict[str, Any]
 
-    Seconds of calls that broke off add up with those of the call that finished the step. Of calls
-    after that the longest counts, as the others found work done, and one that breaks off changes
-    nothing: the step stays finished. The memory is the largest of all. Another command begins anew,
-    another launcher does not.
-    """
+
+def begin(results: Path, row: Row) -> Row | None:
+    """Put a call of a step that begins into reproduce.csv, as one that broke off: so it stays after
+    a kill. Returns the row of earlier calls, if there were any."""
     rows = read(results)
     known = rows.get((row["step"], row["mode"]))
-    if known and plain(known["command"]) == plain(row["command"]):
+    if known and plain(known["command"]) != plain(row["command"]):
+        known = None  # another command begins anew, another launcher does not
+    seconds = known["seconds"] if known else 0.0
+    if not _is_whole(known, row):
+        begun = {**row, "seconds": seconds, "status": INTERRUPTED}
+        write(results, {**rows, (row["step"], row["mode"]): begun}.values())
+    return known
+
+
+def end(results: Path, row: Row, known: Row | None) -> None:
+    """Put a call of a step that has ended into its row of reproduce.csv.
+
+    Seconds of calls that broke off add up with those of the call that finished the step. Of calls
+    after that the longest counts, as the others found work done, and one of the same commit that
+    breaks off changes nothing: the step stays finished. The memory is the largest of all.
+
+    Args:
+        results: folder of own results.
+        row: of the call.
+        known: of the calls before, as :func:`begin` returned it.
+    """
+    if known and row["status"] != FINISHED and _is_whole(known, row):
+        return
+    if known:
         before = float(known["seconds"])
         if known["status"] != FINISHED:
             row["seconds"] += before
-        elif row["status"] == FINISHED:
-            row["seconds"] = max(row["seconds"], before)
         else:
-            return
+            row["seconds"] = max(row["seconds"], before)
         row["peak_bytes"] = max(row["peak_bytes"], int(known["peak_bytes"]))
+    rows = read(results)
     rows[row["step"], row["mode"]] = row
     write(results, rows.values())
 
 
+def _is_whole(known: Row | None, row: Row) -> bool:
+    """Whether earlier calls finished the step by the same commit."""
+    if known is None:
+        return False
+    return known["status"] == FINISHED and known["commit"] == row["commit"]
+
+
 def wall_seconds(row: Mapping[str, Any]) -> float:
     """Share of a step in the time that the whole took: two lanes ran at a time, or one."""
-    lanes = row.get("lanes")
-    if lanes is None or lanes != lanes:  # of a row written before there were lanes
-        lanes = LANES if "exclusive=false" in row["command"] else 1
-    return float(row["seconds"]) / float(lanes)
+    return float(row["seconds"]) / float(row["lanes"])
 
 
-def write(results: Path, rows: Iterable[dict[str, Any]]) -> None:
+def write(results: Path, rows: Iterable[Row]) -> None:
     """Write reproduce.csv."""
     text = pd.DataFrame(list(rows)).to_csv(index=False, lineterminator="\n")
     write_atomically(results / FILE, text)
 
 
-def read(results: Path) -> dict[tuple[str, str], dict[str, Any]]:
+def read(results: Path) -> dict[tuple[str, str], Row]:
     """Rows of reproduce.csv by step and mode."""
     path = results / FILE
     if not path.is_file():

@@ -10,6 +10,7 @@ import sys
 import tempfile
 
 import hydra
+import msgspec
 import numpy as np
 import pytest
 import torch
@@ -21,9 +22,8 @@ import hdc
 from experiments import run
 from experiments.protocol import job
 from experiments.protocol.settings import resolved
-from experiments.records import configs, measurement, record
+from experiments.records import configs, record, store
 from experiments.records.configs import CONFIGS
-from experiments.records.entry import name_of
 from experiments.records.environment import environment
 from experiments.records.revision import revisions
 
@@ -139,13 +139,11 @@ def write_run(tmp_path, composed):
             "stop": stop,
             **results.pop("choices", {}),
         }
-        identity = record.run_id(
-            choices["scene"], choices["model"], config, fingerprint
-        )
+        name = f"{choices['scene']}-{choices['model']}"
+        identity = record.name_of(name, config, fingerprint)
         entry = {
             "schema": record.SCHEMA,
             "id": identity,
-            "status": status,
             "choices": choices,
             "experiment": None,
             "config": config,
@@ -157,6 +155,7 @@ def write_run(tmp_path, composed):
                 **(environment or {}),
             },
             "data": fingerprint,
+            "steps": record.current_steps(),
             "revisions": revisions(config) if made_by is None else made_by,
             "changed": _changed(change or {}),
             "scene": {
@@ -169,7 +168,8 @@ def write_run(tmp_path, composed):
         }
         if status != "finished":
             entry["error"] = results.pop("error", "ValueError: it broke")
-            record.append(tmp_path, entry, [])
+            entry["status"] = status
+            store.append(tmp_path, msgspec.convert(entry, record.Unfinished))
             return identity
         truth = np.arange(100) % len(classes) if truth is None else np.asarray(truth)
         if predicted is None:
@@ -196,14 +196,16 @@ def write_run(tmp_path, composed):
             "model_bytes": 1000,
             "n_train": n_train or 400,
             "n_test": len(truth),
-            "test_labels": truth,
-            "predicted": predicted,
+            "test_labels": np.asarray(truth),
+            "predicted": np.asarray(predicted),
             "predict_single_s": 1e-3,
             "predict_batch_s_per_frame": 1e-4,
             "data_sha256": {"train": "a", "test": f"test of seed {seed}"},
             **results,
         }
-        record.append(tmp_path, entry, rows)
+        made = msgspec.convert(entry, record.Finished)
+        made.rows = record.Rows.of_curve(rows)
+        store.append(tmp_path, made)
         return identity
 
     return write
@@ -218,8 +220,8 @@ def write_measurement(tmp_path):
             "schema": record.SCHEMA,
             "name": name,
             "config": {},
-            "status": "finished",
             "seconds": 1.5,
+            "steps": record.current_steps(),
             "command": f"python -m experiments.run experiment={name}",
             "environment": {
                 "cpu": "A CPU",
@@ -230,9 +232,11 @@ def write_measurement(tmp_path):
             "changed": _changed_task(name, entry.get("config", {})),
             **entry,
         }
-        entry["id"] = name_of(name, entry["config"], "")
+        entry["id"] = record.name_of(name, entry["config"], "")
         entry.setdefault("revisions", revisions(entry["config"]))
-        measurement.write(tmp_path / "measured" / entry["id"], entry, rows)
+        made = msgspec.convert(entry, record.Measurement)
+        made.rows = record.Rows.of(rows)
+        store.append(tmp_path, made)
         return entry
 
     return write
@@ -241,7 +245,7 @@ def write_measurement(tmp_path):
 @pytest.fixture
 def read_run(tmp_path):
     """read_run(id) → the finished record."""
-    return lambda identity: record.find(tmp_path, identity)
+    return lambda identity: store.find(tmp_path, identity)
 
 
 def epochs(*accuracies, step=10.0, test=None):

@@ -2,7 +2,7 @@
 
     python -m tests.experiments.recompute_claims results/reference
 
-Reads ``measured/*/record.json`` and ``rows.jsonl``, the frozen rules and ``tables/claims.csv`` with
+Reads ``records.jsonl``, the frozen rules and ``tables/claims.csv`` with
 json, csv, YAML and numpy. It follows docs/claims.md, not the code that made the table.
 Exits 1 and names each cell on which the two disagree.
 """

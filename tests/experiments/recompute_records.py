@@ -38,12 +38,15 @@ class Folder:
         return list(by_scene.values())
 
     def _read(self, name: str) -> Iterator[tuple[str, dict, list[dict]]]:
-        for path in sorted((self.path / "measured").glob("*/record.json")):
-            record = json.loads(path.read_text("utf-8"))
-            if record["name"] == name and record["status"] == "finished":
-                lines = (path.parent / "rows.jsonl").read_text("utf-8").splitlines()
-                rows = [json.loads(line) for line in lines]
-                yield f"measured/{path.parent.name}", record, rows
+        for line in (self.path / "records.jsonl").read_text("utf-8").splitlines():
+            record = json.loads(line)
+            if record["type"] == "measurement" and record["name"] == name:
+                table = record["rows"]
+                rows = [
+                    dict(zip(table["columns"], values, strict=True))
+                    for values in table["values"]
+                ]
+                yield record["id"], record, rows
 
 
 def shown(scene: str) -> dict:

@@ -6,13 +6,14 @@ Each model, and each measurement, is taken out of the committed records in turn.
 from __future__ import annotations
 
 import copy
-from dataclasses import replace
 
 import pytest
 from matplotlib import pyplot as plt
+from msgspec.structs import replace
 
 from experiments import studies
 from experiments.records.files import REFERENCE
+from experiments.records.record import Rows
 from experiments.records.results import Results
 from experiments.reporting.study import studies as studies_of
 
@@ -22,21 +23,26 @@ RESULTS = Results(REFERENCE)
 
 
 def few_draws(measured):
-    rows = [row for row in measured.rows if row.get("draw", 0) < FEW]
-    return replace(measured, rows=rows)
+    rows = measured.rows.dicts()
+    return replace(measured, rows=Rows.of(r for r in rows if r.get("draw", 0) < FEW))
 
 
 MEASUREMENTS = [few_draws(measured) for measured in RESULTS.measurements]
 MODELS = sorted(
     {run.record.choices.model for run in RESULTS.runs}
-    | {str(row["model"]) for m in MEASUREMENTS for row in m.rows if "model" in row}
+    | {
+        str(row["model"])
+        for m in MEASUREMENTS
+        for row in m.rows.dicts()
+        if "model" in row
+    }
 )
 EVERYWHERE = (
     "hdc",
     "softmax_dual",
     "mean_image",
 )  # the others are slow to take out one by one
-NAMES = sorted({measured.record.name for measured in MEASUREMENTS})
+NAMES = sorted({measured.name for measured in MEASUREMENTS})
 
 
 def reduced(runs, measurements):
@@ -53,9 +59,9 @@ def rows_without(rows, model):
     kept, moved = [], {}
     for row in rows:
         if row.get("model") != model:
-            kept.append({**moved, **row})
+            kept.append({**row, **moved})
             moved = {}
-        elif "labels" in row:
+        elif row.get("labels") is not None:
             moved = {key: row[key] for key in ("labels", "n_classes") if key in row}
     return kept
 
@@ -64,9 +70,9 @@ def without_model(model):
     runs = [run for run in RESULTS.runs if run.record.choices.model != model]
     measurements = []
     for measured in MEASUREMENTS:
-        rows = rows_without(measured.rows, model)
+        rows = rows_without(measured.rows.dicts(), model)
         if rows:
-            measurements.append(replace(measured, rows=rows))
+            measurements.append(replace(measured, rows=Rows.of(rows)))
     return reduced(runs, measurements)
 
 
@@ -98,5 +104,5 @@ def test_a_model_that_is_missing_ends_nothing(model):
 
 @pytest.mark.parametrize("name", slowly(NAMES, ("benchmark", "recordings")))
 def test_a_measurement_that_is_missing_costs_its_own_tables(name):
-    left = [measured for measured in MEASUREMENTS if measured.record.name != name]
+    left = [measured for measured in MEASUREMENTS if measured.name != name]
     assert "table1" in made_whole(reduced(RESULTS.runs, left))

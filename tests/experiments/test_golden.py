@@ -15,7 +15,7 @@ from experiments.protocol import job
 from experiments.protocol.model import instantiate
 from experiments.protocol.settings import resolved, settings_of
 from experiments.protocol.train_test import train_and_test
-from experiments.records import record
+from experiments.records import store
 from experiments.records.configs import CONFIGS
 from experiments.records.files import REFERENCE
 from experiments.records.results import Results
@@ -99,7 +99,7 @@ def test_a_measured_excerpt_goes_through_the_runner(results, one_thread):
                scene="fibre", model="hdc", stop="paper")  # fmt: skip
     assert (made.n_test, made.scene.origin) == (100, "computed")
     assert 0.35 < made.test_accuracy_final < 0.9  # 0.2 by chance
-    assert record.find(results, made.id) is not None
+    assert store.find(results, made.id) is not None
 
 
 def test_training_takes_less_than_five_times_plain_numpy(one_thread):

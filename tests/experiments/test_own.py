@@ -236,6 +236,7 @@ def test_a_readout_of_ones_own_is_compared_by_the_command(own, capsys):
     model = HDCClassifier("own_parts.Bright", "own_parts.First")
     frames = np.random.default_rng(0).integers(0, 256, (20, 6, 6), dtype=np.uint8)
     model.fit(frames, np.arange(20) % 2).save(own / "model")
-    loaded = HDCClassifier.load(own / "model")
+    parts = ["own_parts.Bright", "own_parts.First"]
+    loaded = HDCClassifier.load(own / "model", trusted=parts)
     assert (loaded.predict(frames) == model.predict(frames)).all()
     assert loaded.readout_.first_.shape == (2, 1)

@@ -6,7 +6,7 @@ import shutil
 import pytest
 
 from experiments import reference, report
-from experiments.records import steps
+from experiments.records import record, store
 from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.reporting import documents
@@ -31,112 +31,135 @@ def target(tmp_path, monkeypatch):
 
 # What is adopted ----------------------------------------------------------------------------------
 
+STEPS = ("table1", "cnn3", "drift")  # three of configs/reproduce.yaml
 
-def test_finished_runs_are_adopted_and_what_was_there_stays(
-    tmp_path, target, write_run
+
+def a_step(folder, name, status="finished", mode="full", commit="c" * 40):
+    """What the runner notes of a call of a step."""
+    row = {"step": name, "mode": mode, "command": f"python -m c {name}", "lanes": 1}
+    row |= {"seconds": 1.0, "peak_bytes": 1, "status": status, "commit": commit}
+    took.end(folder, row, took.begin(folder, row))
+
+
+@pytest.fixture
+def in_step(monkeypatch):
+    """in_step(name, mode) → records that are written next are of this step."""
+    return lambda name, mode="full": monkeypatch.setenv(record.STEP, f"{mode}/{name}")
+
+
+def models_of(folder):
+    return sorted(run.model for run in Results(folder).runs)
+
+
+def test_a_finished_step_takes_the_place_of_what_there_was_of_it(
+    tmp_path, target, write_run, in_step
 ):
+    in_step("table1")
     write_run("hdc", wrong=[0])
+    before = write_run("softmax", change={"model.lr": 0.5})
     write_run("cnn1", status="failed")
-    adopt(tmp_path, target)
-    lines = (target / "runs.jsonl").read_text().splitlines()
-    assert len(lines) == 1
-    (tmp_path / "runs.jsonl").unlink()
+    a_step(tmp_path, "table1")
+    assert adopt(tmp_path, target) == Adopted(2, 0, 0)
+    in_step("cnn3")
+    write_run("cnn3")
+    a_step(tmp_path, "cnn3")
+    assert adopt(tmp_path, target) == Adopted(3, 0, 0)
+    # The same step of another config, measured elsewhere.
+    (tmp_path / "records.jsonl").unlink()
+    (tmp_path / took.FILE).unlink()
+    in_step("table1")
+    write_run("hdc", wrong=range(5))
     write_run("softmax")
-    adopt(tmp_path, target)
-    assert (target / "runs.jsonl").read_text().splitlines()[0] == lines[0]
+    a_step(tmp_path, "table1")
+    assert adopt(tmp_path, target) == Adopted(2, 1, 0)
     found = Results(target)
     assert found.problems == []
-    assert sorted(run.model for run in found.runs) == ["hdc", "softmax"]
-    assert found.groups.group("touch", "hdc").right.sum() == 99
-    # The same run measured again takes the place of the one before.
-    write_run("hdc", wrong=range(5))
-    adopt(tmp_path, target)
-    assert Results(target).groups.group("touch", "hdc").right.sum() == 95
+    assert models_of(target) == ["cnn3", "hdc", "softmax"]
+    assert found.groups.group("touch", "hdc").right.sum() == 95
+    assert before not in {run.record.id for run in found.runs}
 
 
-def test_records_of_other_revisions_stay_until_they_are_replaced_or_dropped(
-    tmp_path, target, write_run, write_measurement
+def test_older_revisions_stay_until_their_step_is_taken_over(
+    tmp_path, target, write_run, write_measurement, in_step
 ):
+    in_step("table1")
     write_run("hdc", seed=1, made_by=OLD)
     write_run("hdc", seed=0, made_by=OLD)
+    in_step("drift")
     write_measurement("drift", [{"a": 1}], revisions=OLD)
+    in_step("a step that is no more")
     write_measurement("crossing", [{"a": 1}], revisions=OLD)
-    shutil.move(tmp_path / "runs.jsonl", target / "runs.jsonl")
-    shutil.move(tmp_path / "measured", target / "measured")
+    shutil.move(tmp_path / "records.jsonl", target / "records.jsonl")
+    in_step("table1")
     again = write_run("hdc", seed=0)
-    write_measurement("drift", [{"a": 2}])
-    assert adopt(tmp_path, target) == Adopted(1, 1, 0)
+    a_step(tmp_path, "table1")
+    assert adopt(tmp_path, target) == Adopted(1, 2, 0)
     found = Results(target)
-    assert sorted((run.record.seed, bool(run.outdated)) for run in found.runs) == [
-        (0, False),
-        (1, True),
-    ]
-    # A row of a table rests on one revision.
-    assert [run.record.id for run in found.groups.group("touch", "hdc").runs] == [again]
-    assert found.measured("drift").rows == [{"a": 2}]
-    assert found.measured("crossing").outdated
-    adopt(tmp_path, target, drop_older=True)
-    assert {run.record.id for run in Results(target).runs} == {again}
-    assert [m.record.name for m in Results(target).measurements] == ["drift"]
-
-
-def a_step(folder, name, mode, status, *records):
-    """What the runner leaves of a step that touched these records."""
-    path = steps.place(folder, mode, name)
-    begun = steps.begin(path)
-    begun.write_text("".join(f"{record}\n" for record in records))
-    if status == took.FINISHED:
-        steps.finish(path)
-    row = {"step": name, "mode": mode, "command": f"c {name}", "seconds": 1.0}
-    took.note(folder, {**row, "peak_bytes": 1, "status": status, "commit": "c" * 40})
+    assert [run.record.id for run in found.runs] == [again]
+    assert found.measured("drift").outdated
+    assert found.measured("crossing") is None
 
 
 def test_a_step_enters_whole_or_not_at_all(
-    tmp_path, target, write_run, write_measurement
+    tmp_path, target, write_run, write_measurement, in_step
 ):
-    one, two, both = write_run("hdc"), write_run("softmax"), write_run("ridge")
-    drift = write_measurement("drift", [{"a": 1}])["id"]
-    a_step(tmp_path, "first", "full", "finished", one, both)
-    a_step(tmp_path, "second", "full", "interrupted", two, both)
-    a_step(tmp_path, "third", "quick", "finished", drift)
-    assert adopt(tmp_path, target) == Adopted(2, 0, 2)
-    assert {run.record.id for run in Results(target).runs} == {one, both}
-    assert {row["step"] for row in took.read(target).values()} == {"first", "third"}
-    a_step(tmp_path, "second", "full", "finished", two, both)
-    a_step(tmp_path, "fourth", "full", "finished", drift)
-    assert adopt(tmp_path, target) == Adopted(3, 1, 0)
-    a_step(tmp_path, "drift", "full", "finished", drift)
-    adopt(tmp_path, target, drop_older=True)  # and what is no step any more
-    assert {row["step"] for row in took.read(target).values()} == {"drift"}
+    first, second, third = STEPS
+    in_step(first)
+    write_run("hdc")
+    in_step(second)
+    write_run("softmax")
+    a_step(tmp_path, first)
+    a_step(tmp_path, second, "interrupted")
+    in_step(third, "quick")
+    drift = write_measurement("drift", [{"a": 1}])
+    a_step(tmp_path, third, mode="quick")
+    assert adopt(tmp_path, target) == Adopted(1, 0, 2)
+    assert models_of(target) == ["hdc"]
+    assert {row["step"] for row in took.read(target).values()} == {first, third}
+    a_step(tmp_path, second)
+    in_step(third)  # which finds what quick made
+    found = store.made_before(tmp_path, drift["id"])
+    assert found.steps == ["quick/drift", "full/drift"]
+    a_step(tmp_path, third)
+    assert adopt(tmp_path, target) == Adopted(3, 0, 0)
+    assert Results(target).measured("drift").steps == ["full/drift"]
 
 
-def test_a_finished_step_that_is_called_again_and_interrupted_enters_as_it_was(
-    tmp_path, target, write_run
+def test_a_step_that_other_code_began_again_and_that_broke_off_stays_outside(
+    tmp_path, target, write_run, in_step
 ):
-    one, two = write_run("hdc"), write_run("softmax")
-    a_step(tmp_path, "first", "full", "finished", one)
-    a_step(tmp_path, "first", "full", "interrupted", two)
-    assert adopt(tmp_path, target) == Adopted(1, 0, 1)
-    assert {run.record.id for run in Results(target).runs} == {one}
-    assert [row["status"] for row in took.read(target).values()] == ["finished"]
+    in_step("table1")
+    write_run("hdc")
+    a_step(tmp_path, "table1")
+    a_step(tmp_path, "table1", "interrupted")
+    assert adopt(tmp_path, target) == Adopted(1, 0, 0)  # the same commit found it done
+    write_run("softmax")
+    a_step(tmp_path, "table1", "interrupted", commit="d" * 40)
+    assert adopt(tmp_path, target) == Adopted(0, 0, 2)
+    assert models_of(target) == ["hdc"]
+
+
+def test_what_was_started_by_hand_stays_outside(tmp_path, target, write_run):
+    write_run("hdc")
+    a_step(tmp_path, "table1")
+    assert adopt(tmp_path, target) == Adopted(0, 0, 1)
 
 
 def test_another_machine_goes_on_from_the_reference(
-    tmp_path, target, write_run, write_measurement
+    tmp_path, target, write_run, write_measurement, in_step
 ):
+    in_step("table1")
     first = write_run("hdc")
     write_run("softmax", made_by=OLD)
     drift = write_measurement("drift", [{"a": 1}])["id"]
     write_measurement("crossing", [{"a": 1}], revisions=OLD)
-    shutil.move(tmp_path / "runs.jsonl", target / "runs.jsonl")
-    shutil.move(tmp_path / "measured", target / "measured")
-    (target / "measured" / drift).rename(target / "measured" / "drift")
-    a_step(target, "first", "full", "finished", first)
+    shutil.move(tmp_path / "records.jsonl", target / "records.jsonl")
+    a_step(target, "table1")
     own = tmp_path / "own"
     assert go_on_from(target, own) == 2
     assert go_on_from(target, own) == 0
     assert [run.record.id for run in Results(own).runs] == [first]
-    assert [m.folder.name for m in Results(own).measurements] == [drift]
+    assert [m.id for m in Results(own).measurements] == [drift]
     assert [row["status"] for row in took.read(own).values()] == ["finished"]
 
 
@@ -146,9 +169,10 @@ def test_another_machine_goes_on_from_the_reference(
     ids=str,
 )
 def test_what_is_of_no_commit_or_of_other_revisions_stays_outside(
-    tmp_path, target, write_run, write_measurement, monkeypatch, environment
+    tmp_path, target, write_run, write_measurement, monkeypatch, environment, in_step
 ):
-    monkeypatch.setattr("experiments.records.entry.changes", lambda: "a" * 12)
+    monkeypatch.setattr("experiments.records.record.changes", lambda: "a" * 12)
+    in_step("table1")
     write_run("hdc", environment=environment)
     write_run("softmax", made_by=OLD)
     made_by = {
@@ -159,47 +183,25 @@ def test_what_is_of_no_commit_or_of_other_revisions_stays_outside(
     } | environment
     write_measurement("drift", [{"a": 1}], environment=made_by)
     write_measurement("crossing", [{"a": 1}], revisions=OLD)
-    adopt(tmp_path, target)
-    found = Results(target)
-    assert (found.runs, found.measurements) == ([], [])
-
-
-def test_the_same_row_of_another_config_takes_the_place(tmp_path, target, write_run):
-    before = write_run("hdc", change={"model.readout.seed": 3})
-    adopt(tmp_path, target)
-    (tmp_path / "runs.jsonl").unlink()
-    again = write_run("hdc")
-    adopt(tmp_path, target)
-    assert before != again
-    assert {run.record.id for run in Results(target).runs} == {again}
-
-
-def test_measurements_are_adopted_but_those_of_own_recordings(
-    tmp_path, target, write_measurement
-):
-    write_measurement("drift", [{"a": 1}])
-    mine = {"_target_": "scenes.recorded.Recording", "path": "mine.npz"}
-    write_measurement("correlation", [{"a": 1}], config={"scene": mine})
-    old = target / "measured" / "drift"
-    old.mkdir(parents=True)
-    (old / "left over.png").write_text("")
-    adopt(tmp_path, target)
-    files = {path.relative_to(target / "measured").as_posix()
-             for path in (target / "measured").rglob("*") if path.is_file()}  # fmt: skip
-    assert files == {"drift/record.json", "drift/rows.jsonl"}
-    assert Results(target).measured("drift").rows == [{"a": 1}]
+    a_step(tmp_path, "table1")
+    assert adopt(tmp_path, target) == Adopted(0, 0, 4)
+    assert not Results(target)
 
 
 def test_records_of_other_revisions_are_named(target, tmp_path, write_run, capsys):
     reference.README.write_text("")
     write_run("hdc", made_by=OLD)
-    shutil.move(tmp_path / "runs.jsonl", target / "runs.jsonl")
+    shutil.move(tmp_path / "records.jsonl", target / "records.jsonl")
     assert reference.main(["--tables"]) == 1
     said = capsys.readouterr().out
     assert "experiments (revision 0, now 1): 1 records are of another" in said
 
 
-def test_it_adopts_writes_the_tables_and_fills_the_readme(target, tmp_path, write_run):
+def test_it_adopts_writes_the_tables_and_fills_the_readme(
+    target, tmp_path, write_run, in_step
+):
+    in_step("table1")
+    a_step(tmp_path, "table1")
     reference.README.write_text(
         "# A title\n<!-- begin table1 -->\nold\n<!-- end table1 -->\nend\n"
     )
@@ -222,7 +224,7 @@ def test_the_committed_reference_skipped_nothing_and_names_no_folder_of_a_machin
     files = [
         path for path in (ROOT / "results" / "reference").rglob("*") if path.is_file()
     ]
-    assert len(files) > 100
+    assert len(files) > 50
     for path in files:
         found = re.search(
             rb"skipped: |(?<![\w.])/(?:home|root|tmp|Users)/", path.read_bytes()
@@ -250,7 +252,9 @@ def test_every_part_that_fills_the_docs_stands_in_one_of_them(target):
         assert sum(f"<!-- begin {name} -->" in page for page in pages) == 1, name
 
 
-def test_parts_of_the_docs_are_filled_too(target, write_run, tmp_path):
+def test_parts_of_the_docs_are_filled_too(target, write_run, tmp_path, in_step):
+    in_step("table1")
+    a_step(tmp_path, "table1")
     reference.README.write_text("")
     reference.DOCS.mkdir()
     page = reference.DOCS / "gallery.md"

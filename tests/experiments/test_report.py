@@ -72,21 +72,21 @@ def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
     monkeypatch.setattr(report, "studies_of", lambda _: few)
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     write_run("hdc")
-    first, records = written(tmp_path)[1], (tmp_path / "runs.jsonl").read_bytes()
+    first, records = written(tmp_path)[1], (tmp_path / "records.jsonl").read_bytes()
     for k in range(100):
         if (failed := full_disk(k, lambda: report.main([]))) is None:
             break
         assert "No space left" in str(failed)
-        assert (tmp_path / "runs.jsonl").read_bytes() == records
+        assert (tmp_path / "records.jsonl").read_bytes() == records
         assert written(tmp_path)[1] == first
     assert k > 20
 
 
 def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):
-    before = (tmp_path / "runs.jsonl").read_bytes()
+    before = (tmp_path / "records.jsonl").read_bytes()
     first = written(tmp_path)
     assert first == written(tmp_path)
-    assert (tmp_path / "runs.jsonl").read_bytes() == before
+    assert (tmp_path / "records.jsonl").read_bytes() == before
     names = {name.partition(".")[0] for name in first[1]}
     assert {"table1", "comparison", "runs", "accuracy_vs_n", "report"} <= names
 
@@ -115,7 +115,7 @@ def test_a_bad_record_costs_itself_only(tmp_path, write_run, alone):
     write_run("hdc", wrong=[0])
     for seed in range(len(BAD)):
         write_run("softmax", seed=seed)
-    path = tmp_path / "runs.jsonl"
+    path = tmp_path / "records.jsonl"
     lines = path.read_text().splitlines()
     for k, (key, value, _) in enumerate(BAD, 1):
         entry = part = json.loads(lines[k])

@@ -14,7 +14,6 @@ from hydra import compose, initialize_config_dir
 from rich.console import Console
 
 from experiments import reproduce
-from experiments.records import steps as records_of
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 from experiments.records.results import Results
@@ -143,13 +142,13 @@ def test_seconds_memory_and_status_of_commands(tmp_path):
 
 # What it took -------------------------------------------------------------------------------------
 
-ROW = {"step": "hdc", "mode": "full", "command": "c"}
+ROW = {"step": "hdc", "mode": "full", "command": "c", "commit": "a"}
 
 
 def noted(folder, *calls, **more):
     for seconds, status in calls:
         row = {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status, **more}
-        took.note(folder, row)
+        took.end(folder, row, took.begin(folder, row))
     (row,) = took.read(folder).values()
     return float(row["seconds"]), row["status"]
 
@@ -173,6 +172,15 @@ def test_calls_of_a_step_add_up_until_it_is_finished(tmp_path, calls, expected):
 def test_another_command_of_a_step_begins_anew(tmp_path):
     noted(tmp_path, (40.0, "interrupted"))
     assert noted(tmp_path, (5.0, "finished"), command="d") == (5, "finished")
+
+
+def test_a_call_that_is_killed_is_one_that_broke_off(tmp_path):
+    noted(tmp_path, (40.0, "finished"))
+    row = {**ROW, "seconds": 0.0, "peak_bytes": 0, "status": "interrupted"}
+    for commit, status in (("a", "finished"), ("b", "interrupted")):
+        took.begin(tmp_path, {**row, "commit": commit})
+        (found,) = took.read(tmp_path).values()
+        assert (found["seconds"], found["status"]) == (40, status)
 
 
 # Two at a time ------------------------------------------------------------------------------------
@@ -277,9 +285,8 @@ def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
     words = ("experiments.run", "scene=recorded", f"scene.path={recording()}")
     step = Step("some", words, 1, timed=False, launcher=launcher)
     assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
-    (listed,) = records_of.read(tmp_path / "results")
     (run,) = Results(tmp_path / "results").runs
-    assert listed.names == {run.record.id}
+    assert run.record.steps == ["full/some"]
     assert plain(run.record.command) == plain(step.command)
     assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
     assert len(Results(tmp_path / "results").runs) == 1

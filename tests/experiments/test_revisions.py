@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 import hdc
-from experiments.records import record, revision
+from experiments.records import record, revision, store
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -132,5 +132,5 @@ def test_a_word_in_a_progress_bar_or_a_docstring_outdates_no_record(
         assert text.count(before) == 1
         (copy / path).write_text(text.replace(before, after))
     assert "finished before" in run()
-    (entry,) = record.read(tmp_path / "own")
+    (entry,) = store.read(tmp_path / "own")
     assert isinstance(entry, record.Finished)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from experiments.records import locks, record
+from experiments.records import locks, store
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 HEAVY = (
@@ -59,7 +59,7 @@ def said(start):
 
 
 def entries(results):
-    return list(record.read(results))
+    return list(store.read(results))
 
 
 # Runs ---------------------------------------------------------------------------------------------
@@ -126,7 +126,7 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
     assert code == 0
     assert "finished before (force=true runs it again)" in line
     assert ", by " not in line
-    path = results / record.RUNS
+    path = results / store.FILE
     path.write_text(re.sub('("numpy":")[^"]+', r"\g<1>1.0", path.read_text()))
     _, (line,) = said(*words)
     assert re.search(r"finished before .*, by numpy 1\.0 \(here [\d.]+\)", line)
@@ -137,12 +137,13 @@ def test_a_run_by_other_revisions_is_made_again_and_that_is_said(
 ):
     words = ("scene=recorded", f"scene.path={recording()}")
     said(*words)
-    path = results / record.RUNS
+    path = results / store.FILE
     path.write_text(re.sub('("experiments":)1', r"\g<1>0", path.read_text()))
     code, lines = said(*words)
     assert code == 0
     assert (
-        "run again, finished by other code: experiments (revision 0, now 1)" in lines[0]
+        "made again, finished by other code: experiments (revision 0, now 1)"
+        in lines[0]
     )
     assert "test accuracy" in "".join(lines[1:])
     (entry,) = entries(results)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import random
 import resource
@@ -11,12 +12,11 @@ import sys
 import time
 from pathlib import Path
 
-import msgspec
 import psutil
 import pytest
 
 from experiments.protocol import machine
-from experiments.records import record
+from experiments.records import record, store
 from experiments.records.locks import LEFT
 
 CHECKOUT = Path(__file__).resolve().parents[2]
@@ -32,18 +32,18 @@ def scene(recording):
 def outcome(results):
     """Every finished record without its times, by id."""
     runs = {
-        run.id: run for run in record.read(results) if isinstance(run, record.Finished)
+        run.id: run for run in store.read(results) if isinstance(run, record.Finished)
     }
-    return {name: without_times(msgspec.to_builtins(run)) for name, run in runs.items()}
+    lines = {name: json.loads(record.to_line(run)) for name, run in runs.items()}
+    return {name: without_times(line) for name, line in lines.items()}
 
 
 def without_times(entry):
     kept = {k: v for k, v in entry.items() if not k.endswith(("_s", "_per_frame"))}
-    columns = kept["curve"]["columns"]
-    rows = [dict(zip(columns, row, strict=True)) for row in kept["curve"]["rows"]]
-    return kept | {
-        "curve": [{k: v for k, v in row.items() if k != "training_s"} for row in rows]
-    }
+    columns = kept["rows"]["columns"]
+    rows = [dict(zip(columns, row, strict=True)) for row in kept["rows"]["values"]]
+    curve = [{k: v for k, v in row.items() if k != "training_s"} for row in rows]
+    return kept | {"rows": curve}
 
 
 def kill_after(process, results, n, seconds):
@@ -121,7 +121,7 @@ def short_of_disk(limit):
 
 def test_a_full_disk_is_one_line_and_finished_records_stay(results, scene, start):
     start(*scene).join(60)
-    before, size = outcome(results), (results / record.RUNS).stat().st_size
+    before, size = outcome(results), (results / store.FILE).stat().st_size
     process = start(*scene, "seed.run=1", before=lambda: short_of_disk(size + 300))
     process.join(60)
     assert process.exitcode == 1
@@ -139,7 +139,7 @@ def test_two_sweeps_at_once_run_nothing_twice(results, scene, start):
         process.join(120)
         assert process.exitcode in (0, LEFT)  # it left runs to the other one
     assert (
-        len((results / record.RUNS).read_bytes().splitlines())
+        len((results / store.FILE).read_bytes().splitlines())
         == len(outcome(results))
         == 6
     )
@@ -161,7 +161,7 @@ def test_runs_wait_for_free_cores_unless_told_not_to(
     )
     assert "waiting" not in beside.out.read_text()
     exclusive = {
-        entry.seed: entry.environment.exclusive for entry in record.read(results)
+        entry.seed: entry.environment.exclusive for entry in store.read(results)
     }
     assert exclusive == {0: True, 1: False}
 
@@ -180,6 +180,6 @@ def test_workers_of_a_launcher_run_a_sweep_and_name_its_failures(
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
     assert "seed.run: expected an integer from 0 to 2^53, found -1" in done.stderr
-    (entry,) = record.read(results)
+    (entry,) = store.read(results)
     assert (entry.seed, entry.status) == (0, "finished")
     assert entry.config["threads"] == entry.environment.threads == 1

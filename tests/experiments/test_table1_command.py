@@ -32,7 +32,7 @@ def a_first_look(write_run):
 def first_look(tmp_path, write_run):
     """The table of a first look, whose three layers were not trained on."""
     a_first_look(write_run)
-    path = tmp_path / "runs.jsonl"
+    path = tmp_path / "records.jsonl"
     lines = path.read_text().splitlines()
     lines[-1] = lines[-1].replace('"stop":"trained"', '"stop":"reached"')
     path.write_text("\n".join(lines) + "\n")

@@ -106,4 +106,4 @@ def variance_of(values: Sequence[float], n_test: float, seeds: bool) -> float:
 
 def place_of(rows: pd.DataFrame) -> str:
     """Where the rows of one record are, within the folder of results."""
-    return f"measured/{rows.record.iloc[0]}"
+    return str(rows.record.iloc[0])

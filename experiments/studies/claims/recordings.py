@@ -236,7 +236,7 @@ def _simulated(
             enters=not remark,
             remark=remark,
             command=f"{RUN}all_scenes scene={scene}",
-            record="runs.jsonl",
+            record="records.jsonl",
         )
 
 

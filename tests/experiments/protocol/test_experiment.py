@@ -11,7 +11,7 @@ from rich.console import Console
 
 from experiments.protocol import data
 from experiments.protocol.experiment import Run, experiment
-from experiments.records import configs, measurement
+from experiments.records import configs, store
 from scenes.frames import Frames
 
 SENSOR = {"_target_": "scenes.sensor.scene.SpeckleScene", "seed": 1, "display": "x"}
@@ -62,7 +62,7 @@ def test_arguments_and_what_is_computed_on_reach_rows_and_record(results, monkey
     sensor = {key: SENSOR[key] for key in ("_target_", "seed")}
     file = {"scene": {**sensor, "seed": 0}, "most": 2, "other": 5}
     monkeypatch.setattr(configs, "task", {"numbers": file}.get)
-    path = counting(
+    record = counting(
         name="numbers",
         scene_name="touch",
         device="meta",
@@ -82,9 +82,7 @@ def test_arguments_and_what_is_computed_on_reach_rows_and_record(results, monkey
         True,
     )
     assert run.config == {"_target_": f"{__name__}.counting", **arguments}
-    measured = measurement.read(path)
-    record = measured.record
-    assert measured.rows == [{"k": 0}, {"k": 1}]
+    assert record.rows.dicts() == [{"k": 0}, {"k": 1}]
     assert (record.name, record.scene, record.data) == ("numbers", "touch", "")
     assert record.task == f"{__name__}.counting"
     assert record.config == arguments
@@ -98,7 +96,7 @@ def test_arguments_and_what_is_computed_on_reach_rows_and_record(results, monkey
 def test_without_a_file_an_experiment_is_named_after_its_rows_and_nothing_changed(
     results,
 ):
-    record = measurement.read(alone(scene_name="touch")).record
+    record = alone(scene_name="touch")
     assert (record.name, record.scene, record.config) == ("alone", "", {})
     assert (record.changed, record.environment.device) == ({}, "cpu")
     alone()
@@ -136,21 +134,21 @@ def test_frames_that_no_config_determines_are_known_by_their_content(
 
     def digest(path):
         scene = {"_target_": "scenes.recorded.open_recording", "path": str(path)}
-        both = measurement.read(counting(scene=scene, model=scene)).record.data
-        one = measurement.read(counting(scene=scene, model=SENSOR)).record.data
+        both = counting(scene=scene, model=scene).data
+        one = counting(scene=scene, model=SENSOR).data
         assert RUNS[-1][0].data == one  # names of parts depend on it
         other = {"_target_": "hdc.HDCClassifier"}
-        assert measurement.read(counting(scene=scene, model=other)).record.data == one
+        assert counting(scene=scene, model=other).data == one
         assert both == f"{one} {one}"
         return one
 
     first = digest(recording())
     assert first
     assert digest(recording(30, 3)) not in (first, "")
-    assert len({path.name for path in (results / "measured").iterdir()}) == 6
+    assert len(list(store.read(results))) == 6
     # A computed scene is determined by its config, and so is what is no scene.
     for scene in (SENSOR, {"path": "x"}, "touch", None):
-        assert measurement.read(counting(scene=scene)).record.data == ""
+        assert counting(scene=scene).data == ""
 
 
 def test_a_part_is_kept_under_name_config_key_and_data_unless_forced(results):
@@ -174,10 +172,8 @@ def test_a_part_is_kept_under_name_config_key_and_data_unless_forced(results):
     assert part({"seed": 1, "kind": "a"}, config={**target, "most": 1})[0] == 4
     assert part({"seed": 1, "kind": "a"}, force=True) == (5, said)
     assert part({"seed": 1, "kind": "a"}) == (0, said)
-    names = [path.name for path in (results / "cache" / "parts").iterdir()]
-    assert sorted(name.partition("-")[0] for name in names) == ["experiment"] * 4 + [
-        "x"
-    ]
+    kept = store.read(results / "cache" / "parts")
+    assert sorted(one.name for one in kept) == ["experiment"] * 4 + ["x"]
 
 
 def test_scenes_come_at_their_seeds_and_are_kept_on_disk_where_asked_for(

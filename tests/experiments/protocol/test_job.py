@@ -10,14 +10,14 @@ from rich.console import Console
 
 import hdc
 from experiments.protocol import job
-from experiments.records import configs, locks, record, steps
+from experiments.records import configs, locks, record, store
 from experiments.records.environment import environment
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 
 
 def the_record(results):
-    (entry,) = record.read(results)
+    (entry,) = store.read(results)
     return entry
 
 
@@ -32,7 +32,7 @@ def test_a_run_says_what_it_was_and_what_came_out(
     assert entry.config["threads"] == entry.environment.threads == 1
     assert (entry.n_train, entry.n_test) == (40, 10)
     # Every figure again, from the predictions in the record.
-    held = msgspec.json.decode((results / record.RUNS).read_bytes())
+    held = msgspec.json.decode((results / store.FILE).read_bytes())
     assert entry.test_accuracy_final == entry.right.mean()
     assert entry.train_accuracy_final == entry.train_accuracy_max > 0.5
     frames, labels = frames_and_labels()
@@ -83,8 +83,7 @@ def test_a_finished_run_is_not_repeated_unless_forced(carry_out, results, monkey
 def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
     composed_run, results, one_thread, monkeypatch
 ):
-    path = steps.begin(steps.place(results, "full", "a step"))
-    monkeypatch.setenv(steps.VARIABLE, str(path))
+    monkeypatch.setenv(record.STEP, "quick/a step")
     cfg = composed_run("exclusive=false")
     choices = {"scene": "recorded", "model": "hdc", "stop": "paper"}
 
@@ -95,10 +94,10 @@ def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
 
     first, *_ = run()
     assert run() == (first, True, "")
-    (line,) = (results / record.RUNS).read_bytes().splitlines()
+    (line,) = (results / store.FILE).read_bytes().splitlines()
     held = msgspec.json.decode(line)
     held["revisions"] |= {"experiments": 0, "hdc.HDCClassifier": 0}
-    record.write_all(results, [held])
+    (results / store.FILE).write_bytes(msgspec.json.encode(held))
     again, repeated, said = run()
     assert not repeated
     assert again.id == first.id
@@ -106,10 +105,13 @@ def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
     reasons = [
         f"{name} (revision 0, now 1)" for name in ("experiments", "hdc.HDCClassifier")
     ]
-    start = f"{first.id}: run again, finished by other code: "
+    start = f"{first.id}: made again, finished by other code: "
     assert said in [f"{start}{', '.join(some)}\n" for some in (reasons, reasons[::-1])]
-    assert run() == (again, True, "")
-    assert path.read_text() == f"{first.id}\n" * 4  # made or found
+    monkeypatch.setenv(record.STEP, "full/a step")  # made by one, found by another
+    for _ in range(2):
+        found, repeated, _ = run()
+        assert (repeated, found.steps) == (True, ["quick/a step", "full/a step"])
+    assert len((results / store.FILE).read_bytes().splitlines()) == 3
 
 
 @pytest.mark.parametrize(
@@ -136,7 +138,7 @@ def test_a_run_that_breaks_off_is_kept_and_run_again(
     assert entry.status == status
     assert entry.error.startswith(type(error).__name__)
     assert len(entry.error) <= 2000
-    assert len(record.curve_of(entry)) == 1
+    assert len(entry.curve) == 1
     monkeypatch.setattr(hdc, "HDCClassifier", real)
     again = carry_out()
     assert again == the_record(results)
@@ -193,10 +195,7 @@ def test_a_model_that_cannot_predict_in_the_end_leaves_its_times_and_curve(
     entry = the_record(results)
     assert (entry.status, entry.error) == ("failed", "RuntimeError: not that way")
     assert entry.training_s > 0
-    held = msgspec.json.decode((results / record.RUNS).read_bytes())
-    assert held["train_accuracy_max"] == 0.2
-    assert held["n_train"] == 40
-    assert len(record.curve_of(entry)) == 2
+    assert len(entry.curve) == 2
 
 
 def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(
@@ -204,7 +203,7 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(
 ):
     fake({"samples_seen": 1}, predict=lambda self, frames: np.full(len(frames), 99))
     with pytest.raises(
-        ValueError, match="predicted: expected labels below 5, found 99"
+        ValueError, match="predicted: expected labels from 0 to 4, found 99 to 99"
     ):
         carry_out()
     entry = the_record(results)
@@ -335,7 +334,7 @@ def test_a_line_says_which_run_it_was_and_how_it_was_called(
     words = ["seed.run=2", "exclusive=false"]
     entry, repeated = job.run(cfg, choices, words, Console(quiet=True))
     assert not repeated
-    held = msgspec.json.decode((results / record.RUNS).read_bytes())
+    held = msgspec.json.decode((results / store.FILE).read_bytes())
     asked = {key: value for key, value in held.items() if key in OF_CALL}
     config = cfg
     display, scene_display = config["display"], config["scene_display"]
@@ -344,9 +343,8 @@ def test_a_line_says_which_run_it_was_and_how_it_was_called(
     carried = ("force", "cache", "exclusive", "task", "display", "scene_display")
     config = {key: value for key, value in config.items() if key not in carried}
     assert asked == {
-        "schema": 4,
+        "schema": 5,
         "id": entry.id,
-        "status": "finished",
         "command": "python -m experiments.run model=hdc 'a=[1, 2]'",
         "choices": {"scene": "recorded", "model": "hdc", "stop": "custom"},
         "experiment": "table1",
@@ -367,6 +365,8 @@ def test_a_line_says_which_run_it_was_and_how_it_was_called(
     }
     assert seen == [(config, choices, words)]
     assert len(asked["scene"]["classes"]) == 5
-    assert entry.id == record.run_id("recorded", "hdc", config, asked["data"])
+    assert entry.id == record.name_of("recorded-hdc", config, asked["data"])
     known = environment("cpu", 1)
-    assert held["environment"] == {**known, "exclusive": False, "libraries": []}
+    assert held["environment"] == msgspec.to_builtins(
+        msgspec.structs.replace(known, exclusive=False)
+    )

@@ -17,7 +17,7 @@ FORK = multiprocessing.get_context("fork")
 
 
 def test_a_lock_has_one_holder(tmp_path):
-    path = tmp_path / "run-1" / locks.FILE
+    path = tmp_path / "run-1" / "lock"
     for name in ("run-1", "frames"):
         with (
             locks.held(path),
@@ -35,7 +35,7 @@ def hold_and_die(path, seconds):
 
 @pytest.mark.parametrize("seconds", [0, 0.5])
 def test_a_killed_holder_holds_no_more_and_who_waits_has_it_then(tmp_path, seconds):
-    path = tmp_path / locks.FILE
+    path = tmp_path / "lock"
     process = FORK.Process(target=hold_and_die, args=(path, seconds))
     process.start()
     while not (tmp_path / "held").exists():
@@ -51,4 +51,4 @@ def test_without_locks_on_the_file_system_nothing_goes_on(tmp_path, monkeypatch)
 
     monkeypatch.setattr(fcntl, "flock", none)
     with pytest.raises(OSError, match="No locks"):
-        locks.held(tmp_path / locks.FILE).__enter__()
+        locks.held(tmp_path / "lock").__enter__()

@@ -1,6 +1,5 @@
 """The store of runs against a dictionary: runs, failures, repeats, kills, and two writers."""
 
-import json
 import shutil
 from pathlib import Path
 from threading import Thread
@@ -13,9 +12,10 @@ from hypothesis.stateful import (
     rule,
     run_state_machine_as_test,
 )
+from msgspec.structs import replace
 
-from experiments.records import record
-from experiments.records.rows import unpack_labels
+from experiments.records import store
+from experiments.records.record import RunRecord, Unfinished, to_line
 
 NAMES = st.integers(0, 3).map("touch-hdc-{:012x}".format)
 TIMES = st.floats(0.1, 10)
@@ -23,10 +23,8 @@ TIMES = st.floats(0.1, 10)
 
 def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
     write_run("hdc")
-    template = json.loads((tmp_path / record.RUNS).read_text())
-    for key in ("test_labels", "predicted"):
-        template[key] = unpack_labels(template[key])
-    curve = [{"training_s": 0.5, "samples_seen": 400.0}]
+    (template,) = store.read(tmp_path)
+    fields = {key: getattr(template, key) for key in RunRecord.__struct_fields__}
 
     class Store(RuleBasedStateMachine):
         def __init__(self):
@@ -37,14 +35,10 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
             self.known, self.damaged = {}, 0
 
         def entry(self, name, status, seconds):
-            more = {"error": "ValueError: it broke"} if status == "failed" else {}
-            return {
-                **template,
-                "id": name,
-                "status": status,
-                "training_s": seconds,
-                **more,
-            }
+            if status == "finished":
+                return replace(template, id=name, training_s=seconds)
+            own = {"id": name, "status": status, "training_s": seconds}
+            return Unfinished(**{**fields, **own})
 
         def note(self, name, status, seconds):
             if status == "finished" or self.known.get(name, ("", 0))[0] != "finished":
@@ -52,13 +46,13 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
 
         @rule(name=NAMES, status=st.sampled_from(["finished", "failed"]), seconds=TIMES)
         def run_or_repeat(self, name, status, seconds):
-            record.append(self.folder, self.entry(name, status, seconds), curve)
+            store.append(self.folder, self.entry(name, status, seconds))
             self.note(name, status, seconds)
 
         @rule(name=NAMES, share=st.floats(0.01, 0.99))
         def kill_while_a_line_is_written(self, name, share):
-            line = record.to_line(self.entry(name, "finished", 99.0), curve).encode()
-            path = self.folder / record.RUNS
+            line = to_line(self.entry(name, "finished", 99.0)).encode()
+            path = self.folder / store.FILE
             before = path.read_bytes() if path.exists() else b""
             gap = b"" if not before or before.endswith(b"\n") else b"\n"
             path.write_bytes(before + gap + line[: max(1, int(share * len(line)))])
@@ -68,8 +62,7 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
         def two_at_once(self, names, seconds):
             entries = [self.entry(name, "finished", seconds) for name in names]
             threads = [
-                Thread(target=record.append, args=(self.folder, e, curve))
-                for e in entries
+                Thread(target=store.append, args=(self.folder, e)) for e in entries
             ]
             for thread in threads:
                 thread.start()
@@ -79,13 +72,13 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
 
         @invariant()
         def reads_as_the_dictionary(self):
-            found = list(record.read(self.folder))
+            found = list(store.read(self.folder))
             errors = [entry for entry in found if isinstance(entry, ValueError)]
             runs = {r.id: (r.status, r.training_s) for r in found if r not in errors}
             assert runs == self.known
             assert len(errors) == self.damaged
             for name, (status, _) in self.known.items():
-                assert (record.find(self.folder, name) is not None) == (
+                assert (store.find(self.folder, name) is not None) == (
                     status == "finished"
                 )
 

@@ -5,11 +5,12 @@ import math
 
 import pytest
 
-from experiments.records import record
+from experiments.records import record, store
+from experiments.records.rows import pack_labels
 
 
 def lines(folder):
-    return (folder / record.RUNS).read_bytes().splitlines(keepends=True)
+    return (folder / store.FILE).read_bytes().splitlines(keepends=True)
 
 
 def test_a_run_is_read_as_it_was_written(tmp_path, write_run):
@@ -18,16 +19,16 @@ def test_a_run_is_read_as_it_was_written(tmp_path, write_run):
         {"training_s": 2.0, "loss": 0.1, "epoch": 1.0},
     ]
     name = write_run("softmax", seed=3, wrong=range(7), curve=curve)
-    (run,) = record.read(tmp_path)
+    (run,) = store.read(tmp_path)
     assert (run.id, run.seed, run.status) == (name, 3, "finished")
     assert run.right.sum() == 93
     assert run.revisions["experiments"] == 1
-    first, second = record.curve_of(run)
+    first, second = run.curve
     assert first["loss"] == math.inf
     assert "epoch" not in first
     assert second["epoch"] == 1.0
-    assert record.find(tmp_path, name) == run
-    assert record.find(tmp_path, "touch-hdc-000000000000") is None
+    assert store.find(tmp_path, name) == run
+    assert store.find(tmp_path, "touch-hdc-000000000000") is None
 
 
 def test_of_several_lines_the_last_finished_one_counts(tmp_path, write_run):
@@ -35,7 +36,7 @@ def test_of_several_lines_the_last_finished_one_counts(tmp_path, write_run):
     write_run("hdc", wrong=[1])
     write_run("hdc", wrong=[1, 2])
     name = write_run("hdc", status="interrupted")
-    (run,) = record.read(tmp_path)
+    (run,) = store.read(tmp_path)
     assert (run.id, run.status, run.right.sum()) == (name, "finished", 98)
 
 
@@ -44,12 +45,12 @@ def test_a_line_that_a_kill_cut_short_costs_itself_only(tmp_path, write_run, lef
     write_run("hdc", seed=0)
     write_run("hdc", seed=1)
     first, second = lines(tmp_path)
-    (tmp_path / record.RUNS).write_bytes(first + second[:left])
+    (tmp_path / store.FILE).write_bytes(first + second[:left])
     write_run("hdc", seed=2)
-    runs = list(record.read(tmp_path))
-    assert [run.seed for run in runs if isinstance(run, record.Record)] == [0, 2]
+    runs = list(store.read(tmp_path))
+    assert [run.seed for run in runs if isinstance(run, record.Finished)] == [0, 2]
     (error,) = (run for run in runs if isinstance(run, ValueError))
-    assert f"{tmp_path / record.RUNS}, line 2" in str(error)
+    assert f"{tmp_path / store.FILE}, line 2" in str(error)
 
 
 @pytest.mark.parametrize(
@@ -59,18 +60,19 @@ def test_a_line_that_a_kill_cut_short_costs_itself_only(tmp_path, write_run, lef
         ({"training_s": "soon"}, "training_s"),
         ({"config": 7}, "config"),
         ({"config": {}}, "config.scene: expected a mapping, found None"),
-        ({"predicted": [0]}, "predicted: expected 100 labels, found 1"),
+        ({"predicted": pack_labels([0])}, "predicted: expected 100 labels, found 1"),
         (
-            {"predicted": [5] * 100},
+            {"predicted": pack_labels([5] * 100)},
             "predicted: expected labels from 0 to 4, found 5 to 5",
         ),
-        (
-            {"test_labels": [-1] * 100},
-            "test_labels: expected labels from 0 to 4, found -1 to -1",
-        ),
+        ({"test_labels": [1, 2]}, "expected packed labels, found [1, 2]"),
         ({"predicted": "u1:AAAA"}, "labels: expected packed integers"),
-        ({"curve": {"columns": ["a"], "rows": [[1, 2]]}}, "curve: expected 1 numbers"),
-        ({"curve": {"columns": ["a"], "rows": [["x"]]}}, "curve: expected 1 numbers"),
+        ({"rows": {"columns": ["a"], "values": [[1, 2]]}}, "rows: expected 1 values"),
+        ({"rows": {"columns": ["a"], "values": [["x"]]}}, "curve: expected numbers"),
+        (
+            {"test_accuracy_final": 0.9},
+            "test_accuracy_final: expected 1.000000 of the predictions beside it, found 0.9",
+        ),
     ],
 )
 def test_a_malformed_record_is_named_with_its_key_and_skipped(
@@ -78,8 +80,8 @@ def test_a_malformed_record_is_named_with_its_key_and_skipped(
 ):
     write_run("hdc")
     (line,) = lines(tmp_path)
-    (tmp_path / record.RUNS).write_text(json.dumps(json.loads(line) | change))
-    (error,) = record.read(tmp_path)
+    (tmp_path / store.FILE).write_text(json.dumps(json.loads(line) | change))
+    (error,) = store.read(tmp_path)
     assert isinstance(error, ValueError)
     assert expected in str(error)
 
@@ -98,8 +100,8 @@ def test_a_record_without_what_every_run_has_is_named(
     write_run("hdc")
     entry = json.loads(lines(tmp_path)[0])
     entry["config"][key] = value
-    (tmp_path / record.RUNS).write_text(json.dumps(entry))
-    (error,) = record.read(tmp_path)
+    (tmp_path / store.FILE).write_text(json.dumps(entry))
+    (error,) = store.read(tmp_path)
     assert expected in str(error)
 
 
@@ -107,36 +109,30 @@ def test_labels_of_a_run_are_short(tmp_path, write_run):
     name = write_run("hdc", wrong=[3], truth=[0] * 1000)
     (line,) = lines(tmp_path)
     assert len(json.loads(line)["predicted"]) < 60
-    assert record.find(tmp_path, name).predicted.index(1) == 3
+    assert store.find(tmp_path, name).predicted.tolist().index(1) == 3
 
 
-def test_the_name_of_a_run_depends_on_every_value_of_its_config():
+def test_the_name_of_a_record_depends_on_every_value_of_its_config():
     config = {"a": {"b": 1}, "c": [1, 2]}
-    name = record.run_id("touch", "hdc", config, "f")
-    assert name == record.run_id("touch", "hdc", {"c": [1, 2], "a": {"b": 1}}, "f")
+    name = record.name_of("touch-hdc", config, "f")
+    assert name == record.name_of("touch-hdc", {"c": [1, 2], "a": {"b": 1}}, "f")
     for other in ({"a": {"b": 2}, "c": [1, 2]}, {"a": {"b": 1}, "c": [2, 1]}):
-        assert record.run_id("touch", "hdc", other, "f") != name
-    assert record.run_id("touch", "hdc", config, "g") != name
+        assert record.name_of("touch-hdc", other, "f") != name
+    assert record.name_of("touch-hdc", config, "g") != name
 
 
 def test_the_name_of_a_run_is_that_of_older_versions():
     """Under another name, every run would be carried out again."""
-    name = record.run_id("touch", "hdc", {"b": 1, "a": [1, None]}, "f")
+    name = record.name_of("touch-hdc", {"b": 1, "a": [1, None]}, "f")
     assert name == "touch-hdc-a379c5298fb1"
 
 
-def test_decoded_lines_are_written_as_they_were_read(tmp_path, write_run):
-    """A reference is taken over line by line, and each call of it leaves the same bytes."""
-    for seed in (0, 1):
-        write_run("hdc", seed=seed)
-    first, second = lines(tmp_path)
-    entries = [dict(reversed(json.loads(line).items())) for line in (second, first)]
-    own = tmp_path / "own"
-    for entry in entries:
-        own.mkdir(exist_ok=True)
-        record.append_decoded(own, entry)
-    assert lines(own) == [second, first]
-    record.write_all(own, reversed(entries))
-    assert lines(own) == [first, second]
-    record.write_all(own, [])
-    assert lines(own) == []
+def test_records_are_written_as_they_were_read(tmp_path, write_run, write_measurement):
+    """A reference is taken over record by record, and each call of it leaves the same bytes."""
+    write_run("hdc")
+    write_measurement("drift", [{"a": 1, "b": None}, {"a": 0.1, "b": "x"}])
+    before = lines(tmp_path)
+    store.write_all(tmp_path, list(store.read(tmp_path)))
+    assert lines(tmp_path) == before
+    store.write_all(tmp_path, [])
+    assert lines(tmp_path) == []

@@ -7,7 +7,6 @@ from experiments.records import configs
 from experiments.records.groups import Groups
 from experiments.records.results import Results
 from experiments.reporting.rows import runs_table
-from hdc.io import write_atomically
 
 OTHER = {"experiments": 0, "hdc.HDCClassifier": 1}  # of an earlier protocol
 
@@ -124,14 +123,24 @@ def test_another_learning_rate_or_another_end_is_no_canonical_run(tmp_path, writ
 
 def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
     good = write_run("hdc")
-    with (tmp_path / "runs.jsonl").open("a") as file:
+    with (tmp_path / "records.jsonl").open("a") as file:
         file.write('no\n{"schema": 4}\n')
-    write_atomically(tmp_path / "measured" / "x" / "record.json", "[]")
     results = Results(tmp_path)
     assert [run.record.id for run in results.runs] == [good]
     assert results.measurements == []
-    for name in ("runs.jsonl, line 2", "runs.jsonl, line 3", "measured/x/record.json"):
+    for name in ("records.jsonl, line 2", "records.jsonl, line 3"):
         assert sum(name in problem for problem in results.problems) == 1, name
+
+
+def test_records_of_version_2_are_named_and_left_as_they_are(tmp_path, write_run):
+    (tmp_path / "runs.jsonl").write_text("{}\n")
+    (tmp_path / "measured").mkdir()
+    write_run("hdc")
+    results = Results(tmp_path)
+    assert len(results.runs) == 1
+    for name, problem in zip(("runs.jsonl", "measured"), results.problems, strict=True):
+        assert problem.startswith(f"{tmp_path / name}: records of version 2.0, which")
+    assert (tmp_path / "runs.jsonl").read_text() == "{}\n"
 
 
 def test_what_was_changed_is_named_frames_first(tmp_path, write_run):

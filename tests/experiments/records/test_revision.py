@@ -6,8 +6,7 @@ import pytest
 
 import experiments
 import hdc
-from experiments.records import record, revision
-from experiments.records.entry import Entry
+from experiments.records import record, revision, store
 from experiments.records.revision import outdated, revisions
 
 HDC = {"model": {"_target_": "hdc.HDCClassifier"}}
@@ -163,9 +162,9 @@ def test_a_record_of_changes_in_no_commit_counts_for_the_same_changes_only(
     made = read_run(write_run("hdc", seed=1, environment={"changes": "a" * 12}))
     for changes, expected in ((None, True), ("b" * 12, True), ("a" * 12, False)):
         monkeypatch.setattr(
-            "experiments.records.entry.changes", lambda changes=changes: changes
+            "experiments.records.record.changes", lambda changes=changes: changes
         )
         assert bool(made.outdated) == expected
         assert clean.outdated == []
-    assert isinstance(made, Entry)
-    assert len(list(record.read(tmp_path))) == 2
+    assert isinstance(made, record.Record)
+    assert len(list(store.read(tmp_path))) == 2

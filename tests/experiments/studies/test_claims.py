@@ -745,7 +745,7 @@ def test_the_whole_row_of_a_contrast(tmp_path, write_measurement, row_of, judged
     gains = {"speckle": (0.1, 0.1), "prototype": (0.3, 0.32)}
     entry = write_contrasts(write_measurement, gains)
     half = 12.7062 * 0.01  # t(0.975, 1), and the standard error of 0.2 and 0.22
-    where = {"record": f"measured/{entry['id']}"}
+    where = {"record": entry["id"]}
     assert row_of("contrast", "speckle", "touch") == equals(
         claim="contrast", rival="speckle", evidence="touch", status="exploratory",
         laboratory="simulated touch sensor", frames="simulated",
@@ -796,7 +796,7 @@ def test_the_whole_row_of_flipped_bits_and_of_what_stands_beside(
         "claim": "faults", "evidence": "fibre", "laboratory": "wavefrontshaping",
         "frames": "computed", "status": "exploratory", "unit": "points", "n": "2 seeds",
         "command": "python -m experiments.run experiment=robustness",
-        "record": f"measured/{entry['id']}",
+        "record": entry["id"],
     }  # fmt: skip
     half = 12.7062  # of two seeds 2 points apart, whose standard error is 1
     assert row_of("faults", "unflipped at 1 %", "fibre") == equals(
@@ -849,7 +849,7 @@ def test_the_whole_rows_of_a_recalibration(tmp_path, write_measurement):
         "claim": "recalibration", "laboratory": "wavefrontshaping",
         "frames": "computed", "status": "exploratory", "unit": "%", "n": "2 seeds",
         "command": "python -m experiments.run experiment=drift",
-        "record": f"measured/{entry['id']}",
+        "record": entry["id"],
     }  # fmt: skip
     half = 12.7062 * 12.5
     share, *best = found
@@ -885,7 +885,7 @@ def test_the_whole_row_of_a_recording(record, row_of, judged):
         "command": "python -m experiments.run experiment=recordings scene=gelsight",
         "record": judged("objects", "published")["record"],
     }  # fmt: skip
-    assert same["record"].startswith("measured/recordings")
+    assert same["record"].startswith("recordings-")
     # Equal draws vary as their test frames let them.
     assert row_of("accuracy", RAW, "gelsight") == equals(
         **same, claim="accuracy", rival=RAW, quantity="HDC less Softmax at its optimum",
@@ -985,7 +985,7 @@ def test_the_whole_row_of_a_simulated_scene(
         standard_error=least_error(less / 100, 2 * 100), enters="no",
         remark=remark or ranks, word="" if remark else row["word"],
         command=f"python -m experiments.run experiment=all_scenes scene={scene}",
-        record="runs.jsonl",
+        record="records.jsonl",
     )  # fmt: skip
     assert remark or row["word"]
 
@@ -1006,7 +1006,7 @@ def test_the_whole_row_of_a_way_of_timing(write_measurement, row_of):
         value_high=54, standard_error=NAN, n="3 runs", word=YES, enters="yes",
         remark="too few runs for an interval: lowest and highest",
         command="python -m experiments.run experiment=times_grid",
-        record=f"measured/{entry['id']}",
+        record=entry["id"],
     )  # fmt: skip
 
 
@@ -1053,7 +1053,7 @@ def test_the_whole_row_of_a_recording_that_was_unseen(tmp_path, record):
         frozen=frozen.commit(), digest=frozen.digest(),
         command="python -m experiments.reproduce --full --claim accuracy",
     )  # fmt: skip
-    assert row["record"].startswith("measured/recordings")
+    assert row["record"].startswith("recordings-")
 
 
 # Cells --------------------------------------------------------------------------------------------

@@ -90,9 +90,10 @@ def test_runs_started_by_hand_have_figures_of_their_own(
 
 def test_runs_of_an_experiment_are_not_started_by_hand(tmp_path, write_scene):
     write_scene("finger", {})
-    path = tmp_path / "runs.jsonl"
+    path = tmp_path / "records.jsonl"
     text = path.read_text()
-    assert '"experiment":null' in text
-    path.write_text(text.replace('"experiment":null', '"experiment":"all_scenes"'))
+    assert '"experiment":' not in text
+    start = '{"type":"run",'
+    path.write_text(text.replace(start, f'{start}"experiment":"all_scenes",'))
     names = {plot.name for plot in STUDY.plots_of(Results(tmp_path))}
     assert names == {"confusions"}

@@ -139,7 +139,7 @@ def test_a_training_that_was_not_finished_says_so(
 ):
     write_run("hdc")
     write_run("cnn1", curve=epochs(0.5, 0.95), stop="paper")
-    path = tmp_path / "runs.jsonl"
+    path = tmp_path / "records.jsonl"
     path.write_text(path.read_text().replace('"stop":"trained"', f'"stop":"{stop}"'))
     made = table(tmp_path)[1]
     (cells,) = (c for c in made.cells() if c[0] == "CNN, 1 layer")

@@ -1,0 +1,114 @@
+"""Where records lie: ``records.jsonl`` of a folder, a record a line, a file that only grows.
+
+A record that is made again adds a line; of several lines with one id the last finished one counts.
+A line that is no record is reported and skipped.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+from rich.console import Console
+
+from experiments.records import locks
+from experiments.records.record import (
+    Finished,
+    Measurement,
+    Record,
+    Unfinished,
+    current_steps,
+    from_line,
+    to_line,
+)
+from hdc.io import write_atomically
+
+FILE = "records.jsonl"
+_LOCKS = Path("cache", "locks")
+Made = Finished | Measurement
+AnyRecord = Made | Unfinished
+
+
+def append(folder: Path, record: Record) -> None:
+    """Add a record to those of a folder."""
+    line = to_line(record)
+    lock = locks.held(folder / _LOCKS / FILE, timeout_s=-1)
+    with lock, (folder / FILE).open("a+b") as file:
+        if file.tell():  # a line that a kill cut short must not spoil the next
+            file.seek(-1, os.SEEK_END)
+            if file.read(1) != b"\n":
+                line = f"\n{line}"
+        file.write(f"{line}\n".encode())
+        file.flush()
+        os.fsync(file.fileno())
+
+
+def read(folder: Path, name: str = "") -> Iterator[AnyRecord | ValueError]:
+    """Every record of a folder whose line has the name in it, by id: the last finished one of
+    each, else its last. A line that is no record gives an error that names it."""
+    path = folder / FILE
+    records: dict[str, AnyRecord] = {}
+    lines = path.read_bytes().splitlines() if path.is_file() else []
+    for number, line in enumerate(lines, 1):
+        if name.encode() not in line:
+            continue
+        try:
+            record = from_line(line)
+        except (ValueError, RecursionError) as error:
+            yield ValueError(f"{path}, line {number}: {error}")
+            continue
+        before = records.get(record.id)
+        if isinstance(record, Made) or not isinstance(before, Made):
+            records[record.id] = record
+    yield from records.values()
+
+
+def find(folder: Path, name: str) -> Made | None:
+    """The finished record of this id, or None."""
+    for record in read(folder, name):
+        if isinstance(record, Made) and record.id == name:
+            return record
+    return None
+
+
+def write_all(folder: Path, records: Iterable[Record]) -> None:
+    """Replace the records of a folder."""
+    text = "".join(f"{to_line(record)}\n" for record in records)
+    write_atomically(folder / FILE, text)
+
+
+def lock_of(folder: Path, name: str) -> Path:
+    """The file that whoever makes the record of this id locks."""
+    return folder / _LOCKS / name
+
+
+def made_before(
+    folder: Path,
+    name: str,
+    force: bool = False,
+    console: Console | None = None,
+) -> Made | None:
+    """The finished record of this id, if today's code made it. It then belongs to the step that
+    asks for it, too.
+
+    Args:
+        folder: of the records.
+        name: the id.
+        force: find none.
+        console: is told why one of other code does not count.
+    """
+    known = None if force else find(folder, name)
+    if known is None:
+        return None
+    reasons = known.outdated
+    if not reasons:
+        steps = [*known.steps, *current_steps()]
+        known.steps, before = list(dict.fromkeys(steps)), known.steps
+        if known.steps != before:
+            append(folder, known)
+        return known
+    if console is not None:
+        text = f"{name}: made again, finished by other code: {', '.join(reasons)}"
+        console.print(text, style="yellow", markup=False, soft_wrap=True)
+    return None
