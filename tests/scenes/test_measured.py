@@ -210,6 +210,11 @@ def test_what_is_missing_is_listed_with_the_commands_that_get_it(
         ("spr", [100] * 3, (640, 640)),
         ("gelsight_billets", [80, 114], (240, 320)),
         ("rgb_fibres", [416, 205, 202], (480, 640)),
+        (
+            "visuotactile",
+            [732, 753, 734, 756, 736, 831, 744, 740, 735, 766],
+            (120, 160),
+        ),
         ("fibre_2", [100] * 5, (41, 82)),
         ("fibre_3", [100] * 5, (41, 82)),
     ],
