@@ -73,7 +73,6 @@ def of_classes():
                 "rival_gain": gain(0.05, -0.1, 0.2),
             },
         ],
-        "expected": {20: 0.5, 40: 0.64, 200: 0.996},
         "curve": {
             "median, majority": [
                 {"frames": 1, **share(0.3, 0.2, 0.4)},
@@ -188,7 +187,6 @@ def test_all_that_is_printed_where_nothing_could_be_chosen_by(of_either, name):
         "cross_validation": {},
         "given_up": [],
         "left_out": {},
-        "expected": {},
     }
     result["chosen"] = result["published"]
     for test in result["tests"]:
