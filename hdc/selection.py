@@ -5,6 +5,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -27,6 +28,21 @@ from hdc.regressor import HDCRegressor
 FOLDS = 5
 _ERRORS = 3  # standard errors behind the best at which a method is given up,
 _LEAST = 0.05  # and the least difference of mean losses
+FORMS = (
+    ("levels", "lda"),  # a discriminant weighs the pixels that tell the classes apart
+    ("reference_levels", "lda"),  # less what all frames share, such as a gel or a skin
+    ("deviation", "lda"),  # keeps how much of a frame is lit, which ranks throw away
+    ("levels", "kernel"),  # classes that no plane separates
+    ("median", "neighbours"),  # the published bits without the published prototypes
+)
+"""Forms for classes that are tried after the published one, the most promising first."""
+VALUE_FORMS = (
+    ("levels", "ridge"),
+    ("reference_levels", "ridge"),
+    ("deviation", "ridge"),
+    ("levels", "neighbours"),  # values that are no sum of what single bits say
+)
+"""The same for values, after ridge regression of the published bits."""
 Fold = tuple[np.ndarray, np.ndarray]
 """Indices of frames to learn and to test."""
 
@@ -67,6 +83,10 @@ class Frames:
         memory = self.memories.setdefault(name, {})
         return Shared(found, memory)
 
+    def regressor(self, encoder: Any, readout: Any) -> HDCRegressor:
+        """An untrained regressor of the values."""
+        return HDCRegressor(encoder, readout, backend=self.backend)
+
     @cached_property
     def spread(self) -> np.ndarray:
         """Mean distance of each value from its median, [T]: the unit that errors are added in."""
@@ -78,8 +98,12 @@ class Frames:
         """What each answer costs [Q]: 1 for a wrong label, or the mean error of T values."""
         if self.values is None:
             return (answers != self.labels[rows]).astype(np.float64)
-        errors = np.abs(answers - self.values[rows])
-        return (errors / self.spread).mean(axis=1)
+        return (self.errors(answers, rows) / self.spread).mean(axis=1)
+
+    def errors(self, answers: np.ndarray, rows: np.ndarray) -> np.ndarray:
+        """Absolute errors [Q, T] of answers for the values of frames `rows`."""
+        assert self.values is not None
+        return np.abs(answers - self.values[rows])
 
 
 class Method(Protocol):
@@ -113,7 +137,7 @@ class Combination:
         if frames.values is None:
             model = HDCClassifier(encoder, self.readout, backend=frames.backend)
             return model.predict_from(frames.bank, train, test)
-        numbers = HDCRegressor(encoder, self.readout, backend=frames.backend)
+        numbers = frames.regressor(encoder, self.readout)
         numbers.fit(frames.bank.at(train), frames.values[train])
         return numbers.predict(frames.bank.at(test))
 
@@ -124,24 +148,33 @@ def published(learns_values: bool) -> Combination:
 
 
 def combinations(
-    encoders: Sequence[str], readouts: Sequence[str], learns_values: bool
+    encoders: Sequence[str],
+    readouts: Sequence[str],
+    learns_values: bool,
+    every: bool = False,
 ) -> list[Combination]:
-    """Each encoder with each read-out, by default all of the library; the published one first.
+    """What is tried, the published form first: :data:`FORMS` or :data:`VALUE_FORMS`.
+
+    Each of the `encoders` with each of the `readouts` instead, where some are named; all of the
+    library stand for those that are not. With `every` the rest of the library follows.
 
     Raises:
         ValueError, TypeError: for a name that is none of them.
     """
     ours = VALUE_READOUTS if learns_values else READOUTS
     make = make_value_readout if learns_values else make_readout
-    encoders = list(dict.fromkeys(encoders or COMPARED))
-    readouts = list(dict.fromkeys(readouts or ours))
     for encoder in encoders:
         make_encoder(encoder).check()
     for readout in readouts:
         make(readout).check()
-    first = published(learns_values)
-    pairs = [Combination(e, r) for e in encoders for r in readouts]
-    return [first, *(pair for pair in pairs if pair != first)]
+    found = [published(learns_values)]
+    if not encoders and not readouts:
+        forms = VALUE_FORMS if learns_values else FORMS
+        found += [Combination(*form) for form in forms]
+    if encoders or readouts or every:
+        pairs = itertools.product(encoders or COMPARED, readouts or ours)
+        found += [Combination(*pair) for pair in pairs]
+    return list(dict.fromkeys(found))
 
 
 def folds(frames: Frames, rows: np.ndarray) -> tuple[list[Fold], str]:
@@ -213,23 +246,29 @@ class Scores:
         losses: method → mean loss of the frames; in the order of trial.
         reasons: method's name → why it could not be tried.
         given_up: names of those that were far behind in the first fold, and tried no further.
+        not_tried: names of those for which no time was left.
     """
 
     losses: dict[Method, float] = field(default_factory=dict)
     reasons: dict[str, str] = field(default_factory=dict)
     given_up: list[str] = field(default_factory=list)
+    not_tried: list[str] = field(default_factory=list)
 
     def tries(self, method: Method) -> bool:
         """Whether a method is tried further: it refused no frames, and was not given up."""
         return method.name not in self.reasons and method.name not in self.given_up
 
-    def best(self, kind: type) -> Method | None:
-        """The method of a kind with the least loss, the first of equal ones."""
-        tried = [
+    def finished(self, kind: type) -> list[Method]:
+        """The methods of a kind that were tried to the end, in the order of trial."""
+        return [
             method
             for method in self.losses
             if isinstance(method, kind) and method.name not in self.given_up
         ]
+
+    def best(self, kind: type) -> Method | None:
+        """The method of a kind with the least loss, the first of equal ones."""
+        tried = self.finished(kind)
         return min(tried, key=lambda method: self.losses[method], default=None)
 
 
@@ -253,7 +292,7 @@ def cross_validate(
             step()
             if not scores.tries(method):
                 continue
-            found = _losses_of(method, frames, fold, scores)
+            found = losses_of(method, frames, fold, scores)
             if found is not None:
                 losses[method].append(found)
         if number == 0:
@@ -264,7 +303,7 @@ def cross_validate(
     return scores
 
 
-def _losses_of(
+def losses_of(
     method: Method, frames: Frames, fold: Fold, scores: Scores
 ) -> np.ndarray | None:
     """What each answer of a fold costs [Q]; None where the method refuses the frames.

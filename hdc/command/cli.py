@@ -283,14 +283,27 @@ def _learn_anew(
     "encoders",
     multiple=True,
     metavar="NAME",
-    help="Choose among this encoder, or a module.Class; may be repeated. [default: all]",
+    help="Choose among this encoder, or a module.Class; may be repeated. [default: a short list]",
 )
 @click.option(
     "--readout",
     "readouts",
     multiple=True,
     metavar="NAME",
-    help="Choose among this read-out, or a module.Class; may be repeated. [default: all]",
+    help="Choose among this read-out, or a module.Class; may be repeated. [default: a short list]",
+)
+@click.option(
+    "--all",
+    "every",
+    is_flag=True,
+    help="After the short list, try every encoder with every read-out of the library.",
+)
+@click.option(
+    "--budget",
+    type=click.FloatRange(0, min_open=True),
+    metavar="MINUTES",
+    help="Stop after about this time with what is done; promising forms are tried first. "
+    "[default: as long as it takes]",
 )
 @options.pixels
 @options.fraction
@@ -315,6 +328,8 @@ def compare(
     other: Path | None,
     encoders: tuple[str, ...],
     readouts: tuple[str, ...],
+    every: bool,
+    budget: float | None,
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float,
@@ -328,9 +343,13 @@ def compare(
     Encoder and read-out are chosen by cross-validation of the training frames, by session where
     there are two or more, and so are the settings of the rivals. Frames held out at random, and
     later ones (the other recording, else the last sessions, else the last frames of each class)
-    only judge the choice. The last lines say what to type, what that wins, and whether a rival
-    outside the library is better. Frames are held in memory.
+    only judge the choice. Each model has its training time, time a frame and size. The last lines
+    say what to type, what that wins, whether a rival outside the library is better, and what one
+    grey level of rounding costs. Frames are held in memory.
     """
+    if every and (encoders or readouts):
+        raise click.UsageError("expected --all, or --encoder and --readout")
+    from hdc.command.compare import budget as time
     from hdc.command.compare import curve, judge, show
 
     if figure is not None:
@@ -340,17 +359,26 @@ def compare(
     tests = None
     if other is not None:
         tests = work.open_frames(other, window, **source)
-    result = judge.compare(frames, tests, test_fraction, draws, encoders, readouts)
+    result = judge.compare(
+        frames,
+        tests,
+        test_fraction,
+        draws,
+        encoders,
+        readouts,
+        every,
+        time.Budget(budget),
+        (lambda _: None) if as_json else click.echo,
+    )
     chosen = result["chosen"].split(", ")
     result["recording"] = str(recording)
-    result["notes"] = list(frames.notes)
     result["command"] = work.command_line(recording, window, source, *chosen)
     if figure is not None:
         curve.draw(result, figure)
     if as_json:
         click.echo(json.dumps(result, ensure_ascii=False))
     else:
-        click.echo(show.text(result))
+        click.echo("\n" + show.text(result))
 
 
 @cli.command()

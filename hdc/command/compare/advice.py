@@ -133,6 +133,28 @@ def of_values(result: Mapping[str, Any]) -> list[str]:
     return lines
 
 
+def of_dither(result: Mapping[str, Any]) -> list[str]:
+    """What one grey level of dither costs, and what to do where it costs much."""
+    found = result["dither"]
+    if not found:
+        return []
+    before, after = found["before"], found["after"]
+    if "values" in result:
+        amount = f"{before:.3g} to {after:.3g} of a guess's error"
+    else:
+        amount = f"{before:.1%} to {after:.1%}"
+    where = result["tests"][-1]["name"]
+    lines = [
+        f"With one grey level of dither on {where}: {amount} (seed {found['seed']})."
+    ]
+    if found["warns"]:
+        lines.append(
+            "Warning: rounding decides many of these bits. Try another form (--encoder "
+            "reference_levels, deviation or smoothed), or record with more light or exposure."
+        )
+    return lines
+
+
 def _against_rival(over: Mapping[str, float], amount: str) -> str:
     if over["low"] > 0:
         return f"A rival outside the library is better: {amount}."

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from hdc.accuracy import wilson
+from hdc.command.compare.budget import Budget
 from hdc.command.compare.choose import progress
 from hdc.selection import Frames, Method
 
@@ -27,17 +28,22 @@ def learning_curve(
     test: np.ndarray,
     methods: Sequence[Method],
     draws: int,
+    budget: Budget | None = None,
 ) -> dict[str, list[dict[str, float]]]:
     """Accuracy of each method, or mean error, at each number of training frames.
 
     A point is the mean over the draws of training frames; a class's interval is Wilson's, a test
-    frame counting once with its mean. The last point learns all frames, and is one draw.
+    frame counting once with its mean. The last point learns all frames, and is one draw. When the
+    budget ends, no further point is added.
     """
+    budget = budget or Budget(None)
     sizes = _sizes(frames, train)
     found: dict[str, list[dict[str, float]]] = {method.name: [] for method in methods}
     steps = (draws * (len(sizes) - 1) + 1) * len(methods)
     with progress("Learning curve", steps) as step:
         for size in sizes:
+            if budget.is_spent() and size != sizes[0]:
+                break
             chosen = [train]
             if size:
                 chosen = [_subset(frames, train, size, seed) for seed in range(draws)]

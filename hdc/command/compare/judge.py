@@ -2,28 +2,33 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from hdc import HDCRegressor
 from hdc.accuracy import wilson
 from hdc.bits import choose_backend
+from hdc.command.compare import show
 from hdc.command.compare.advice import paired_accuracies, paired_errors
-from hdc.command.compare.choose import progress
-from hdc.command.compare.curve import learning_curve
-from hdc.command.compare.frames import part, read_frames
+from hdc.command.compare.budget import Budget, estimate, in_words
+from hdc.command.compare.choose import one_by_one, progress
+from hdc.command.compare.cost import Costs, front
+from hdc.command.compare.curve import STEPS, learning_curve
+from hdc.command.compare.dither import dithered
+from hdc.command.compare.frames import PIXELS, Parts, part, read_frames
 from hdc.command.compare.rivals import Rival, rivals
+from hdc.encoders import make_encoder
 from hdc.readers import Recording
 from hdc.selection import (
+    FORMS,
+    VALUE_FORMS,
     Combination,
     Frames,
     Method,
     Scores,
     combinations,
-    cross_validate,
     folds,
 )
 
@@ -38,6 +43,9 @@ def compare(
     draws: int,
     encoders: Sequence[str] = (),
     readouts: Sequence[str] = (),
+    every: bool = False,
+    budget: Budget | None = None,
+    say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Choose encoder and read-out on training frames, and judge the choice on others.
 
@@ -46,46 +54,61 @@ def compare(
         other: frames of another day to test on.
         fraction: share of frames held out.
         draws: random choices of frames at each point of the learning curve.
-        encoders, readouts: names to choose among; by default all of the library.
+        encoders, readouts: names to choose among; by default a short list.
+        every: whether to try all of the library after the short list.
+        budget: the time that may be taken; by default as long as it takes.
+        say: is given lines while the comparison goes on.
 
     Returns:
         What ``--json`` writes.
     """
+    budget = budget or Budget(None)
     frames = read_frames(recording, other)
     parts = part(recording, other, fraction)
     learns_values = frames.values is not None
-    ours: list[Method] = list(combinations(encoders, readouts, learns_values))
+    ours: list[Method] = list(combinations(encoders, readouts, learns_values, every))
     theirs = rivals(learns_values)
     made, how = folds(frames, parts.chosen_on)
     n_pixels = len(made) * len(ours) * len(frames.bank) * frames.bank.dimension
     frames = replace(frames, backend=choose_backend("auto", "cpu", n_pixels))
-    every = [*ours, *theirs]
-    with progress("Choosing", len(made) * len(every)) as step:
-        scores = cross_validate(every, frames, made, step)
-    judged = Judged.of(ours[0], theirs, scores)
+    tests = list(parts.tests())
     result: dict[str, Any] = {
         "frames": len(recording),
         "shape": list(recording.frame_shape),
+        "notes": list(recording.notes),
         "chosen_by": _how_chosen(len(made), how, len(parts.chosen_on)),
+        "tests": [_head(frames, *test) for test in tests],
+    }
+    if learns_values:
+        units = frames.units or [""] * len(frames.names)
+        result["values"] = list(frames.names)
+        result["units"] = dict(zip(frames.names, units, strict=True))
+    else:
+        result["classes"] = list(frames.names)
+    say(show.head(result))
+    result["estimate_s"] = _estimate(frames, parts, ours, theirs, len(made), draws)
+    say(f"This takes about {in_words(result['estimate_s'])}, by a trial of few frames.")
+    scores = Scores()
+    for method in one_by_one([*ours, *theirs], frames, made, budget, scores):
+        say(show.row(method.name, scores, learns_values))
+    judged = Judged.of(ours[0], theirs, scores)
+    result |= {
         "published": judged.published.name,
         "chosen": judged.chosen.name,
         "rival": "" if judged.rival is None else judged.rival.name,
         "cross_validation": _shown(scores, frames),
         "given_up": scores.given_up,
         "left_out": scores.reasons,
+        "not_tried": scores.not_tried,
     }
-    tests = list(parts.tests())
-    if learns_values:
-        units = frames.units or [""] * len(frames.names)
-        result["values"] = list(frames.names)
-        result["units"] = dict(zip(frames.names, units, strict=True))
-        result["tests"] = [_test_of_values(frames, judged, *test) for test in tests]
-    else:
-        result["classes"] = list(frames.names)
-        result["tests"] = [_test_of_classes(frames, judged, *test) for test in tests]
-    result["curve"] = learning_curve(
-        frames, parts.earlier, parts.later, judged.followed(), draws
-    )
+    judge = _test_of_values if learns_values else _test_of_classes
+    for head, test in zip(result["tests"], tests, strict=True):
+        head |= judge(frames, judged, budget, *test)
+    _, train, later = tests[-1]
+    _add_costs(result, frames, judged, train, later)
+    result["dither"] = dithered(frames, judged.chosen, train, later)
+    followed = judged.followed()
+    result["curve"] = learning_curve(frames, train, later, followed, draws, budget)
     return result
 
 
@@ -96,12 +119,14 @@ class Judged:
     Attributes:
         published: the published form.
         chosen: the combination with the least loss in cross-validation.
+        forms: all combinations that were tried to the end.
         rivals: each rival with the best of its settings.
         rival: the one with the least loss; None where nothing was chosen by.
     """
 
     published: Method
     chosen: Method
+    forms: list[Method]
     rivals: list[Rival]
     rival: Method | None
 
@@ -109,17 +134,30 @@ class Judged:
     def of(cls, published: Method, others: Sequence[Rival], scores: Scores) -> Judged:
         groups: dict[tuple[str, str], list[Rival]] = {}
         for rival in others:
+            if rival.name in scores.not_tried:
+                continue
             groups.setdefault((rival.model, rival.pixels), []).append(rival)
         best = [
             min(group, key=lambda rival: _rank(rival, scores))
             for group in groups.values()
         ]
         chosen = scores.best(Combination) or published
-        return cls(published, chosen, best, scores.best(Rival))
+        forms = scores.finished(Combination)
+        return cls(published, chosen, forms, best, scores.best(Rival))
 
     def all(self) -> list[Method]:
         """All of them, each once."""
-        return list(dict.fromkeys([self.published, self.chosen, *self.rivals]))
+        ours = [self.published, self.chosen, *self.forms]
+        return list(dict.fromkeys([*ours, *self.rivals]))
+
+    def tested(self, budget: Budget, what: str) -> Iterator[Method]:
+        """All of them; when the budget ends, no more than those whose learning is followed."""
+        always = self.followed()
+        with progress(what, len(self.all())) as step:
+            for method in self.all():
+                step()
+                if method in always or not budget.is_spent():
+                    yield method
 
     def followed(self) -> list[Method]:
         """Those whose learning is followed."""
@@ -151,16 +189,31 @@ def _shown(scores: Scores, frames: Frames) -> dict[str, float]:
 # Tests -------------------------------------------------------------------------------------------
 
 
+def _head(
+    frames: Frames, name: str, train: np.ndarray, test: np.ndarray
+) -> dict[str, Any]:
+    """How many frames a test has; of classes also the share that a guess of one gets right."""
+    found: dict[str, Any] = {"name": name, "learnt": len(train), "tested": len(test)}
+    if frames.values is None:
+        largest = np.bincount(frames.labels[train]).argmax()
+        found["guess"] = float((frames.labels[test] == largest).mean())
+        found["guessed"] = frames.names[largest]
+    return found
+
+
 def _test_of_classes(
-    frames: Frames, judged: Judged, name: str, train: np.ndarray, test: np.ndarray
+    frames: Frames,
+    judged: Judged,
+    budget: Budget,
+    name: str,
+    train: np.ndarray,
+    test: np.ndarray,
 ) -> dict[str, Any]:
     """Accuracies on one set of test frames, and what the choice wins there."""
     right: dict[str, np.ndarray] = {}
-    with progress(f"Testing {name}", len(judged.all())) as step:
-        for method in judged.all():
-            answers = method.answers(frames, train, test)
-            right[method.name] = answers == frames.labels[test]
-            step()
+    for method in judged.tested(budget, f"Testing {name}"):
+        answers = method.answers(frames, train, test)
+        right[method.name] = answers == frames.labels[test]
     methods = {}
     for method_name, found in right.items():
         low, high = wilson(int(found.sum()), len(found))
@@ -172,9 +225,6 @@ def _test_of_classes(
     mine = right[judged.chosen.name]
     gain = paired_accuracies(mine, right[judged.published.name]).as_json()
     result = {
-        "name": name,
-        "learnt": len(train),
-        "tested": len(test),
         "methods": methods,
         "gain": gain,
     }
@@ -185,28 +235,28 @@ def _test_of_classes(
 
 
 def _test_of_values(
-    frames: Frames, judged: Judged, name: str, train: np.ndarray, test: np.ndarray
+    frames: Frames,
+    judged: Judged,
+    budget: Budget,
+    name: str,
+    train: np.ndarray,
+    test: np.ndarray,
 ) -> dict[str, Any]:
     """Mean absolute errors, coverage and width of intervals, and what the choice wins."""
     assert frames.values is not None
     errors: dict[str, np.ndarray] = {}
     methods: dict[str, Any] = {}
-    with progress(f"Testing {name}", len(judged.all())) as step:
-        for method in judged.all():
-            if isinstance(method, Combination):
-                answers, intervals = _with_intervals(frames, method, train, test)
-            else:
-                answers, intervals = method.answers(frames, train, test), {}
-            errors[method.name] = np.abs(answers - frames.values[test])
-            means = errors[method.name].mean(axis=0).tolist()
-            own = {"errors": dict(zip(frames.names, means, strict=True)), **intervals}
-            methods[method.name] = own
-            step()
+    for method in judged.tested(budget, f"Testing {name}"):
+        if isinstance(method, Combination):
+            answers, intervals = _with_intervals(frames, method, train, test)
+        else:
+            answers, intervals = method.answers(frames, train, test), {}
+        errors[method.name] = frames.errors(answers, test)
+        means = errors[method.name].mean(axis=0).tolist()
+        own = {"errors": dict(zip(frames.names, means, strict=True)), **intervals}
+        methods[method.name] = own
     mine = errors[judged.chosen.name]
     result = {
-        "name": name,
-        "learnt": len(train),
-        "tested": len(test),
         "methods": methods,
         "gain": _less(frames, mine, errors[judged.published.name]),
     }
@@ -220,8 +270,7 @@ def _with_intervals(
 ) -> tuple[np.ndarray, dict[str, Any]]:
     """Values [Q, T]; coverage and mean width of 90 % intervals by value, if there are any."""
     assert frames.values is not None
-    encoder = frames.encoder(method.encoder)
-    model = HDCRegressor(encoder, method.readout, backend=frames.backend)
+    model = frames.regressor(frames.encoder(method.encoder), method.readout)
     model.fit(frames.bank.at(train), frames.values[train])
     try:
         answers, low, high = model.predict(
@@ -249,3 +298,59 @@ def _less(frames: Frames, mine: np.ndarray, theirs: np.ndarray) -> dict[str, Any
         gain = paired_errors(mine[:, column], theirs[:, column])
         found[name] = gain.as_json()
     return found
+
+
+# Time --------------------------------------------------------------------------------------------
+
+
+def _estimate(
+    frames: Frames,
+    parts: Parts,
+    ours: Sequence[Method],
+    theirs: Sequence[Rival],
+    n_folds: int,
+    draws: int,
+) -> float:
+    """Seconds of the whole comparison: folds, tests, costs, points of the curve."""
+    train = parts.chosen_on
+    names = {method.encoder for method in ours if isinstance(method, Combination)}
+    points = draws * len(STEPS)
+    shared = len(ours)  # for their costs, none share anything
+    for name in names:
+        shared += n_folds + 2 if make_encoder(name).learns else 1
+    calls = len(ours) * (n_folds + 2) + points
+    forms = FORMS if frames.values is None else VALUE_FORMS
+    found = estimate(frames, train, Combination(*forms[0]), shared, calls)
+    shared = 2 * len(PIXELS)
+    calls = len(theirs) * n_folds + points
+    return found + estimate(frames, train, theirs[-1], shared, calls)
+
+
+def _add_costs(
+    result: dict[str, Any],
+    frames: Frames,
+    judged: Judged,
+    train: np.ndarray,
+    test: np.ndarray,
+) -> None:
+    """Give each model of the last test its time and bytes, and say on which fronts it lies."""
+    methods = result["tests"][-1]["methods"]
+    costs = Costs(frames, train, test)
+    errors = {}
+    for method in judged.all():
+        if method.name in methods:
+            own = methods[method.name]
+            own |= costs.of(method).as_json()
+            errors[method.name] = _error(own, frames)
+    for key in ("train_s", "predict_ms"):
+        points = {name: (errors[name], own[key]) for name, own in methods.items()}
+        leading = front(points)
+        for name, own in methods.items():
+            own[f"front_{key}"] = name in leading
+
+
+def _error(found: dict[str, Any], frames: Frames) -> float:
+    """The error of a tested model; of values the mean in units of their spread."""
+    if frames.values is None:
+        return 1 - found["accuracy"]
+    return float(np.mean([*found["errors"].values()] / frames.spread))

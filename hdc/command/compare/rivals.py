@@ -54,6 +54,18 @@ class Rival:
     def __hash__(self) -> int:
         return hash(self.name)
 
+    @property
+    def keeps_frames(self) -> bool:
+        """Whether it asks all training frames, and not weights that stand for them."""
+        return self.view == "rbf" or self.model.endswith("-NN")
+
+    def n_functions(self, frames: Frames) -> int:
+        """How many linear functions of the pixels a linear model has."""
+        if frames.values is not None:
+            return frames.values.shape[1]
+        n = len(frames.names)
+        return n * (n - 1) // 2 if self.model == "linear SVM" else n
+
     def answers(
         self, frames: Frames, train: np.ndarray, test: np.ndarray
     ) -> np.ndarray:

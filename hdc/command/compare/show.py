@@ -10,27 +10,36 @@ from rich.table import Table
 
 from hdc.command.compare import advice
 from hdc.command.work import printable, size
+from hdc.selection import Scores
 
-_WIDTH = 120
+COSTS = ("train s", "ms a frame", "size", "front of")
+FRONT = (
+    "front: no other model has both less error on the last test and less time, of training or of "
+    "prediction.\nTimes are of this machine, predictions in batches of 100; those of models of "
+    "greys are of inner products of frames."
+)
+_WIDTH = 160
 
 
 def text(result: Mapping[str, Any]) -> str:
-    """All that the command prints."""
-    parts = [_head(result)]
-    if result["cross_validation"]:
-        parts.append(_of_table(_choice(result)))
-        if result["given_up"]:
-            parts.append("* given up after the first fold, far behind the best there")
+    """What the command prints after the rows of the cross-validation."""
+    parts = []
+    if result["given_up"]:
+        parts.append("* given up after the first fold, far behind the best so far")
+    if result["not_tried"]:
+        parts.append(f"Not tried in the time given: {'; '.join(result['not_tried'])}.")
     parts += [f"left out: {name}: {why}" for name, why in result["left_out"].items()]
     tables = _tests_of_values(result) if "values" in result else [_tests(result)]
     parts += [_of_table(table) for table in tables]
+    parts.append(FRONT)
     parts.append(_of_table(_curve(result)))
     lines = advice.of_values if "values" in result else advice.of_classes
-    parts.append("\n".join(lines(result)))
+    parts.append("\n".join([*lines(result), *advice.of_dither(result)]))
     return "\n\n".join(parts)
 
 
-def _head(result: Mapping[str, Any]) -> str:
+def head(result: Mapping[str, Any]) -> str:
+    """What is compared, how it is chosen, and what it is tested on."""
     if "values" in result:
         learnt = f"values of {', '.join(map(printable, result['values']))}"
     else:
@@ -42,25 +51,26 @@ def _head(result: Mapping[str, Any]) -> str:
     lines.append(f"chosen by {chosen_by}" if chosen_by else advice.UNCHOSEN)
     for test in result["tests"]:
         counts = f"{test['tested']} frames, learnt from {test['learnt']}"
+        if "guess" in test:
+            largest = printable(test["guessed"])
+            counts += (
+                f"; a guess of {largest}, the largest class, has {test['guess']:.1%}"
+            )
         lines.append(f"tested {_on(test['name'])}: {counts}")
     return "\n".join(lines)
 
 
-def _choice(result: Mapping[str, Any]) -> Table:
-    """Encoders down, read-outs across: scores in cross-validation."""
-    pairs = {}
-    for name, score in result["cross_validation"].items():
-        encoder, _, readout = name.partition(", ")
-        if not readout.endswith(" greys"):
-            pairs[encoder, readout] = _score(score, name, result)
-    encoders = list(dict.fromkeys(encoder for encoder, _ in pairs))
-    readouts = list(dict.fromkeys(readout for _, readout in pairs))
-    kind = "error / that of a guess" if "values" in result else "accuracy"
-    table = Table(f"cross-validation, {kind}", *readouts, box=None)
-    for encoder in encoders:
-        cells = [pairs.get((encoder, readout), "–") for readout in readouts]
-        table.add_row(printable(encoder), *cells)
-    return table
+def row(name: str, scores: Scores, learns_values: bool) -> str:
+    """A line on a model that was just tried."""
+    losses = {method.name: loss for method, loss in scores.losses.items()}
+    if name not in losses:
+        return f"{printable(name)}: left out"
+    if learns_values:
+        found = f"{losses[name]:.3g} of a guess's error"
+    else:
+        found = f"accuracy {1 - losses[name]:.1%}"
+    mark = "*" if name in scores.given_up else ""
+    return f"{printable(name)}: {found}{mark}"
 
 
 def _score(score: float, name: str, result: Mapping[str, Any]) -> str:
@@ -69,18 +79,38 @@ def _score(score: float, name: str, result: Mapping[str, Any]) -> str:
 
 
 def _tests(result: Mapping[str, Any]) -> Table:
-    heads = [f"tested {_on(test['name'])} [95 %]" for test in result["tests"]]
-    table = Table("accuracy", "cross-validation", *heads, box=None)
-    for name in result["tests"][0]["methods"]:
-        cells = []
-        for test in result["tests"]:
-            found = test["methods"][name]
-            interval = f"[{found['low']:.1%}, {found['high']:.1%}]"
-            cells.append(f"{found['accuracy']:.1%} {interval}")
+    heads = [f"{_on(test['name'])} [95 %]" for test in result["tests"]]
+    table = Table("accuracy", "folds", *heads, *COSTS, box=None)
+    for name, last in result["tests"][-1]["methods"].items():
+        tested = [test["methods"].get(name) for test in result["tests"]]
+        cells = [_accuracy(found) for found in tested]
         inner = result["cross_validation"].get(name)
         first = "–" if inner is None else _score(inner, name, result)
-        table.add_row(_named(name, result), first, *cells)
+        table.add_row(_named(name, result), first, *cells, *_cost(last))
     return table
+
+
+def _accuracy(found: Mapping[str, float] | None) -> str:
+    if found is None:
+        return "–"
+    low, high = 100 * found["low"], 100 * found["high"]
+    return f"{found['accuracy']:.1%} [{low:.0f}, {high:.0f}]"
+
+
+def _cost(found: Mapping[str, Any]) -> list[str]:
+    """Times, size and the fronts on which a model lies."""
+    fronts = {"training": "front_train_s", "prediction": "front_predict_ms"}
+    leading = [word for word, key in fronts.items() if found[key]]
+    times = [f"{found['train_s']:.3g}", f"{found['predict_ms']:.2g}"]
+    return [*times, _bytes(found["bytes"]), ", ".join(leading) or "–"]
+
+
+def _bytes(n: int) -> str:
+    for unit in ("B", "kB", "MB"):
+        if n < 1000:
+            return f"{n:.3g} {unit}"
+        n /= 1000  # type: ignore[assignment]
+    return f"{n:.3g} GB"
 
 
 def _tests_of_values(result: Mapping[str, Any]) -> list[Table]:
@@ -90,19 +120,20 @@ def _tests_of_values(result: Mapping[str, Any]) -> list[Table]:
         unit = f" [{result['units'][value]}]" if result["units"].get(value) else ""
         heads = []
         for test in result["tests"]:
-            on = _on(test["name"])
-            heads += [f"error {on}", "90 % cover", "width"]
-        table = Table(f"{printable(value)}{unit}", *heads, box=None)
-        for name in result["tests"][0]["methods"]:
+            heads += [_on(test["name"]), "90 % cover", "width"]
+        table = Table(f"error of {printable(value)}{unit}", *heads, *COSTS, box=None)
+        for name, last in result["tests"][-1]["methods"].items():
             cells = []
             for test in result["tests"]:
-                cells += _cells_of_value(test["methods"][name], value)
-            table.add_row(_named(name, result), *cells)
+                cells += _cells_of_value(test["methods"].get(name), value)
+            table.add_row(_named(name, result), *cells, *_cost(last))
         tables.append(table)
     return tables
 
 
-def _cells_of_value(found: Mapping[str, Any], value: str) -> list[str]:
+def _cells_of_value(found: Mapping[str, Any] | None, value: str) -> list[str]:
+    if found is None:
+        return ["–"] * 3
     error = f"{found['errors'][value]:.4g}"
     if "coverage" not in found:
         return [error, "–", "–"]
