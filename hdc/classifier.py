@@ -21,12 +21,13 @@ from hdc.availability import (
 )
 from hdc.bank import Bank
 from hdc.conformal import RATE
-from hdc.encoders import ENCODERS, RelativeEncoder, make_encoder
+from hdc.encoders import ENCODERS, make_encoder
 from hdc.estimator import Estimator
 from hdc.inputs import check_share
 from hdc.learned import Learned
 from hdc.learner import learn
-from hdc.parameters import available_unless, describe, renamed
+from hdc.merging import check_kind, check_mergeable
+from hdc.parameters import available_unless, renamed
 from hdc.prototypes import Counters
 from hdc.readouts import READOUTS, Readout, make_readout
 
@@ -186,16 +187,11 @@ class HDCClassifier(Estimator):
         """
         for model in (self, other):
             model._check_counts("merge")
-        mine, theirs = _kind(self), _kind(other)
-        if mine != theirs:
-            raise ValueError(f"merge: expected a {mine}, found a {theirs}")
+        check_kind(self, other)
         other._check_is_trained()
         merged = copy.copy(self) if self._has_learned() else self._untrained()
         if merged._has_learned():
-            shape = merged.frame_shape_
-            inputs.check_shape(other.frame_shape_, shape, type(self).__name__)
-            merged._check_columns(other._columns)
-            merged._check_same_encoder(other)
+            check_mergeable(merged, other)
         else:
             merged._columns = other._columns
             merged._take_encoder(other)
@@ -260,25 +256,12 @@ class HDCClassifier(Estimator):
             )
         frames, labels = self._samples(frames, y)
         inputs.check_among(labels, self._learned.index)
-        self._warn_of_missing(labels)
         words = torch.cat(list(self._encoded(frames)))
         # A copy: a call that raises leaves the model as it was.
         options = p, seed, method
         backend = self._backend(frames)
         self._learned = self._learned.adapted(words, labels, options, backend)
         return self
-
-    def _warn_of_missing(self, labels: Sequence[inputs.Label]) -> None:
-        """Warn where classes have no new frames: they keep prototypes of before the change."""
-        missing = [name for name in self.classes_.tolist() if name not in set(labels)]
-        if not missing:
-            return
-        named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
-        warnings.warn(
-            f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
-            "alike, frames of these classes will be taken for the others",
-            stacklevel=3,
-        )
 
     @available_unless(without_reference)
     def rezero(self, frames: Any) -> Self:
@@ -298,18 +281,13 @@ class HDCClassifier(Estimator):
             AttributeError: for an encoder without a reference; ``hasattr`` is False.
         """
         self._check_is_trained()
-        before = self.encoder_
-        assert isinstance(before, RelativeEncoder)
         frames = self._checked_frames(frames)
         if len(frames) == 0:
             raise ValueError("frames: expected at least one frame, found none")
         inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
-        self.encoder_ = copy.copy(before).zero(frames)
-        try:
-            found = len(set(self.predict(frames).tolist()))
-        except BaseException:
-            self.encoder_ = before
-            raise
+        moved: Any = copy.copy(self)
+        moved.encoder_ = copy.copy(moved.encoder_).zero(frames)
+        found = len(set(moved.predict(frames).tolist()))
         if 2 * found < len(self.classes_):
             warnings.warn(
                 f"rezero: the {len(frames)} frames are put into {found} of {len(self.classes_)} "
@@ -317,6 +295,7 @@ class HDCClassifier(Estimator):
                 "is spoilt",
                 stacklevel=2,
             )
+        self.encoder_ = moved.encoder_
         return self
 
     # Answers -------------------------------------------------------------------------------------
@@ -497,18 +476,6 @@ class HDCClassifier(Estimator):
                 f"{action}: expected a model that was not recalibrated; fit anew"
             )
 
-    def _check_same_encoder(self, other: HDCClassifier) -> None:
-        mine, theirs = self.encoder_, other.encoder_
-        if describe(mine, ENCODERS) != describe(theirs, ENCODERS):
-            raise ValueError(f"merge: expected the encoder {mine!r}, found {theirs!r}")
-        learned = theirs.state()
-        for name, tensor in mine.state().items():
-            if not torch.equal(tensor, learned[name]):
-                raise ValueError(
-                    f"merge: expected two encoders {mine!r} that have learned the same, found "
-                    "two that have learned of different frames; fit anew on all of them"
-                )
-
     def _scores_of(self, words: Tensor) -> Tensor:
         return self._learned.scores(words, self._backend())
 
@@ -526,8 +493,3 @@ class HDCClassifier(Estimator):
             raise ValueError(f"classes {classes!r}")
         self._start(classes)
         self._learned.restore(header, tensors)
-
-
-def _kind(model: HDCClassifier) -> str:
-    """What two models must have in common to be merged, in words."""
-    return f"{type(model).__name__} with read-out {make_readout(model.readout)!r}"

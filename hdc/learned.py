@@ -17,7 +17,7 @@ from hdc.io import check_tensors, prefixed, without_prefix
 from hdc.parameters import is_number
 from hdc.probability import Temperature, cross_validated
 from hdc.readouts import Counting, Majority, Updatable
-from hdc.readouts.base import HeldOut, Readout
+from hdc.readouts.base import HeldOut, Readout, with_backend
 from hdc.sample import KEPT, Sample
 
 ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
@@ -162,6 +162,7 @@ class Learned:
     ) -> Self:
         """This, moved to hypervectors [N, W] of N of its labels; options as of the read-out."""
         rows = self.rows_of(labels)
+        self._warn_of_missing(labels)
         before = self._held_out
         if before is None and not isinstance(self.readout, Updatable):
             before = self.readout.held_out(*self._kept())
@@ -183,15 +184,27 @@ class Learned:
             adapted._held_out = _with_others(after, before, rows)
         return adapted
 
+    def _warn_of_missing(self, labels: Sequence[Label]) -> None:
+        """Warn where classes have no new frames: they keep prototypes of before the change."""
+        missing = [name for name in self.index if name not in set(labels)]
+        if not missing:
+            return
+        named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
+        warnings.warn(
+            f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
+            "alike, frames of these classes will be taken for the others",
+            stacklevel=4,
+        )
+
     # What follows --------------------------------------------------------------------------------
 
     def scores(self, words: Tensor, backend: str) -> Tensor:
-        self.readout.backend = backend
-        return self.readout.scores(words)
+        """Scores [Q, L] of hypervectors [Q, W] by the read-out."""
+        return with_backend(self.readout, backend).scores(words)
 
     def distances(self, words: Tensor, backend: str) -> Tensor:
-        self.majority.backend = backend
-        return self.majority.distances(words)
+        """Hamming distances int64 [Q, L] to the prototypes."""
+        return with_backend(self.majority, backend).distances(words)
 
     def held_out(self) -> HeldOut | None:
         """Scores of training frames as if not learnt, in closed form, of a file, or by folds.

@@ -17,6 +17,7 @@ from hdc.estimator import Estimator
 from hdc.inputs import check_share
 from hdc.io import check_tensors, prefixed
 from hdc.readouts import VALUE_READOUTS, make_value_readout
+from hdc.readouts.base import with_backend
 from hdc.readouts.values import ValueReadout
 
 
@@ -188,8 +189,7 @@ class HDCRegressor(Estimator):
         """
         self._check_is_trained()
         share = check_share(alpha)
-        readout = self.readout_
-        readout.backend = self._backend()
+        readout = self.readout_ = with_backend(self.readout_, self._backend())
         if not return_interval:
             values = [readout.values(words) for words in self._encoded(frames)]
             return self._shaped(values)

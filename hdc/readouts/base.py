@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import copy
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple, Self
+from typing import ClassVar, NamedTuple, Protocol, Self, TypeVar
 
 import torch
 from torch import Tensor
@@ -116,6 +117,27 @@ class Updatable(Readout):
     @abstractmethod
     def merge(self, other: Self, places: Sequence[int]) -> None:
         """Learn what another one has learned, whose class k is class places[k] here."""
+
+
+Part = TypeVar("Part", bound="HasBackend")
+
+
+class HasBackend(Protocol):
+    """A read-out of classes or of numbers."""
+
+    backend: str
+
+
+def with_backend(readout: Part, backend: str) -> Part:
+    """A read-out that computes by this backend: itself, or a copy that shares all it has learned.
+
+    Nothing of a read-out that several threads may be asking is changed.
+    """
+    if readout.backend == backend:
+        return readout
+    changed = copy.copy(readout)
+    changed.backend = backend
+    return changed
 
 
 def learned_tensors(readout: object) -> dict[str, Tensor]:

@@ -354,3 +354,20 @@ def test_a_name_that_is_much_like_another_is_answered_with_it(parameters, meant)
 def test_a_parameter_that_is_much_like_another_is_answered_with_it(name, meant):
     with pytest.raises(ValueError, match=f"found '{name}'. Did you mean '{meant}'"):
         HDCClassifier(Reference()).set_params(**{name: 1})
+
+
+# Questions at the same time -----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "readout", ["majority", "counts", "ridge", "neighbours", "lda"]
+)
+def test_a_question_sets_nothing_of_the_read_out(readout):
+    pytest.importorskip("numba")
+    model = HDCClassifier(readout=readout, backend="numpy").fit(X, Y)
+    expected = model.decision_function(X)
+    before = dict(vars(model.readout_))
+    model.backend = "compiled"
+    assert (model.decision_function(X) == expected).all()
+    model.distances(X)
+    assert vars(model.readout_) == before

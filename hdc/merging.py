@@ -1,0 +1,39 @@
+"""What two models must have in common to be merged."""
+
+from __future__ import annotations
+
+import torch
+
+from hdc import inputs
+from hdc.encoders import ENCODERS
+from hdc.estimator import Estimator
+from hdc.parameters import describe
+from hdc.readouts import make_readout
+
+
+def check_kind(mine: Estimator, theirs: Estimator) -> None:
+    """Raise ValueError for models of another class, or with another read-out."""
+    expected, found = _kind(mine), _kind(theirs)
+    if expected != found:
+        raise ValueError(f"merge: expected a {expected}, found a {found}")
+
+
+def check_mergeable(mine: Estimator, theirs: Estimator) -> None:
+    """Raise ValueError for trained models of other frames, or with encoders that differ."""
+    kind = type(mine).__name__
+    inputs.check_shape(theirs.frame_shape_, mine.frame_shape_, kind)
+    mine._check_columns(theirs._columns)
+    own, others = mine.encoder_, theirs.encoder_
+    if describe(own, ENCODERS) != describe(others, ENCODERS):
+        raise ValueError(f"merge: expected the encoder {own!r}, found {others!r}")
+    learned = others.state()
+    for name, tensor in own.state().items():
+        if not torch.equal(tensor, learned[name]):
+            raise ValueError(
+                f"merge: expected two encoders {own!r} that have learned the same, found two that "
+                "have learned of different frames; fit anew on all of them"
+            )
+
+
+def _kind(model: Estimator) -> str:
+    return f"{type(model).__name__} with read-out {make_readout(model.readout)!r}"
