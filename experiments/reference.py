@@ -15,6 +15,7 @@ from collections import Counter
 from collections.abc import Callable
 from functools import partial
 
+import pandas as pd
 from rich.console import Console
 
 from experiments import report, studies
@@ -94,29 +95,36 @@ def readme_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     """What fills the marked parts of README.md, by their names."""
     return {
         "findings": partial(_findings, answers.results),
-        "claims": partial(_rows, "claims"),
+        "costs": partial(documents.costs, _table("recording_costs")),
         "table1": partial(_rows, "table1"),
-        "table1_few": partial(_rows, "table1_few"),
-        "reproduction": _reproduction,
     }
 
 
 def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
     """What fills the marked parts of the docs, by their names."""
     return {
-        "gallery": partial(
-            documents.gallery, answers.questions, answers.tables, answers.plots
+        "results": partial(
+            documents.results_page, answers.questions, answers.tables, answers.plots
         ),
         "scenes": partial(documents.scene_list, answers.results),
         "benchmark_goals": partial(_rows, "benchmark_goals"),
+        "claims": partial(_rows, "claims"),
+        "reproduction": _reproduction,
     }
 
 
 def _findings(results: Results) -> str:
     """What was found, a sentence an item."""
-    sentences = findings(results.frame(*claims.OF))
+    frame = results.frame(*claims.OF)
+    sentences = findings(frame, _table("recording_costs"), _table("table1"))
     items = [f"{place}. {text}" for place, text in enumerate(sentences, 1)]
-    return "\n".join(items) or "*missing: no claim was measured*"
+    return "\n".join(items) or documents.NOT_MEASURED
+
+
+def _table(name: str) -> pd.DataFrame | None:
+    """A committed table with all its columns; None where it was not measured."""
+    path = REFERENCE / "tables" / f"{name}.csv"
+    return pd.read_csv(path) if path.exists() else None
 
 
 def _rows(name: str) -> str:
@@ -126,7 +134,7 @@ def _rows(name: str) -> str:
     if path.exists():
         lines = path.read_text("utf-8").splitlines()
         rows = [line for line in lines if line.startswith("|")]
-    return "\n".join(rows) or f"*missing: nothing of the table {name} was measured*"
+    return "\n".join(rows) or documents.NOT_MEASURED
 
 
 def _reproduction() -> str:
@@ -144,7 +152,7 @@ def _reproduction() -> str:
         counts = f"{len(done)} of {len(names)} steps"
         texts.append(f"`{command}`, {counts}: {time}, {most:.1f} GB")
     if not texts:
-        return "*missing: no whole reproduction was timed*"
+        return documents.NOT_MEASURED
     return "; ".join(texts) + "."
 
 

@@ -11,15 +11,28 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from experiments.records import configs
 from experiments.records.results import Results, of_scenes
+from experiments.reporting.columns import display_name
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.table import Table
-from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED, markdown_text
+from experiments.reporting.text import (
+    CAPTURED,
+    COMPUTED,
+    SIMULATED,
+    markdown_text,
+    number,
+)
 from scenes.fibre import PRESSED
 from scenes.source import Source
 
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
+NOT_MEASURED = "*not measured yet*"
+# The recordings of the table of costs: a camera under an elastomer, laser speckle of a fibre.
+COSTS = ("gelsight", "fibre_grouped")
+SOFTMAX = "softmax_dual"
 # From docs/ to the committed results.
 _RESULTS = "../results/reference"
 
@@ -36,12 +49,47 @@ def fill(text: str, contents: Mapping[str, Callable[[], str]]) -> str:
     return _BLOCK.sub(filled, text)
 
 
-def gallery(
+def costs(table: pd.DataFrame | None) -> str:
+    """Error on two recordings, and on the first of them training time, time per frame and size.
+
+    Args:
+        table: ``recording_costs``; None where it was not measured.
+    """
+    if table is None:
+        return NOT_MEASURED
+    first, second = (_of_most_frames(table, name) for name in COSTS)
+    heads = [f"Error, {configs.scene_display(name)['name']} (%)" for name in COSTS]
+    lines = [
+        ["Model", *heads, "Training (s)", "Frame (ms)", "Model (kB)"],
+        ["---"] * 6,
+    ]
+    for model, row in first.iterrows():
+        shown = str(model).startswith("hdc") or model == SOFTMAX
+        if model not in second.index or not shown:
+            continue
+        numbers = (
+            100 * row.error,
+            100 * second.error[model],
+            row.fit_s,
+            1e3 * row.predict_frame_s,
+            row.bytes / 1e3,
+        )
+        lines.append([display_name(str(model)), *(number(x, 2) for x in numbers)])
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def _of_most_frames(table: pd.DataFrame, recording: str) -> pd.DataFrame:
+    """The models of a recording after the most training frames, by their names."""
+    rows = table[table.recording == recording]
+    return rows[rows.n == rows.n.max()].set_index("model")
+
+
+def results_page(
     studies: Sequence[Study],
     tables: Mapping[str, Sequence[Table]],
     plots: Mapping[str, Sequence[Plot]],
 ) -> str:
-    """Every figure with its caption, the tables of its study, and the command that makes it again.
+    """Every figure with its caption, the tables of its study, and the commands.
 
     Args:
         studies: in the order of the page.
@@ -49,27 +97,28 @@ def gallery(
     """
     parts = []
     for study in studies:
-        if not plots.get(study.name):
+        shown = plots.get(study.name)
+        if not shown:
             continue
         parts.append(f"## {study.title}\n\n{study.question}")
-        parts += [_figure(plot) for plot in plots[study.name]]
+        parts += [_figure(plot) for plot in shown]
         links = [
-            f"[{markdown_text(table.title)}]({_RESULTS}/tables/{table.name}.csv)"
+            f"[{table.name}]({_RESULTS}/tables/{table.name}.csv)"
             for table in tables.get(study.name, ())
         ]
-        parts.append("Tables: " + "; ".join(links) + "." if links else "")
+        parts.append("Tables: " + ", ".join(links) + "." if links else "")
+        commands = dict.fromkeys(c for plot in shown for c in plot.commands)
+        parts.append("\n".join(f"    {command}" for command in commands))
     return "\n\n".join(filter(None, parts))
 
 
 def _figure(plot: Plot) -> str:
-    commands = "\n".join(f"    {command}" for command in plot.commands)
-    file = f"{_RESULTS}/figures/{plot.name}.{plot.kind}"
     caption = markdown_text(plot.caption)
-    return f"![{caption}]({file})\n\n{caption}\n\n{commands}".rstrip()
+    return f"![{plot.name}]({_RESULTS}/figures/{plot.name}.{plot.kind})\n\n{caption}"
 
 
 def scene_list(results: Results) -> str:
-    """Every scene, by the kind of its frames, and what is known of it.
+    """Every scene, by the kind of its frames and where they are from, and what is known of it.
 
     Args:
         results: records, which have numbers of frames and of classes.
@@ -81,9 +130,13 @@ def scene_list(results: Results) -> str:
         (COMPUTED, "Computed from measured matrices"),
         (SIMULATED, "Simulated"),
     ):
-        parts.append(f"## {heading}")
+        parts.append(f"### {heading}")
+        by_source: dict[str, list[str]] = {}
         for name, config in _scenes_of(kind):
-            parts.append(_scene(name, config, counts.get(name, "")))
+            line = _scene(name, counts.get(name, ""))
+            by_source.setdefault(_from(kind, config), []).append(line)
+        for source, lines in by_source.items():
+            parts += filter(None, (source, "\n".join(lines)))
     return "\n\n".join(parts)
 
 
@@ -112,22 +165,15 @@ def _counts(results: Results) -> dict[str, str]:
         rows = every[every.split == "counts"]
         if not len(rows) or "n_classes" not in rows:
             continue
-        most = max(n for sizes in rows.n for n in sizes)
-        least_test, most_test = rows.n_test.min(), rows.n_test.max()
-        tested = str(most_test)
-        if least_test < most_test:
-            tested = f"{least_test} to {most_test}"
         whole = found.get(name) or f"{rows.n_classes.iloc[0]:.0f} classes."
-        found[name] = (
-            f"{whole} Judged after at most {most} training frames a class, on {tested} test frames "
-            f"a draw; {_split_of(rows.config.iloc[0]['splits']['counts'])}."
-        )
+        split = _split_of(rows.config.iloc[0]["splits"]["counts"])
+        found[name] = f"{whole} Split: {split}."
     return found
 
 
 _SPLITS = {
     "ordered": "the last {share} of each class in time test",
-    "grouped": "frames of equal {group} are all on one side, about {share} test",
+    "grouped": "frames of equal {group} on one side, about {share} test",
     "session": "the first session trains, the last tests",
     "random": "{share} drawn at random test",
 }
@@ -139,25 +185,25 @@ def _split_of(split: Mapping[str, Any]) -> str:
     return _SPLITS[split["kind"]].format(share=share, group=f"“{split['group']}”")
 
 
-def _scene(name: str, config: Mapping[str, Any], counts: str) -> str:
-    """A scene: what its file says of it, its numbers, where its frames are, under which licence,
-    whom to cite."""
+def _scene(name: str, counts: str) -> str:
+    """A scene: what its file says of it, and its numbers."""
     shown = configs.scene_display(name)
-    lines = [f"### {shown['name']}", f"`scene={name}`: {shown['frames']}."]
     path = configs.CONFIGS / "scene" / f"{name}.yaml"
-    if said := _comment(path):
-        lines.append(said)
-    if counts:
-        lines.append(counts)
+    said = _comment(path) or f"{shown['frames']}."
+    return f"- **{shown['name']}** (`scene={name}`): {said} {counts}".rstrip()
+
+
+def _from(kind: str, config: Mapping[str, Any]) -> str:
+    """Where the frames of a scene are, under which licence, whom to cite; empty if simulated."""
     source = _source(config)
-    if source is None and shown["kind"] == COMPUTED:
+    if source is None and kind == COMPUTED:
         source = PRESSED
-    if source is not None:
-        lines.append(
-            f"Files: [{source.repository}](https://github.com/{source.repository}) at "
-            f"{source.commit[:7]}; licence: {source.licence}. Cite: {source.cite}."
-        )
-    return "\n\n".join(lines)
+    if source is None:
+        return ""
+    return (
+        f"[{source.repository}](https://github.com/{source.repository}) at {source.commit[:7]}, "
+        f"licence: {source.licence}. Cite: {source.cite}."
+    )
 
 
 def _source(config: Mapping[str, Any]) -> Source | None:

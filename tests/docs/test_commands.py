@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from hdc.command import main
+from tests.docs.test_formats import steps
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PAGES = [CHECKOUT / "README.md", *sorted((CHECKOUT / "docs").glob("*.md"))]
@@ -27,10 +28,13 @@ NOT_RUN = {
 
 
 def commands(page):
-    """Lines of fenced and indented code that begin a command, comments left out; sessions with what
-    they print are those of test_formats.py."""
+    """Lines of fenced and indented code that begin a command, comments left out; sessions of
+    formats.md are those of test_formats.py."""
+    text = page.read_text()
+    if page.name != "formats.md":
+        text = text.replace("\n$ ", "\n")
     fence, found = None, []
-    for line in page.read_text().splitlines():
+    for line in text.splitlines():
         if line.startswith("```"):
             fence = line[3:] if fence is None else None
         elif line.startswith("$ "):
@@ -56,7 +60,7 @@ RUN = [(page, c) for page, c in SHOWN if reason(c) is None]
 
 def test_commands_are_found_in_the_pages_that_have_them():
     pages = {page for page, _ in SHOWN}
-    assert {"README.md", "tutorial.md", "extend.md", "times.md"} <= pages
+    assert {"README.md", "tutorial.md", "extend.md", "numerics.md"} <= pages
     unknown = [
         c for _, c in RUN if not c.startswith(("hdc ", "python -m experiments.run "))
     ]
@@ -77,6 +81,22 @@ def test_commands_of_hdc_run_in_the_order_shown(page, tmp_path, monkeypatch, cap
         errors = [line for line in err.splitlines() if not line.startswith("warning: ")]
         assert (caught.value.code, errors) == (0, []), command
         assert out, command
+
+
+def test_the_first_commands_of_the_tutorial_print_what_it_shows(
+    tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    recordings(tmp_path)
+    page = (CHECKOUT / "docs" / "tutorial.md").read_text("utf-8")
+    (session,) = re.findall(r"```console\n(\$ .*?)```", page, re.DOTALL)
+    verbs = []
+    for command, printed in steps(session):
+        with pytest.raises(SystemExit):
+            main(shlex.split(command)[1:])
+        assert capsys.readouterr().out == printed, command
+        verbs.append(command.split()[1])
+    assert verbs == ["train", "predict", "evaluate"]
 
 
 @pytest.mark.parametrize(

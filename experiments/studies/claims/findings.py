@@ -18,54 +18,62 @@ from experiments.studies.claims.verdict import Verdict
 from experiments.studies.claims.view import JOINED, confirmatory, judged
 
 LAST = (
-    "**No public recording is of the paper's sensor.** Of those that decide, diffusers (captured) "
-    "and fibres (computed) show laser speckle; the others are of cameras under a gel or a skin, or "
-    "behind plastic fibres."
+    "**No public recording is of the paper's sensor.** Diffusers (captured) and fibres (computed) "
+    "show laser speckle. The other recordings show a gel, a skin with pins, or plastic fibres."
 )
 RAW, STRONGER = rules().rivals  # the second is the stronger one on most recordings
-# What the words against both rivals say together: no, if one is no; partly, if one is yes.
+PUBLISHED, EXTENDED = rules().forms["published"], rules().forms["mended"]
+# What the verdicts against both rivals mean together: no, if one is no; partly, if one is yes.
 RECOGNISES = {
-    YES: "HDC is more accurate than",
-    NO: "HDC is not more accurate than",
-    PARTLY: "HDC is more accurate than one of two forms of",
-    UNDECIDED: "it is undecided whether HDC is more accurate than",
+    YES: "is more accurate than converged softmax",
+    NO: "is not more accurate than converged softmax",
+    PARTLY: "is more accurate than one of two forms of converged softmax",
+    UNDECIDED: "may or may not be more accurate than converged softmax (undecided)",
 }
 KEEPS_UP = {
-    YES: "HDC keeps up with",
-    NO: "HDC does not keep up with",
-    PARTLY: "HDC keeps up with one of two forms of",
-    UNDECIDED: "it is undecided whether HDC keeps up with",
+    YES: "keeps up with converged softmax",
+    NO: "does not keep up with converged softmax",
+    PARTLY: "keeps up with one of two forms of converged softmax",
+    UNDECIDED: "may or may not keep up with converged softmax (undecided)",
 }
 SLOWER = {
-    YES: "at least ten times in every way of computing both",
-    NO: "less than ten times in every way of computing both",
-    PARTLY: "at least ten times in some ways of computing both, not surely in all",
-    UNDECIDED: "and whether at least ten times is undecided",
+    YES: "at least ten in every implementation",
+    NO: "below ten in every implementation",
+    PARTLY: "at least ten in some implementations",
+    UNDECIDED: "undecided whether at least ten",
 }
+# Test accuracies closer than this are called equal, in points.
+EQUAL = 0.5
 
 
-def findings(frame: pd.DataFrame) -> list[str]:
+def findings(
+    frame: pd.DataFrame,
+    costs: pd.DataFrame | None = None,
+    table1: pd.DataFrame | None = None,
+) -> list[str]:
     """Sentences in Markdown, the answer first.
 
     Args:
         frame: the lines of the experiments that claims read (:data:`.view.OF`).
+        costs: the table ``recording_costs``; None where it was not measured.
+        table1: the table ``table1``; None where it was not measured.
     """
     found = {(name, rival): verdict for name, rival, verdict, _ in judged(frame)}
+    extended = _recognition(found, "accuracy_mended", _extended(), KEEPS_UP)
     sentences = [
-        *_recognition(found, "accuracy", "As published", RECOGNISES),
-        *_recognition(found, "accuracy_mended", _mended(), KEEPS_UP),
+        *_recognition(found, "accuracy", "Published HDC", RECOGNISES),
+        *(sentence + _cost(costs) for sentence in extended),
         *_unseen(frame),
         *_times(found),
+        *_order(table1),
     ]
     return [*sentences, LAST] if sentences else []
 
 
-def _mended() -> str:
-    """The form that is mended, in words."""
+def _extended() -> str:
+    """The extended form, in words."""
     levels = rules().mended["thresholds"]
-    return (
-        f"With {levels} levels a pixel and a discriminant analysis of the bits (mended)"
-    )
+    return f"Extended HDC, with {levels} levels per pixel and LDA,"
 
 
 def _recognition(
@@ -79,19 +87,30 @@ def _recognition(
     if None in verdicts:
         return
     known = [verdict for verdict in verdicts if verdict is not None]
-    said = {verdict.word for verdict in known}
-    together = said.pop() if len(said) == 1 else NO if NO in said else PARTLY
+    given = {verdict.word for verdict in known}
+    together = given.pop() if len(given) == 1 else NO if NO in given else PARTLY
     parts = []
     for verdict, frames in zip(known, ("standardised", "raw"), strict=True):
         mean = verdict.pooled.mean
         low, high = (_points(bound) for bound in mean[1:])
         part = f"{_points(mean.value)} points [{low}, {high}] on {frames} frames"
         parts.append(f"{part}, *{verdict.word}*")
-    rival = display_name(RAW).lower()
     yield (
-        f"**{who}, {words[together]} {rival}**: {'; '.join(parts)} (means over "
-        f"{known[0].pooled.units} laboratories, 95 %)."
+        f"**{who} {words[together]}**: {'; '.join(parts)} (means over "
+        f"{known[0].pooled.units} laboratories)."
     )
+
+
+def _cost(costs: pd.DataFrame | None) -> str:
+    """How much longer the extended form trains than the published one, over recordings."""
+    if costs is None:
+        return ""
+    times = costs.pivot_table(index="recording", columns="model", values="fit_s")
+    if not {PUBLISHED, EXTENDED} <= set(times.columns):
+        return ""
+    ratio = (times[EXTENDED] / times[PUBLISHED]).dropna()
+    low, high = number(ratio.min(), 2), number(ratio.max(), 2)
+    return f" Training takes {low} to {high} times as long as for the published form."
 
 
 def _unseen(frame: pd.DataFrame) -> Iterator[str]:
@@ -104,36 +123,57 @@ def _unseen(frame: pd.DataFrame) -> Iterator[str]:
     for recording, of_recording in rows.groupby("recording", sort=False):
         means = of_recording.set_index("claim")["mean"]
         if {"accuracy", "accuracy_mended"} <= set(means.index):
-            published, mended = (
+            published, extended = (
                 _points(means[claim] / 100) for claim in ("accuracy", "accuracy_mended")
             )
             name = scene_name(str(recording))
-            parts.append(f"{name} {published} as published, {mended} mended")
+            parts.append(f"{name}: {published} published, {extended} extended")
     if parts:
         yield (
-            "**On recordings that no model had classified when the rules were frozen**, in points "
-            f"and less {display_name(STRONGER).lower()}: {'; '.join(parts)}."
+            "**Recordings that no model had seen when the rules were fixed**, points relative to "
+            f"converged softmax on standardised frames. {'; '.join(parts)}."
         )
 
 
 def _times(found: dict[tuple[str, str], Verdict]) -> Iterator[str]:
     """How much longer rivals train than HDC that is computed in the same way."""
     parts = []
-    for claim, rival in (
-        ("softmax", "softmax_dual"),
-        ("networks_one_layer", "cnn1"),
-        ("networks_three_layers", "cnn3"),
+    for claim, rival, name in (
+        ("softmax", "softmax_dual", "converged softmax"),
+        ("networks_one_layer", "cnn1", "the CNN of one layer"),
+        ("networks_three_layers", "cnn3", "the CNN of three layers"),
     ):
         verdict = found.get((claim, rival))
         if verdict is not None:
             least = number(verdict.pooled.mean.value, 2)
-            name = display_name(rival)
-            parts.append(f"{name} ×{least}, {SLOWER[verdict.word]}")
+            parts.append(f"{name} ×{least} ({SLOWER[verdict.word]})")
     if parts:
         yield (
-            "**Training time over that of HDC**, by the way of computing both that favours the "
-            f"rival most: {'; '.join(parts)}."
+            "**Training time relative to published HDC**, in the implementation that favours the "
+            f"other model most: {', '.join(parts)}."
         )
+
+
+def _order(table1: pd.DataFrame | None) -> Iterator[str]:
+    """Test accuracies of the paper's models where training passes 90 %, and after it converged."""
+    if table1 is None:
+        return
+    rows = table1[table1.published_test_accuracy.notna()].set_index("model")
+    early, late = 100 * rows.test_accuracy_at_target, 100 * rows.test_accuracy_final
+    if PUBLISHED not in rows.index or len(rows) < 2 or early.isna().any():
+        return
+    others = early.drop(PUBLISHED)
+    ahead = early[PUBLISHED] - others.max() >= EQUAL
+    equal = late.max() - late.min() < EQUAL
+    head = "Table I"
+    if ahead and equal:
+        head = "HDC leads Table I only where training stops early"
+    listed = (f"{display_name(model)} {number(of, 3)} %" for model, of in early.items())
+    converged = (number(of, 3) for of in ([late.min()] if equal else late))
+    yield (
+        f"**{head}**. Test accuracy at 90 % training accuracy: {'; '.join(listed)}. "
+        f"Converged: {', '.join(converged)} %."
+    )
 
 
 def _points(share: float) -> str:

@@ -1,5 +1,7 @@
 """Parts of the docs that are made of studies and configs."""
 
+import pandas as pd
+
 from experiments import studies
 from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
@@ -18,34 +20,58 @@ def test_marked_blocks_are_filled_and_all_else_stays():
     assert documents.fill(made, {"one": lambda: "new\nlines"}) == made
 
 
-def test_the_gallery_has_every_figure_with_its_command_and_its_tables():
+def test_the_table_of_costs_has_every_form_and_softmax_after_most_frames():
+    columns = ["recording", "n", "model", "bytes", "error", "fit_s", "predict_frame_s"]
+    rows = [
+        (recording, n, model, 1500, 0.01 * n, 0.25, 0.002)
+        for recording in documents.COSTS
+        for n in (5, 50)
+        for model in ("hdc", "softmax_dual", "ridge")
+    ]
+    table = pd.DataFrame(
+        [*rows, ("gelsight", 50, "hdc_lda", 1, 1, 1, 1)], columns=columns
+    )
+    lines = documents.costs(table).splitlines()
+    assert lines[0].startswith("| Model | Error, GelSight (%) | Error, Fibre 1")
+    assert lines[2] == "| HDC | 50 | 50 | 0.25 | 2.0 | 1.5 |"
+    assert (
+        len(lines) == 4
+    )  # softmax too; a form without the second recording is left out
+    assert documents.costs(None) == documents.NOT_MEASURED
+
+
+def test_the_page_of_results_has_every_figure_and_each_command_once():
     study = Study("some", "A title", "A question?", 1)
     empty = Study("empty", "Nothing", "No figure?", 2)
     of = FigureOf("a_figure", lambda *_: None, of="runs", caption="")
     plot = Plot(of, "What it *shows*.", ["make it", "and this"], frame([]))
     table = Table("a_table", "Of what", frame([{"x": 1}]))
-    text = documents.gallery([study, empty], {"some": [table]}, {"some": [plot]})
+    text = documents.results_page(
+        [study, empty], {"some": [table]}, {"some": [plot, plot]}
+    )
     assert text.splitlines()[0] == "## A title"
     assert "(../results/reference/figures/a_figure.svg)" in text
-    assert "    make it\n    and this" in text
-    assert "[Of what](../results/reference/tables/a_table.csv)" in text
+    assert text.count("    make it\n    and this") == text.count("make it") == 1
+    assert "[a_table](../results/reference/tables/a_table.csv)" in text
     assert "Nothing" not in text
 
 
-def test_every_scene_is_listed_once_with_its_licence():
+def test_every_scene_is_listed_once_and_every_source_with_its_licence():
     text = documents.scene_list(Results(REFERENCE))
     names = [path.stem for path in (configs.CONFIGS / "scene").glob("*.yaml")]
     listed = [name for name in names if f"`scene={name}`" in text]
     assert sorted(listed) == sorted(set(names) - {"recorded"})
-    sources = text.count("licence:")
-    public = [n for n in listed if configs.scene_display(n)["kind"] != "simulated"]
-    assert sources == len(public)
+    sources = [line for line in text.splitlines() if "licence:" in line]
+    assert len(sources) == len(set(sources)) > 5
+    simulated = text.partition("### Simulated")[2]
+    assert "Cite:" not in simulated
+    assert simulated.count("`scene=") == 5
     assert "2,400 frames of 512 × 512 pixels; 4 classes." in text
     assert "the last 50 % of each class in time test" in text
 
 
-def test_links_of_the_committed_gallery_lead_to_files():
-    text = (ROOT / "docs" / "gallery.md").read_text(encoding="utf-8")
+def test_links_of_the_committed_results_lead_to_files():
+    text = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
     shown = {study.title for study in studies_of(studies)}
     headings = {line[3:] for line in text.splitlines() if line.startswith("## ")}
     assert headings <= shown

@@ -20,11 +20,11 @@ def verdict(word, value, units=4):
 
 @pytest.fixture
 def judged(monkeypatch):
-    def set_to(*lines, unseen=None):
+    def set_to(*lines, unseen=None, **tables):
         found = [(claim, rival, verdict(*of), []) for claim, rival, *of in lines]
         monkeypatch.setattr(module, "judged", lambda _: found)
         monkeypatch.setattr(module, "confirmatory", lambda _: unseen)
-        return module.findings(None)
+        return module.findings(None, **tables)
 
     return set_to
 
@@ -37,7 +37,7 @@ def test_the_words_are_those_of_the_verdict(judged, word):
     first, last = judged(*(("accuracy", rival, word, -0.158) for rival in RIVALS))
     assert "−15.8 points [−25.8, −5.8]" in first
     assert "over 4 laboratories" in first
-    assert first.startswith(f"**As published, {module.RECOGNISES[word]} softmax at")
+    assert first.startswith(f"**Published HDC {module.RECOGNISES[word]}**: ")
     assert first.count(f"*{word}*") == 2
     assert last == module.LAST
 
@@ -47,8 +47,8 @@ def test_two_rivals_may_get_two_words(judged):
         ("accuracy_mended", RIVALS[0], "yes", 0.02),
         ("accuracy_mended", RIVALS[1], "no", -0.08),
     )
-    assert first.startswith("**With 7 levels a pixel")
-    assert "HDC does not keep up with softmax" in first  # one no is a no
+    assert first.startswith("**Extended HDC, with 7 levels per pixel and LDA, does not")
+    assert "does not keep up with converged softmax**" in first  # one no is a no
     assert "on standardised frames, *no*; " in first
     assert "on raw frames, *yes* " in first
 
@@ -58,7 +58,7 @@ def test_one_yes_is_no_yes(judged):
         ("accuracy_mended", RIVALS[0], "undecided", 0.05),
         ("accuracy_mended", RIVALS[1], "yes", 0.03),
     )
-    assert "HDC keeps up with one of two forms of softmax" in first
+    assert "keeps up with one of two forms of converged softmax" in first
 
 
 def test_what_was_not_measured_has_no_sentence(judged):
@@ -80,7 +80,7 @@ def test_unseen_recordings_have_both_forms_against_the_stronger_rival(judged):
         ]
     )
     text, _ = judged(unseen=unseen)
-    assert "GelSight, billets −21.7 as published, +1.4 mended." in text
+    assert "GelSight, billets: −21.7 published, +1.4 extended." in text
 
 
 def test_unseen_recordings_are_in_the_order_of_their_table(judged):
@@ -97,7 +97,53 @@ def test_unseen_recordings_are_in_the_order_of_their_table(judged):
     text, _ = judged(unseen=pd.DataFrame(lines))
     # No difference of accuracies is larger than 100 points.
     assert text.endswith(
-        "Plastic fibres −100.0 as published, +2.0 mended; "
-        "GelSight, billets +3.0 as published, +4.0 mended."
+        "Plastic fibres: −100.0 published, +2.0 extended; "
+        "GelSight, billets: +3.0 published, +4.0 extended."
     )
     assert judged(unseen=pd.DataFrame(lines[2:3])) == []
+
+
+def test_the_extended_form_has_its_cost_in_time(judged):
+    lines = [("accuracy_mended", rival, "yes", 0.02) for rival in RIVALS]
+    costs = pd.DataFrame(
+        [
+            ("a", "hdc", 0.5),
+            ("a", "hdc_levels_lda", 3.0),
+            ("b", "hdc", 2.0),
+            ("b", "hdc_levels_lda", 5.0),
+            ("b", "ridge", 9.0),
+        ],
+        columns=["recording", "model", "fit_s"],
+    )
+    text, _ = judged(*lines, costs=costs)
+    assert text.endswith(
+        "Training takes 2.5 to 6.0 times as long as for the published form."
+    )
+    text, _ = judged(*lines, costs=costs[costs.model == "hdc"])
+    assert "Training takes" not in text
+
+
+def table1(*rows):
+    columns = ["model", "test_accuracy_at_target", "test_accuracy_final"]
+    frame = pd.DataFrame(rows, columns=columns)
+    return frame.assign(published_test_accuracy=[0.9] * (len(rows) - 1) + [math.nan])
+
+
+@pytest.mark.parametrize(
+    ("early", "late", "head"),
+    [
+        (0.89, 1.0, "HDC leads Table I only where training stops early"),
+        (1.0, 1.0, "Table I"),
+        (0.89, 0.95, "Table I"),
+    ],
+)
+def test_the_order_of_table1_is_said_only_where_it_is_so(judged, early, late, head):
+    rows = table1(("hdc", 1.0, 1.0), ("softmax", early, late), ("other", 0.1, 0.2))
+    text, _ = judged(table1=rows)
+    assert text.startswith(
+        f"**{head}**. Test accuracy at 90 % training accuracy: HDC 100"
+    )
+    assert "other" not in text  # the paper does not have it
+    assert text.endswith(
+        "Converged: 100 %." if late == 1 else "Converged: 100, 95.0 %."
+    )

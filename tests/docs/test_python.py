@@ -1,0 +1,49 @@
+"""Examples in Python that README and docs show run, and do what the text beside them says."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+
+CHECKOUT = Path(__file__).resolve().parents[2]
+
+
+def examples(name):
+    text = (CHECKOUT / name).read_text("utf-8")
+    return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
+
+
+def test_readme(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    rng = np.random.default_rng(0)
+    touches = rng.integers(0, 200, (2, 24, 32))
+    labels = np.arange(20) % 2
+    frames = touches[labels] + rng.integers(0, 50, (20, 24, 32))
+    names = {"frames": frames, "labels": labels, "queries": frames[:2]}
+    (code,) = examples("README.md")
+    exec(code, names)
+    assert len([line for line in code.splitlines() if line]) == 6
+    assert names["model"].predict(frames[:2]).tolist() == [0, 1]
+    assert (tmp_path / "touch.safetensors").is_file()
+
+
+def test_a_camera(capsys):
+    (code,) = examples("docs/choose.md")
+    exec(code, {})
+    assert capsys.readouterr().out
+
+
+def test_drift_with_and_without_labels():
+    (code,) = examples("docs/adapt.md")
+    names = {}
+    exec(code, names)
+    assert names["before"] < 0.9 < names["after"]
+    assert names["without_labels"] > 0.9
+
+
+def test_records_are_read_elsewhere(monkeypatch):
+    monkeypatch.chdir(CHECKOUT)
+    names = {}
+    exec(examples("docs/extend.md")[0], names)
+    assert len(names["records"]) > 100
+    assert "test_accuracy" in " ".join(names["rows"].columns)
