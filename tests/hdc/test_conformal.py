@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, bits, io
 from hdc.conformal import FEWEST, Conformal, Peers
 from hdc.encoders import Median
 from hdc.export import Plan
@@ -539,3 +539,31 @@ def test_words_of_version_2_0_name_those_of_today() -> None:
         assert "\n" not in str(caught.value)
     with pytest.raises(ValueError, match=r"^recalibrate: .*labels: rezero\(frames\)$"):
         model.recalibrate(frames)
+
+
+@pytest.mark.parametrize("readout", ["majority", "neighbours", "ridge", "lda"])
+def test_a_file_of_version_2_0_predicts_and_says_where_it_lacks_scores(
+    readout: str, tmp_path
+) -> None:
+    """Such a file has the sharpness of probabilities, and no scores of left-out frames."""
+    speckle = Speckle(0)
+    model = HDCClassifier(readout=readout).fit(*speckle.frames(50))
+    queries, _ = speckle.frames(30)
+    model.save(tmp_path / "m")
+    header, tensors = io.read_model(tmp_path / "m")
+    old = {k: v for k, v in tensors.items() if not k.startswith("held_out.")}
+    assert (len(old) < len(tensors)) == (readout in ("ridge", "lda"))
+    header["sharpness"] = None
+    if len(old) < len(tensors):
+        header["sharpness"] = model._learned.temperature().sharpness
+    io.write_model(tmp_path / "m", header, old, lambda *_: None)
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert np.array_equal(loaded.predict(queries), model.predict(queries))
+    assert np.array_equal(loaded.predict_proba(queries), model.predict_proba(queries))
+    if len(old) == len(tensors):
+        expected = model.is_known(queries, 0.2)
+        assert np.array_equal(loaded.is_known(queries, 0.2), expected)
+        return
+    for call in (loaded.predict_set, loaded.is_known):
+        with pytest.raises(ValueError, match=r"saved by version 2\.0, of .*; fit anew"):
+            call(queries, 0.2)
