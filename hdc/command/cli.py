@@ -79,7 +79,7 @@ def train(
     """Learn the classes of a RECORDING, or its numbers with --values."""
     if choose and (encoder or readout):
         raise click.UsageError("expected --choose, or --encoder and --readout")
-    from hdc.command.learn import learn  # late: torch takes seconds
+    from hdc.command.learn import learn, would_try  # late: torch takes seconds
 
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
@@ -104,6 +104,9 @@ def train(
     click.echo(work.session_line(frames))
     if len(test):
         click.echo(f"held out {how}: {answers.score(model, frames, test)['text'][0]}")
+        click.echo(work.guess_line(frames, training, test))
+        if not (encoder or readout or choose):
+            click.echo(would_try(frames.values is not None))
     if how == "at random":
         click.echo(f"held out at random because {work.why_random(frames)}")
     for line in work.reading_line(frames):

@@ -12,6 +12,7 @@ from hdc.command.compare.frames import read_frames
 from hdc.encoders import make_encoder
 from hdc.readers import Recording
 from hdc.readers.batches import Batches
+from hdc.selection import combinations
 
 
 def learn(
@@ -49,3 +50,10 @@ def learn(
         model.fit(images, np.array(recording.names)[rows])
     model._columns = list(recording.features) or None
     return model, line
+
+
+def would_try(learns_values: bool) -> str:
+    """A line on the forms that ``--choose`` tries after the one without a choice."""
+    first, *others = combinations((), (), learns_values)
+    listed = "; ".join(form.name for form in others)
+    return f"--choose would try, besides {first.name}: {listed}"

@@ -245,6 +245,25 @@ def class_line(recording: Recording, index: np.ndarray) -> str:
     return f"classes: {_counted(names, recording.classes)}"
 
 
+def guess_line(recording: Recording, training: np.ndarray, test: np.ndarray) -> str:
+    """What is right of the test frames without looking: the largest class, or the mean."""
+    labels = learnt_labels(recording)
+    if labels is not None:
+        largest = np.bincount(labels[training]).argmax()
+        share = (labels[test] == largest).mean()
+        name = printable(recording.classes[largest])
+        return f"a guess of {name}, the largest class: accuracy {share:.1%}"
+    values = recording.values
+    assert values is not None
+    mean = values[training].mean(axis=0)
+    errors = np.abs(values[test] - mean).mean(axis=0).tolist()
+    units = recording.value_units or ("",) * len(errors)
+    parts = []
+    for name, unit, error in zip(recording.value_names, units, errors, strict=True):
+        parts.append(f"{printable(name)} {error:.4g} {unit}".rstrip())
+    return f"a guess of the mean: mean absolute error {', '.join(parts)}"
+
+
 def learnt(recording: Recording) -> str:
     """What a model learns of a recording, in words."""
     if recording.values is None:

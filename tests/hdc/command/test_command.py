@@ -109,6 +109,9 @@ def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
         "classes: a (9), b (9), c (9)",
         "sessions: none known",
         "held out at random: accuracy 100.0% (95 % interval 70.1% to 100.0%), 9 of 9 frames",
+        "a guess of a, the largest class: accuracy 33.3%",
+        "--choose would try, besides median, majority: levels, lda; reference_levels, lda; "
+        "deviation, lda; levels, kernel; median, neighbours",
         "held out at random because no sessions are known ({session} in a template, or a column "
         "session, tells them), and frames beside those trained on may be nearly the same",
     ]
@@ -116,6 +119,30 @@ def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
     assert first.counts_.tolist() == [9, 9, 9]
     hdc(*words)
     assert (HDCClassifier.load(path).prototypes_ == first.prototypes_).all()
+    named = hdc(*words, "--encoder", "levels")[1]
+    assert not [line for line in named if line.startswith("--choose")]
+
+
+def test_a_guess_stands_beside_what_is_held_out(hdc, tmp_path):
+    """The largest class of training, and the mean of training, on the last session."""
+    frames = np.random.default_rng(0).integers(0, 255, (20, 6, 6)).astype(np.uint8)
+    session = np.arange(20) // 10
+    labels = np.where(np.arange(20) % 10 < 6, "many", "few")
+    labels[10:13] = "few"
+    path = tmp_path / "m"
+    np.savez(tmp_path / "c.npz", frames=frames, labels=labels, session=session)
+    out = hdc("train", tmp_path / "c.npz", "-o", path, "--test-fraction", 0.5)[1]
+    assert out[4] == "a guess of many, the largest class: accuracy 30.0%"
+    values = np.random.default_rng(1).uniform(0, 9, (20, 2))
+    kept = {"values": values, "value_names": ["x", "y"], "value_units": ["mm", "N"]}
+    np.savez(tmp_path / "v.npz", frames=frames, session=session, **kept)
+    out = hdc("train", tmp_path / "v.npz", "-o", path, "--test-fraction", 0.5)[1]
+    x, y = np.abs(values[10:] - values[:10].mean(axis=0)).mean(axis=0)
+    expected = f"mean absolute error x {x:.4g} mm, y {y:.4g} N"
+    assert out[3] == f"a guess of the mean: {expected}"
+    assert out[4].startswith(
+        "--choose would try, besides median, ridge: levels, ridge;"
+    )
 
 
 def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):

@@ -141,7 +141,8 @@ def test_what_was_read_is_shown(hdc, tmp_path):
         "sessions: day1 (6), day2 (6), day10 (6)",
     ]
     assert out[3].startswith("held out in the last sessions: accuracy")
-    assert len(out) == 4
+    assert out[4] == "a guess of foam_brick, the largest class: accuracy 50.0%"
+    assert len(out) == 6
 
 
 # Vectors and values ------------------------------------------------------------------------------
