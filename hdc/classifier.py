@@ -234,13 +234,15 @@ class HDCClassifier(Estimator):
         that all classes share then costs them their frames; :meth:`is_known` compares with the new
         frames; ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression goes
         from its old weights to those near them that fit the new frames, neighbours take the new
-        frames in place of the kept ones of their classes; neither depends on p. Without labels, see
+        frames in place of the kept ones of their classes; neither depends on p. The read-outs lda
+        and kernel mix their old discriminants with those of the new frames. Without labels, see
         :meth:`rezero`.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
             y: their labels.
-            p: share of the new: probability with which a bit is replaced, or share of the votes.
+            p: share of the new: probability with which a bit is replaced, share of the votes, or of
+                the new discriminants.
             seed: seed of the choice of bits that are replaced.
             method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
                 votes (:func:`hdc.prototypes.merged`), which recovers more.

@@ -198,7 +198,8 @@ def evaluate(
 @click.option(
     "--p",
     type=click.FloatRange(0, 1),
-    help="Probability that a bit is replaced, or share of the new votes. [default: 0.5]",
+    help="Probability that a bit is replaced, or share of the new votes or discriminants. "
+    "[default: 0.5]",
 )
 @click.option(
     "--method",
@@ -220,8 +221,8 @@ def recalibrate(
 ) -> None:
     """Adapt a model to a changed sensor.
 
-    The new RECORDING is of some or all of the classes of the model. Models with the read-outs lda
-    and trained do not adapt by labels: train them anew.
+    The new RECORDING is of some or all of the classes of the model. A model with the read-out
+    trained does not adapt by labels: train it anew.
 
     A model with --encoder reference can do without labels: the RECORDING is then a folder of images
     without sub-folders, or an array of frames without labels, and its mean frame becomes the new

@@ -25,6 +25,7 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
+from hdc.prototypes import check_probability
 from hdc.readouts.base import HeldOut, Readout
 from hdc.readouts.discriminant import Problem, Solution
 from hdc.readouts.leave_one_out import discriminants
@@ -108,6 +109,38 @@ class Kernel(Readout):
         self._held_out = HeldOut(held_out, rows[places])
         return self
 
+    def adapt(
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+    ) -> None:
+        """Mix the discriminants of before with those of new frames, whatever else is asked.
+
+        Each in units of its length in the space of the kernel, whose factors stay; `share` is that
+        of the new ones. A class without new frames has those of before alone.
+        """
+        check_probability(share)
+        n_classes = self.dual_.shape[1]
+        known, place = rows.unique(return_inverse=True)
+        distances = bits.hamming(words, words, self.backend).cpu()
+        reach = float(self.reach_)
+        factors = [float(self.penalty_)]
+        (tried,) = _tries(distances, place, reach, float(self.scale_), factors)
+        dual = torch.zeros(len(words), n_classes, dtype=torch.float64)
+        dual[:, known] = tried.solution.dual
+        offsets = torch.zeros(n_classes, dtype=torch.float64)
+        offsets[known] = tried.solution.offsets
+        within = bits.hamming(self.frames_, self.frames_, self.backend).cpu()
+        before = (1 - share) / _length(within, reach, self.dual_)
+        after = share / _length(distances, reach, dual)
+        found, places = discriminants(tried.solution.products, place)
+        held_out = before * self.scores(words[places.to(words.device)]).cpu()
+        held_out[:, known] += after * found
+        self._held_out = HeldOut(held_out, rows[places])
+        self.frames_ = torch.cat((self.frames_, words))
+        self.dual_ = torch.cat((before * self.dual_, after * dual))
+        learnt = self.offsets_ > _LOWEST
+        mixed = before * self.offsets_ + after * offsets
+        self.offsets_ = torch.where(learnt, mixed, self.offsets_)
+
     def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
         """Of up to 400 frames of training; None once loaded."""
         return self._held_out
@@ -184,6 +217,12 @@ def _tries(
 def _likeness(distances: Tensor, reach: float) -> Tensor:
     """exp(−H/reach) in float64."""
     return distances.double().div_(-reach).exp_()
+
+
+def _length(distances: Tensor, reach: float, dual: Tensor) -> float:
+    """Of discriminants of frames at distances [N, N], in the space of the kernel; 1 of none."""
+    products = _likeness(distances, reach) @ dual
+    return float((dual * products).sum().clamp(min=0).sqrt()) or 1.0
 
 
 def median_of_pairs(distances: Tensor) -> int:

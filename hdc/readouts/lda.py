@@ -29,11 +29,11 @@ from torch import Tensor
 from hdc import bits
 from hdc.io import check_tensors
 from hdc.parameters import is_number
-from hdc.prototypes import Counters
+from hdc.prototypes import Counters, check_probability
 from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout
 from hdc.readouts.discriminant import Problem
-from hdc.readouts.leave_one_out import discriminants
+from hdc.readouts.leave_one_out import discriminants, spread_over
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
@@ -100,6 +100,66 @@ class LDA(Readout):
         held_out[:, known] = unit * found
         self._held_out = HeldOut(held_out, rows[places])
         return self
+
+    def adapt(
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+    ) -> None:
+        """Mix the discriminants of before with those of new frames, whatever else is asked.
+
+        Each in units of the length of its weights; `share` is that of the new ones. A class without
+        new frames has those of before alone.
+        """
+        check_probability(share)
+        n_classes, dimension = len(self.weights_), self._dimension
+        new = LDA(self.shrinkage)
+        new.backend = self.backend
+        new.fit(words, rows, n_classes, dimension)
+        parts = (1 - share) / self._length(), share / new._length()
+        weights = parts[0] * self._floats() + parts[1] * new._floats()
+        before, after = (
+            parts[k] * f._known_offsets() for k, f in enumerate((self, new))
+        )
+        known, place = rows.unique(return_inverse=True)
+        means = class_means(words, place, len(known), dimension, self.backend)
+        full = means.mean(0).repeat(n_classes, 1)
+        full[known] = means
+        planes, scales, offsets = _quantised(weights, full, before + after)
+        held_out = new._held_out
+        assert held_out is not None
+        # Those of before have not learnt the new frames: their scores are as they are.
+        several = torch.bincount(rows, minlength=n_classes)[rows] > 1
+        chosen = spread_over(len(words))
+        chosen = chosen[several[chosen]]
+        old = parts[0] * self.scores(words[chosen.to(words.device)]).double().cpu()
+        found = old + parts[1] * held_out.scores
+        every = (self.offsets_ > NOWHERE // 2).nonzero().flatten()
+        unit = self._take(
+            planes.to(words.device)[every.to(words.device)],
+            scales[every],
+            offsets[every],
+            every,
+            n_classes,
+            dimension,
+        )
+        self._held_out = HeldOut(unit * found, held_out.rows)
+        self.shrinkage_ = new.shrinkage_
+
+    def _floats(self) -> Tensor:
+        """The weights of the classes in the unit of the scores, float32 [L, D] (CPU)."""
+        sliced = bits.unpack(self.weights_.cpu(), self._dimension)
+        weights = torch.zeros(len(sliced), self._dimension)
+        for p in range(_PLANES):
+            weights += 2.0**p * sliced[:, p]
+        return (weights - _OFFSET) * self.scales_[:, None].float()
+
+    def _length(self) -> float:
+        """Of all weights together; 1 of none."""
+        return float(self._floats().norm()) or 1.0
+
+    def _known_offsets(self) -> Tensor:
+        """Offsets float64 [L]; 0 of a class without frames."""
+        known = self.offsets_ > NOWHERE // 2
+        return torch.where(known, self.offsets_, 0).double()
 
     def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
         """Of up to 400 frames of training, before weights are rounded; None once loaded."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import copy
 import warnings
 
 import numpy as np
@@ -11,7 +13,8 @@ import torch
 from hdc import HDCClassifier, bits
 from hdc.encoders import Reference
 from hdc.prototypes import Counters, merged
-from hdc.readouts import Majority, Ridge
+from hdc.readouts import Kernel, Majority, Ridge, make_readout
+from hdc.readouts.kernel import median_of_pairs
 from hdc.readouts.majority import METHODS
 
 
@@ -325,13 +328,86 @@ def test_other_encoders_cannot_be_zeroed() -> None:
 
 def test_labels_need_a_read_out_that_adapts() -> None:
     old, new, labels = drifted()
-    model = HDCClassifier("reference", "lda").fit(old, labels)
+    model = HDCClassifier("reference", "trained").fit(old, labels)
     assert not hasattr(model, "recalibrate")
     with pytest.raises(
-        ValueError, match="recalibrate: expected another read-out than LDA"
+        AttributeError, match="recalibrate: expected another read-out than Trained"
     ):
         model.recalibrate(new, labels)
-    model = HDCClassifier(readout="lda").fit(old, labels)
-    assert not hasattr(model, "recalibrate")
     model = HDCClassifier(readout=Ridge(1.0)).fit(old, labels)
     assert model.recalibrate(new[:30], labels[:30]).score(new, labels) > 0.8
+
+
+RECOMMENDED = [
+    ("levels", "lda"),
+    ("reference_levels", "lda"),
+    ("deviation", "lda"),
+    ("levels", "kernel"),
+]
+
+
+@pytest.mark.parametrize(("encoder", "readout"), RECOMMENDED)
+def test_discriminants_of_both_sessions_are_mixed(encoder, readout, tmp_path) -> None:
+    """A share of 0 changes no label, one of 1 has those of the new frames alone, 0.5 has both."""
+    (first, _), labels = sessions()
+    # In the second session most pixels of a class are those of the next one.
+    moved = np.random.default_rng(0).random(first.shape[1:]) < 0.55
+    second = np.where(moved, np.roll(first, -1, axis=0), first)
+    few, rest = np.arange(0, 60, 4), np.arange(1, 60, 4)
+    old, new = first[rest], second[rest]
+    model = HDCClassifier(encoder, readout).fit(first, labels)
+    before = model.predict(second)
+    assert model.score(new, labels[rest]) < 0.6
+    kept = copy.deepcopy(model).recalibrate(second[few], labels[few], p=0)
+    assert (kept.predict(second) == before).mean() > 0.95
+    new_alone = copy.deepcopy(model).recalibrate(second[few], labels[few], p=1)
+    words = bank_words(new_alone, second)
+    fresh = make_readout(readout)
+    if readout == "kernel":  # whose factors stay
+        fresh = Kernel([1.0], [float(new_alone.readout_.penalty_)])
+        median = median_of_pairs(bits.hamming(words[few], words[few]))
+        fresh.scales = [float(new_alone.readout_.reach_) / median]
+    rows = torch.from_numpy(np.unique(labels, return_inverse=True)[1])
+    fresh.fit(words[few], rows[few], 3, model.dimension_)
+    expected = model.classes_[fresh.scores(words).argmax(1).numpy()]
+    assert (new_alone.predict(second) == expected).mean() > 0.95
+    both = model.recalibrate(second[few], labels[few], p=0.5)
+    assert both.score(new, labels[rest]) > 0.85
+    assert both.score(old, labels[rest]) > 0.85
+    assert both.predict_proba(new).sum(1) == pytest.approx(1)
+    both.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert (loaded.predict(second) == both.predict(second)).all()
+    both.recalibrate(second[rest], labels[rest])  # once more
+    assert both.score(second, labels) > 0.85
+
+
+def bank_words(model, frames) -> torch.Tensor:
+    return model.encoder_.encode(torch.from_numpy(frames))
+
+
+@pytest.mark.parametrize("readout", ["lda", "kernel"])
+def test_discriminants_of_classes_without_new_frames_stay(readout: str) -> None:
+    (first, second), labels = sessions()
+    model = HDCClassifier("levels", readout).fit(first, labels)
+    two = labels != labels[-1]
+    with pytest.warns(UserWarning, match="no new frames of"):
+        model.recalibrate(second[two], labels[two])
+    assert model.score(second[two], labels[two]) > 0.85
+    assert model.score(first, labels) > 0.6
+    with pytest.raises(ValueError, match=r"p: expected .*\[0, 1\]"):
+        model.recalibrate(second, labels, p=1.5)
+
+
+@pytest.mark.parametrize("readout", ["lda", "kernel"])
+def test_one_new_frame_of_each_class_is_the_nearest_mean_mixed_in(readout: str) -> None:
+    (first, second), labels = sessions()
+    places = [np.flatnonzero(labels == name)[0] for name in np.unique(labels)]
+    model = HDCClassifier("levels", readout).fit(first, labels)
+    with (
+        pytest.warns(UserWarning, match="nearest mean")
+        if readout == "lda"
+        else (contextlib.nullcontext())
+    ):
+        model.recalibrate(second[places], labels[places])
+    assert model.score(first, labels) > 0.85

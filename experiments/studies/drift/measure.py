@@ -38,7 +38,7 @@ from experiments.records.rows import pack_labels
 from experiments.studies.drift.zeroing import Unlabelled, untouched, zeroed
 from hdc import HDCClassifier
 from hdc.bank import Bank
-from hdc.readouts import make_readout
+from hdc.readouts import LDA, Kernel, make_readout
 from scenes.frames import Scene
 from scenes.split import by_session, learning_curve_subsets, split
 
@@ -238,9 +238,7 @@ def ways(
     """What updates of a model say of the samples asked, each from the same old and new ones."""
     pooled = np.concatenate([old, new])
     yield "new", None, evaluate(model, bank, new, asked)
-    if isinstance(model, HDCClassifier) and hasattr(
-        make_readout(model.readout), "adapt"
-    ):
+    if isinstance(model, HDCClassifier) and _adapts(model):
         yield from recalibrated(model, bank, old, new, asked, p, seed)
     else:
         repeated = np.tile(new, max(1, round(len(old) / len(new))))
@@ -249,6 +247,12 @@ def ways(
     yield "pooled", None, evaluate(model, bank, pooled, asked)
     if isinstance(model, PenalisedClassifier):
         yield "from_old", None, model.predict_from_old(bank, old, new, asked)
+
+
+def _adapts(model: HDCClassifier) -> bool:
+    """Whether it is recalibrated; discriminants are fitted to both sessions, as rival models."""
+    readout = make_readout(model.readout)
+    return hasattr(readout, "adapt") and not isinstance(readout, LDA | Kernel)
 
 
 def recalibrated(

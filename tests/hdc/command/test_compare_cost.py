@@ -1,6 +1,7 @@
 """What ``hdc compare`` says of times and sizes, its budget, and one grey level of dither."""
 
 import json
+import shlex
 
 import numpy as np
 import pytest
@@ -263,3 +264,34 @@ def test_frames_of_other_than_8_bits_have_no_dither():
     data = in_memory(frames, np.arange(4) % 2)
     rows = np.arange(4)
     assert dither.dithered(data, selection.published(False), rows, rows) == {}
+
+
+@pytest.mark.parametrize("form", [("median", "majority"), *selection.FORMS])
+def test_whatever_is_recommended_trains_and_recalibrates(
+    form, archive, tmp_path, capsys, monkeypatch
+):
+    monkeypatch.chdir(tmp_path)
+    chosen = selection.Combination(*form)
+    monkeypatch.setattr(selection.Scores, "best", lambda *_: chosen)
+    monkeypatch.setattr(selection.Scores, "finished", lambda *_: [chosen])
+    monkeypatch.setattr(judge, "rivals", lambda _: [])
+    monkeypatch.setattr(judge.Judged, "followed", lambda self: [chosen])
+    monkeypatch.setattr(judge, "_estimate", lambda *_: 0.0)
+    monkeypatch.setattr(judge, "learning_curve", lambda *_: {})
+    monkeypatch.setattr(judge, "folds", lambda *_: ([], ""))
+    words = ["compare", str(archive), "--json", "--draws", "1"]
+    for line in (words, None, ["recalibrate", "model.safetensors", "new.npz"]):
+        if line is None:
+            line = shlex.split(json.loads(capsys.readouterr().out)["command"])[1:]
+            assert line[line.index("--encoder") + 1] == form[0]
+        if line[0] == "recalibrate":
+            with np.load(archive) as kept:
+                changed = np.roll(kept["frames"], 1, axis=1)
+                np.savez("new.npz", frames=changed, labels=kept["labels"])
+            line += ["-o", "moved.safetensors"]
+        with pytest.raises(SystemExit) as caught:
+            main(line)
+        assert caught.value.code == 0, line
+    model = HDCClassifier.load("moved.safetensors")
+    with np.load("new.npz") as new:
+        assert model.score(new["frames"], new["labels"]) > 0.9

@@ -213,7 +213,6 @@ def test_a_model_is_saved_loaded_cloned_and_set(tmp_path) -> None:
     assert float(other.readout_.scale_) == 2
     assert float(other.readout_.penalty_) == 0.5
     assert not hasattr(model, "partial_fit")
-    assert not hasattr(model, "recalibrate")
 
 
 def test_tensors_that_do_not_fit_are_refused() -> None:
