@@ -108,7 +108,7 @@ def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
         ),
         "scenes": partial(documents.scene_list, answers.results),
         "benchmark_goals": partial(_rows, "benchmark_goals"),
-        "claims": partial(_rows, "claims"),
+        "claims": lambda: documents.named(_rows("claims")),
         "reproduction": _reproduction,
     }
 

@@ -49,6 +49,21 @@ def fill(text: str, contents: Mapping[str, Callable[[], str]]) -> str:
     return _BLOCK.sub(filled, text)
 
 
+def named(rows: str) -> str:
+    """Rows of claims: the name of each in place of its command, the verdict of this version."""
+    cells = [line.strip("|").split("|") for line in rows.splitlines()]
+    heads = [head.strip() for head in cells[0]]
+    if "Command" not in heads:
+        return rows
+    kept = [k for k, head in enumerate(heads) if head != "By version 1"]
+    command = heads.index("Command")
+    for line in cells[2:]:
+        line[command] = f" `{line[command].split()[-1]}` "
+    cells[0][command] = " Name "
+    lines = ("|".join(line[k] for k in kept) for line in cells)
+    return "\n".join(f"|{line}|" for line in lines)
+
+
 def costs(table: pd.DataFrame | None) -> str:
     """Error on two recordings, and on the first of them training time, time per frame and size.
 
@@ -167,15 +182,15 @@ def _counts(results: Results) -> dict[str, str]:
             continue
         whole = found.get(name) or f"{rows.n_classes.iloc[0]:.0f} classes."
         split = _split_of(rows.config.iloc[0]["splits"]["counts"])
-        found[name] = f"{whole} Split: {split}."
+        found[name] = f"{whole} Test: {split}."
     return found
 
 
 _SPLITS = {
-    "ordered": "the last {share} of each class in time test",
-    "grouped": "frames of equal {group} on one side, about {share} test",
-    "session": "the first session trains, the last tests",
-    "random": "{share} drawn at random test",
+    "ordered": "the last {share} of each class in time",
+    "grouped": "{share}, by {group}",
+    "session": "the last session",
+    "random": "{share} at random",
 }
 
 

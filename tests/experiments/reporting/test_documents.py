@@ -20,6 +20,17 @@ def test_marked_blocks_are_filled_and_all_else_stays():
     assert documents.fill(made, {"one": lambda: "new\nlines"}) == made
 
 
+def test_a_verdict_has_the_name_of_its_claim_and_this_version_alone():
+    rows = [
+        "| Claim | By version 1 | Command |",
+        "| --- | --- | --- |",
+        "| Fast | no | run --claim times |",
+    ]
+    shown = ["| Claim | Name |", "| --- | --- |", "| Fast | `times` |"]
+    assert documents.named("\n".join(rows)).splitlines() == shown
+    assert documents.named(documents.NOT_MEASURED) == documents.NOT_MEASURED
+
+
 def test_the_table_of_costs_has_every_form_and_softmax_after_most_frames():
     columns = ["recording", "n", "model", "bytes", "error", "fit_s", "predict_frame_s"]
     rows = [
@@ -67,7 +78,7 @@ def test_every_scene_is_listed_once_and_every_source_with_its_licence():
     assert "Cite:" not in simulated
     assert simulated.count("`scene=") == 5
     assert "2,400 frames of 512 × 512 pixels; 4 classes." in text
-    assert "the last 50 % of each class in time test" in text
+    assert "Test: the last 50 % of each class in time." in text
 
 
 def test_links_of_the_committed_results_lead_to_files():
