@@ -1,5 +1,6 @@
 """What is installed: the package hdc and its command, and nothing of the harness."""
 
+import re
 import shutil
 import subprocess
 import sys
@@ -48,7 +49,9 @@ def test_only_hdc_is_installed(installed):
     assert found.metadata["Name"] == "speckle-hdc"
     assert found.metadata["License-Expression"] == "MIT"
     core = {
-        text.split(">=")[0] for text in found.requires or () if "extra ==" not in text
+        re.split("[<>=]", text)[0]
+        for text in found.requires or ()
+        if "extra ==" not in text
     }
     assert core == {"torch", "numpy", "safetensors"}
 
