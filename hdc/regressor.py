@@ -11,11 +11,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, inputs
+from hdc import bits, circular, inputs
 from hdc.encoders import ENCODERS, make_encoder
 from hdc.estimator import Estimator
 from hdc.inputs import check_share
 from hdc.io import check_tensors, prefixed
+from hdc.parameters import is_number
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.base import with_backend
 from hdc.readouts.values import ValueReadout
@@ -32,10 +33,13 @@ class HDCRegressor(Estimator):
             :class:`hdc.readouts.ValueReadout`; or the dotted name of such a class.
         device: where frames are encoded and hypervectors live.
         backend: as of :class:`hdc.HDCClassifier`.
+        period: of numbers that go round, such as 360 for degrees: they are predicted by cosine and
+            sine, and have no intervals. None for numbers that do not.
 
     Attributes:
         encoder_, readout_: the parts, trained.
-        residuals_: exact leave-one-out errors of the training frames, float64 [N, T].
+        residuals_: exact leave-one-out errors of the training frames, float64 [N, T]; with a period
+            of their cosines and then of their sines.
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
@@ -57,6 +61,7 @@ class HDCRegressor(Estimator):
     _values: Tensor  # float64 [N, T]
     _one: bool  # targets have one dimension
     _recalibrated: bool
+    _is_signed: bool = False  # circular numbers below zero were learnt
 
     def __init__(
         self,
@@ -64,11 +69,21 @@ class HDCRegressor(Estimator):
         readout: Any = "ridge",
         device: str = "cpu",
         backend: str = "auto",
+        period: float | None = None,
     ):
         self.encoder = encoder
         self.readout = readout
         self.device = device
         self.backend = backend
+        self.period = period
+
+    def _check_parameters(self) -> None:
+        super()._check_parameters()
+        given = self.period
+        if given is not None and (not is_number(given) or given <= 0):
+            raise ValueError(
+                f"period: expected a number above zero or None, found {given!r}"
+            )
 
     def fit(self, frames: Any, y: Any) -> Self:
         """Learn numbers y [N] or [N, T] of frames [N, H, W] or [N, D].
@@ -84,10 +99,13 @@ class HDCRegressor(Estimator):
         frames = trained._checked_frames(frames)
         values = inputs.targets(y, len(frames))
         trained._one = values.ndim == 1
+        trained._is_signed = bool((values < 0).any())
         trained._check_enough(frames)
         trained._learn_encoder(frames)
         words = torch.cat(list(trained._encoded(frames)))
-        trained._learn(words, _table(values), make_value_readout(self.readout))
+        trained._learn(
+            words, trained._targets(values), make_value_readout(self.readout)
+        )
         self._adopt(trained)
         return self
 
@@ -134,7 +152,7 @@ class HDCRegressor(Estimator):
         """Hypervectors [N, W], and numbers float64 [N, T] like those of training."""
         frames = self._checked_frames(frames)
         values = inputs.targets(y, len(frames))
-        table = _table(values)
+        table = self._targets(values)
         as_many = table.shape[1] == self._values.shape[1]
         if (values.ndim == 1) != self._one or not as_many:
             raise ValueError(
@@ -189,6 +207,8 @@ class HDCRegressor(Estimator):
         """
         self._check_is_trained()
         share = check_share(alpha)
+        if return_interval and self.period is not None:
+            raise ValueError("return_interval: expected numbers without a period")
         readout = self.readout_ = with_backend(self.readout_, self._backend())
         if not return_interval:
             values = [readout.values(words) for words in self._encoded(frames)]
@@ -205,14 +225,23 @@ class HDCRegressor(Estimator):
     def _shaped(self, parts: list[Tensor]) -> np.ndarray:
         """Numbers [Q, T] in parts, as one array of the shape of the targets of training."""
         answers = torch.cat(parts).numpy()
+        if self.period is not None:
+            answers = circular.from_plane(answers, self.period, self._is_signed)
         return answers[:, 0] if self._one else answers
+
+    def _targets(self, values: np.ndarray) -> Tensor:
+        """What is learnt of numbers [N] or [N, T], float64 [N, T]; with a period [N, 2·T]."""
+        table = _table(values)
+        if self.period is None:
+            return table
+        return torch.from_numpy(circular.to_plane(table.numpy(), self.period))
 
     def score(self, frames: Any, y: Any) -> float:
         """R², the share of the variance that is predicted, averaged over targets."""
         found = self.predict(frames)
         values = inputs.targets(y, len(found)).reshape(found.shape)
         shares = []
-        pairs = zip(_table(values).T, _table(found).T, strict=True)
+        pairs = zip(self._targets(values).T, self._targets(found).T, strict=True)
         for truth, answers in pairs:
             shares.append(_predicted_share(truth, answers))
         return float(np.mean(shares))
@@ -220,7 +249,10 @@ class HDCRegressor(Estimator):
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         tensors = {"words": self._words, "values": self._values}
         tensors |= prefixed("readout", self.readout_.stored())
-        return {"recalibrated": self._recalibrated, "one": self._one}, tensors
+        header: dict[str, Any] = {"recalibrated": self._recalibrated, "one": self._one}
+        if self.period is not None:
+            header |= {"period": self.period, "signed": self._is_signed}
+        return header, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
         words, values = tensors.pop("words"), tensors.pop("values")
@@ -230,6 +262,9 @@ class HDCRegressor(Estimator):
         check_tensors({"words": words, "values": values}, shapes, floats=("values",))
         bits.check_padding(words, self.dimension_)
         self._one = bool(header["one"])
+        self.period = header.get("period")
+        self._is_signed = bool(header.get("signed", False))
+        self._check_parameters()
         values = values.cpu()
         readout = make_value_readout(self.readout).unlearned()
         own = {}

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hdc import inputs
+from hdc import circular, inputs
 from hdc.bank import Bank, Selection, Shared
 from hdc.classifier import HDCClassifier
 from hdc.encoders import COMPARED, Encoder, make_encoder
@@ -58,6 +58,7 @@ class Frames:
         session, group: of each frame [N], where known.
         values: float64 [N, T]; None where classes are learnt.
         backend: for hypervectors.
+        period: of values that go round; None for those that do not.
         memories: what encoders have learned, by their names.
     """
 
@@ -69,6 +70,7 @@ class Frames:
     backend: str = "auto"
     memories: dict[str, dict[bytes, Any]] = field(default_factory=dict)
     group: np.ndarray | None = None
+    period: float | None = None
 
     @property
     def labels(self) -> np.ndarray:
@@ -85,14 +87,24 @@ class Frames:
 
     def regressor(self, encoder: Any, readout: Any) -> HDCRegressor:
         """An untrained regressor of the values."""
-        return HDCRegressor(encoder, readout, backend=self.backend)
+        return HDCRegressor(encoder, readout, backend=self.backend, period=self.period)
 
     @cached_property
     def spread(self) -> np.ndarray:
         """Mean distance of each value from its median, [T]: the unit that errors are added in."""
         assert self.values is not None
-        distances = np.abs(self.values - np.median(self.values, axis=0)).mean(axis=0)
+        middle = np.median(self.values, axis=0)
+        if self.period is not None:
+            middle = self.direction(np.arange(len(self.values)))
+        distances = circular.errors(self.values, middle, self.period).mean(axis=0)
         return np.where(distances > 0, distances, 1.0)
+
+    def direction(self, rows: np.ndarray) -> np.ndarray:
+        """The mean direction [T] of circular values."""
+        assert self.values is not None
+        assert self.period is not None
+        plane = circular.to_plane(self.values[rows], self.period)
+        return circular.from_plane(plane.mean(axis=0)[None], self.period, True)[0]
 
     def losses(self, answers: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """What each answer costs [Q]: 1 for a wrong label, or the mean error of T values."""
@@ -103,7 +115,7 @@ class Frames:
     def errors(self, answers: np.ndarray, rows: np.ndarray) -> np.ndarray:
         """Absolute errors [Q, T] of answers for the values of frames `rows`."""
         assert self.values is not None
-        return np.abs(answers - self.values[rows])
+        return circular.errors(answers, self.values[rows], self.period)
 
 
 class Method(Protocol):

@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hdc import readers
+from hdc import circular, readers
 from hdc.accuracy import accuracy, confusion, wilson
 from hdc.command.work import check_fits, check_size, printable, value_names, with_units
 from hdc.readers import FRAMES, TABLE, VIDEO_SUFFIXES, Recording, Window
@@ -362,7 +362,7 @@ def _score_of_values(
             parts.append(with_ends(model, batch, interval))
     predicted, *ends = (np.concatenate(part) for part in zip(*parts, strict=True))
     truth = recording.values[index]
-    means = np.abs(predicted - truth).mean(axis=0).tolist()
+    means = circular.errors(predicted, truth, model.period).mean(axis=0).tolist()
     units = recording.value_units or ("",) * len(means)
     rows: dict[str, Any] = {}
     text = []

@@ -59,6 +59,7 @@ def cli() -> None:
     help="How bits are read: majority, counts, ridge, neighbours, lda, trained, kernel, "
     "or a module.Class; for numbers ridge or neighbours. [default: majority; for numbers ridge]",
 )
+@options.circular
 @click.option(
     "--choose",
     is_flag=True,
@@ -74,6 +75,7 @@ def train(
     encoder: str | None,
     readout: str | None,
     choose: bool,
+    period: float | None,
     **source: Any,
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values."""
@@ -83,9 +85,10 @@ def train(
 
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
+    work.check_circular(frames, period)
     check_replaceable(output)
     training, test, how = work.hold_out(frames, test_fraction)
-    model, chosen_line = learn(frames, training, encoder, readout, choose)
+    model, chosen_line = learn(frames, training, encoder, readout, choose, period)
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:
         metadata["values"] = list(frames.value_names)
@@ -104,12 +107,13 @@ def train(
     click.echo(work.session_line(frames))
     if len(test):
         click.echo(f"held out {how}: {answers.score(model, frames, test)['text'][0]}")
-        click.echo(work.guess_line(frames, training, test))
+        click.echo(work.guess_line(frames, training, test, period))
         if not (encoder or readout or choose):
             click.echo(would_try(frames.values is not None))
     if how == "at random":
         click.echo(f"held out at random because {work.why_random(frames)}")
-    for line in work.reading_line(frames):
+    hints = work.circular_lines(frames) if period is None else []
+    for line in [*work.reading_line(frames), *hints]:
         click.echo(line)
 
 
@@ -309,6 +313,7 @@ def _learn_anew(
     help="Stop after about this time with what is done; promising forms are tried first. "
     "[default: as long as it takes]",
 )
+@options.circular
 @options.pixels
 @options.fraction
 @click.option(
@@ -334,6 +339,7 @@ def compare(
     readouts: tuple[str, ...],
     every: bool,
     budget: float | None,
+    period: float | None,
     crop: tuple[int, ...] | None,
     subsample: int,
     test_fraction: float,
@@ -360,6 +366,10 @@ def compare(
         curve.check_figure(figure)
     window = Window(crop, subsample)
     frames = work.open_frames(recording, window, **source)
+    work.check_circular(frames, period)
+    if period is None and not as_json:
+        for line in work.circular_lines(frames):
+            click.echo(line)
     tests = None
     if other is not None:
         tests = work.open_frames(other, window, **source)
@@ -372,11 +382,14 @@ def compare(
         readouts,
         every,
         time.Budget(budget),
+        period,
         (lambda _: None) if as_json else click.echo,
     )
     chosen = result["chosen"].split(", ")
     result["recording"] = str(recording)
-    result["command"] = work.command_line(recording, window, source, *chosen)
+    result["command"] = work.command_line(
+        recording, window, source, chosen[0], chosen[1], period
+    )
     if figure is not None:
         curve.draw(result, figure)
     if as_json:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ def learn(
     encoder: str | None,
     readout: str | None,
     chosen: bool,
+    period: float | None = None,
 ) -> tuple[Any, str]:
     """A model trained on the frames `rows`, and a line on how it was chosen, or nothing.
 
@@ -29,11 +31,12 @@ def learn(
         rows: indices of the training frames.
         encoder, readout: names; None is that of a model without a choice.
         chosen: whether to choose both by cross-validation instead.
+        period: of values that go round; None for those that do not.
     """
     line = ""
     images: Any
     if chosen:
-        frames = read_frames(recording, rows=rows)
+        frames = replace(read_frames(recording, rows=rows), period=period)
         combination, line = choose(frames)
         encoder, readout = combination.encoder, combination.readout
         images = frames.bank.frames
@@ -43,7 +46,7 @@ def learn(
         images = Batches(recording, rows)
     model: Any
     if recording.values is not None:
-        model = hdc.HDCRegressor(encoder or "median", readout or "ridge")
+        model = hdc.HDCRegressor(encoder or "median", readout or "ridge", period=period)
         model.fit(images, recording.values[rows])
     else:
         model = hdc.HDCClassifier(encoder or "median", readout or "majority")

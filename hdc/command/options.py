@@ -94,6 +94,14 @@ pixels = together(
         help="Keep every N-th pixel on both axes.",
     ),
 )
+circular = click.option(
+    "--circular",
+    "period",
+    type=click.FloatRange(0, min_open=True),
+    metavar="PERIOD",
+    help="The numbers go round with this period, such as 360 for degrees. They are predicted by "
+    "sine and cosine, and errors are taken the shorter way round.",
+)
 output = click.option(
     "-o", "--output", type=FILE, required=True, help="File to write the model to."
 )

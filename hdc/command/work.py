@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import shlex
 import warnings
 from collections import Counter
@@ -15,7 +16,7 @@ import click
 import numpy as np
 
 import hdc
-from hdc import io, readers
+from hdc import circular, io, readers
 from hdc.command.options import TRUSTED
 from hdc.readers import BadFrame, Recording, Window, natural_key
 from hdc.readers.images import stream_files
@@ -25,6 +26,10 @@ from hdc.readers.recording import with_progress
 KINDS = ("HDCClassifier", "HDCRegressor")
 """Models that the commands know."""
 _SKIPS = ("skip_damaged", "skip_missing")
+TURN = 360
+"""Degrees; values that span this share of them look like angles of a whole turn."""
+_WHOLE = 0.9
+_DEGREES = re.compile(r"deg|angle|°|theta|yaw|rotation|azimuth|orientation")
 LISTED = 12
 """Names of classes or sessions that one line shows."""
 
@@ -204,9 +209,12 @@ def command_line(
     source: dict[str, Any],
     encoder: str,
     readout: str,
+    period: float | None = None,
 ) -> str:
     """What to type to train such a model of a recording that was opened so."""
     words = ["hdc", "train", *recording_words(recording, window, source)]
+    if period is not None:
+        words += ["--circular", f"{period:.12g}"]
     words += ["--encoder", encoder, "--readout", readout, "-o", "model.safetensors"]
     return shlex.join(words)
 
@@ -245,7 +253,12 @@ def class_line(recording: Recording, index: np.ndarray) -> str:
     return f"classes: {_counted(names, recording.classes)}"
 
 
-def guess_line(recording: Recording, training: np.ndarray, test: np.ndarray) -> str:
+def guess_line(
+    recording: Recording,
+    training: np.ndarray,
+    test: np.ndarray,
+    period: float | None = None,
+) -> str:
     """What is right of the test frames without looking: the largest class, or the mean."""
     labels = learnt_labels(recording)
     if labels is not None:
@@ -256,12 +269,38 @@ def guess_line(recording: Recording, training: np.ndarray, test: np.ndarray) -> 
     values = recording.values
     assert values is not None
     mean = values[training].mean(axis=0)
-    errors = np.abs(values[test] - mean).mean(axis=0).tolist()
+    if period is not None:
+        plane = circular.to_plane(values[training], period).mean(axis=0)[None]
+        mean = circular.from_plane(plane, period, True)[0]
+    errors = circular.errors(values[test], mean, period).mean(axis=0).tolist()
     units = recording.value_units or ("",) * len(errors)
     parts = []
     for name, unit, error in zip(recording.value_names, units, errors, strict=True):
         parts.append(f"{printable(name)} {error:.4g} {unit}".rstrip())
     return f"a guess of the mean: mean absolute error {', '.join(parts)}"
+
+
+def check_circular(recording: Recording, period: float | None) -> None:
+    """Raise a ValueError for a period of no values."""
+    if period is not None and recording.values is None:
+        raise ValueError("--circular: expected a table of numbers, found classes")
+
+
+def circular_lines(recording: Recording) -> list[str]:
+    """A line on each value that looks like degrees of a whole turn."""
+    lines = []
+    units = recording.value_units or ("",) * len(recording.value_names)
+    for column, name in enumerate(recording.value_names):
+        assert recording.values is not None
+        low, high = np.quantile(recording.values[:, column], [0, 1]).tolist()
+        named = _DEGREES.search(f"{name} {units[column]}".lower())
+        turns = low >= -TURN / 2 and high <= TURN and high - low >= _WHOLE * TURN
+        if named and turns:
+            lines.append(
+                f"{printable(name)}: {low:.4g} to {high:.4g} looks like angles of a whole turn; "
+                "--circular 360 predicts them by sine and cosine"
+            )
+    return lines
 
 
 def learnt(recording: Recording) -> str:

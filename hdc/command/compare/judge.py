@@ -45,6 +45,7 @@ def compare(
     readouts: Sequence[str] = (),
     every: bool = False,
     budget: Budget | None = None,
+    period: float | None = None,
     say: Callable[[str], None] = lambda _: None,
 ) -> dict[str, Any]:
     """Choose encoder and read-out on training frames, and judge the choice on others.
@@ -57,13 +58,14 @@ def compare(
         encoders, readouts: names to choose among; by default a short list.
         every: whether to try all of the library after the short list.
         budget: the time that may be taken; by default as long as it takes.
+        period: of values that go round.
         say: is given lines while the comparison goes on.
 
     Returns:
         What ``--json`` writes.
     """
     budget = budget or Budget(None)
-    frames = read_frames(recording, other)
+    frames = replace(read_frames(recording, other), period=period)
     parts = part(recording, other, fraction)
     learns_values = frames.values is not None
     ours: list[Method] = list(combinations(encoders, readouts, learns_values, every))

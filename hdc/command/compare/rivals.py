@@ -20,6 +20,7 @@ from sklearn.linear_model import LogisticRegression, RidgeClassifierCV, RidgeCV
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor, NearestCentroid
 from sklearn.svm import SVC, SVR
 
+from hdc import circular
 from hdc.command.compare.frames import PIXELS, FrameBank
 from hdc.selection import Frames
 
@@ -62,7 +63,7 @@ class Rival:
     def n_functions(self, frames: Frames) -> int:
         """How many linear functions of the pixels a linear model has."""
         if frames.values is not None:
-            return frames.values.shape[1]
+            return frames.values.shape[1] * (1 if frames.period is None else 2)
         n = len(frames.names)
         return n * (n - 1) // 2 if self.model == "linear SVM" else n
 
@@ -73,14 +74,19 @@ class Rival:
         trained, queries = VIEWS[self.view](frames.bank, self.pixels, train, test)
         if frames.values is None:
             return self._predict(trained, frames.labels[train], queries)
-        values = frames.values[train]
+        values, period = frames.values[train], frames.period
+        if period is not None:
+            values = circular.to_plane(values, period)
         middle, scale = values.mean(axis=0), values.std(axis=0)
         scale[scale == 0] = 1
         columns = [
             self._predict(trained, column, queries)
             for column in ((values - middle) / scale).T
         ]
-        return np.stack(columns, axis=1) * scale + middle
+        found = np.stack(columns, axis=1) * scale + middle
+        if period is None:
+            return found
+        return circular.from_plane(found, period, bool((frames.values < 0).any()))
 
     def _predict(
         self, trained: np.ndarray, targets: np.ndarray, queries: np.ndarray

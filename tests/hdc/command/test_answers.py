@@ -45,6 +45,8 @@ class Read:
     The ends of an interval are farther for a smaller share outside; 255 is an infinite one.
     """
 
+    period = None
+
     frame_shape_ = (1, 3)
 
     def __init__(self):

@@ -1,0 +1,31 @@
+"""Values that go round, such as an angle: learnt by cosine and sine, measured on the circle."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+def to_plane(values: np.ndarray, period: float) -> np.ndarray:
+    """Cosines and sines float64 [N, 2·T] of values [N, T]."""
+    angles = 2 * np.pi / period * values
+    return np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def from_plane(plane: np.ndarray, period: float, is_signed: bool) -> np.ndarray:
+    """Values [N, T] of :func:`to_plane`, of any length.
+
+    Returns:
+        Values from 0 to the period, or from −½ to ½ of it where they are signed.
+    """
+    cosines, sines = np.split(plane, 2, axis=1)
+    values = np.arctan2(sines, cosines) * period / (2 * np.pi)
+    return values if is_signed else values % period
+
+
+def errors(found: np.ndarray, truth: np.ndarray, period: float | None) -> np.ndarray:
+    """Absolute errors; with a period along the shorter way round."""
+    away = np.abs(found - truth)
+    if period is None:
+        return away
+    away = away % period
+    return np.minimum(away, period - away)

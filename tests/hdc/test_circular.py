@@ -1,0 +1,161 @@
+"""Values that go round: learnt by cosine and sine, measured on the circle."""
+
+import json
+import shlex
+
+import numpy as np
+import pytest
+from sklearn.base import clone
+from sklearn.linear_model import RidgeCV
+
+from hdc import HDCRegressor, circular
+from hdc.command import main
+from hdc.command.compare import rivals
+from hdc.command.compare.frames import FrameBank, Frames
+from hdc.command.work import circular_lines
+from hdc.readers import open_recording
+
+DEGREES = np.random.default_rng(0).uniform(-180, 180, 90)
+
+
+def turned(degrees):
+    """A bright bump that goes round a ring of 300 pixels, under noise."""
+    places = np.arange(300) * 360 / 300
+    bump = 110 + 80 * np.cos(np.deg2rad(places - degrees[:, None]))
+    noise = np.random.default_rng(1).integers(0, 20, (len(degrees), 300))
+    return (bump + noise).astype(np.uint8).reshape(-1, 15, 20)
+
+
+@pytest.fixture
+def run(capsys):
+    def command(*words):
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        out, err = capsys.readouterr()
+        return caught.value.code, out.splitlines(), err
+
+    return command
+
+
+@pytest.fixture
+def archive(tmp_path):
+    path = tmp_path / "ring.npz"
+    kept = {"values": DEGREES, "value_names": ["yaw"], "value_units": ["deg"]}
+    np.savez(path, frames=turned(DEGREES), session=np.arange(90) // 30, **kept)
+    return path
+
+
+def test_errors_go_the_shorter_way_round():
+    found, truth = np.array([179.0, 10, 350]), np.array([-178.5, 350, -10])
+    assert circular.errors(found, truth, 360).tolist() == [2.5, 20, 0]
+    assert circular.errors(found, truth, None).tolist() == [357.5, 340, 360]
+
+
+@pytest.mark.parametrize(
+    ("period", "is_signed"), [(360, True), (360, False), (8, True)]
+)
+def test_the_plane_gives_values_back(period, is_signed):
+    low = -period / 2 if is_signed else 0
+    values = np.random.default_rng(0).uniform(low, low + period, (9, 2))
+    plane = circular.to_plane(values, period)
+    assert plane[:, 0] == pytest.approx(np.cos(2 * np.pi * values[:, 0] / period))
+    assert plane[:, 3] == pytest.approx(np.sin(2 * np.pi * values[:, 1] / period))
+    assert circular.from_plane(3 * plane, period, is_signed) == pytest.approx(values)
+
+
+def test_a_wrapped_angle_is_predicted_where_it_was_not(tmp_path):
+    frames = turned(DEGREES)
+    plain = HDCRegressor().fit(frames[:60], DEGREES[:60])
+    model = HDCRegressor(period=360).fit(frames[:60], DEGREES[:60])
+    found = model.predict(frames[60:])
+    off = circular.errors(found, DEGREES[60:], 360)
+    assert off.max() < 6
+    away = circular.errors(plain.predict(frames[60:]), DEGREES[60:], 360)
+    assert away.max() > 60
+    assert ((found >= -180) & (found <= 180)).all()
+    assert model.score(frames[60:], DEGREES[60:]) > 0.98
+    model.save(tmp_path / "m")
+    loaded = HDCRegressor.load(tmp_path / "m")
+    assert (loaded.predict(frames[60:]) == found).all()
+    assert loaded.period == clone(model).period == 360
+    with pytest.raises(ValueError, match=r"^return_interval: expected numbers without"):
+        loaded.predict(frames[:1], return_interval=True)
+    above = HDCRegressor(period=360).fit(frames[:60], DEGREES[:60] % 360)
+    assert above.predict(frames[60:]) == pytest.approx(found % 360)
+    # A sensor that was turned by 30 degrees.
+    loaded.recalibrate(frames[:40], DEGREES[:40] + 30)
+    moved = circular.errors(loaded.predict(frames[60:]), DEGREES[60:] + 30, 360)
+    assert moved.max() < 15
+
+
+@pytest.mark.parametrize("period", [0, -1, "a", True])
+def test_a_period_is_above_zero(period):
+    with pytest.raises(ValueError, match="period: expected a number above zero or"):
+        HDCRegressor(period=period).fit(turned(DEGREES), DEGREES)
+
+
+def test_rivals_learn_circular_values_by_cosine_and_sine():
+    values = DEGREES[:, None]
+    bank = FrameBank(turned(DEGREES), np.zeros(90, np.int64), 1)
+    data = Frames(bank, ("yaw",), (), None, values, period=360)
+    train, test = np.arange(60), np.arange(60, 90)
+    ridge = next(r for r in rivals.rivals(True) if r.name == "ridge, raw greys")
+    flat = turned(DEGREES).reshape(90, -1).astype(float)
+    flat -= flat[train].mean(0)
+    flat /= np.sqrt((flat[train] ** 2).sum() / 60)
+    angles = np.deg2rad(DEGREES)
+    parts = []
+    for target in (np.cos(angles), np.sin(angles)):
+        middle, scale = target[train].mean(), target[train].std()
+        model = RidgeCV(rivals.RIDGE_PENALTIES)
+        model.fit(flat[train], (target[train] - middle) / scale)
+        parts.append(model.predict(flat[test]) * scale + middle)
+    expected = np.rad2deg(np.arctan2(parts[1], parts[0]))
+    assert ridge.answers(data, train, test)[:, 0] == pytest.approx(expected, abs=0.2)
+    assert data.losses(values[test] + 360, test) == pytest.approx(0, abs=1e-9)
+
+
+def test_the_command_declares_advises_and_measures_on_the_circle(
+    run, archive, tmp_path
+):
+    model = tmp_path / "m"
+    words = ("train", archive, "-o", model, "--test-fraction", 0.3)
+    advised = [line for line in run(*words)[1] if "--circular 360" in line]
+    assert len(advised) == 1
+    assert advised[0].startswith("yaw: -17")
+    status, out, err = run(*words, "--circular", 360)
+    assert (status, err) == (0, "")
+    assert not [line for line in out if "--circular" in line]
+    error = float(out[2].split("error ")[1].split(" ")[0])
+    assert error < 6
+    status, out, _ = run("evaluate", model, archive)
+    assert status == 0
+    assert float(out[0].split("error ")[1].split(" ")[0]) < 6
+    words = ("compare", archive, "--circular", 360, "--draws", 1, "--budget", 0.02)
+    status, out, err = run(*words, "--json")
+    result = json.loads(out[0])
+    assert result["tests"][-1]["methods"]["median, ridge"]["errors"]["yaw"] < 6
+    line = shlex.split(result["command"])
+    assert line[line.index("--circular") + 1] == "360"
+    labelled = tmp_path / "c.npz"
+    np.savez(labelled, frames=turned(DEGREES[:6]), labels=[0, 1] * 3)
+    status, out, err = run("train", labelled, "-o", model, "--circular", 360)
+    assert (status, err.count("\n")) == (1, 1)
+    assert "--circular: expected a table of numbers, found classes" in err
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "low", "high", "is_advised"),
+    [
+        ("angle", "", 1, 359, True),
+        ("torsion", "deg", -178, 179, True),
+        ("angle", "", 10, 170, False),  # no whole turn
+        ("x", "mm", 1, 359, False),
+        ("angle", "", 0, 3000, False),
+    ],
+)
+def test_what_looks_like_a_turn_is_advised(tmp_path, name, unit, low, high, is_advised):
+    kept = {"values": np.linspace(low, high, 9), "value_names": [name]}
+    np.savez(tmp_path / "v.npz", frames=turned(DEGREES[:9]), value_units=[unit], **kept)
+    found = circular_lines(open_recording(tmp_path / "v.npz"))
+    assert bool(found) == is_advised
