@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
@@ -79,7 +79,7 @@ class FeatureClassifier(Classifier):
             images = arithmetic(batch).reshape(-1, *self.shape_)
             return self.features(images)
 
-        parameters = astuple(self)
+        parameters = repr(astuple(self))
         return bank.each(features, key=(type(self), parameters))
 
     def state_tensors(self) -> dict[str, Tensor]:
@@ -91,9 +91,13 @@ class FeatureClassifier(Classifier):
             "deviation": self.deviation_,
         }
 
+    def _regression(self) -> Any:
+        """A linear classifier of scikit-learn, not fitted."""
+        return LogisticRegression(C=self.C, max_iter=1000)
+
     def _fit(self, features: Tensor, targets: Tensor) -> None:
         scaler = StandardScaler().fit(features.numpy())
-        regression = LogisticRegression(C=self.C, max_iter=1000)
+        regression = self._regression()
         standardised = scaler.transform(features.numpy())
         regression.fit(standardised, targets.numpy(force=True))
         self.mean_ = torch.from_numpy(scaler.mean_)

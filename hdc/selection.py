@@ -189,8 +189,10 @@ def combinations(
     return list(dict.fromkeys(found))
 
 
-def folds(frames: Frames, rows: np.ndarray) -> tuple[list[Fold], str]:
-    """Folds of the training frames `rows`, and how they were made.
+def folds(
+    frames: Frames, rows: np.ndarray, most: int = FOLDS
+) -> tuple[list[Fold], str]:
+    """At most so many folds of the training frames `rows`, and how they were made.
 
     Whole groups where they are known; else whole sessions where there are two or more and no fold
     has a class alone; else at random, every class in each fold. No fold where a class has a single
@@ -198,14 +200,14 @@ def folds(frames: Frames, rows: np.ndarray) -> tuple[list[Fold], str]:
     class.
     """
     if frames.group is not None:
-        return _folds_of_units(frames, rows, frames.group), "by group"
+        return _folds_of_units(frames, rows, frames.group, most), "by group"
     if frames.session is not None:
-        by_session = _folds_of_units(frames, rows, frames.session)
+        by_session = _folds_of_units(frames, rows, frames.session, most)
         if by_session:
             return by_session, "by session"
     rng = np.random.default_rng(0)
     labels = frames.labels[rows]
-    count = min(FOLDS, int(np.unique(labels, return_counts=True)[1].min()))
+    count = min(most, int(np.unique(labels, return_counts=True)[1].min()))
     if count < 2 or len(rows) < 4:
         return [], "at random"
     # Dealt out class by class without starting anew, so that folds are of one size.
@@ -216,14 +218,16 @@ def folds(frames: Frames, rows: np.ndarray) -> tuple[list[Fold], str]:
     return [_fold(rows, place == k) for k in range(count)], "at random"
 
 
-def _folds_of_units(frames: Frames, rows: np.ndarray, units: np.ndarray) -> list[Fold]:
+def _folds_of_units(
+    frames: Frames, rows: np.ndarray, units: np.ndarray, most: int
+) -> list[Fold]:
     """Units [N], sessions or groups, in order; where that leaves out a class, those of each class
     one by one."""
     unit = units[rows]
     known = np.unique(unit)
     if len(known) < 2:
         return []
-    count = min(FOLDS, len(known))
+    count = min(most, len(known))
     in_order = np.array_split(known, count)
     dealt = _dealt(unit, frames.labels[rows], count)
     classes = set(frames.labels[rows])

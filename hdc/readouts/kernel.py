@@ -84,12 +84,7 @@ class Kernel(Readout):
             )
         known, place = rows.unique(return_inverse=True)
         distances = bits.hamming(words, words, self.backend).cpu()
-        median = median_of_pairs(distances)
-        tried: list[_Tried] = []
-        for scale in self.scales:
-            reach = scale * median
-            tried += _tries(distances, place, reach, scale, self.penalties)
-        best = min(tried, key=lambda one: one.errors)  # the first of equal ones
+        best = fewest_errors(distances, place, self.scales, self.penalties)
         if best.solution.products.penalty is None:
             warnings.warn(
                 "kernel: no class has two different frames, so the nearest mean is learned",
@@ -100,7 +95,7 @@ class Kernel(Readout):
         self.offsets_ = torch.full((n_classes,), _LOWEST, dtype=torch.float64)
         self.dual_[:, known] = best.solution.dual
         self.offsets_[known] = best.solution.offsets
-        self.reach_ = _number(best.scale * median)
+        self.reach_ = _number(best.reach)
         self.scale_ = _number(best.scale)
         self.penalty_ = _number(best.penalty)
         found, places = discriminants(best.solution.products, place)
@@ -148,9 +143,9 @@ class Kernel(Readout):
     def scores(self, words: Tensor) -> Tensor:
         """The discriminants, float64 [Q, L]."""
         distances = bits.hamming(words, self.frames_, self.backend)
-        likeness = _likeness(distances, float(self.reach_))
+        near = likeness(distances, float(self.reach_))
         dual = self.dual_.to(words.device)
-        return likeness @ dual + self.offsets_.to(words.device)
+        return near @ dual + self.offsets_.to(words.device)
 
     def state(self) -> dict[str, Tensor]:
         return {
@@ -186,13 +181,41 @@ class Kernel(Readout):
             setattr(self, f"{name}_", tensors[name].cpu())
 
 
-class _Tried(NamedTuple):
-    """A choice of factors, and its errors on training frames left out."""
+class Tried(NamedTuple):
+    """A choice of factors, and its errors on training frames left out.
+
+    Attributes:
+        errors: how many are wrong.
+        scale, penalty: s and λ.
+        reach: s·m, in the unit of the distances.
+        solution: what is learned.
+    """
 
     errors: int
     scale: float
     penalty: float
+    reach: float
     solution: Solution
+
+
+def fewest_errors(
+    distances: Tensor,
+    place: Tensor,
+    scales: Sequence[float],
+    penalties: Sequence[float],
+) -> Tried:
+    """The factors with the fewest errors, the first of equal ones.
+
+    Args:
+        distances: of the training frames from each other, of any kind, [N, N] (CPU).
+        place: their classes int64 [N], each of them with a frame.
+        scales, penalties: values of s and λ, above zero.
+    """
+    median = median_of_pairs(distances)
+    tried: list[Tried] = []
+    for scale in scales:
+        tried += _tries(distances, place, scale * median, scale, penalties)
+    return min(tried, key=lambda one: one.errors)
 
 
 def _tries(
@@ -201,42 +224,42 @@ def _tries(
     reach: float,
     scale: float,
     penalties: Sequence[float],
-) -> list[_Tried]:
+) -> list[Tried]:
     """Each penalty with the kernel of one scale, of frames of classes int64 [N]."""
-    problem = Problem.of(_likeness(distances, reach), place)
+    problem = Problem.of(likeness(distances, reach), place)
     found = []
     for penalty in penalties:
         strength = penalty * problem.trace / len(place)
         solution = problem.solve(None if problem.is_empty else strength)
         scores, places = discriminants(solution.products, place)
         errors = int((scores.argmax(1) != place[places]).sum())
-        found.append(_Tried(errors, scale, penalty, solution))
+        found.append(Tried(errors, scale, penalty, reach, solution))
     return found
 
 
-def _likeness(distances: Tensor, reach: float) -> Tensor:
-    """exp(−H/reach) in float64."""
-    return distances.double().div_(-reach).exp_()
+def likeness(distances: Tensor, reach: float) -> Tensor:
+    """exp(−distance/reach) in float64."""
+    return distances.to(torch.float64, copy=True).div_(-reach).exp_()
 
 
 def _length(distances: Tensor, reach: float, dual: Tensor) -> float:
     """Of discriminants of frames at distances [N, N], in the space of the kernel; 1 of none."""
-    products = _likeness(distances, reach) @ dual
+    products = likeness(distances, reach) @ dual
     return float((dual * products).sum().clamp(min=0).sqrt()) or 1.0
 
 
-def median_of_pairs(distances: Tensor) -> int:
-    """The median of the distances int64 [N, N] of all pairs, the lower of two; at least 1.
+def median_of_pairs(distances: Tensor) -> float:
+    """The median of the distances [N, N] of all pairs, the lower of two; 1 where it is zero.
 
     Each pair stands there twice, and N zeros besides.
     """
     n = len(distances)
     n_pairs = n * (n - 1) // 2
     if n_pairs == 0:
-        return 1
+        return 1.0
     place = n + 2 * ((n_pairs - 1) // 2)
     flat = distances.numpy().ravel()
-    return max(1, int(np.partition(flat, place)[place]))
+    return float(np.partition(flat, place)[place]) or 1.0
 
 
 def _number(value: float) -> Tensor:

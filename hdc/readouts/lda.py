@@ -32,7 +32,7 @@ from hdc.parameters import is_number
 from hdc.prototypes import Counters, check_probability
 from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout
-from hdc.readouts.discriminant import Problem
+from hdc.readouts.discriminant import Problem, Solution
 from hdc.readouts.leave_one_out import discriminants, spread_over
 
 SHRINKAGES = ("ledoit_wolf", "oas")
@@ -87,8 +87,8 @@ class LDA(Readout):
                 "lda: no class has two different frames, so the nearest mean is learned",
                 stacklevel=3,
             )
-        alpha = _share_of_target(problem, dimension, self.shrinkage)
-        dual, offsets, products = problem.solve(_penalty(problem, dimension, alpha))
+        alpha, solution = shrunken(problem, dimension, self.shrinkage)
+        dual, offsets, products = solution
         weights = combinations(dual, words, self.backend)[:, :dimension]
         means = class_means(words, place, len(known), dimension, self.backend)
         planes, scales, offsets = _quantised(weights, means, offsets)
@@ -244,6 +244,14 @@ def closed_form(
         numerator = (1 - 2 / d) * second + first**2
         share = numerator / ((n + 1 - 2 / d) * spread)
     return min(1.0, max(0.0, share))
+
+
+def shrunken(
+    problem: Problem, dimension: int, shrinkage: float | str
+) -> tuple[float, Solution]:
+    """α, and what is learned with it from a problem in D dimensions."""
+    alpha = _share_of_target(problem, dimension, shrinkage)
+    return alpha, problem.solve(_penalty(problem, dimension, alpha))
 
 
 def _share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -> float:

@@ -40,6 +40,8 @@ def composed(*overrides: str) -> DictConfig:
 def test_makes_a_model_and_says_how_it_is_shown(name):
     if name.startswith("torchhd"):
         pytest.importorskip("torchhd")
+    if name == "scattering":
+        pytest.importorskip("kymatio")
     cfg = composed(f"model={name}", "seed.init=5")
     display = cfg.display
     assert set(display) == {"name", "colour", "marker", "line", "group"}

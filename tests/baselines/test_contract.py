@@ -17,6 +17,7 @@ from omegaconf import DictConfig
 
 from baselines.base import Classifier
 from baselines.cnn import CNN
+from baselines.convolutions import Scattering
 from baselines.correlation import CorrelationClassifier
 from baselines.features import Brightness
 from baselines.training import IterativeClassifier
@@ -49,6 +50,8 @@ def make(name: str) -> Any:
     """The model of a config, quick enough for small frames."""
     if name.startswith("torchhd"):
         pytest.importorskip("torchhd")
+    if name == "scattering":
+        pytest.importorskip("kymatio")
     model = instantiate(config_of(name).model, _convert_="all")
     if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
         return replace(model, lr=1e-2, max_epochs=20)
@@ -115,7 +118,7 @@ def test_frames_made_on_request_give_the_model_of_the_tensor(name, small, lazy):
 def test_flat_frames_are_frames_of_one_row(model, small):
     frames, labels = small
     flat = frames.flatten(1)
-    if isinstance(model, CNN):
+    if isinstance(model, CNN | Scattering):  # of images alone
         return
     model.fit(flat, labels)
     other = replace(model).fit(frames, labels)

@@ -206,10 +206,14 @@ def words_of(model: Any, frames: torch.Tensor) -> torch.Tensor:
     return model.encoder_.encode(frames, backend=model.backend)
 
 
+_NEEDS = {"torchhd": "torchhd", "scattering": "kymatio"}  # models of the extra peers
+
+
 def of_models() -> Iterator[tuple[str, Item]]:
     """Labels of every model of ``configs/model/`` after a few steps."""
     for path in sorted((configs.CONFIGS / "model").glob("*.yaml")):
-        if path.stem.startswith("torchhd") and find_spec("torchhd") is None:
+        needed = _NEEDS.get(path.stem.partition("_")[0])
+        if needed and find_spec(needed) is None:
             continue
         part = configs.part("model", path.stem)
         make = functools.partial(labels_of, part["model"])

@@ -17,6 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from baselines.chosen import Chosen as OneOfFamily
 from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import (
     bank_of,
@@ -32,6 +33,9 @@ from experiments.protocol.stop import StopRule
 from experiments.records.rows import pack_labels
 from hdc.bank import Bank
 from hdc.chosen import Chosen
+
+CHOOSING = (Chosen, OneOfFamily)
+"""Models that choose their form."""
 
 
 class Asked(NamedTuple):
@@ -77,7 +81,8 @@ def recordings(
 
     ``n`` and ``predicted`` are lists, the latter of texts of
     :func:`experiments.records.rows.pack_labels`; the first row of a draw has the true classes in
-    ``labels`` and their number in ``n_classes``. A model that chooses its form has the names of
+    ``labels`` and their number in ``n_classes``, and the numbers of their groups in ``groups``
+    where the split keeps groups together. A model that chooses its form has the names of
     those that it ``chose``, one for each n; one that learns by steps has the reasons why it
     ``stopped``, as :mod:`experiments.protocol.stop` names them.
     Arguments: configs/experiment/recordings.yaml.
@@ -152,6 +157,9 @@ def _draw(
         "labels": pack_labels(bank.labels[test]),
         "n_classes": bank.n_classes,
     }
+    if bank.groups is not None:
+        _, group = np.unique(bank.groups, return_inverse=True)
+        of_draw["groups"] = pack_labels(group[test])
     for name, asked in models.items():
         chosen = asked.at(split, seed[1], sizes)
         if not chosen:
@@ -166,7 +174,7 @@ def _draw(
             "n": chosen,
             "predicted": [pack_labels(answer.labels) for answer in answers],
         }
-        if isinstance(asked.model, Chosen):
+        if isinstance(asked.model, CHOOSING):
             row["chose"] = [answer.form for answer in answers]
         if asked.stop is not None:
             row["stopped"] = [answer.stopped for answer in answers]
@@ -185,7 +193,7 @@ class Answer(NamedTuple):
 
 def _answer(asked: Asked, bank: Bank, train: np.ndarray, test: np.ndarray) -> Answer:
     model = asked.model
-    if isinstance(model, Chosen):
+    if isinstance(model, CHOOSING):
         form, model = model.choose(bank, train)
         return Answer(evaluate(model, bank, train, test), form)
     if asked.stop is None:

@@ -1,0 +1,59 @@
+"""Frames smoothed by a Gaussian before a rival sees them, as hdc's encoder ``smoothed`` does.
+
+The weights along an axis are those of :func:`hdc.encoders.smoothed.gaussian`, and beyond an edge
+the image is mirrored at its outermost pixels. OpenCV computes the means; they are rounded to 16
+bits, in which a grey level of 8 bits has 256 steps.
+"""
+
+from __future__ import annotations
+
+import functools
+
+import cv2
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc.bank import Bank
+from hdc.encoders.smoothed import gaussian
+from hdc.parameters import check_integer
+
+_MOST = 16  # pixels of deviation
+_BATCH = 64  # frames
+
+
+def smoothed(frames: Tensor, deviation: int) -> Tensor:
+    """Smoothed frames uint16 [N, H, W] of frames uint8 or uint16; without a deviation themselves.
+
+    Args:
+        frames: of the shape above (CPU or any device).
+        deviation: of the Gaussian in pixels; 0 for none.
+
+    Raises:
+        ValueError: for a deviation that is no integer from 0 to 16.
+    """
+    check_integer("smooth", deviation, 0, _MOST)
+    if deviation == 0 or not len(frames):
+        return frames
+    unit = 256 if frames.dtype == torch.uint8 else 1
+    weights = np.array(gaussian(deviation), np.float64)
+    weights /= weights.sum()
+    found = np.empty(frames.shape, np.uint16)
+    for k, frame in enumerate(frames):
+        image = frame.numpy(force=True).astype(np.float32) * unit
+        mean = cv2.sepFilter2D(
+            image, cv2.CV_32F, weights, weights, borderType=cv2.BORDER_REFLECT_101
+        )
+        found[k] = np.rint(mean).clip(0, 65535)
+    return torch.from_numpy(found).to(frames.device)
+
+
+@functools.lru_cache(maxsize=4)
+def smoothed_bank(bank: Bank, deviation: int) -> Bank:
+    """A bank of the smoothed frames, kept for the next model of the same deviation."""
+    if deviation == 0:
+        return bank
+    images = bank.frames.reshape(len(bank), -1, bank.frames.shape[-1])
+    parts = [smoothed(part, deviation) for part in images.split(_BATCH)]
+    frames = torch.cat(parts).reshape(bank.frames.shape)
+    return Bank(frames, bank.labels, bank.n_classes, bank.groups)

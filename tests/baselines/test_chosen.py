@@ -1,0 +1,191 @@
+"""Models that choose their form: the rule of one standard error, folds by group, the fixed form."""
+
+import numpy as np
+import pytest
+import torch
+
+from baselines.chosen import BitsChosen, GreysChosen, simplest
+from baselines.discriminant import GreysKernel, GreysLDA
+from baselines.smoothing import smoothed
+from hdc import HDCClassifier
+from hdc.bank import Bank
+from hdc.encoders import Deviation, Smoothed
+from hdc.encoders.smoothed import gaussian
+from hdc.selection import Frames, folds
+
+FAMILIES = {"bits": BitsChosen, "greys": GreysChosen}
+
+
+def family(name, **fields):
+    if name == "bits":
+        fields = {"encoder": Deviation(), "backend": "numpy", **fields}
+    return FAMILIES[name](**fields)
+
+
+def plain(name, readout, smooth):
+    """A form without a family, as its parts are written."""
+    if name == "greys":
+        kind = GreysLDA if readout == "lda" else GreysKernel
+        return kind(smooth=smooth)
+    encoder = Smoothed(Deviation(), smooth) if smooth else Deviation()
+    return HDCClassifier(encoder, readout, backend="numpy")
+
+
+def blurred(n=60, seed=2, grain=4):
+    """Two patterns coarser than the noise, so that smoothing helps."""
+    rng = np.random.default_rng(seed)
+    patterns = rng.normal(0, 1, (2, 8, 8)).repeat(grain, 1).repeat(grain, 2)
+    labels = np.arange(n) % 2
+    noise = rng.normal(0, 9, (n, 8 * grain, 8 * grain))
+    frames = np.clip(120 + 5 * (0.7 * patterns[labels] + noise), 0, 255)
+    return torch.from_numpy(frames.astype(np.uint8)), labels
+
+
+# The rule -----------------------------------------------------------------------------------------
+
+
+def test_the_simpler_form_stays_unless_another_is_better_by_a_standard_error():
+    simple = np.array([1, 1, 0, 0, 0, 0, 0, 0, 0, 0], float)
+    better = np.zeros(10)
+    # mean 0.2; deviation √(1.6/9) = 0.4216, so a standard error of 0.1333
+    assert simplest({"a": simple, "b": better}, 1.0) == "b"
+    assert simplest({"a": simple, "b": better}, 1.6) == "a"
+    assert simplest({"a": simple, "b": simple}, 0.0) == "a"
+    one = np.array([1, 0, 0, 0, 0, 0, 0, 0, 0, 0], float)  # mean and error are 0.1
+    assert simplest({"a": one, "b": better}, 1.001) == "a"
+    assert simplest({"a": one, "b": better}, 0.999) == "b"
+
+
+def test_of_three_the_first_within_the_margin_is_taken():
+    losses = {
+        "a": np.array([1, 1, 1, 1, 1, 0, 0, 0], float),
+        "b": np.array([1, 0, 0, 0, 0, 0, 0, 0], float),
+        "c": np.zeros(8),
+    }
+    assert simplest(losses, 1.001) == "b"
+    assert simplest(losses, 0.0) == "c"
+
+
+# Both families ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_candidates_have_the_same_names_in_the_same_order(name):
+    expected = ["lda", "lda, smooth 1", "lda, smooth 2", "lda, smooth 4"]
+    expected += [text.replace("lda", "kernel") for text in expected]
+    assert list(family(name).candidates()) == expected
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_the_choice_is_that_of_the_folds_and_the_model_that_of_the_form(name):
+    frames, labels = blurred()
+    bank = Bank(frames, labels, 2)
+    train, test = np.arange(40), np.arange(40, 60)
+    chosen = family(name, smooth=(0, 2), folds=4)
+    form, _ = chosen.choose(bank, train)
+    made, _ = folds(Frames(bank, (), (), None, None), train, 4)
+    assert len(made) == 4
+    losses = {}
+    for readout in ("lda", "kernel"):
+        for smooth in (0, 2):
+            wrong = []
+            for learnt, held in made:
+                model = plain(name, readout, smooth)
+                model.fit(frames[learnt], labels[learnt])
+                wrong.append(model.predict(frames[held]) != labels[held])
+            key = f"{readout}, smooth {smooth}" if smooth else readout
+            losses[key] = np.concatenate(wrong).astype(float)
+    assert form == simplest(losses, 1.0)
+    assert form != "lda"
+    readout, _, smooth = form.partition(", smooth ")
+    expected = plain(name, readout, int(smooth or 0)).fit(frames[train], labels[train])
+    expected = expected.predict(frames[test])
+    assert (chosen.predict_from(bank, train, test) == expected).all()
+    chosen.fit(frames[train], labels[train])
+    assert chosen.form_ == form
+    assert (chosen.predict(frames[test]) == expected).all()
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+@pytest.mark.parametrize("of_one", ["frame", "group"])
+def test_one_frame_or_one_group_a_class_leaves_the_fixed_form(name, of_one):
+    frames, labels = blurred()
+    groups = labels if of_one == "group" else np.arange(60)
+    train = np.arange(40) if of_one == "group" else np.arange(2)
+    bank = Bank(frames, labels, 2, groups)
+    chosen = family(name, fixed="lda, smooth 1")
+    assert chosen.choose(bank, train)[0] == "lda, smooth 1"
+
+
+@pytest.mark.parametrize("name", FAMILIES)
+def test_frames_of_one_group_are_in_one_fold(name, monkeypatch):
+    frames, labels = blurred()
+    groups = np.arange(60) // 10
+    seen = []
+
+    class Watching:
+        def predict_from(self, bank, train, test):
+            seen.append(set(groups[train]) & set(groups[test]))
+            return bank.labels[test]
+
+    monkeypatch.setattr(FAMILIES[name], "form", lambda *_: Watching())
+    family(name).choose(Bank(frames, labels, 2, groups), np.arange(60))
+    assert len(seen) == 8 * 5
+    assert not any(seen)
+
+
+@pytest.mark.parametrize(
+    ("fields", "said"),
+    [
+        ({"fixed": "ridge"}, "fixed: expected .* found 'ridge'"),
+        ({"readouts": ("ridge",)}, "readouts: expected .* found 'ridge'"),
+        ({"margin": -1}, "margin: expected 0 or more, found -1"),
+        ({"pixels": "bits"}, "pixels: expected .* found 'bits'"),
+        ({"smooth": (0, 17)}, "smooth: expected .* found 17"),
+    ],
+)
+def test_wrong_fields_are_named(fields, said):
+    frames, labels = blurred(12)
+    with pytest.raises(ValueError, match=said):
+        GreysChosen(**fields).fit(frames, labels)
+
+
+# What both see ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("smooth", [1, 2, 4])
+def test_greys_are_smoothed_as_bits_are(smooth):
+    """A direct sum over the mirrored image, with the encoder's weights."""
+    rng = np.random.default_rng(smooth)
+    frames = torch.from_numpy(rng.integers(0, 256, (2, 9, 21), dtype=np.uint8))
+    weights = np.array(gaussian(smooth)) / 4096
+    reach = len(weights) // 2
+    expected = np.zeros((2, 9, 21))
+    for k, image in enumerate(frames.numpy().astype(float)):
+        padded = np.pad(image, reach, mode="reflect")
+        rows = sum(w * padded[i : i + 9] for i, w in enumerate(weights))
+        expected[k] = sum(w * rows[:, i : i + 21] for i, w in enumerate(weights))
+    found = smoothed(frames, smooth)
+    assert found.dtype == torch.uint16
+    assert np.abs(found.numpy() / 256 - expected).max() < 0.6 / 256
+    encoder = Smoothed("median", smooth).fit(frames)
+    assert np.abs(encoder.images(frames).numpy() / 2**10 - expected).max() < 1e-2
+
+
+@pytest.mark.parametrize("pixels", ["raw", "standardised"])
+def test_the_kernel_is_that_of_the_euclidean_distances(pixels):
+    frames, labels = blurred(24)
+    model = GreysKernel(pixels=pixels).fit(frames, labels)
+    flat = frames.flatten(1).double().numpy()
+    if pixels == "standardised":
+        flat = (flat - flat.mean(1, keepdims=True)) / flat.std(1, keepdims=True)
+    distances = np.linalg.norm(flat[:, None] - flat, axis=2)
+    pairs = np.sort(distances[np.triu_indices(24, 1)])
+    median = pairs[(len(pairs) - 1) // 2]
+    assert model.reach_ / median == pytest.approx(
+        min(model.scales, key=lambda s: abs(s - model.reach_ / median))
+    )
+    expected = np.exp(-distances / model.reach_) @ model.dual_.numpy()
+    expected += model.offsets_.numpy()
+    found = model.scores(frames).numpy()
+    assert np.allclose(found, expected, atol=1e-6 * np.abs(expected).max())
