@@ -13,6 +13,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
+import torch
 from torch import Tensor
 
 from baselines.base import Classifier, FrameSource
@@ -196,6 +197,11 @@ class BitsChosen(Family):
     def form(self, readout: str, smooth: int) -> HDCClassifier:
         encoder = Smoothed(self.encoder, smooth) if smooth else self.encoder
         return HDCClassifier(encoder, readout, self.device, self.backend)
+
+    def scores(self, batch: Tensor) -> Tensor:
+        """As of :meth:`hdc.HDCClassifier.decision_function`, two columns for two classes."""
+        found = torch.from_numpy(self.model_.decision_function(batch))
+        return found if found.ndim == 2 else torch.stack([-found, found], 1)
 
 
 @dataclass(kw_only=True, eq=False)

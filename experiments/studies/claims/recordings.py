@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
@@ -28,6 +28,16 @@ from experiments.studies.claims.rules import rule_of
 
 PUBLISHED = "published"  # a rival that is a number of the paper
 _OBJECTS = "tactile/test_accuracy"
+
+
+class Sizes(Protocol):
+    """Rules that say at which sizes models are compared."""
+
+    @property
+    def sizes(self) -> Mapping[str, tuple[int, ...]]: ...
+
+    @property
+    def saturated(self) -> float: ...
 
 
 class Compared(NamedTuple):
@@ -123,7 +133,7 @@ def _remark(rows: pd.DataFrame, recording: Recording | None, frozen: Rules) -> s
     fields = fields_of(rows)
     if fields != frozen.input_fields:
         return f"seen through {fields} input fields"
-    if recording is not None and not _is_split(rows, recording):
+    if recording is not None and not is_split(rows, recording):
         return "another split than that of the rules"
     return ""
 
@@ -132,7 +142,7 @@ def _rival_name(rival: str) -> str:
     return "the paper's 100 %" if rival == PUBLISHED else display_name(rival)
 
 
-def _is_split(rows: pd.DataFrame, recording: Recording) -> bool:
+def is_split(rows: pd.DataFrame, recording: Recording) -> bool:
     """Whether the split that counts is that of the rules."""
     splits = rows.config.iloc[0].get("splits") or {}
     counts = splits.get("counts")
@@ -142,7 +152,7 @@ def _is_split(rows: pd.DataFrame, recording: Recording) -> bool:
 
 
 def compare(
-    rows: pd.DataFrame, form: str, rival: str, claim: Claim, frozen: Rules
+    rows: pd.DataFrame, form: str, rival: str, claim: Claim, frozen: Sizes
 ) -> Compared | None:
     """HDC less its rival by the split that counts, at the sizes of a claim; None where one of the
     two was not measured, where the sizes cannot be filled, and where both are saturated."""

@@ -1,0 +1,148 @@
+"""Rules 3: bits against grey values, from records that are made up."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from experiments.records import configs
+from experiments.records.results import Results
+from experiments.records.rows import pack_labels
+from experiments.studies.claims import contest
+from experiments.studies.claims.frozen import rules as rules_2
+
+FROZEN = contest.rules()
+OBJECTS = 10  # test objects of a draw; each has ten frames
+
+
+def rows_of(wrong_bits, wrong_greys, draws=4, n=50):
+    """Frames of objects, of which so many of each are wrong; an object is a class and a group."""
+    labels = np.repeat(np.arange(OBJECTS), 10)
+    rows = []
+    for draw in range(draws):
+        for model, wrong in ((FROZEN.bits, wrong_bits), (FROZEN.greys, wrong_greys)):
+            counts = np.broadcast_to(wrong, OBJECTS)
+            predicted = labels.copy()
+            for k, count in enumerate(counts):
+                predicted[10 * k : 10 * k + count] = (k + 1) % OBJECTS
+            row = {"seed": 0, "split": "counts", "draw": draw, "model": model}
+            row |= {
+                "n_test": len(labels),
+                "n": [n],
+                "predicted": [pack_labels(predicted)],
+            }
+            row |= {"n_classes": OBJECTS}
+            if model == FROZEN.bits:
+                row |= {
+                    "labels": pack_labels(labels),
+                    "groups": pack_labels(labels * 0 + draw),
+                }
+            rows.append(row)
+    return rows
+
+
+@pytest.fixture
+def frame(tmp_path, write_measurement):
+    """frame(scene=(wrong of bits, wrong of greys), …)"""
+
+    def write(**scenes):
+        for scene, wrong in scenes.items():
+            part = configs.part("scene", scene)
+            config = {"scene": part["scene"], "splits": {"counts": part["split"]}}
+            rows = rows_of(*wrong)
+            write_measurement(FROZEN.experiment, rows, config=config, scene=scene)
+        return Results(tmp_path).frame(FROZEN.experiment)
+
+    return write
+
+
+def test_without_records_nothing_is_said(frame):
+    assert contest.lines(frame()) == [f"{FROZEN.claim}: not measured yet"]
+
+
+def test_the_rules_before_stand_as_they_were_frozen():
+    assert (rules_2().version, FROZEN.version) == (2, 3)
+    status = {name: each.status for name, each in FROZEN.recordings.items()}
+    assert [name for name in status if status[name] == "confirmatory"] == [
+        "visuotactile"
+    ]
+    assert set(status) - set(rules_2().recordings) == {"visuotactile"}
+    for name, each in FROZEN.recordings.items():
+        wanted = configs.part("scene", name)["split"]
+        assert all(wanted.get(key) == value for key, value in each.split.items())
+    for name in (FROZEN.bits, FROZEN.greys):
+        model = configs.part("model", name)["model"]
+        assert (model["fixed"], model["margin"], model["folds"]) == (
+            FROZEN.fixed,
+            1.0,
+            5,
+        )
+
+
+def test_a_laboratory_counts_once_by_equal_weights(frame):
+    """Differences by hand: +10, +10 and 0 (one laboratory), −10 points."""
+    data = frame(gelsight=(1, 2), tactip=(1, 2), tactip_edge=(1, 1), diffuser=(2, 1))
+    found = contest.measured(data)
+    values = {name: round(one.value, 9) for name, one in found.items()}
+    assert values == {
+        "gelsight": 0.1,
+        "tactip": 0.1,
+        "tactip_edge": 0,
+        "diffuser": -0.1,
+    }
+    whole = contest.verdict(found)
+    units = np.array([0.1, 0.05, -0.1])
+    half = stats.t.ppf(0.975, 2) * units.std(ddof=1) / np.sqrt(3)
+    assert whole.equal == pytest.approx(
+        (units.mean(), units.mean() - half, units.mean() + half)
+    )
+    assert (whole.word, whole.units) == ("undecided", 3)
+    without = contest.leave_one_out(found)
+    assert set(without) == {"Yc1007942", "mattclifford1", "zcshinee"}
+    assert without["zcshinee"].units == 2
+
+
+@pytest.mark.parametrize(
+    ("intervals", "word"),
+    [
+        ([(0.0, -0.02, 0.02), (0.0, -0.029, 0.03)], "yes"),
+        ([(0.0, -0.02, 0.02), (0.0, -0.031, 0.03)], "undecided"),  # both are needed
+        ([(-0.1, -0.2, -0.04), (-0.1, -0.15, -0.031)], "no"),
+        ([(-0.1, -0.2, -0.04), (-0.1, -0.15, -0.029)], "undecided"),
+        ([(0.0, float("nan"), float("nan")), (0.0, -0.01, 0.01)], "undecided"),
+    ],
+)
+def test_a_word_needs_both_intervals(intervals, word):
+    assert contest.word_of(*(contest.Estimate(*each) for each in intervals)) == word
+
+
+def test_another_split_and_an_unlisted_recording_enter_nothing(
+    tmp_path, write_measurement
+):
+    for scene in ("gelsight", "spr"):
+        config = {
+            "scene": configs.part("scene", scene)["scene"],
+            "splits": {"counts": {"kind": "random", "test_fraction": 0.5}},
+        }
+        write_measurement(FROZEN.experiment, rows_of(1, 2), config=config, scene=scene)
+    assert contest.measured(Results(tmp_path).frame(FROZEN.experiment)) == {}
+
+
+def test_the_confirmatory_interval_resamples_objects_not_frames(frame):
+    """Two of ten objects lost by six frames of ten each: wide over objects, narrow over frames."""
+    bits = [6, 6, 0, 0, 0, 0, 0, 0, 0, 1]
+    greys = [0, 0, 0, 0, 0, 0, 0, 0, 0, 1]
+    ((scene, found),) = contest.confirmed(frame(visuotactile=(bits, greys))).items()
+    assert scene == "visuotactile"
+    assert found.value == pytest.approx(-0.12)
+    # 40 objects (ten classes, four groups), eight of which lose 0.6
+    share = stats.binom.ppf([0.025, 0.975], 40, 0.2) / 40
+    assert (found.low, found.high) == pytest.approx(
+        tuple(-0.6 * share[::-1]), abs=0.016
+    )
+
+
+def test_all_that_is_said(frame):
+    said = contest.lines(frame(gelsight=(1, 2), visuotactile=(1, 2)))
+    assert len(said) == 1 + 2 + 1
+    assert said[1].startswith("without Yc1007942: undecided")
+    assert said[-1] == "visuotactile, confirmatory: yes, +10.0 points [+10.0, +10.0]"
