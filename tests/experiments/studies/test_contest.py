@@ -1,13 +1,19 @@
 """Rules 3: bits against grey values, from records that are made up."""
 
+import subprocess
+
 import numpy as np
 import pytest
+from omegaconf import OmegaConf
 from scipy import stats
 
 from experiments.records import configs
+from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.records.rows import pack_labels
 from experiments.studies.claims import contest
+from experiments.studies.claims.frozen import FROZEN as FROZEN_YAML
+from experiments.studies.claims.frozen import digest
 from experiments.studies.claims.frozen import rules as rules_2
 
 FROZEN = contest.rules()
@@ -76,6 +82,18 @@ def test_the_rules_before_stand_as_they_were_frozen():
             1.0,
             5,
         )
+
+
+def test_the_commit_that_is_named_holds_the_rules():
+    """A change of the file is a new version: its digest is that of the commit that froze it."""
+    written = OmegaConf.load(FROZEN_YAML).rules_3
+    assert digest(contest.RULES_3) == written.digest
+    place = contest.RULES_3.relative_to(ROOT).as_posix()
+    words = ["git", "-C", str(ROOT), "show", f"{written.commit}:{place}"]
+    shown = subprocess.run(words, capture_output=True, check=False)
+    if shown.returncode:
+        pytest.skip("no checkout with its whole history")
+    assert shown.stdout == contest.RULES_3.read_bytes()
 
 
 def test_a_laboratory_counts_once_by_equal_weights(frame):
