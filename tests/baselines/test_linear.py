@@ -10,7 +10,6 @@ import torch
 from sklearn.neighbors import NearestCentroid
 
 from baselines.correlation import CorrelationClassifier
-from baselines.descent import Descent
 from baselines.mean_image import MeanImage
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.pixels import fit_scaling
@@ -166,64 +165,3 @@ def test_an_update_from_old_weights_is_the_optimum_near_them(kind, pixels, speck
     torch.testing.assert_close(scores, expected, rtol=1e-4, atol=1e-4)
     predicted = model.predict_from_old(bank, TRAIN, new, queries)
     assert (predicted == expected.argmax(1).numpy()).all()
-
-
-@pytest.mark.parametrize("batch", [None, 7])
-@pytest.mark.parametrize("pixels", ["unit", "standardised"])
-def test_descent_takes_the_steps_of_sgd(batch, pixels, speckle):
-    frames, labels = speckle(60, (9, 7), 5)
-    given = {
-        "pixels": pixels,
-        "optimizer": "SGD",
-        "lr": 0.02,
-        "init": "zeros",
-        "seed": 3,
-    }
-    model = SoftmaxRegression(**given, batch_size=batch, max_epochs=3)
-    model.fit(frames[:40], labels[:40])
-    inside, across = Bank(frames, labels, 5).kernel(TRAIN, QUERIES, pixels)
-    targets = torch.from_numpy(labels[:40])
-    descent = Descent(
-        torch.cat([inside, across]), targets, 5, 0.02, batch=batch, seed=3
-    )
-    for _ in range(3 * (1 if batch is None else 6)):
-        descent.step()
-    logits = model.scores(torch.as_tensor(frames)).double().detach()
-    torch.testing.assert_close(descent.logits[:, :, 0], logits, rtol=1e-4, atol=1e-5)
-    x = scaled(pixels, frames, labels)
-    weights = descent.coefficients[:, :, 0].T @ x[:40]
-    expected = x @ weights.T + descent.intercepts[:, 0]
-    torch.testing.assert_close(expected, logits, rtol=1e-4, atol=1e-5)
-
-
-def test_descent_from_several_starts_with_decay_is_that_of_torch(speckle):
-    frames, labels = speckle(60, (6, 5), 3)
-    x, targets = scaled("unit", frames, labels), torch.from_numpy(labels[:40])
-    w = 0.1 * torch.randn(2, 3, 30, dtype=torch.float64)
-    kernel = torch.cat(Bank(frames, labels, 3).kernel(TRAIN, QUERIES))
-    starts = torch.stack([x @ start.T for start in w], dim=2)
-    descent = Descent(kernel, targets, 3, 0.1, logits=starts, decay=0.3)
-    for _ in range(20):
-        descent.step()
-    for k, start in enumerate(w):
-        weight, bias = (
-            start.clone().requires_grad_(),
-            torch.zeros(3, dtype=torch.float64),
-        )
-        bias.requires_grad_()
-        optimizer = torch.optim.SGD(
-            [{"params": [weight], "weight_decay": 0.3}, {"params": [bias]}], 0.1
-        )
-        for _ in range(20):
-            optimizer.zero_grad()
-            torch.nn.functional.cross_entropy(
-                x[:40] @ weight.T + bias, targets
-            ).backward()
-            optimizer.step()
-        expected = (x @ weight.T + bias).detach()
-        torch.testing.assert_close(
-            descent.logits[:, :, k], expected, rtol=1e-5, atol=1e-6
-        )
-    kept = descent.logits[:, :, 1:].clone()
-    descent.drop(torch.tensor([1]))
-    assert torch.equal(descent.logits, kept)

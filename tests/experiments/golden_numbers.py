@@ -72,7 +72,6 @@ EXPERIMENTS = {
     "coverage": ("scene=touch", "task.n_per_class=[2,5]", "task.draws=1", *SMALL_SENSOR),
     "recordings": ("scene=touch", "task.n_per_class=[1,3]", "task.draws=1", "task.steps_draws=0",
                    *SMALL_SENSOR),
-    "stiffness": ("task.steps=5", "task.epochs=1", "task.exponents=[-1,0]", *SMALL_SENSOR),
     "stability": (),
 }  # fmt: skip
 _TIMES = (

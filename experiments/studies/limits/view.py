@@ -9,8 +9,8 @@ STUDY = Study(
     "limits",
     "Numbers at their limits",
     "Where do the obvious formulas lose their digits, and do ours keep them? What would another "
-    "digit cost? Which learning rates are stable?",
+    "digit cost? Which method of training survives a stiff problem?",
     order=9,
     tables=[*stability.TABLES, *numerics.TABLES, *stiffness.TABLES],
-    figures=[*stability.FIGURES, *numerics.FIGURES],
+    figures=[*stability.FIGURES, *numerics.FIGURES, *stiffness.FIGURES],
 )

@@ -3,26 +3,18 @@
 import os
 from functools import partial
 
-import numpy as np
-import pandas as pd
 import pytest
 import torch
 
-from baselines.descent import Descent
 from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.footprint import measure as footprint
 from experiments.studies.limits.numerics import measure as numerics
 from experiments.studies.limits.stability.measure import CASES
-from experiments.studies.limits.stiffness import measure as stiffness
-from experiments.studies.limits.stiffness import softmax
-from experiments.studies.limits.stiffness import view as stiffness_view
-from experiments.studies.limits.stiffness.view import verdict
 from hdc import bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
-from scenes.frames import Frames
 from scenes.sensor.camera import MountedCamera
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -150,52 +142,6 @@ def test_a_module_that_the_library_does_not_need_fails(tmp_path, monkeypatch):
 
 def _arguments(task):
     return {key: task[key] for key in task if key != "_target_"}
-
-
-def test_a_limit_elsewhere_than_predicted_fails():
-    assert verdict("optimum", 1.05) == "holds"
-    assert verdict("optimum", 1.5) == verdict("optimum", "> 38.0") == "fails"
-    assert verdict("zero", "> 38.0") == "not judged"
-
-
-@pytest.fixture
-def limits(monkeypatch):
-    """limits() → verdicts of the study of stiffness, on sixty small frames."""
-    rng = np.random.default_rng(0)
-    labels = np.arange(60) % 3
-    base = rng.integers(0, 60, (3, 8, 8))[labels]
-    images = (base + rng.integers(0, 190, (60, 8, 8))).astype(np.uint8)
-    small = Frames(torch.from_numpy(images), labels, ("a", "b", "c"), {}, "simulated")
-    monkeypatch.setattr(Run, "scene", lambda *_: small)
-
-    def run():
-        task = configs.task("stiffness") | {"seed": 0, "steps": 60, "epochs": 1}
-        task |= {"penalty": 0.1, "exponents": [-4, -2, -1, 0, 2, 4]}
-        rows = stiffness.stiffness.rows(Run(), **_arguments(task))
-        table = stiffness_view.limits(pd.DataFrame(rows))
-        return table[table.start == "optimum"].verdict.tolist()
-
-    return run
-
-
-def test_the_limit_of_the_optimum_holds(limits):
-    assert limits() == 3 * ["holds"]
-
-
-def test_a_spectrum_that_is_wrong_by_half_fails(limits, monkeypatch):
-    true = softmax.spectrum
-    monkeypatch.setattr(softmax, "spectrum", lambda *given: 1.5 * true(*given))
-    assert limits() == 3 * ["fails"]
-
-
-def test_a_descent_of_other_steps_fails(limits, monkeypatch):
-    true = Descent.__init__
-
-    def halved(self, gram, targets, classes, rate, **how):
-        true(self, gram, targets, classes, rate / 2, **how)
-
-    monkeypatch.setattr(Descent, "__init__", halved)
-    assert limits() == 3 * ["fails"]
 
 
 def test_distances_that_leave_out_a_word_fail(monkeypatch):

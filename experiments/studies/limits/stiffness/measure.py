@@ -1,135 +1,171 @@
-"""Training as a stiff problem: the largest stable learning rate, predicted and measured.
+"""Softmax regression as a stiff problem: how five methods fare as the condition number rises.
 
-Gradient descent is the explicit Euler method on the gradient flow, stable for rates below 2/λ_max
-of the Hessian. That limit is computed where training starts, and rates are swept across it: from
-zero weights, and from the optimum of the penalised loss, slightly perturbed, where the theory is
-local and sharp. For SGD the prediction takes the mean λ_max of the minibatches.
+The same frames become stiffer by a weaker penalty and by less contrast, which makes them nearly
+collinear. Each method runs until it arrives, fails, or has used its time.
 """
 
 from __future__ import annotations
 
-import itertools
-import math
+import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
-import torch
 
-from baselines.descent import Descent
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
-from experiments.studies.limits.stiffness import softmax
+from experiments.studies.limits.stiffness import methods
+from experiments.studies.limits.stiffness.newton import optimum
+from experiments.studies.limits.stiffness.problem import Array, Problem, condition
+from scenes.frames import Scene
 
-_ROUNDING = 1e-13  # of a loss in float64, relative
-_PERTURBATION = 1e-3  # relative, of every coefficient of the optimum
+_LATER = 1.25  # factor between the times of two points of a curve
 
 
-@experiment(revision=1)
+@experiment(revision=2, timed=True)
 def stiffness(
     run: Run,
     scene: Mapping[str, Any],
     split: Split,
     seed: int,
-    pixels: Sequence[str],
-    batch: int,
-    steps: int,
-    epochs: int,
-    exponents: Sequence[float],
-    penalty: float,
+    side: int,
+    problems: Sequence[Mapping[str, float]],
+    adam_rates: Sequence[float],
+    budget_s: float,
+    goal: float,
 ) -> Iterator[Row]:
-    """One row: descent of softmax regression at one learning rate.
+    """One row: a point of the curve of a method on a problem.
 
-    Columns: ``pixels``, ``method``, ``start``, ``lambda_max`` at the start, ``predicted`` limit,
-    ``rate`` and those of :func:`verdict`. Arguments: configs/experiment/stiffness.yaml.
+    Columns: ``problem``, counted from 0; its ``contrast``, ``strength`` and ``kappa``; ``method``;
+    ``evaluations`` of the gradient and ``fit_s`` until then; ``gradient``, its norm relative to the
+    first; ``error``, loss minus that of the optimum; and in the last row of a method ``ended``, why
+    it ended: ``arrived``, ``out of time``, or what failed. Arguments:
+    configs/experiment/stiffness.yaml.
     """
     made = run.scene(scene, seed)
     train, _ = choose(made, split, seed)
-    frames, labels = made.frames(train), made.labels[train]
-    for name in pixels:
-        run.note(f"pixels {name}")
-        gram, targets = softmax.kernel(name, frames, labels)
-        classes = int(targets.max()) + 1
-        at_start = softmax.start_spectrum(gram, classes)
-        strength = penalty * float(at_start.mean())
-        a, b = softmax.optimum(gram, targets, strength)
-        at_optimum = softmax.spectrum(gram, gram @ a + b, 1, strength)
-        random = np.random.default_rng(seed)
-        noise = torch.from_numpy(random.standard_normal(a.shape))
-        zero: dict[str, Any] = {"steps": steps, "each": 1}
-        best = zero | {
-            "coefficients": a[:, :, None],
-            "intercepts": b[:, None],
-            "decay": strength,
-        }
-        perturbed = a * (1 + _PERTURBATION * noise)
-        near = best | {"coefficients": perturbed[:, :, None]}
-        minibatches = {
-            "steps": epochs,
-            "each": -(-len(targets) // batch),
-            "batch": batch,
-        }
-        (floor,) = descend(gram, targets, 0.0, **best | {"steps": 0})
-        for method, start, lambda_max, how in (
-            ("GD", "zero", at_start[0], zero),
-            ("GD", "optimum", at_optimum[0], near),
-            (
-                "SGD",
-                "zero",
-                softmax.minibatch_lambda(gram, classes, batch, seed),
-                minibatches,
-            ),
-        ):
-            least = floor if start == "optimum" else 0.0
-            for k in sorted(exponents):
-                rate = 2 / float(lambda_max) * 2.0 ** (k / 2 + 0.25)
-                losses = descend(gram, targets, rate, seed=seed, **how)
-                yield {
-                    "origin": made.origin,
-                    "pixels": name,
-                    "method": method,
-                    "start": start,
-                    "lambda_max": float(lambda_max),
-                    "predicted": 2 / float(lambda_max),
-                    "rate": rate,
-                    **verdict([loss - least for loss in losses], least),
-                }
+    frames, onehot = pixels_of(made, train, side)
+    every = named_methods(adam_rates)
+    warm_up(Problem(frames / 255, onehot, 1.0), every)
+    for number, how in enumerate(problems):
+        x = of_contrast(frames, how["contrast"])
+        problem = Problem(x, onehot, how["strength"])
+        best = optimum(problem)
+        least, _ = problem.evaluate(best)
+        same = {"problem": number, **how, "origin": made.origin}
+        same["kappa"] = condition(problem, best.astype(np.float64))
+        for name, method in every.items():
+            run.note(f"κ = {same['kappa']:.1e}, {name}")
+            watch = Watch(problem, least, budget_s, goal)
+            for point in watch.follow(method):
+                yield same | {"method": name, **point}
 
 
-def descend(
-    gram: torch.Tensor,
-    targets: torch.Tensor,
-    rate: float,
-    *,
-    steps: int,
-    each: int,
-    **how: Any,
-) -> list[float]:
-    """Losses at the start and after every so many (`each`) of ``steps`` times as many steps."""
-    descent = Descent(gram, targets, int(targets.max()) + 1, rate, **how)
-    losses = []
-    for step in range(steps * each + 1):
-        if step:
-            descent.step()
-        if step % each == 0:
-            losses.append(descent.losses("decay" in how).item())
-    return losses
+def pixels_of(scene: Scene, train: Array, side: int) -> tuple[Array, Array]:
+    """Frames float64 [N, D] of side × side pixels, evenly spread, and their classes [N, L]."""
+    frames = scene.frames(train)
+    rows, columns = (
+        np.linspace(0, length - 1, side).astype(int) for length in frames.shape[1:]
+    )
+    spread = frames[:, rows][:, :, columns]
+    _, classes = np.unique(scene.labels[train], return_inverse=True)
+    return spread.flatten(1).double().numpy(), np.eye(classes.max() + 1)[classes]
 
 
-def verdict(losses: Sequence[float], floor: float = 0.0) -> Row:
-    """Whether the loss (less the floor) rises, exceeds the one at the start, and ends above it."""
-    slack = _ROUNDING * max(losses[0], floor)
-    highest = max(losses)
-    if any(map(math.isnan, losses)):
-        highest = math.inf
-    return {  # a loss that is not a number has not fallen
-        "loss_start": losses[0],
-        "loss_end": losses[-1],
-        "loss_max": highest,
-        "rises": any(
-            not after <= before + slack for before, after in itertools.pairwise(losses)
-        ),
-        "exceeds": highest > losses[0] + slack,
-        "ends_above": not losses[-1] <= losses[0],
+def of_contrast(frames: Array, contrast: float) -> Array:
+    """Frames [N, D] whose deviations from the mean grey are this part of what they were, scaled to
+    a mean square of their norms of one."""
+    grey = frames.mean()
+    flat = grey + contrast * (frames - grey)
+    return flat / np.sqrt((flat**2).sum(1).mean())
+
+
+def named_methods(adam_rates: Sequence[float]) -> dict[str, methods.Method]:
+    """The methods by their names; Adam once a rate."""
+    named: dict[str, methods.Method] = {
+        "gradient descent": methods.gradient_descent,
+        "momentum": methods.momentum,
     }
+    for rate in adam_rates:
+        named[f"Adam, rate {rate:g}"] = partial(methods.adam, rate=rate)
+    return named | {"L-BFGS": methods.l_bfgs, "Newton": methods.newton}
+
+
+def warm_up(problem: Problem, every: Mapping[str, methods.Method]) -> None:
+    """A moment of each method, since the first steps of a library load parts of it."""
+    for method in every.values():
+        Watch(problem, 0.0, budget_s=0.0, goal=0.0).follow(method)
+
+
+class Ended(Exception):
+    """Ends a method; its text is why."""
+
+
+@dataclass
+class Watch:
+    """What a method evaluates, and when: the clock stands still while a point is judged.
+
+    Args:
+        problem: what the method minimises.
+        least: F of the optimum, of more digits than float64.
+        budget_s: time that a method has.
+        goal: norm of the gradient, relative to the first, at which it has arrived.
+    """
+
+    problem: Problem
+    least: float
+    budget_s: float
+    goal: float
+    points: list[Row] = field(default_factory=list)
+
+    def follow(self, method: methods.Method) -> list[Row]:
+        """The points of the curve of a method."""
+        self.points, self._evaluations, self._judging = [], 0, 0.0
+        self._first, self._due = 0.0, 0.0
+        self._begin = time.perf_counter()
+        try:
+            method(self.problem, self._evaluate)
+            ended = "failed: no step lowers the loss"
+        except Ended as end:
+            ended = str(end)
+        except np.linalg.LinAlgError:
+            ended = "failed: Hessian not positive definite"
+        self._judge()
+        self.points[-1]["ended"] = ended
+        return self.points
+
+    def _evaluate(self, weights: Array) -> tuple[float, Array]:
+        loss, gradient = self.problem.evaluate(weights)
+        self._evaluations += 1
+        norm = float(np.linalg.norm(gradient))
+        self._first = self._first or norm
+        self._share, self._weights = norm / self._first, weights
+        self._seconds = time.perf_counter() - self._begin - self._judging
+        if not np.isfinite(norm):
+            raise Ended("failed: not a number")
+        if self._share <= self.goal:
+            raise Ended("arrived")
+        if self._seconds >= self.budget_s:
+            raise Ended("out of time")
+        if self._seconds >= self._due:
+            self._due = _LATER * self._seconds
+            self._judge()
+        return loss, gradient
+
+    def _judge(self) -> None:
+        """A point of the curve at the last evaluation."""
+        begin = time.perf_counter()
+        loss, _ = self.problem.evaluate(self._weights.astype(np.longdouble))
+        self.points.append(
+            {
+                "evaluations": self._evaluations,
+                "fit_s": self._seconds,
+                "gradient": self._share,
+                "error": float(loss - self.least),
+                "ended": "",
+            }
+        )
+        self._judging += time.perf_counter() - begin

@@ -1,0 +1,82 @@
+"""Newton's method on a stiff problem, in the precision of its start."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import suppress
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from experiments.studies.limits.stiffness.problem import (
+    Array,
+    Evaluate,
+    Problem,
+    contrasts,
+    curvature,
+)
+
+_STEPS = 200  # it needs some ten
+_LENGTHS = 2.0 ** -np.arange(30)  # of a step, tried in this order
+_DECREASE = 1e-4  # of what the slope promises (Armijo)
+
+
+def newton(problem: Problem, start: Array, evaluate: Evaluate) -> Iterator[Array]:
+    """The iterates [L, D], until no step lowers the loss; loss and gradient by ``evaluate``.
+
+    Steps are of the contrasts between classes: all others change nothing but the penalty.
+
+    Raises:
+        numpy.linalg.LinAlgError: where rounding makes the Hessian indefinite.
+    """
+    weights = start
+    basis = contrasts(len(start)).astype(start.dtype)
+    loss, gradient = evaluate(weights)
+    yield weights
+    for _ in range(_STEPS):
+        hessian = curvature(problem.x, basis, weights)
+        hessian.flat[:: len(hessian) + 1] += problem.strength
+        slope = basis.T @ gradient
+        step = basis @ -solve(hessian, slope.ravel()).reshape(slope.shape)
+        promise = (gradient * step).sum()
+        for length in _LENGTHS:
+            trial = weights + length * step
+            trial_loss, trial_gradient = evaluate(trial)
+            if trial_loss < loss + _DECREASE * length * promise:
+                break
+        else:
+            return
+        weights, loss, gradient = trial, trial_loss, trial_gradient
+        yield weights
+
+
+def optimum(problem: Problem) -> Array:
+    """The minimiser, ``numpy.longdouble`` [L, D]: Newton's method in that precision from where it
+    ends in float64."""
+    near = problem.start
+    # Where float64 fails, the higher precision goes on from there.
+    with suppress(np.linalg.LinAlgError):
+        for weights in newton(problem, problem.start, problem.evaluate):
+            near = weights
+    *_, best = newton(problem, near.astype(np.longdouble), problem.evaluate)
+    return best
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """Solution [M] of a positive definite system [M, M], by Cholesky in the matrix's precision."""
+    if matrix.dtype == np.float64:
+        return cho_solve(cho_factor(matrix, lower=True), right)
+    # LAPACK has no such numbers: column by column, the right side as one more row.
+    rows = np.vstack([matrix, right])
+    m = len(matrix)
+    for k in range(m):
+        if not rows[k, k] > 0:
+            raise np.linalg.LinAlgError("expected a positive definite matrix")
+        rows[k:, k] /= np.sqrt(rows[k, k])
+        below = rows[k + 1 :, k]
+        rows[k + 1 :, k + 1 :] -= np.outer(below, below[: m - k - 1])
+    solution = rows[m].copy()
+    for k in reversed(range(m)):
+        solution[k] -= rows[k + 1 : m, k] @ solution[k + 1 :]
+        solution[k] /= rows[k, k]
+    return solution
