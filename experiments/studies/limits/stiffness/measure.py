@@ -137,7 +137,7 @@ class Watch:
         self.points[-1]["ended"] = ended
         return self.points
 
-    def _evaluate(self, weights: Array) -> tuple[float, Array]:
+    def _evaluate(self, weights: Array) -> tuple[Any, Array]:
         loss, gradient = self.problem.evaluate(weights)
         self._evaluations += 1
         norm = float(np.linalg.norm(gradient))

@@ -47,7 +47,7 @@ def adam(problem: Problem, evaluate: Evaluate, rate: float) -> None:
 def l_bfgs(problem: Problem, evaluate: Evaluate) -> None:
     """SciPy's L-BFGS, without limits of its own."""
 
-    def flat(weights: Array) -> tuple[float, Array]:
+    def flat(weights: Array) -> tuple[Any, Array]:
         loss, gradient = evaluate(weights.reshape(problem.start.shape))
         return loss, gradient.ravel()
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from scipy.linalg import eigvalsh, null_space
 from scipy.special import log_softmax
 
 Array = NDArray[np.floating]
-Evaluate = Callable[[Array], tuple[float, Array]]
+Evaluate = Callable[[Array], tuple[Any, Array]]  # the loss keeps the precision
 
 _RANK = 1e-12  # singular values of the frames, relative: below, they are rounding
 
@@ -41,7 +42,7 @@ class Problem:
     def evaluate(
         self,
         weights: Array,
-    ) -> tuple[float, Array]:
+    ) -> tuple[Any, Array]:
         """F and its gradient [L, D] at weights [L, D], in the precision of the weights."""
         x = self.x.astype(weights.dtype, copy=False)
         log_p = log_softmax(x @ weights.T, axis=1)
@@ -53,7 +54,7 @@ class Problem:
     @property
     def bound(self) -> float:
         """Largest eigenvalue that the Hessian has anywhere: ½·σ²/N + λ (Böhning, 1992)."""
-        largest = np.linalg.norm(self.x, 2)
+        largest = float(np.linalg.norm(self.x, 2))
         return 0.5 * largest**2 / len(self.x) + self.strength
 
     @property
