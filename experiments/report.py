@@ -172,9 +172,10 @@ def write(
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     parts = list(_parts(sets, folder))
     write_atomically(path, page.render(parts, differing, problems))
-    table1 = next(filter(None, (answers.table("table1") for answers in sets)), None)
+    every = [t for t in (answers.table("table1") for answers in sets) if t is not None]
+    table1 = every[0] if every else None
     if table1 is not None:
-        show_table1(console, table1)
+        show_table1(console, *every)
     if brief:
         told = [str(cell) for cell in differing if cell.table is table1]
         _say(console, told, "yellow")

@@ -1,40 +1,85 @@
 """Table I with one seed, in minutes: ``python -m experiments.table1``, which ``make table1`` calls.
 
-The runs are those of ``python -m experiments.run experiment=table1``; what is finished is found
-finished. Then the table, by the code of ``python -m experiments.report``.
+Each run is that of ``python -m experiments.run experiment=table1 model=NAME``; what is finished is
+found finished. Its row is shown when it ends, and at last the whole table, by the code of ``python
+-m experiments.report``; a row that this command does not measure is that of the reference.
 """
 
 from __future__ import annotations
 
-import signal
+import math
 import sys
 
+from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments import report, run
+from experiments.protocol.sweep import span
+from experiments.records.configs import CONFIGS
 from experiments.records.files import results_dir
+from experiments.records.results import RUNS, Results
+from experiments.reporting.columns import display_name
+from experiments.reporting.terminal import show_row
+from experiments.studies.table1.view import STUDY
 
-MINUTES = 4  # from nothing on two quiet cores
+SIGNALLED = 128  # and the number of the signal: the status of a process that one ended
 
 
 def main() -> int:
     """Carry out the runs and show their table; the exit status of the runs."""
     console = Console(width=report.WIDTH, highlight=False)
-    console.print(f"Table I: about {MINUTES} min on two quiet cores")
-    sys.argv[1:] = ["experiment=table1"]
-    status: int | str | None = 0
     try:
-        run.entry_point()
-    except SystemExit as end:
-        status = end.code
-    if status == 128 + signal.SIGINT:
-        return int(status)
-    try:
-        report.write(results_dir(), console, brief=True)
+        status = _carry_out(console)
+        if status < SIGNALLED:
+            report.write(results_dir(), console, brief=True)
     except (OSError, ValueError) as error:  # a full disk, a damaged file
         console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
         return 1
-    return int(status or 0)
+    return status
+
+
+def seconds() -> dict[str, int]:
+    """About how long each model takes from nothing on two quiet cores, in the order of training."""
+    return dict(OmegaConf.load(CONFIGS / "table1.yaml").seconds)
+
+
+def promise() -> str:
+    """The time that the whole takes."""
+    return f"about {math.ceil(sum(seconds().values()) / 60)} min on two quiet cores"
+
+
+def _carry_out(console: Console) -> int:
+    """Train the models one after another; the largest exit status, or that of a signal."""
+    console.print(f"Table I: {promise()}")
+    left, worst = seconds(), 0
+    for place, model in enumerate(seconds()):
+        text = f"{display_name(model)}; about {span(sum(left.values()))} left"
+        console.print(text, soft_wrap=True)
+        status = _run(model)
+        if status > SIGNALLED:
+            return status
+        worst = max(worst, status)
+        _show(console, model, heads=place == 0)
+        del left[model]
+    return worst
+
+
+def _run(model: str) -> int:
+    """Train a model, or find it trained; its exit status."""
+    sys.argv[1:] = ["experiment=table1", f"model={model}"]
+    try:
+        run.entry_point()
+    except SystemExit as end:
+        return int(end.code or 0)
+    return 0
+
+
+def _show(console: Console, model: str, heads: bool) -> None:
+    """The row of a model that has just been trained."""
+    (table_of,) = (table for table in STUDY.tables if table.name == "table1")
+    lines = Results(results_dir()).frame(RUNS)
+    for table in table_of.tables(lines) if len(lines) else ():
+        show_row(console, table, model, heads)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,16 @@
-"""``make table1``: one line of progress, one table, once, and what lies outside the reference."""
+"""``make table1``: a row as each model finishes, one table, and what lies outside the reference."""
 
 import io
+import itertools
 import re
+from types import SimpleNamespace
 
 import pytest
 from rich.console import Console
 
 from experiments import report, table1
+from experiments.records import configs
+from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.reporting import terminal
 from experiments.studies.table1.view import STUDY
@@ -30,13 +34,13 @@ def a_first_look(write_run):
 
 @pytest.fixture
 def first_look(tmp_path, write_run):
-    """The table of a first look, whose three layers were not trained on."""
+    """The table of a first look, whose three layers ran out of time."""
     a_first_look(write_run)
-    path = tmp_path / "records.jsonl"
-    lines = path.read_text().splitlines()
-    lines[-1] = lines[-1].replace('"stop":"trained"', '"stop":"reached"')
-    path.write_text("\n".join(lines) + "\n")
-    return next(t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1")
+    return the_table(tmp_path)
+
+
+def the_table(folder):
+    return next(t for t in STUDY.tables_of(Results(folder)) if t.name == "table1")
 
 
 def shown(show):
@@ -45,18 +49,52 @@ def shown(show):
     return console.file.getvalue().splitlines()
 
 
+def squeezed(lines):
+    """The text of a table but for its spaces: cells may be in several lines."""
+    return "".join("".join(lines).split())
+
+
 def test_the_table_on_the_terminal_has_the_cells_of_its_file(first_look):
-    title, models, *lines = shown(
-        lambda console: terminal.show_table1(console, first_look)
-    )
+    title, *lines = shown(lambda console: terminal.show_table1(console, first_look))
     assert title == first_look.title
-    names, *others = zip(*first_look.cells(), strict=True)
-    assert re.split(r"  +", models.strip()) == ["Model", *names]
-    words = " ".join(" ".join(lines).split())
-    for head in first_look.heads[1:]:
-        assert set(head.split()) <= set(words.split())
-    values = [cell.split(" [")[0] for cells in others for cell in cells]
-    assert not [value for value in values if value not in words]
+    assert max(map(len, lines)) <= 100
+    words = set(" ".join(lines).split())
+    for head in first_look.heads:
+        assert set(head.split()) <= words
+    for cells in first_look.cells():
+        assert set(" ".join(cells).split()) <= words
+    assert squeezed([first_look.note]) in squeezed(lines)
+
+
+def test_rows_that_were_not_measured_are_those_of_the_reference_and_say_so(
+    first_look, tmp_path, write_run
+):
+    write_run("softmax_descent", curve=epochs((150.0, 0.95, 0.74)), stop="end")
+    write_run("softmax_dual", curve=[{"training_s": 0.07}])
+    reference = the_table(tmp_path)
+    lines = shown(lambda c: terminal.show_table1(c, first_look, reference))
+    text = " ".join(" ".join(lines).split())
+    assert text.count("reference)") + text.count("(reference") >= 2
+    (at,) = (
+        k for k, line in enumerate(lines) if line.startswith("Softmax, full-batch")
+    )
+    assert "4300" in lines[at]
+    assert "normal start" in lines[at + 1]
+    assert "(reference)" in " ".join(lines[at + 1 : at + 3])
+    assert "not measured yet" not in text
+    alone = shown(lambda console: terminal.show_table1(console, first_look))
+    assert "(reference)" not in " ".join(alone)
+    assert "not measured" in " ".join(alone)
+
+
+def test_a_row_follows_the_ones_before_in_the_same_columns(first_look):
+    first = shown(lambda c: terminal.show_row(c, first_look, "hdc", heads=True))
+    next_one = shown(lambda c: terminal.show_row(c, first_look, "cnn1", heads=False))
+    assert [line for line in first if line.startswith("Model")]
+    assert not [line for line in next_one if line.startswith("Model")]
+    (hdc,) = (line for line in first if line.startswith("HDC"))
+    (cnn1,) = (line for line in next_one if line.startswith("CNN, 1 layer"))
+    assert hdc.index("0.035") + len("0.035") == cnn1.index("8.9") + len("8.9")
 
 
 def test_the_last_line_says_what_one_seed_is_worth(first_look, tmp_path, write_run):
@@ -88,39 +126,77 @@ def test_a_brief_report_shows_the_table_once_and_no_reference(
     ]
 
 
-@pytest.mark.parametrize("status", [0, 1, 75])
-def test_the_command_carries_out_the_experiment_and_then_shows_its_table(
-    results, monkeypatch, status
-):
-    """Whether the runs went well or not: the table says what is missing."""
-    called, reported = [], []
+@pytest.fixture
+def called(tmp_path, monkeypatch, write_run):
+    """The command lines of runs that leave their record, by a stand-in for the runner."""
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    calls = []
 
     def carry_out():
-        called.append(table1.sys.argv[1:])
-        table1.sys.exit(status)
+        model = table1.sys.argv[2].removeprefix("model=")
+        calls.append(table1.sys.argv[1:])
+        write_run(model, curve=[{"training_s": 0.035}])
+        table1.sys.exit(called.status.get(model, 0))
 
+    called = SimpleNamespace(words=calls, status={})
     monkeypatch.setattr(table1.run, "entry_point", carry_out)
+    monkeypatch.setattr(table1.sys, "argv", ["table1"])
+    return called
+
+
+def test_each_row_is_shown_before_the_next_model_is_trained(
+    called, monkeypatch, capsys
+):
+    reported = []
     monkeypatch.setattr(report, "write", lambda *_, **more: reported.append(more))
-    monkeypatch.setattr(table1.sys, "argv", ["table1"])
-    assert table1.main() == status
-    assert called == [["experiment=table1"]]
+    assert table1.main() == 0
+    models = ["hdc", "softmax", "cnn1", "cnn3"]
+    assert called.words == [["experiment=table1", f"model={name}"] for name in models]
     assert reported == [{"brief": True}]
+    lines = capsys.readouterr().out.splitlines()
+    assert lines[0] == "Table I: about 4 min on two quiet cores"
+    left = [line for line in lines if line.endswith(" left")]
+    assert left == [
+        "HDC; about 4 min left",
+        "Softmax; about 4 min left",
+        "CNN, 1 layer; about 4 min left",
+        "CNN, 3 layers; about 3 min left",
+    ]
+    for before, after in itertools.pairwise(left):
+        name = before.partition(";")[0]
+        between = lines[lines.index(before) + 1 : lines.index(after)]
+        assert [line for line in between if line.startswith(name)]
 
 
-def test_an_interrupted_command_shows_no_table(results, monkeypatch):
-    monkeypatch.setattr(table1.run, "entry_point", lambda: table1.sys.exit(130))
+@pytest.mark.parametrize("status", [1, 75])
+def test_a_run_that_fails_costs_its_own_row_only(called, monkeypatch, status):
+    monkeypatch.setattr(report, "write", lambda *_, **__: None)
+    called.status["softmax"] = status
+    assert table1.main() == status
+    assert len(called.words) == 4
+
+
+@pytest.mark.parametrize("status", [130, 143])
+def test_an_interrupted_command_shows_no_table(called, monkeypatch, status):
     monkeypatch.setattr(report, "write", lambda *_, **__: pytest.fail("shown"))
-    monkeypatch.setattr(table1.sys, "argv", ["table1"])
-    assert table1.main() == 130
+    called.status["hdc"] = status
+    assert table1.main() == status
+    assert len(called.words) == 1
 
 
-def test_a_table_that_cannot_be_written_is_one_line(results, monkeypatch, capsys):
+def test_the_time_that_is_promised_holds_the_budgets_and_stands_in_the_readme():
+    seconds = table1.seconds()
+    budget = configs.part("stop", "quick")["stop"]["budget_s"]
+    assert sum(seconds.values()) <= 240
+    assert budget < max(seconds.values())
+    assert table1.promise() in (ROOT / "README.md").read_text("utf-8")
+
+
+def test_a_table_that_cannot_be_written_is_one_line(called, monkeypatch, capsys):
     def full(*_, **__):
         raise OSError(28, "No space left on device", "report.html")
 
-    monkeypatch.setattr(table1.run, "entry_point", lambda: table1.sys.exit(0))
     monkeypatch.setattr(report, "write", full)
-    monkeypatch.setattr(table1.sys, "argv", ["table1"])
     assert table1.main() == 1
     assert capsys.readouterr().out.splitlines()[-1] == (
         "error: [Errno 28] No space left on device: 'report.html'"

@@ -52,6 +52,7 @@ def equal_accuracy(lines: pd.DataFrame) -> pd.DataFrame | None:
     hdc = runs.group(models.scene(), "hdc")
     names = [
         *configs.sweep("table1")["model"],
+        *configs.sweep("table1_descent")["model"],
         *configs.sweep("table1_extended")["model"],
         *runs.extra_models(models.scene()),
     ]

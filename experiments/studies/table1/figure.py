@@ -60,7 +60,8 @@ def _tested(run: Run) -> list[tuple[float, float]]:
 
 def _curves_of(runs: Groups) -> list[Group]:
     """The groups of Table I that have runs, HDC first: the paper's models, fast ones, one's own."""
-    every = [*configs.models("paper", "fast"), *runs.extra_models(models.scene())]
+    known = configs.models("paper", "fast")
+    every = [*known, models.DESCENT, *runs.extra_models(models.scene())]
     groups = [runs.group(models.scene(), model) for model in every]
     return [group for group in groups if group.runs]
 

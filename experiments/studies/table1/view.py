@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -12,9 +12,8 @@ from experiments.records.groups import Group, Groups
 from experiments.records.results import RUNS
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
-from experiments.reporting.columns import Column, scene_name
+from experiments.reporting.columns import Column
 from experiments.reporting.estimates import ONE_SENSOR, median_range
-from experiments.reporting.measured import ENDS
 from experiments.reporting.rows import row
 from experiments.reporting.study import (
     RUN,
@@ -24,163 +23,15 @@ from experiments.reporting.study import (
     Study,
     TableOf,
 )
-from experiments.reporting.table import frame, records
-from experiments.reporting.text import counted, number, percent
-from experiments.studies.table1 import equal, figure, models
-from experiments.studies.table1.models import LINES, PAPER
+from experiments.reporting.table import records
+from experiments.reporting.text import counted
+from experiments.studies.table1 import columns, equal, figure, models
+from experiments.studies.table1.models import PAPER
+from experiments.studies.table1.rows import ratios_of_seeds, table1, table1_few
 from experiments.studies.table1.times import grid
 from experiments.studies.table1.times import view as times_view
 
-# Training samples on a scene, five of each class: no model is near 100 %.
-FEW = {"touch": 25, "finger": 35}
-# The rules that end a training before its loss has converged.
-NOT_FINISHED = ("budget", "steps", "diverged")
-
-
-def _trained(cells: Mapping[str, Any]) -> str:
-    """Test accuracy after full training, or why there is none."""
-    if not cells["seeds"]:
-        return str(cells["status"])
-    if cells["stop"] == "reached":
-        return "not continued"
-    low, high = cells["test_accuracy_final_low"], cells["test_accuracy_final_high"]
-    text = f"{percent(cells['test_accuracy_final'])} [{percent(low)}, {percent(high)}]"
-    if any(reason in str(cells["stop"]) for reason in NOT_FINISHED):
-        return f"not finished: {text}"
-    return text
-
-
-def _afterwards(name: str) -> Column:
-    """A column of what a full training took; nothing of one that was not continued."""
-    head = {"total_time_s": "at, s", "total_time_over_hdc": "× HDC"}[name]
-
-    def cell(cells: Mapping[str, Any]) -> str:
-        if not cells["seeds"] or cells["stop"] == "reached":
-            return "–"
-        return number(cells[name])
-
-    return Column(f"Afterwards: {head}", cell=cell)
-
-
-COLUMNS = {
-    "training_time_s": Column(
-        "Until 90 % in training: time, s",
-        note="Until 90 % in training: iterative models are timed until their training accuracy "
-        "exceeds 90 %, as in the paper; one-pass models until fitted.",
-    ),
-    "training_time_over_hdc": Column(
-        "× HDC [interval]",
-        note="Time and × HDC are medians over turns in one process, HDC before and after each "
-        "training, where the grid of times was measured; else over seeds. Brackets: two of the "
-        "ratios measured; how surely the median lies between them is in the column coverage of the "
-        "table's CSV. Afterwards × HDC is the quotient of the times shown.",
-    ),
-    "trained": Column(
-        "Afterwards: test, % [95 % interval]",
-        cell=_trained,
-        note="Intervals of accuracies: Student over seeds, never narrower than the test set "
-        "allows; Wilson for one seed.",
-    ),
-    "total_time_s": _afterwards("total_time_s"),
-    "total_time_over_hdc": _afterwards("total_time_over_hdc"),
-    "published_training_time_over_hdc": Column("Paper: × HDC"),
-    "published_test_accuracy": Column("Paper: test, %", percent),
-}
-SHOWN = (
-    *("model", "training_time_s", "training_time_over_hdc", "test_accuracy_at_target"),
-    *("trained", "total_time_s", "total_time_over_hdc"),
-)
-OF_PAPER = ("published_training_time_over_hdc", "published_test_accuracy")
 KEY = ("scene", "model", "n_train", "pixels")
-
-
-def rows_of_table(
-    of: pd.DataFrame,
-    place: str,
-    n_train: int | None = None,
-    paper: bool = True,
-) -> pd.DataFrame | None:
-    """A row for each model of Table I on a scene; None where none was run."""
-    runs = Groups.of(of)
-    names = [*LINES]
-    if n_train is None:
-        names += runs.extra_models(place)
-    groups = [runs.group(place, name, n_train) for name in names]
-    hdc = groups[0]
-    times = grid.default_times(of, hdc)
-    lines = [
-        row(group, hdc, paper=paper) | _times_of(group, hdc, times) for group in groups
-    ]
-    measured = [line for line in lines if line["seeds"]]
-    if not measured:
-        return None
-    hdc_s = lines[0].get("training_time_s")
-    if hdc_s:
-        for line in measured:
-            line["total_time_over_hdc"] = line["total_time_s"] / hdc_s
-    shown = [line for line in lines if line["seeds"] or line["model"] in PAPER]
-    return frame(shown)
-
-
-def _columns(data: pd.DataFrame) -> dict[str, Column]:
-    return {**COLUMNS, "test_accuracy_at_target": _reached(records(data))}
-
-
-def _reached(lines: Sequence[Mapping[str, Any]]) -> Column:
-    """The column of test accuracies when training passes 90 %, whose head says what was passed."""
-    shares = [line.get("train_accuracy_at_target") for line in lines]
-    found = [percent(share) for share in sorted(filter(None, shares))]
-    head = "Test, %, there"
-    if found:
-        ends = " to ".join(dict.fromkeys((found[0], found[-1])))
-        head += f" (training accuracy {ends} %)"
-    return Column(head, percent)
-
-
-def _times_of(
-    group: Group,
-    hdc: Group,
-    times: Mapping[str, Mapping[str, Any]],
-) -> dict[str, Any]:
-    """Time and ratio to HDC of a row: in turns where they were measured so, else over seeds."""
-    if not group.runs:
-        return {}
-    if group.model == "hdc":
-        seconds = times["hdc"]["seconds"] if "hdc" in times else None
-        return {"training_time_s": seconds} if seconds else {}
-    if group.model in times:
-        line = times[group.model]
-        found = {"training_time_s": line["seconds"], "turns": line["turns"]}
-        for end in ENDS:
-            found[f"training_time_over_hdc{end}"] = line[f"ratio{end}"]
-        return {**found, "coverage": line["coverage"]}
-    ratios = _ratios_of_seeds(group, hdc)
-    if not ratios:
-        return {}
-    ratio, coverage = median_range(ratios)
-    return {
-        "training_time_over_hdc": ratio.value if np.isfinite(ratio.value) else None,
-        "training_time_over_hdc_low": ratio.low,
-        "training_time_over_hdc_high": ratio.high,
-        "coverage": coverage,
-    }
-
-
-def _ratios_of_seeds(group: Group, hdc: Group) -> list[float]:
-    """Training times over HDC's of the same seed; none where they are of several machines."""
-    if group.machines != hdc.machines or len(group.machines) != 1:
-        return []
-    beside = {run.seeds: estimates.training_time(run) for run in hdc.runs}
-    return [
-        estimates.training_time(run) / beside[run.seeds]
-        for run in group.runs
-        if run.seeds in beside
-    ]
-
-
-def table1(lines: pd.DataFrame) -> pd.DataFrame | None:
-    """Table I, and below it the same softmax regression solved directly and one's own models."""
-    return rows_of_table(lines, models.scene())
 
 
 def _title(lines: pd.DataFrame) -> str:
@@ -188,21 +39,6 @@ def _title(lines: pd.DataFrame) -> str:
     data = table1(lines)
     rows = [] if data is None else records(data)
     return rows_of.caption(rows, "Table I, published and measured")
-
-
-def table1_few(lines: pd.DataFrame) -> pd.DataFrame | None:
-    """The same rows from few samples, on two scenes; only models that were run, and only where the
-    published rival was."""
-    runs, parts = Groups.of(lines), []
-    for place, n_train in FEW.items():
-        data = rows_of_table(lines, place, n_train, paper=False)
-        if data is not None and runs.group(place, "softmax", n_train).runs:
-            parts.append(data[data.seeds > 0])
-    return pd.concat(parts, ignore_index=True) if parts else None
-
-
-def _columns_of_few(data: pd.DataFrame) -> dict[str, Column]:
-    return {**_columns(data), "scene": Column("Scene", scene_name)}
 
 
 def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
@@ -274,7 +110,7 @@ def _ratios(lines: pd.DataFrame, group: Group) -> Iterator[Quantity]:
     measured = grid.beside(lines, group)
     if not len(measured):
         hdc = Groups.of(lines).group(group.scene, "hdc")
-        ratios = _ratios_of_seeds(group, hdc)
+        ratios = ratios_of_seeds(group, hdc)
         finite = bool(ratios) and bool(np.isfinite(ratios).all())
         values = median_range(ratios)[0] if finite else (None, None, None)
         how, way = "median over seeds", grid.WAYS[grid.DEFAULT]
@@ -326,21 +162,22 @@ STUDY = Study(
         TableOf(
             "table1",
             table1,
-            of=OF,
+            of=RUNS,
             title=_title,
+            note=columns.note,
             key=KEY,
-            shown=(*SHOWN, *OF_PAPER, "seeds"),
-            columns=_columns,
-            commands=[f"{RUN}table1"],
+            shown=columns.SHOWN,
+            columns=columns.COLUMNS,
+            commands=[f"{RUN}table1", f"{RUN}table1_descent"],
         ),
         TableOf(
             "table1_few",
             table1_few,
-            of=OF,
+            of=RUNS,
             title="Table I where no model is near 100 %: five training samples of each class",
             key=KEY,
-            shown=("scene", *SHOWN, "over_hdc", "seeds"),
-            columns=_columns_of_few,
+            shown=columns.SHOWN_OF_FEW,
+            columns=columns.OF_FEW,
             commands=[f"{RUN}table1_few"],
         ),
         TableOf(
