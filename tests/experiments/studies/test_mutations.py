@@ -13,8 +13,9 @@ from experiments.studies.footprint import measure as footprint
 from experiments.studies.limits.numerics import measure as numerics
 from experiments.studies.limits.stability.measure import CASES
 from hdc import bits
-from hdc.encoders import Median
+from hdc.encoders import Levels, Median, ranks
 from hdc.prototypes import Counters
+from hdc.readouts import lda
 from scenes.sensor.camera import MountedCamera
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -158,3 +159,29 @@ def test_counters_that_forget_a_frame_fail(monkeypatch):
         Counters, "add", lambda self, words, rows: true(self, words[1:], rows[1:])
     )
     assert {"counters above 2 to the 16", "unequal classes"} <= failing("hypervectors")
+
+
+def test_one_more_bit_where_pixels_are_odd_in_number_fails(monkeypatch):
+    true = ranks.count_ones
+    monkeypatch.setattr(
+        ranks, "count_ones", lambda q, n: [ones + n % 2 for ones in true(q, n)]
+    )
+    assert "median of 65 pixels" in failing("encoders")
+
+
+def test_one_level_fewer_fails(monkeypatch):
+    true = Levels.quantiles
+    fewer = property(lambda levels: true.fget(levels)[:-1])
+    monkeypatch.setattr(Levels, "quantiles", fewer)
+    assert "levels of 65 pixels" in failing("encoders")
+
+
+@pytest.mark.parametrize("share", [0.0, 1.0])
+def test_lda_with_another_shrinkage_fails(monkeypatch, share):
+    """None at all; and all of it, as where the spread of the covariance is negated."""
+    monkeypatch.setattr(lda, "closed_form", lambda *given: share)
+    assert failing("read-outs") == {"lda of a singular scatter"}
+
+
+def test_encoders_and_read_outs_hold():
+    assert failing("encoders") == failing("read-outs") == set()

@@ -9,12 +9,13 @@ from experiments.studies.limits.stability.case import CASES
 from experiments.studies.limits.stability.cases import (  # noqa: F401  (their cases register themselves)
     correlations,
     hypervectors,
+    parts,
     sensor,
     training,
 )
 
 
-@experiment(revision=1)
+@experiment(revision=2)
 def stability(run: Run) -> Iterator[Row]:
     """One row: a case, with the errors of both computations."""
     for case in CASES:
