@@ -28,7 +28,7 @@ def to_int8(tensor: Tensor) -> tuple[Tensor, Tensor]:
 
 @dataclass(kw_only=True, eq=False)
 class RoundedSoftmaxRegression(DualSoftmaxRegression):
-    """Softmax regression at its optimum, with weights of eight bits.
+    """Converged softmax regression, with weights of eight bits.
 
     Arguments are those of :class:`baselines.softmax_dual.DualSoftmaxRegression`.
 

@@ -1,4 +1,4 @@
-"""Softmax regression at its optimum, with the penalty that cross-validation chooses.
+"""Converged softmax regression, with the penalty that cross-validation chooses.
 
 The folds are those by which HDC's form is chosen (:mod:`hdc.selection`), on the same training
 frames, by group where the frames have groups.

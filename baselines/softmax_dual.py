@@ -26,7 +26,7 @@ from baselines.linear import PenalisedClassifier
 
 @dataclass(kw_only=True, eq=False)
 class DualSoftmaxRegression(PenalisedClassifier):
-    """Softmax regression at its optimum.
+    """Converged softmax regression.
 
     Args:
         C: inverse strength of the penalty, as in scikit-learn.

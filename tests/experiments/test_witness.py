@@ -43,7 +43,10 @@ def as_it_became(name, old):
     old = old.drop(columns=left).drop(columns=of_models, errors="ignore")
     if "record" in old:
         old = old.assign(record=old.record.map(as_records_became))
-    return old.rename(columns=kept).replace(MAP["terms"])
+    old = old.rename(columns=kept).replace(MAP["terms"])
+    for before, now in MAP["words"].items():
+        old = old.map(lambda cell, words=(before, now): cell.replace(*words))
+    return old
 
 
 def as_records_became(names):

@@ -41,7 +41,7 @@ class Sizes(Protocol):
 
 
 class Compared(NamedTuple):
-    """HDC less a rival on one recording.
+    """HDC minus a rival on one recording.
 
     Attributes:
         by_unit: a difference for each seed or draw, mean over the sizes.
@@ -114,7 +114,7 @@ def _piece(
         scene,
         recording.laboratory if recording else str(shown["family"]),
         recording.frames if recording else str(shown["kind"]),
-        f"{display_name(form)} less {_rival_name(rival)}",
+        f"{display_name(form)} minus {_rival_name(rival)}",
         value,
         variance,
         status=recording.status if recording else "exploratory",
@@ -154,7 +154,7 @@ def is_split(rows: pd.DataFrame, recording: Recording) -> bool:
 def compare(
     rows: pd.DataFrame, form: str, rival: str, claim: Claim, frozen: Sizes
 ) -> Compared | None:
-    """HDC less its rival by the split that counts, at the sizes of a claim; None where one of the
+    """HDC minus its rival by the split that counts, at the sizes of a claim; None where one of the
     two was not measured, where the sizes cannot be filled, and where both are saturated."""
     models = [form] if rival == PUBLISHED else [form, rival]
     if not set(models) <= set(rows.model):
@@ -202,7 +202,7 @@ def _largest_open(
 
 
 def _less(units: pd.DataFrame, models: Sequence[str], n: int) -> np.ndarray:
-    """HDC less its rival, or less the paper's accuracy, a number a unit."""
+    """HDC minus its rival, or minus the paper's accuracy, a number a unit."""
     of_hdc = units[models[0], n].to_numpy(float)
     if len(models) == 1:
         return of_hdc - _of_the_paper()
@@ -217,7 +217,7 @@ def _of_the_paper() -> float:
 def _simulated(
     name: str, claim: Claim, frozen: Rules, rival: str, runs: Groups
 ) -> Iterator[Piece]:
-    """HDC less its rival on simulated scenes, on the same test samples; they enter nothing."""
+    """HDC minus its rival on simulated scenes, on the same test samples; they enter nothing."""
     form = frozen.forms[claim.form]
     scenes = {group.scene for group in runs}
     for scene in sorted(scenes, key=_place):
@@ -238,7 +238,7 @@ def _simulated(
             scene,
             str(shown["family"]),
             SIMULATED,
-            f"{display_name(form)} less {display_name(rival)}",
+            f"{display_name(form)} minus {display_name(rival)}",
             value,
             least_variance(value.value, n_test),
             n=f"{len(groups[0].runs)} seeds",

@@ -1,4 +1,4 @@
-"""The answer in one picture: HDC as published and mended against its rival, a row a recording."""
+"""The answer in one picture: HDC as published and extended against its baseline, a row a recording."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ LOOKS: dict[str, dict[str, Any]] = {
     "hdc": {"color": "#D55E00", "marker": "o", "mfc": "white"},
     "hdc_levels_lda": {"color": "#0072B2", "marker": "D"},
 }
-NAMES = {"hdc": "HDC, published", "hdc_levels_lda": "HDC, mended (levels, lda)"}
+NAMES = {"hdc": "HDC, published", "hdc_levels_lda": "HDC, extended (levels, LDA)"}
 
 
 class Dot(NamedTuple):
@@ -208,7 +208,7 @@ FIGURES = [
         "forest",
         forest,
         of=("recordings", RUNS),
-        caption=f"Accuracy of HDC less that of {display_name(RIVAL).lower()} on test frames, in "
+        caption=f"Accuracy of HDC minus that of {display_name(RIVAL).lower()} on test frames, in "
         "points, a row a recording: as published (circles) and with levels and lda (diamonds). "
         "The rival learns of grey values or of standardised frames, whichever is better there, "
         f"which favours it. Band: ±{MARGIN:g} points. Bars: 95 %, Student over input fields or "

@@ -43,7 +43,7 @@ COLUMNS = {
     "kind": Column("Kind"),
     "frames": Column("Frames"),
     "n": Column("Frames per class"),
-    "told": Column("Told without the speckle"),
+    "told": Column("Solved by a low-resolution baseline"),
 }
 # Models that see no speckle, and what it means where one of them is ahead of HDC.
 TRIVIAL = {"brightness": "brightness", "thumbnail": "coarse layout"}
@@ -153,7 +153,7 @@ TABLES = [
         front,
         of="recordings",
         title="Accuracy on public recordings",
-        note=f"{NOTE} Told without the speckle: where two numbers of a frame, its mean and "
+        note=f"{NOTE} Solved by a low-resolution baseline: where two numbers of a frame, its mean and "
         "deviation (brightness), or a picture of 8 × 6 pixels (coarse layout) recognise more "
         "than HDC, the interval of the difference above zero. Such frames differ by more than "
         "their fine pattern.",
@@ -164,7 +164,7 @@ TABLES = [
         "forms",
         forms,
         of="recordings",
-        title="Forms of HDC less softmax regression at its optimum, points",
+        title="Forms of HDC minus converged softmax regression, points",
         note=f"{NOTE} Above zero, the form of HDC is more accurate on the same test frames. C "
         "chosen: by the folds that choose HDC's form, on the same training frames. Fixed in "
         "advance: named by the frozen rules. Exploratory: all others; the best of many on the "

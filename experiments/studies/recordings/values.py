@@ -23,7 +23,7 @@ from experiments.reporting.measured import (
 from experiments.reporting.text import kind_of
 
 RIVALS = (RIVAL, "softmax_dual_standardised")
-"""Softmax regression at its optimum, of grey values and of standardised frames."""
+"""Converged softmax regression, of grey values and of standardised frames."""
 TUNED = ("softmax_chosen", "softmax_chosen_standardised")
 """The same with a penalty chosen by the folds that choose HDC's form."""
 CONFIRMATORY = ("hdc", "hdc_levels_lda")

@@ -807,12 +807,12 @@ def test_the_whole_row_of_flipped_bits_and_of_what_stands_beside(
     beside = {"word": "", "enters": "no", "remark": "beside, without a word"}
     assert row_of("faults", f"{RAW} at 1 %", "fibre") == equals(
         **same, **beside, rival=f"{RAW} at 1 %",
-        quantity="Softmax at its optimum: change by 1 % flipped bits",
+        quantity="Converged softmax: change by 1 % flipped bits",
         value=-19, value_low=-19 - half, value_high=-19 + half, standard_error=1,
     )  # fmt: skip
     assert row_of("faults", f"{RAW}_int8 at 1 %", "fibre") == equals(
         **same, **beside, rival=f"{RAW}_int8 at 1 %",
-        quantity="Softmax at its optimum, weights of 8 bits: change by 1 % flipped bits",
+        quantity="Converged softmax, weights of 8 bits: change by 1 % flipped bits",
         value=-9, value_low=-9 - half, value_high=-9 + half, standard_error=1,
     )  # fmt: skip
     assert faults.lost(pd.DataFrame(rows), "hdc", 0.1) == []
@@ -888,7 +888,7 @@ def test_the_whole_row_of_a_recording(record, row_of, judged):
     assert same["record"].startswith("recordings-")
     # Equal draws vary as their test frames let them.
     assert row_of("accuracy", RAW, "gelsight") == equals(
-        **same, claim="accuracy", rival=RAW, quantity="HDC less Softmax at its optimum",
+        **same, claim="accuracy", rival=RAW, quantity="HDC minus Converged softmax",
         value=20, value_low=20, value_high=20, n="20 draws, 5 frames per class",
         standard_error=least_error(0.2, 10_000), word=YES,
     )  # fmt: skip
@@ -897,7 +897,7 @@ def test_the_whole_row_of_a_recording(record, row_of, judged):
     )
     assert row_of("objects", "published", "gelsight") == equals(
         **same, claim="objects", rival="published",
-        quantity="HDC less the paper's 100 %", value=-20.005, value_low=-20.01,
+        quantity="HDC minus the paper's 100 %", value=-20.005, value_low=-20.01,
         value_high=-20, n="20 draws, 5 frames per class",
         standard_error=least_error(0.20005, 10_000), word=NO,
     )  # fmt: skip
@@ -981,7 +981,7 @@ def test_the_whole_row_of_a_simulated_scene(
     assert row == equals(
         claim="accuracy", rival=RAW, evidence=scene, laboratory=shown["family"],
         frames="simulated", status="exploratory", value=less,
-        quantity="HDC less Softmax at its optimum", unit="points", n="2 seeds",
+        quantity="HDC minus Converged softmax", unit="points", n="2 seeds",
         standard_error=least_error(less / 100, 2 * 100), enters="no",
         remark=remark or ranks, word="" if remark else row["word"],
         command=f"python -m experiments.run experiment=all_scenes scene={scene}",
@@ -1066,11 +1066,11 @@ def test_the_whole_row_of_a_recording_that_was_unseen(tmp_path, record):
         ("unflipped at 10 %", "itself without flips at 10 %"),
         ("hypervector", "hypervectors"),
         ("speckle", "the speckle"),
-        ("softmax_dual", "Softmax at its optimum"),
-        ("softmax_dual at 1 %", "Softmax at its optimum at 1 %"),
+        ("softmax_dual", "Converged softmax"),
+        ("softmax_dual at 1 %", "Converged softmax at 1 %"),
         (
             "softmax_dual_int8 at 1 %",
-            "Softmax at its optimum, weights of 8 bits at 1 %",
+            "Converged softmax, weights of 8 bits at 1 %",
         ),
     ],
 )

@@ -19,7 +19,7 @@ from experiments.reporting.text import number, percent
 from experiments.studies.table1.times import grid
 
 NOTE = (
-    "Until training accuracy exceeds 90 %; ridge regression and softmax at its optimum until they "
+    "Until training accuracy exceeds 90 %; ridge regression and converged softmax until they "
     "are solved. Within a way the models trained in turns in one process, HDC before and after "
     "each. × HDC: median over turns of the ratio to HDC by the same way, between order statistics "
     "that hold the median with the coverage shown, whatever the law of the errors. Standard "
