@@ -1,4 +1,4 @@
-"""The answer in one picture: HDC as published and extended against its baseline, a row a recording."""
+"""The answer in one picture: HDC as published and extended beside its baseline, by recording."""
 
 from __future__ import annotations
 

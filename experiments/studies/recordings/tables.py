@@ -153,8 +153,8 @@ TABLES = [
         front,
         of="recordings",
         title="Accuracy on public recordings",
-        note=f"{NOTE} Solved by a low-resolution baseline: where two numbers of a frame, its mean and "
-        "deviation (brightness), or a picture of 8 × 6 pixels (coarse layout) recognise more "
+        note=f"{NOTE} Solved by a low-resolution baseline: where two numbers of a frame, its mean "
+        "and deviation (brightness), or a picture of 8 × 6 pixels (coarse layout) recognise more "
         "than HDC, the interval of the difference above zero. Such frames differ by more than "
         "their fine pattern.",
         key=("recording", "n"),
