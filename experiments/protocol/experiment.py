@@ -6,6 +6,7 @@ import functools
 import inspect
 import sys
 import time
+import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
@@ -271,7 +272,7 @@ def _typed(rows: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, 
     hints = typing.get_type_hints(rows)
     found = dict(arguments)
     for name, value in arguments.items():
-        kind = hints.get(name)
+        kind = _but_for_none(hints.get(name))
         of_values = (typing.get_args(kind) or (None,))[-1]
         if _is_struct(kind) and isinstance(value, Mapping):
             found[name] = checked(value, kind, name)
@@ -279,6 +280,13 @@ def _typed(rows: Callable[..., Any], arguments: Mapping[str, Any]) -> dict[str, 
             parts = value.items()
             found[name] = {k: checked(v, of_values, f"{name}.{k}") for k, v in parts}
     return found
+
+
+def _but_for_none(kind: Any) -> Any:
+    """The type of ``type | None``."""
+    if not isinstance(kind, types.UnionType):
+        return kind
+    return next(one for one in typing.get_args(kind) if one is not type(None))
 
 
 def _is_struct(kind: Any) -> TypeGuard[type[msgspec.Struct]]:

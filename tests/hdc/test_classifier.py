@@ -262,7 +262,7 @@ def test_numpy_numbers_are_taken_for_plain_ones(tmp_path) -> None:
         ("counts", True, True),
         ("neighbours", True, True),
         ("ridge", False, True),
-        ("lda", False, False),
+        ("lda", False, True),
         ("trained", False, False),
         ("nonsense", False, False),
     ],

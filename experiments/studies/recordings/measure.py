@@ -72,7 +72,7 @@ def recordings(
     limits: Mapping[str, Mapping[str, Any]] | None = None,
     fewer_draws: Mapping[str, int] | None = None,
     by_steps: Mapping[str, Any] | None = None,
-    stop: StopRule = StopRule(),  # noqa: B008
+    stop: StopRule | None = None,
     steps_draws: int = 3,
     steps_n: Sequence[int] = (),
 ) -> Iterator[Row]:
@@ -93,7 +93,7 @@ def recordings(
     asked = _limited(models, draws, limits or {})
     for name, model in models_of(at_seed(by_steps or {}, 0)).items():
         few = min(steps_draws, draws)
-        asked[name] = Asked(model, few, steps_n, ("counts",), stop)
+        asked[name] = Asked(model, few, steps_n, ("counts",), stop or StopRule())
     for seed, recording in run.scenes(scene, seeds):
         bank = bank_of(recording, group=_group(splits))
         for split, wanted in splits.items():
