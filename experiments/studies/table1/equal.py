@@ -78,13 +78,15 @@ def _by_pixels(runs: Groups, model: str) -> list[Group]:
 
 def _as_accurate(group: Group, hdc: Group) -> dict[str, Any] | None:
     """Times to the accuracy of HDC of the same seed; None without such seeds, or where one with
-    fewer pixels never gets there."""
+    fewer pixels never gets there. A training that its budget ended before says nothing."""
     ours = {run.seeds: run.record for run in hdc.runs}
     times, ratios = [], []
     for run in group.runs:
         if run.seeds in ours:
             record = ours[run.seeds]
             time = seconds_to(run, record.test_accuracy_final)
+            if time == math.inf and run.record.stop == "budget":
+                continue
             times.append(time)
             ratios.append(time / record.training_s)
     if not times or (group.pixels and max(times) == math.inf):
