@@ -49,14 +49,20 @@ def export(scene: Scene, folder: Path) -> Path:
     return manifest
 
 
-def compose(overrides: Sequence[str]) -> Any:
-    """The scene that these overrides of configs/config.yaml describe."""
+def composed(overrides: Sequence[str]) -> Any:
+    """The config that these overrides of configs/config.yaml describe."""
     from hydra import compose as hydra_compose
     from hydra import initialize_config_module
-    from hydra.utils import instantiate
 
     with initialize_config_module("configs", version_base="1.3"):
-        config = hydra_compose("config", overrides=list(overrides))
+        return hydra_compose("config", overrides=list(overrides))
+
+
+def compose(overrides: Sequence[str]) -> Any:
+    """The scene that these overrides of configs/config.yaml describe."""
+    from hydra.utils import instantiate
+
+    config = composed(overrides)
     torch.set_num_threads(config.threads or torch.get_num_threads())
     return instantiate(config.scene, _convert_="all")
 

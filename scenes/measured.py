@@ -9,11 +9,9 @@ from __future__ import annotations
 import copy
 import hashlib
 import posixpath
-import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
@@ -26,7 +24,6 @@ from scenes.source import Source
 from scenes.validate import require
 
 MEMORY_BYTES = 2**30  # decoded frames are kept up to this size
-CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
 
 
 class MeasuredScene:
@@ -267,32 +264,7 @@ def _values(
     return found
 
 
-def main(arguments: Sequence[str] | None = None) -> None:
-    """List the named scenes, or all public ones: what was read, or the command that gets it."""
-    from hydra.errors import InstantiationException
-
-    from scenes.export import compose
-
-    public = [
-        file.stem
-        for file in sorted(CONFIGS.glob("*.yaml"))
-        if re.search("source:|FibreScene", file.read_text(encoding="utf-8"))
-    ]
-    given = sys.argv[1:] if arguments is None else arguments
-    for name in given or public:
-        try:
-            scene = compose([f"scene={name}"])
-        except InstantiationException as error:
-            print(f"{name}: {error.__cause__}")
-            continue
-        counts = ", ".join(map(str, np.bincount(scene.labels)))
-        frames = f"{len(scene)} frames {scene.shape}, {scene.origin}"
-        print(f"{name}: {frames}; a class {counts}")
-        source = scene.source
-        print(f"  github.com/{source.repository} @ {source.commit}")
-        print(f"  sha256 {scene.sha256}")
-        print(f"  licence: {source.licence}; {source.cite}")
-
-
 if __name__ == "__main__":
-    main()
+    from scenes.listing import show
+
+    show(sys.argv[1:])

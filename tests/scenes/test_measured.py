@@ -9,7 +9,8 @@ from hydra.errors import InstantiationException
 from scenes import measured
 from scenes.export import compose
 from scenes.frames import Scene
-from scenes.measured import MeasuredScene, main
+from scenes.listing import show
+from scenes.measured import MeasuredScene
 from scenes.split import split
 
 ABOUT = {
@@ -188,16 +189,32 @@ def test_a_damaged_file_is_left_out_where_it_is_named(root):
         touches(**settings, damaged=["a_2.png"])
 
 
-def test_what_is_missing_is_listed_with_the_commands_that_get_it(
+def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
+    (tmp_path / "article_MMF_disorder").mkdir()
+    show([])
+    table, script = capsys.readouterr().out.split("This script gets")
+    for name in ("gelsight", "diffuser", "tactip", "spr"):
+        (line,) = (line for line in table.splitlines() if f" {name} " in line)
+        assert "│ no " in line
+    (line,) = (line for line in table.splitlines() if " fibre " in line)
+    assert "│ not as expected " in line
+    # Two scenes read the second fibre's repository: it is cloned once. The first one's is there.
+    assert (
+        script.count("git clone https://github.com/wavefrontshaping/article_RME_2023")
+        == 1
+    )
+    assert "article_MMF_disorder" not in script
+
+
+def test_a_missing_recording_that_is_named_says_how_to_get_it(
     tmp_path, monkeypatch, capsys
 ):
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
-    main([])
-    lines = capsys.readouterr().out.splitlines()
-    for name in ("gelsight", "diffuser", "tactip", "spr"):
-        (line,) = (line for line in lines if line.startswith(f"{name}: "))
-        assert "git clone https://github.com/" in line
-        assert " checkout " in line
+    show(["gelsight"])
+    printed = capsys.readouterr().out
+    assert printed.startswith("gelsight: ")
+    assert "git clone https://github.com/" in printed
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,102 @@
+"""The public recordings: which are there, and one script that gets the others.
+
+``python -m scenes.measured`` prints both. ``python -m scenes.measured NAME …`` reads the named ones
+and prints commit, digest, licence and citation of each.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from hydra.errors import InstantiationException
+from rich.console import Console
+from rich.table import Table
+
+from scenes.export import compose, composed
+from scenes.fibre import PRESSED, FibreScene
+from scenes.source import DATA, Source
+
+CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
+
+
+def public_names() -> list[str]:
+    """Names of configs/scene whose frames lie in a public repository."""
+    return [
+        file.stem
+        for file in sorted(CONFIGS.glob("*.yaml"))
+        if re.search("source:|FibreScene", file.read_text(encoding="utf-8"))
+    ]
+
+
+def sources(scene: Any) -> list[Source]:
+    """The repositories that the config of a public scene reads, one or two."""
+    found = []
+    if scene._target_.endswith(FibreScene.__name__):
+        found.append(PRESSED)
+    if scene.get("source"):
+        found.append(Source(**scene.source))
+    return found
+
+
+def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
+    """A table of these recordings, and the commands that get the missing repositories."""
+    table = Table("Recording", "Present", "Frames", "Pixels", "Size (MB)", "Licence")
+    commands: dict[str, None] = {}  # in order, each once
+    for name in names:
+        wanted = sources(composed([f"scene={name}"]).scene)
+        absent = [source for source in wanted if source.find() is None]
+        licences = ", ".join(source.licence for source in wanted)
+        if absent:
+            table.add_row(name, "no", "", "", "", licences)
+        else:
+            table.add_row(name, *_present(name), licences)
+        commands |= dict.fromkeys(source.command() for source in absent)
+    return table, list(commands)
+
+
+def _present(name: str) -> tuple[str, str, str, str]:
+    """Whether the files can be read, the number of frames, their shape, and their size (MB)."""
+    try:
+        scene = compose([f"scene={name}"])
+    except InstantiationException:
+        return "not as expected", "", "", ""  # details say what was found
+    height, width = scene.shape
+    megabytes = scene.frames([0]).nbytes * len(scene) / 1e6
+    return "yes", str(len(scene)), f"{height} × {width}", f"{megabytes:.0f}"
+
+
+def details(name: str) -> str:
+    """What a recording holds and where it comes from, or how to get it."""
+    try:
+        scene = compose([f"scene={name}"])
+    except InstantiationException as error:
+        return f"{name}: {error.__cause__}"
+    counts = ", ".join(map(str, np.bincount(scene.labels)))
+    source = scene.source
+    return (
+        f"{name}: {len(scene)} frames {scene.shape}, {scene.origin}; per class: {counts}\n"
+        f"  github.com/{source.repository} @ {source.commit}\n"
+        f"  sha256 {scene.sha256}\n"
+        f"  licence: {source.licence}; {source.cite}"
+    )
+
+
+def show(names: Sequence[str]) -> None:
+    """Print the details of the named recordings, or the overview of all."""
+    if names:
+        for name in names:
+            print(details(name))
+        return
+    table, commands = overview(public_names())
+    Console().print(table)
+    if not commands:
+        return
+    print("This script gets the missing recordings:\n")
+    if DATA not in os.environ:
+        print(f"export {DATA}=~/measured")
+    print("\n".join(commands))
