@@ -45,7 +45,7 @@ def sources(scene: Any) -> list[Source]:
 
 def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
     """A table of these recordings, and the commands that get the missing repositories."""
-    table = Table("Recording", "Present", "Frames", "Pixels", "Size (MB)", "Licence")
+    table = Table("Recording", "Present", "Frames", "Pixels", "MB", "Licence")
     commands: dict[str, None] = {}  # in order, each once
     for name in names:
         wanted = sources(composed([f"scene={name}"]).scene)
@@ -64,7 +64,7 @@ def _present(name: str) -> tuple[str, str, str, str]:
     try:
         scene = compose([f"scene={name}"])
     except InstantiationException:
-        return "not as expected", "", "", ""  # details say what was found
+        return "unreadable", "", "", ""  # details say what was found
     height, width = scene.shape
     megabytes = scene.frames([0]).nbytes * len(scene) / 1e6
     return "yes", str(len(scene)), f"{height} × {width}", f"{megabytes:.0f}"

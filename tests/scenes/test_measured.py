@@ -198,7 +198,7 @@ def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, ca
         (line,) = (line for line in table.splitlines() if f" {name} " in line)
         assert "│ no " in line
     (line,) = (line for line in table.splitlines() if " fibre " in line)
-    assert "│ not as expected " in line
+    assert "│ unreadable " in line
     # Two scenes read the second fibre's repository: it is cloned once. The first one's is there.
     assert (
         script.count("git clone https://github.com/wavefrontshaping/article_RME_2023")
