@@ -30,7 +30,7 @@ PAPER: Any = {
     "mew": 0.7,
 }
 LETTERS = "abcdefghijklmnopqrstuvwxyz"  # of panels
-_LINE = 60  # characters of a head's line
+_LINE = 60 / 3.4  # characters of a head's line, an inch
 
 
 def save(figure: Figure, kind: str) -> bytes:
@@ -91,10 +91,11 @@ def head(
     title: str,
     details: Iterable[str],
 ) -> None:
-    """A title and, below it, what it is of; wrapped to the width of a column."""
+    """A title and, below it, what it is of; wrapped to the width of the figure."""
     lines = []
+    width, _ = figure.get_size_inches()
     for text in (title, *details):
-        lines += textwrap.wrap(text, _LINE)
+        lines += textwrap.wrap(text, round(_LINE * width))
     figure.suptitle(
         "\n".join(lines),
         x=0.01,

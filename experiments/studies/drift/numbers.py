@@ -25,9 +25,9 @@ def regained(rows: pd.DataFrame) -> pd.DataFrame:
         DataFrame, one row for each ``order``, ``model``, ``update`` and ``n_new``: ``method``,
         ``share``, ``labels`` (whether the update needs them), and as fractions, each with its 95 %
         interval over seeds under ``_low`` and ``_high``: ``before``, the accuracy of the stored
-        model in the old session, ``stored`` in the new one, ``updated`` of the updated model in the
-        new one, ``lost`` = before − stored, and ``regained`` = (updated − stored)/lost, a ratio of
-        means.
+        model in the old session, ``stored`` in the new one, ``updated`` and ``old`` of the updated
+        model in the new and in the old one, ``lost`` = before − stored, and ``regained`` =
+        (updated − stored)/lost, a ratio of means.
     """
     n_new, n_old = (int(rows[f"n_test_{name}"].iloc[0]) for name in SESSIONS)
     lines: list[dict[str, Any]] = []
@@ -48,6 +48,7 @@ def regained(rows: pd.DataFrame) -> pd.DataFrame:
             line |= estimates.mean_share(at.old.tolist(), n_old).columns("before")
             line |= estimates.mean_share(at.new.tolist(), n_new).columns("stored")
             line |= estimates.mean_share(after.tolist(), n_new).columns("updated")
+            line |= estimates.mean_share(way.old.tolist(), n_old).columns("old")
             line |= estimates.mean_interval(lost.tolist()).columns("lost")
             line |= ratio(gained, lost).columns("regained")
             lines.append(line)

@@ -14,8 +14,8 @@ UPDATES = {
     "pooled": "old and new together",
     "balanced": "old and new, equal votes",
     "from_old": "new, from the old weights",
-    "zeroed": "re-zeroed, all classes alike",
-    "untouched": "re-zeroed, nobody touches",
+    "zeroed": "re-referenced, all classes alike",
+    "untouched": "re-referenced, no touch",
 }
 SESSIONS = ("new", "old")
 
@@ -36,13 +36,11 @@ def with_right(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def update_name(method: str, p: float | None, share: float | None) -> str:
-    """An update in words; `share` is that of one class among the frames which re-zero, None or NaN
+    """An update in words; `share` is that of one class among the unlabelled frames, None or NaN
     where all classes have the same."""
-    if method != "zeroed" or share is None or np.isnan(share):
+    if share is None or np.isnan(share):
         return UPDATES[method].format(p)
-    if share == 1:
-        return "re-zeroed, one class only"
-    return f"re-zeroed, {100 * share:g} % of one class"
+    return f"re-referenced, {100 * share:g} % of one class"
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
