@@ -22,11 +22,12 @@ from experiments import studies
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.results import Results
 from experiments.reporting import against, comparison, listing, page
+from experiments.reporting.against import Cell
 from experiments.reporting.page import Part, Section
 from experiments.reporting.rows import runs_table
 from experiments.reporting.study import Failure, Plot, Quantity, Study, own_studies
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.table import Table
+from experiments.reporting.table import Table, experiments_of
 from experiments.reporting.terminal import last_line, show_scenes, show_table1
 from experiments.reporting.text import counted, printable
 from hdc.io import write_atomically
@@ -52,13 +53,16 @@ class Answers:
 
     def __post_init__(self) -> None:
         quantities: list[Quantity] = []
+        experiments: list[str] = []
         for study in self.questions:
             of_study = self.results, self.failures
             self.tables[study.name] = list(study.tables_of(*of_study))
             self.plots[study.name] = list(study.plots_of(*of_study))
             quantities += study.quantities_of(*of_study)
+            for numbers in study.numbers:
+                experiments += experiments_of(numbers.of)
         # Among one's own stands nothing that was not measured.
-        every = comparison.compare(quantities, with_missing=self.name != MINE)
+        every = comparison.compare(quantities, experiments, self.name != MINE)
         self.tables["comparison"] = [every] if len(every.data) else []
         if self.name == MINE:  # records.jsonl has the runs of the reference
             self.tables["runs"] = [runs_table(self.results)]
@@ -172,25 +176,30 @@ def write(
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     parts = list(_parts(sets, folder))
     write_atomically(path, page.render(parts, differing, problems))
+    _show(console, sets, cells, brief)
+    print_problems(console, sets)
+    own = first.table("table1") if first.name == MINE else None
+    _say(console, [last_line(own, os.path.relpath(path))])
+    return path
+
+
+def _show(
+    console: Console, sets: Sequence[Answers], cells: Sequence[Cell], brief: bool
+) -> None:
+    """Table I, and what stands beside it: :func:`write` says what is brief."""
     every = [t for t in (answers.table("table1") for answers in sets) if t is not None]
-    table1 = every[0] if every else None
-    if table1 is not None:
+    if every:
         show_table1(console, *every)
     if brief:
-        told = [str(cell) for cell in differing if cell.table is table1]
-        _say(console, told, "yellow")
-    else:
-        scenes = first.table("all_scenes")
-        if first.name == MINE and scenes is not None:
-            show_scenes(console, scenes)
-        _say(console, against.lines(cells) if cells else ())
-        _say(console, (f"{a.name}: {_about(a)}" for a in sets), "dim")
-    print_problems(console, sets)
-    _say(
-        console,
-        [last_line(table1 if first.name == MINE else None, os.path.relpath(path))],
-    )
-    return path
+        differing = against.differing(cells)
+        of_table1 = [str(cell) for cell in differing if cell.table.name == "table1"]
+        _say(console, of_table1, "yellow")
+        return
+    scenes = sets[0].table("all_scenes")
+    if sets[0].name == MINE and scenes is not None:
+        show_scenes(console, scenes)
+    _say(console, against.lines(cells) if cells else ())
+    _say(console, (f"{a.name}: {_about(a)}" for a in sets), "dim")
 
 
 def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
@@ -246,9 +255,9 @@ def _about(answers: Answers) -> str:
     if not old:
         return f"{text}, all by this code"
     changed = sorted({name for record in old for name in record.outdated})
-    text += f"; {len(old)} by other revisions of {len(changed)} parts: {changed[0]} …"
-    tables = answers.older_tables()
-    return f"{text}; tables of these: {', '.join(tables)}" if tables else text
+    return (
+        f"{text}; {len(old)} by other versions of {len(changed)} parts: {changed[0]} …"
+    )
 
 
 def _texts_of(table: Table, tex: bool) -> dict[str, str]:

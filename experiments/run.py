@@ -74,6 +74,7 @@ class CommandLine:
 
     def carry_out(self, cfg: DictConfig) -> None:
         """One run, or one experiment that is more."""
+        warnings.showwarning = self.warn  # type: ignore[assignment]
         try:
             hydra_cfg = HydraConfig.get()
             config = resolved(cfg)
@@ -180,7 +181,6 @@ def entry_point() -> None:
     # Hydra's own errors come here, and leave as one line.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     os.environ[COMMAND] = shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
-    warnings.showwarning = call.warn  # type: ignore[assignment]
     # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))

@@ -78,7 +78,7 @@ def _show(console: Console, model: str, heads: bool) -> None:
     """The row of a model that has just been trained."""
     (table_of,) = (table for table in STUDY.tables if table.name == "table1")
     lines = Results(results_dir()).frame(RUNS)
-    for table in table_of.tables(lines) if len(lines) else ():
+    for table in table_of.made(lines) if len(lines) else ():
         show_row(console, table, model, heads)
 
 

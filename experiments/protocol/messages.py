@@ -49,9 +49,8 @@ def message(error: BaseException, words: Sequence[str] = ()) -> str:
         return str(error).strip()
     lines = (line.strip() for line in str(error).splitlines())
     shown = [line for line in lines if line and not line.startswith(_SKIPPED)]
-    if shown[0].startswith("Could not override"):
-        shown += _of_sweep(shown[0].split("'")[1], words)
-    return ", ".join(shown)
+    swept = _of_sweep(shown[0], words)
+    return swept or ", ".join(shown)
 
 
 def _of_target(error: InstantiationException) -> str:
@@ -75,11 +74,15 @@ def _of_value(override: str) -> str:
     return f"{key}: expected a value, in quotes of its own where it has = , ( or spaces: {quoted}"
 
 
-def _of_sweep(key: str, words: Sequence[str]) -> list[str]:
-    """How to set a key that not every config of a sweep has."""
-    given = [word for word in words if word.startswith(f"{key}=")]
+def _of_sweep(problem: str, words: Sequence[str]) -> str:
+    """How to set a key that not every config of a sweep has; empty for another problem."""
+    _, _, rest = problem.partition("Could not override '")
+    key = rest.partition("'")[0]
+    given = [word for word in words if key and word.startswith(f"{key}=")]
     if not given or not {"-m", "--multirun"} & set(words):
-        return []
+        return ""
     group, value = key.partition(".")[0], given[-1].partition("=")[2]
-    swept = f"in a sweep over several {group}s that have it: '{key}=choice({value})'"
-    return [f"{swept} (those that do not have it need a call of their own)"]
+    if value.startswith("choice("):
+        return f"{key}: expected a {group} that has it; leave the others to a call of their own"
+    every = f"for a sweep whose every {group} has it"
+    return f"{key}: expected '{key}=choice({value})', {every}; found {value}"

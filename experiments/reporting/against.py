@@ -139,8 +139,14 @@ def table(cells: Sequence[Cell]) -> Table:
         "seed often differs. Trainings that another stopping rule ended are not compared, and no "
         "times in seconds."
     )
-    shown = tuple(columns)
-    return Table("against_reference", summary(cells), data, shown, columns, note)
+    return Table(
+        "against_reference",
+        title=summary(cells),
+        note=note,
+        columns=columns,
+        shown=tuple(columns),
+        data=data,
+    )
 
 
 def _cells(own: Table, reference: Table) -> Iterator[Cell]:

@@ -6,7 +6,7 @@ How they are judged stands in :data:`HOW`, below the table.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
 
@@ -52,11 +52,16 @@ _MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {
 }
 
 
-def compare(quantities: Iterable[Quantity], with_missing: bool = True) -> Table:
+def compare(
+    quantities: Iterable[Quantity],
+    experiments: Sequence[str] = (),
+    with_missing: bool = True,
+) -> Table:
     """The table, in the order of published.csv.
 
     Args:
         quantities: what was measured of it.
+        experiments: that measured it.
         with_missing: whether numbers that were not measured have a row, which says so.
     """
     found: dict[str, list[Quantity | None]] = {}
@@ -71,10 +76,21 @@ def compare(quantities: Iterable[Quantity], with_missing: bool = True) -> Table:
         rows = [row for row in rows if row["verdict"] != MISSING]
     return Table(
         "comparison",
-        TITLE,
-        frame(rows, COLUMNS),
-        ("quantity", "verdict", "published", "measured", "margin", "unit", "n", "note"),
-        {
+        of=experiments,
+        title=TITLE,
+        note=HOW,
+        data=frame(rows, COLUMNS),
+        shown=(
+            "quantity",
+            "verdict",
+            "published",
+            "measured",
+            "margin",
+            "unit",
+            "n",
+            "note",
+        ),
+        columns={
             "quantity": Column("Quantity", cell=_name),
             "verdict": Column("Verdict"),
             "published": Column("Paper", partial(number, digits=4)),
@@ -84,7 +100,6 @@ def compare(quantities: Iterable[Quantity], with_missing: bool = True) -> Table:
             "n": Column("n"),
             "note": Column("Note", lambda text: text or "–"),
         },
-        HOW,
     )
 
 

@@ -144,4 +144,11 @@ def runs_table(results: Results) -> Table:
         for name in SHOWN
     }
     note = "tables/runs.csv has a column for every key that was changed, processor and command."
-    return Table("runs", "Every run", frame(rows), SHOWN if rows else (), four, note)
+    return Table(
+        "runs",
+        title="Every run",
+        note=note,
+        columns=four,
+        shown=SHOWN if rows else (),
+        data=frame(rows),
+    )

@@ -10,7 +10,7 @@ A study is a folder of ``experiments/studies`` with a module ``view`` that has a
         "Drift and recalibration",
         "How many new samples …?",
         order=5,
-        tables=[TableOf("drift_updates", updates, of="drift", title="Accuracy after …")],
+        tables=[Table("drift_updates", updates, of="drift", title="Accuracy after …")],
     )
 
 Each function takes the lines of :meth:`experiments.records.results.Results.frame` of the
@@ -22,18 +22,23 @@ from __future__ import annotations
 import importlib
 import math
 import pkgutil
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field, replace
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
 from experiments.records.results import Results
-from experiments.reporting.columns import Column
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.table import Table
-from experiments.reporting.text import counted, frames_of
+from experiments.reporting.table import (
+    Of,
+    Table,
+    Text,
+    commands_of,
+    experiments_of,
+    text_of,
+)
 
 if TYPE_CHECKING:  # matplotlib is slow to load
     from matplotlib.figure import Figure
@@ -41,142 +46,63 @@ if TYPE_CHECKING:  # matplotlib is slow to load
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
 
-Of = str | Sequence[str]  # one experiment, or several; "runs" for single trainings
-Text = str | Callable[[pd.DataFrame], str]  # or made of the frame that a function takes
-Columns = Mapping[str, Column] | Callable[[pd.DataFrame], Mapping[str, Column]]
-
 
 @dataclass(frozen=True)
-class TableOf:
-    """How a table is made.
+class Plot:
+    """A figure; it is drawn when it is needed.
 
     Attributes:
-        name: stem of its files.
-        make: from the frame of the experiments to the values of the table; None where it has none.
-        of: the experiments whose lines it takes.
-        title, note: may hold ``{frames}`` and ``{machine}``.
-        columns: how columns are shown; or a function of the values.
-        shown: names of the columns that are shown; or a function of the values.
-        folded, key: as :class:`Table` has them.
-        commands: what makes it again; those of the records if there are none here.
-    """
-
-    name: str
-    make: Callable[[pd.DataFrame], pd.DataFrame | None]
-    of: Of
-    title: Text
-    note: Text = ""
-    columns: Columns = field(default_factory=dict)
-    shown: Sequence[str] | Callable[[pd.DataFrame], Sequence[str]] = ()
-    folded: bool = False
-    key: Sequence[str] = ()
-    commands: Sequence[str] = ()
-
-    def tables(self, frame: pd.DataFrame) -> Iterator[Table]:
-        """The table, if it has lines."""
-        data = self.make(frame)
-        if data is None or not len(data):
-            return
-        columns = self.columns(data) if callable(self.columns) else self.columns
-        shown = self.shown(data) if callable(self.shown) else self.shown
-        yield Table(
-            self.name,
-            _text(self.title, frame),
-            data,
-            tuple(shown),
-            dict(columns),
-            _text(self.note, frame),
-            _commands(self.commands, frame),
-            self.folded,
-            self.key,
-        )
-
-
-@dataclass(frozen=True)
-class FigureOf:
-    """How a figure is drawn.
-
-    Attributes:
-        name: stem of its file.
-        draw: takes a matplotlib figure and the frame.
+        name: stem of its file, and its anchor on the page.
+        draws: takes a matplotlib figure and the frame.
         of: the experiments whose lines it takes.
         caption: what it shows; also the alternative text; may hold ``{frames}``.
         size: width and height in inches.
         kind: ``svg``, or ``webp`` for a figure made of pixels.
         needs: whether there is anything to draw.
-        commands: what makes it again; those of the records if there are none here.
+        commands: what makes its results again; those of the records if there are none here.
+        frame: what it is drawn from.
     """
 
     name: str
-    draw: Callable[[Figure, pd.DataFrame], None]
+    draws: Callable[[Figure, pd.DataFrame], None]
     of: Of
     caption: Text
     size: tuple[float, float] = (WIDTH, 2.6)
     kind: str = "svg"
-    needs: Callable[[pd.DataFrame], bool] = lambda frame: bool(len(frame))
+    needs: Callable[[pd.DataFrame], bool] = lambda _: True
     commands: Sequence[str] = ()
+    frame: pd.DataFrame = field(default_factory=pd.DataFrame)
 
-    def plots(self, frame: pd.DataFrame) -> Iterator[Plot]:
-        """The figure, not yet drawn, if there is anything to draw."""
+    def made(self, frame: pd.DataFrame) -> Iterator[Plot]:
+        """The figure of the frame of its experiments, if there is anything to draw."""
         if self.needs(frame):
-            caption = _text(self.caption, frame)
-            commands = _commands(self.commands, frame)
-            yield Plot(self, caption, commands, frame)
-
-
-@dataclass(frozen=True)
-class NumbersOf:
-    """How numbers are made that the paper gives, too: of the experiments' own frames alone."""
-
-    make: Callable[[pd.DataFrame], Iterator[Quantity]]
-    of: Of
-
-    @property
-    def name(self) -> str:
-        """For messages."""
-        return "its numbers"
-
-    def quantities(self, frame: pd.DataFrame) -> Iterator[Quantity]:
-        """The numbers, if there are lines."""
-        own = frame[~frame.elsewhere.astype(bool)]
-        if len(own):
-            yield from self.make(own)
-
-
-@dataclass(frozen=True)
-class Plot:
-    """A figure that is drawn when it is needed.
-
-    Attributes:
-        of: how it is drawn.
-        caption: also used as alternative text.
-        commands: make its results again.
-        frame: what it is drawn from.
-    """
-
-    of: FigureOf
-    caption: str
-    commands: Sequence[str]
-    frame: pd.DataFrame
-
-    @property
-    def name(self) -> str:
-        """Stem of its file, and its anchor on the page."""
-        return self.of.name
-
-    @property
-    def kind(self) -> str:
-        """Ending of its file."""
-        return self.of.kind
+            caption = text_of(self.caption, frame)
+            commands = commands_of(self.commands, frame)
+            yield replace(self, caption=caption, commands=commands, frame=frame)
 
     def draw(self) -> Figure:
         """The matplotlib figure."""
         from experiments.reporting.plot import STYLE, plt  # --help need not wait for it
 
         with plt.rc_context(fname=STYLE):
-            figure = plt.figure(figsize=self.of.size, layout="constrained")
-            self.of.draw(figure, self.frame)
+            figure = plt.figure(figsize=self.size, layout="constrained")
+            self.draws(figure, self.frame)
         return figure
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """How numbers are made that the paper gives, too: of the experiments' own frames alone."""
+
+    make: Callable[[pd.DataFrame], Iterator[Quantity]]
+    of: Of
+    name: str = "its numbers"
+
+    def made(self, frame: pd.DataFrame) -> Iterator[Quantity]:
+        """The numbers, if there are lines."""
+        own = frame[~frame.elsewhere.astype(bool)]
+        if len(own):
+            yield from self.make(own)
 
 
 @dataclass(frozen=True)
@@ -240,9 +166,9 @@ class Study:
     question: str
     order: float
     front: bool = False
-    tables: Sequence[TableOf] = ()
-    figures: Sequence[FigureOf] = ()
-    numbers: Sequence[NumbersOf] = ()
+    tables: Sequence[Table] = ()
+    figures: Sequence[Plot] = ()
+    numbers: Sequence[Numbers] = ()
 
     def tables_of(
         self, results: Results, failures: list[Failure] | None = None
@@ -253,42 +179,37 @@ class Study:
             results: records.
             failures: takes what fails, so that the others are made all the same; None raises it.
         """
-        for table in self.tables:
-            yield from self._answers("table", table, table.tables, results, failures)
+        return self._made("table", self.tables, results, failures)
 
     def plots_of(
         self, results: Results, failures: list[Failure] | None = None
     ) -> Iterator[Plot]:
         """Its figures of these results, not yet drawn; `failures` as :meth:`tables_of`."""
-        for figure in self.figures:
-            yield from self._answers("figure", figure, figure.plots, results, failures)
+        return self._made("figure", self.figures, results, failures)
 
     def quantities_of(
         self, results: Results, failures: list[Failure] | None = None
     ) -> Iterator[Quantity]:
         """Its numbers of these results; `failures` as :meth:`tables_of`."""
-        for numbers in self.numbers:
-            yield from self._answers(
-                "numbers", numbers, numbers.quantities, results, failures
-            )
+        return self._made("numbers", self.numbers, results, failures)
 
-    def _answers(
+    def _made(
         self,
         kind: str,
-        asked: TableOf | FigureOf | NumbersOf,
-        answer: Callable[[pd.DataFrame], Iterator[Any]],
+        asked: Sequence[Table | Plot | Numbers],
         results: Results,
         failures: list[Failure] | None,
     ) -> Iterator[Any]:
-        """What a function says of the lines that it takes; nothing where there are none."""
-        try:
-            frame = results.frame(*_names(asked.of))
-            if len(frame):
-                yield from answer(frame)
-        except Exception as error:
-            if failures is None:
-                raise
-            failures.append(Failure(self.name, f"{kind} {asked.name}", error))
+        """What follows from the lines that each takes; nothing where there are none."""
+        for one in asked:
+            try:
+                frame = results.frame(*experiments_of(one.of))
+                if len(frame):
+                    yield from one.made(frame)
+            except Exception as error:
+                if failures is None:
+                    raise
+                failures.append(Failure(self.name, f"{kind} {one.name}", error))
 
 
 @dataclass(frozen=True)
@@ -301,35 +222,9 @@ class Failure:
 
     def __str__(self) -> str:
         """One line."""
-        words = " ".join(str(self.error).split())
+        text = " ".join(str(self.error).split())
         kind = type(self.error).__name__
-        return f"study {self.study} failed at {self.called}: {kind}: {words}"
-
-
-def _names(of: Of) -> tuple[str, ...]:
-    return (of,) if isinstance(of, str) else tuple(of)
-
-
-def _text(text: Text, frame: pd.DataFrame) -> str:
-    """A text with the frames and the machine of the records put in."""
-    words = text(frame) if callable(text) else text
-    if "{frames}" in words:
-        words = words.replace("{frames}", frames_of(frame.to_dict("records")))
-    if "{machine}" in words:
-        words = words.replace("{machine}", _machine(frame.iloc[0]))
-    return words
-
-
-def _machine(line: pd.Series) -> str:
-    parts = [str(line.cpu), counted(int(line.threads), "thread")]
-    if line.device not in (None, "cpu"):
-        parts.insert(0, str(line.device))
-    return ", ".join(parts)
-
-
-def _commands(given: Sequence[str], frame: pd.DataFrame) -> tuple[str, ...]:
-    """Those given, else those that made the records, each once."""
-    return tuple(given) or tuple(dict.fromkeys(frame.command))
+        return f"study {self.study} failed at {self.called}: {kind}: {text}"
 
 
 def studies(package: ModuleType) -> list[Study]:

@@ -1,17 +1,29 @@
-"""A table: a data frame of values, and its cells in CSV and Markdown."""
+"""A table: how it follows from results, its values, and its cells in CSV, Markdown and LaTeX."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import pandas as pd
 
 from experiments.records.configs import CONFIGS
 from experiments.reporting.columns import COLUMNS, Column, display_name
-from experiments.reporting.text import markdown_text, percent, printable, tex_text
+from experiments.reporting.text import (
+    counted,
+    frames_of,
+    markdown_text,
+    percent,
+    printable,
+    tex_text,
+)
+
+Of = str | Sequence[str]  # one experiment, or several; "runs" for single trainings
+Text = Any  # a str, or a function of the frame that gives one
+Columns = Mapping[str, Column] | Callable[[pd.DataFrame], Mapping[str, Column]]
+Names = Sequence[str] | Callable[[pd.DataFrame], Sequence[str]]
 
 
 @dataclass(frozen=True)
@@ -20,38 +32,57 @@ class Table:
 
     Attributes:
         name: stem of its files, and its anchor on the page.
-        title: what it shows, on which frames.
-        data: the values, as the CSV has them.
-        shown: names of the columns that are shown, in their order; all but bounds, if empty.
-        columns: how they are shown, before :data:`COLUMNS`.
-        note: how to read it.
-        commands: what makes it again.
+        make: from the frame of the experiments to the values; None where there are none.
+        of: the experiments whose lines it takes.
+        title, note: what it shows, and how to read it; may hold ``{frames}`` and ``{machine}``.
+        columns: how columns are shown, before :data:`COLUMNS`; or a function of the values.
+        shown: names of the columns that are shown, in their order; or a function of the values;
+            all but bounds, if empty.
         folded: whether the page shows it only when it is asked for.
         key: names of the columns that tell its rows apart, by which own results are compared with
             the reference; nothing is compared without.
+        commands: what makes it again; those of the records if there are none here.
+        data: the values, as the CSV has them.
     """
 
     name: str
-    title: str
-    data: pd.DataFrame
-    shown: Sequence[str] = ()
-    columns: Mapping[str, Column] = field(default_factory=dict)
-    note: str = ""
-    commands: Sequence[str] = ()
+    make: Callable[[pd.DataFrame], pd.DataFrame | None] | None = None
+    of: Of = ()
+    title: Text = ""
+    note: Text = ""
+    columns: Columns = field(default_factory=dict)
+    shown: Names = ()
     folded: bool = False
     key: Sequence[str] = ()
+    commands: Sequence[str] = ()
+    data: pd.DataFrame = field(default_factory=pd.DataFrame)
+
+    def made(self, frame: pd.DataFrame) -> Iterator[Table]:
+        """The table with the values that follow from the frame of its experiments, if any do."""
+        data = self.make(frame) if self.make else None
+        if data is None or not len(data):
+            return
+        yield replace(
+            self,
+            data=data,
+            title=text_of(self.title, frame),
+            note=text_of(self.note, frame),
+            commands=commands_of(self.commands, frame),
+        )
 
     @property
     def names(self) -> list[str]:
         """Names of the columns that are shown."""
-        if self.shown:
-            return list(self.shown)
+        shown = self.shown(self.data) if callable(self.shown) else self.shown
+        if shown:
+            return list(shown)
         every = [str(name) for name in self.data.columns]
         return [name for name in every if not name.endswith(("_low", "_high"))]
 
     def column(self, name: str) -> Column:
         """How a column is shown; one named after a model has shares of right samples."""
-        known = self.columns.get(name) or COLUMNS.get(name)
+        columns = self.columns(self.data) if callable(self.columns) else self.columns
+        known = columns.get(name) or COLUMNS.get(name)
         if known:
             return known
         if (CONFIGS / "model" / f"{name}.yaml").exists():
@@ -102,8 +133,39 @@ class Table:
         lines = [heads, ["---"] * len(heads)]
         lines += [list(map(_lines, row)) for row in self.cells()]
         table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
-        parts = [f"**{markdown_text(self.title)}**", table, markdown_text(self.notes)]
+        parts = [
+            f"**{markdown_text(self.title)}**",
+            table,
+            markdown_text(self.notes),
+        ]
         return "\n\n".join(filter(None, parts)) + "\n"
+
+
+def experiments_of(of: Of) -> tuple[str, ...]:
+    """Names of experiments."""
+    return (of,) if isinstance(of, str) else tuple(of)
+
+
+def text_of(text: Text, frame: pd.DataFrame) -> str:
+    """A text with the frames and the machine of the records put in."""
+    filled = str(text(frame) if callable(text) else text)
+    if "{frames}" in filled:
+        filled = filled.replace("{frames}", frames_of(frame.to_dict("records")))
+    if "{machine}" in filled:
+        filled = filled.replace("{machine}", _machine(frame.iloc[0]))
+    return filled
+
+
+def _machine(line: pd.Series) -> str:
+    parts = [str(line.cpu), counted(int(line.threads), "thread")]
+    if line.device not in (None, "cpu"):
+        parts.insert(0, str(line.device))
+    return ", ".join(parts)
+
+
+def commands_of(given: Sequence[str], frame: pd.DataFrame) -> tuple[str, ...]:
+    """Those given, else those that made the records, each once."""
+    return tuple(given) or tuple(dict.fromkeys(frame.command))
 
 
 def frame(

@@ -165,7 +165,8 @@ STUDY = """
 import pandas as pd
 
 from experiments.protocol.experiment import experiment
-from experiments.reporting.study import Study, TableOf
+from experiments.reporting.study import Study
+from experiments.reporting.table import Table
 
 
 @experiment
@@ -183,7 +184,7 @@ STUDY = Study(
     "Brightness",
     "How bright are the frames?",
     order=99,
-    tables=[TableOf("brightness", table, of="brightness", title="Mean grey value")],
+    tables=[Table("brightness", table, of="brightness", title="Mean grey value")],
 )
 """
 EXPERIMENT = """# @package _global_

@@ -16,8 +16,9 @@ from experiments import report, studies
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import RUNS, Results
 from experiments.report import Answers
-from experiments.reporting.study import FigureOf, Study, TableOf
+from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
+from experiments.reporting.table import Table
 
 
 @pytest.fixture
@@ -175,12 +176,10 @@ def a_study_that_fails(monkeypatch):
         "Does it end the report?",
         0,
         tables=[
-            TableOf("never", never, of=RUNS, title="Never"),
-            TableOf(
-                "other", lambda _: pd.DataFrame({"x": [1]}), of=RUNS, title="Other"
-            ),
+            Table("never", never, of=RUNS, title="Never"),
+            Table("other", lambda _: pd.DataFrame({"x": [1]}), of=RUNS, title="Other"),
         ],
-        figures=[FigureOf("drawn", drawn, of=RUNS, caption="Never drawn.")],
+        figures=[Plot("drawn", drawn, of=RUNS, caption="Never drawn.")],
     )
     few = [study for study in studies_of(studies) if study.name == "table1"]
     monkeypatch.setattr(report, "studies_of", lambda _: [*few, broken])

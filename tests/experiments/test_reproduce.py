@@ -358,7 +358,7 @@ def test_own_numbers_of_a_claim_stand_beside_the_reference(
         ]  # fmt: skip
         yield (
             "some",
-            Table("some", "Some", pd.DataFrame(rows), key=("claim", "evidence")),
+            Table("some", data=pd.DataFrame(rows), key=("claim", "evidence")),
         )
 
     monkeypatch.setattr(claim, "_tables", made)

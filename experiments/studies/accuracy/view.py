@@ -20,15 +20,8 @@ from experiments.reporting.columns import display_name
 from experiments.reporting.curves import accuracy_curves, published_point
 from experiments.reporting.plot import handle, literal, star, title
 from experiments.reporting.rows import Row, caption, row, swept
-from experiments.reporting.study import (
-    RUN,
-    FigureOf,
-    NumbersOf,
-    Quantity,
-    Study,
-    TableOf,
-)
-from experiments.reporting.table import frame
+from experiments.reporting.study import RUN, Numbers, Plot, Quantity, Study
+from experiments.reporting.table import Table, frame
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
 SHOWN = (
@@ -204,7 +197,7 @@ STUDY = Study(
     order=2,
     front=True,
     tables=[
-        TableOf(
+        Table(
             name,
             make,
             of=RUNS,
@@ -227,7 +220,7 @@ STUDY = Study(
         )
     ],
     figures=[
-        FigureOf(
+        Plot(
             "accuracy_vs_n",
             draw_accuracies,
             of=RUNS,
@@ -238,5 +231,5 @@ STUDY = Study(
             commands=[f"{RUN}accuracy_vs_n"],
         )
     ],
-    numbers=[NumbersOf(quantities, of=RUNS)],
+    numbers=[Numbers(quantities, of=RUNS)],
 )

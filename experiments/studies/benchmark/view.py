@@ -10,7 +10,8 @@ import pandas as pd
 
 from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, milliseconds
-from experiments.reporting.study import Study, TableOf
+from experiments.reporting.study import Study
+from experiments.reporting.table import Table
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.names import OPERATIONS, OURS_COMPILED
 from experiments.studies.benchmark.table import HEADLINE, of_route
@@ -105,14 +106,14 @@ STUDY = Study(
     "bytes?",
     order=12,
     tables=[
-        TableOf(
+        Table(
             "benchmark_goals",
             goals,
             of="benchmark",
             title="Goals of the classifier, N = 400, D = 250,000. {machine}",
             note=NOTE,
         ),
-        TableOf(
+        Table(
             "benchmark",
             headline,
             of="benchmark",

@@ -14,7 +14,8 @@ import pandas as pd
 
 from experiments.records.results import RUNS
 from experiments.reporting.columns import Column, display_name, scene_name
-from experiments.reporting.study import Study, TableOf
+from experiments.reporting.study import Study
+from experiments.reporting.table import Table
 from experiments.reporting.table import frame as table_of
 from experiments.reporting.text import number
 from experiments.studies.claims import (
@@ -258,7 +259,7 @@ STUDY = Study(
     0,
     front=True,
     tables=[
-        TableOf(
+        Table(
             "claims",
             claims,
             of=OF,
@@ -269,7 +270,7 @@ STUDY = Study(
             note=_note,
             commands=[COMMAND],
         ),
-        TableOf(
+        Table(
             "claims_confirmatory",
             confirmatory,
             of=OF,
@@ -280,7 +281,7 @@ STUDY = Study(
             note=_note,
             commands=[COMMAND],
         ),
-        TableOf(
+        Table(
             "claims_evidence",
             evidence,
             of=OF,

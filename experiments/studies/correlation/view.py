@@ -25,7 +25,7 @@ from experiments.reporting.estimates import (
 from experiments.reporting.matrices import matrix
 from experiments.reporting.measured import matrices
 from experiments.reporting.plot import PAPER, panel, star
-from experiments.reporting.study import FigureOf, NumbersOf, Quantity, Study
+from experiments.reporting.study import Numbers, Plot, Quantity, Study
 from experiments.studies.correlation.pairs import contrast
 
 PICTURES = ("speckle", "hypervector", "prototype")
@@ -213,7 +213,7 @@ STUDY = Study(
     "Eqs. 4 to 6, Fig. 4.",
     4,
     figures=[
-        FigureOf(
+        Plot(
             "fig4_images",
             images,
             of="correlation",
@@ -223,7 +223,7 @@ STUDY = Study(
             caption="Speckle, hypervector and prototype of each class, on the scene of the paper "
             "(Fig. 4(a)): the same part of a frame in each row, white 1, black 0.",
         ),
-        FigureOf(
+        Plot(
             "method",
             method,
             of="correlation",
@@ -235,7 +235,7 @@ STUDY = Study(
             "hypervector; the majority of a class's hypervectors is its prototype; the nearest "
             "prototype names the touch.",
         ),
-        FigureOf(
+        Plot(
             "fig4_correlations",
             fig4,
             of="correlation",
@@ -246,5 +246,5 @@ STUDY = Study(
             needs=lambda rows: set(SYMBOLS) == set(own_frames(rows).kind.dropna()),
         ),
     ],
-    numbers=[NumbersOf(quantities, of="correlation")],
+    numbers=[Numbers(quantities, of="correlation")],
 )

@@ -14,7 +14,8 @@ from experiments.reporting import estimates, published
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.measured import each_scene
 from experiments.reporting.plot import literal
-from experiments.reporting.study import FigureOf, NumbersOf, Quantity, Study, TableOf
+from experiments.reporting.study import Numbers, Plot, Quantity, Study
+from experiments.reporting.table import Table
 from experiments.reporting.text import kind_of, percent, points
 from experiments.studies.drift import figures
 from experiments.studies.drift.numbers import (
@@ -123,7 +124,7 @@ STUDY = Study(
     "what is forgotten of the old session, and do the old samples add anything to the new?",
     5,
     tables=[
-        TableOf(
+        Table(
             "drift",
             partial(each_scene, regained),
             of="drift",
@@ -142,7 +143,7 @@ STUDY = Study(
             "the mean of unlabelled new frames that come before those tested; or both times the "
             f"mean of frames without touch. {_REGAINED} {_INTERVALS}",
         ),
-        TableOf(
+        Table(
             "drift_regained",
             partial(each_scene, best),
             of="drift",
@@ -159,7 +160,7 @@ STUDY = Study(
         ),
     ],
     figures=[
-        FigureOf(
+        Plot(
             "fig8_drift",
             fig8,
             of="drift",
@@ -169,7 +170,7 @@ STUDY = Study(
             "replaced; (c) new session, the best update of each model on these test frames after "
             f"{N_NEW} samples, which favours it. Bars: 95 % over seeds.",
         ),
-        FigureOf(
+        Plot(
             "drift_unlabelled",
             unlabelled,
             of="drift",
@@ -179,5 +180,5 @@ STUDY = Study(
             "Bars: 95 % over seeds.",
         ),
     ],
-    numbers=[NumbersOf(quantities, of="drift")],
+    numbers=[Numbers(quantities, of="drift")],
 )

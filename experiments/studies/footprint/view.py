@@ -11,7 +11,8 @@ from matplotlib.patches import Patch, Rectangle
 
 from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.study import FigureOf, Study, TableOf
+from experiments.reporting.study import Plot, Study
+from experiments.reporting.table import Table
 from experiments.reporting.text import size
 from experiments.studies.footprint.probe import WATCHED
 
@@ -99,7 +100,7 @@ STUDY = Study(
     "How much memory does each scene and model take, and is what it does not need left out?",
     order=13,
     tables=[
-        TableOf(
+        Table(
             "footprint",
             footprint,
             of="footprint",
@@ -110,7 +111,7 @@ STUDY = Study(
             "learnt, one predicted. The sensor is simulated, the matrices of the fibre are "
             "measured.",
         ),
-        TableOf(
+        Table(
             "footprint_left_out",
             left_out,
             of="footprint",
@@ -125,7 +126,7 @@ STUDY = Study(
         ),
     ],
     figures=[
-        FigureOf(
+        Plot(
             "footprint",
             picture,
             of="footprint",

@@ -19,7 +19,8 @@ from experiments.reporting.columns import (
 )
 from experiments.reporting.curves import plain_decades
 from experiments.reporting.plot import LETTERS, handle, look_of, panel, wrapped
-from experiments.reporting.study import FigureOf, TableOf
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table
 from experiments.reporting.text import number, percent, size
 from experiments.studies.recordings.panels import grid
 from experiments.studies.recordings.values import (
@@ -93,7 +94,7 @@ def _points(axes: Axes, rows: pd.DataFrame) -> None:
 
 
 TABLES = [
-    TableOf(
+    Table(
         "recording_costs",
         costs,
         of=("recording_costs", "recordings"),
@@ -116,7 +117,7 @@ TABLES = [
     )
 ]
 FIGURES = [
-    FigureOf(
+    Plot(
         "error_vs_bytes",
         error_against_bytes,
         of=("recording_costs", "recordings"),

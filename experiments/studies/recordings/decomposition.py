@@ -13,7 +13,8 @@ from matplotlib.ticker import MaxNLocator
 
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.plot import LETTERS, panel, wrapped
-from experiments.reporting.study import FigureOf, TableOf
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table
 from experiments.reporting.text import percent, points
 from experiments.studies.recordings.panels import grid
 from experiments.studies.recordings.values import (
@@ -135,7 +136,7 @@ def _bars(axes: Axes, rows: pd.DataFrame) -> None:
 
 
 TABLES = [
-    TableOf(
+    Table(
         "decomposition",
         decomposition,
         of="recordings",
@@ -156,7 +157,7 @@ TABLES = [
     )
 ]
 FIGURES = [
-    FigureOf(
+    Plot(
         "decomposition",
         waterfall,
         of="recordings",

@@ -20,7 +20,7 @@ from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import Estimate, difference
 from experiments.reporting.measured import RIVAL, place_of
 from experiments.reporting.plot import literal, panel
-from experiments.reporting.study import RUN, FigureOf
+from experiments.reporting.study import RUN, Plot
 from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED
 from experiments.studies.recordings.values import (
     CONFIRMATORY,
@@ -204,7 +204,7 @@ def _draw(axes: Axes, dot: Dot, row: int) -> None:
 
 
 FIGURES = [
-    FigureOf(
+    Plot(
         "forest",
         forest,
         of=("recordings", RUNS),

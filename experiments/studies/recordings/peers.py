@@ -11,7 +11,7 @@ from experiments.records.results import of_scenes
 from experiments.reporting.columns import Column, model_columns, scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import ENDS, models_of, values_of, with_right
-from experiments.reporting.study import Columns, TableOf
+from experiments.reporting.table import Columns, Table
 from experiments.reporting.text import number, percent
 
 PLACE = {
@@ -128,7 +128,7 @@ def networks(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 TABLES = [
-    TableOf(
+    Table(
         "peers",
         peers,
         of="recordings_peers",
@@ -137,7 +137,7 @@ TABLES = [
         note=_note,
         columns=_columns(", %", percent),
     ),
-    TableOf(
+    Table(
         "peers_times",
         times,
         of="peers_costs",
@@ -147,7 +147,7 @@ TABLES = [
         folded=True,
         columns=_columns(", s", number),
     ),
-    TableOf(
+    Table(
         "networks",
         networks,
         of="recordings_networks",

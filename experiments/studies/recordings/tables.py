@@ -22,7 +22,7 @@ from experiments.reporting.measured import (
     saturated,
     values_of,
 )
-from experiments.reporting.study import TableOf
+from experiments.reporting.table import Table
 from experiments.reporting.text import percent, points
 from experiments.studies.recordings.values import (
     CONFIRMATORY,
@@ -148,7 +148,7 @@ def _form_head(form: str) -> str:
 
 
 TABLES = [
-    TableOf(
+    Table(
         "recordings",
         front,
         of="recordings",
@@ -160,7 +160,7 @@ TABLES = [
         key=("recording", "n"),
         columns=_columns,
     ),
-    TableOf(
+    Table(
         "forms",
         forms,
         of="recordings",

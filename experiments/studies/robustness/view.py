@@ -19,7 +19,8 @@ from experiments.reporting.curves import bars, errors
 from experiments.reporting.estimates import Estimate, mean_share
 from experiments.reporting.measured import each_scene
 from experiments.reporting.plot import handle, panel, style_of, wrapped
-from experiments.reporting.study import FigureOf, Study, TableOf
+from experiments.reporting.study import Plot, Study
+from experiments.reporting.table import Table
 
 FLIPS = ("bit_flips", "bit_flips_int8", "query_flips")
 # Name of a disturbance, unit of its level, and the number of units in a level of 1.
@@ -213,7 +214,7 @@ STUDY = Study(
     "model flip? Does hyperdimensional computing tolerate the faults it is said to tolerate?",
     9.5,
     tables=[
-        TableOf(
+        Table(
             "robustness",
             partial(each_scene, accuracies),
             of="robustness",
@@ -228,7 +229,7 @@ STUDY = Study(
         )
     ],
     figures=[
-        FigureOf(
+        Plot(
             "robustness",
             curves,
             of="robustness",

@@ -24,16 +24,8 @@ from experiments.reporting.matrices import CONFUSION_MAP, PRINTED, matrix
 from experiments.reporting.measured import matrices
 from experiments.reporting.plot import LETTERS, head, panel, wrapped
 from experiments.reporting.rows import row
-from experiments.reporting.study import (
-    RUN,
-    WIDTH,
-    FigureOf,
-    NumbersOf,
-    Quantity,
-    Study,
-    TableOf,
-)
-from experiments.reporting.table import frame
+from experiments.reporting.study import RUN, WIDTH, Numbers, Plot, Quantity, Study
+from experiments.reporting.table import Table, frame
 from experiments.reporting.text import SIMULATED, frames_of
 from experiments.studies.scenes import own
 
@@ -203,7 +195,7 @@ STUDY = Study(
     "every scene that was run, own recordings included?",
     order=2.2,
     tables=[
-        TableOf(
+        Table(
             EXPERIMENT,
             all_scenes,
             of=RUNS,
@@ -227,7 +219,7 @@ STUDY = Study(
         )
     ],
     figures=[
-        FigureOf(
+        Plot(
             "confusions",
             confusions,
             of=RUNS,
@@ -237,7 +229,7 @@ STUDY = Study(
             needs=lambda lines: bool(confused(Groups.of(lines))),
             commands=[f"{RUN}{EXPERIMENT}"],
         ),
-        FigureOf(
+        Plot(
             "fig7_spatial",
             spatial,
             of=(RUNS, "correlation"),
@@ -246,7 +238,7 @@ STUDY = Study(
             needs=_has_spatial,
             commands=[f"{RUN}{EXPERIMENT}", SPATIAL_CORRELATION],
         ),
-        FigureOf(
+        Plot(
             "own_accuracy_vs_n",
             own.accuracy_vs_n,
             of=RUNS,
@@ -254,7 +246,7 @@ STUDY = Study(
             "started by hand: a panel per scene.",
             needs=lambda lines: bool(own.curves(lines)),
         ),
-        FigureOf(
+        Plot(
             "own_error_vs_time",
             own.error_vs_time,
             of=RUNS,
@@ -263,5 +255,5 @@ STUDY = Study(
             needs=lambda lines: bool(own.started(lines)),
         ),
     ],
-    numbers=[NumbersOf(quantities, of=RUNS)],
+    numbers=[Numbers(quantities, of=RUNS)],
 )

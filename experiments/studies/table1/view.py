@@ -15,15 +15,8 @@ from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import Column
 from experiments.reporting.estimates import ONE_SENSOR, median_range
 from experiments.reporting.rows import row
-from experiments.reporting.study import (
-    RUN,
-    FigureOf,
-    NumbersOf,
-    Quantity,
-    Study,
-    TableOf,
-)
-from experiments.reporting.table import records
+from experiments.reporting.study import RUN, Numbers, Plot, Quantity, Study
+from experiments.reporting.table import Table, records
 from experiments.reporting.text import counted
 from experiments.studies.table1 import columns, equal, figure, models
 from experiments.studies.table1.models import PAPER
@@ -159,7 +152,7 @@ STUDY = Study(
     front=True,
     tables=[
         *times_view.TABLES,
-        TableOf(
+        Table(
             "table1",
             table1,
             of=RUNS,
@@ -170,7 +163,7 @@ STUDY = Study(
             columns=columns.COLUMNS,
             commands=[f"{RUN}table1", f"{RUN}table1_descent"],
         ),
-        TableOf(
+        Table(
             "table1_few",
             table1_few,
             of=RUNS,
@@ -180,7 +173,7 @@ STUDY = Study(
             columns=columns.OF_FEW,
             commands=[f"{RUN}table1_few"],
         ),
-        TableOf(
+        Table(
             "equal_accuracy",
             equal.equal_accuracy,
             of=RUNS,
@@ -200,7 +193,7 @@ STUDY = Study(
     ],
     figures=[
         *times_view.FIGURES,
-        FigureOf(
+        Plot(
             "error_vs_time",
             figure.error_vs_time,
             of=RUNS,
@@ -214,5 +207,5 @@ STUDY = Study(
             commands=[f"{RUN}table1", f"{RUN}table1_extended"],
         ),
     ],
-    numbers=[NumbersOf(quantities, of=OF)],
+    numbers=[Numbers(quantities, of=OF)],
 )

@@ -34,9 +34,11 @@ def test_a_key_that_not_every_model_of_a_sweep_has_says_how_to_sweep_it():
     words = ["model.lr=1e-3"]
     error = error_of("model=hdc", *words)
     said = message(error, ["-m", "model=hdc,softmax", *words])
-    assert "'model.lr=choice(1e-3)'" in said
+    assert said.startswith("model.lr: expected 'model.lr=choice(1e-3)', for a sweep")
     assert "choice" not in message(error, ["model=hdc", *words])  # no sweep
     assert "choice" not in message(error, ["-m", "model=hdc,softmax"])
+    again = message(error, ["-m", "model=hdc,softmax", "model.lr=choice(1e-3)"])
+    assert again.startswith("model.lr: expected a model that has it; leave the others")
 
 
 def test_a_launcher_that_cannot_start_is_the_users_and_our_own_errors_are_not():

@@ -17,7 +17,7 @@ from experiments.reporting.table import Table
 def a_table(value, low=0.8, high=0.9, column="x", key=("model",), **more):
     numbers = {column: value, f"{column}_low": low, f"{column}_high": high}
     return Table(
-        "some", "", pd.DataFrame([{"model": "softmax", **numbers, **more}]), key=key
+        "some", data=pd.DataFrame([{"model": "softmax", **numbers, **more}]), key=key
     )
 
 

@@ -7,7 +7,7 @@ from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
 from experiments.reporting import documents
-from experiments.reporting.study import FigureOf, Plot, Study
+from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table, frame
 
@@ -54,9 +54,14 @@ def test_the_table_of_costs_has_every_form_and_softmax_after_most_frames():
 def test_the_page_of_results_has_every_figure_and_each_command_once():
     study = Study("some", "A title", "A question?", 1)
     empty = Study("empty", "Nothing", "No figure?", 2)
-    of = FigureOf("a_figure", lambda *_: None, of="runs", caption="")
-    plot = Plot(of, "What it *shows*.", ["make it", "and this"], frame([]))
-    table = Table("a_table", "Of what", frame([{"x": 1}]))
+    plot = Plot(
+        "a_figure",
+        lambda *_: None,
+        of="runs",
+        caption="What it *shows*.",
+        commands=["make it", "and this"],
+    )
+    table = Table("a_table", title="Of what", data=frame([{"x": 1}]))
     text = documents.results_page(
         [study, empty], {"some": [table]}, {"some": [plot, plot]}
     )

@@ -39,7 +39,12 @@ def a_table(name="some", value=0.5, **values):
     row = {"model": "hdc", "x": value, "x_low": value, "x_high": value, **values}
     data = frame([row])
     return Table(
-        name, "A title", data, note="Read it.", commands=["make it"], key=("model",)
+        name,
+        title="A title",
+        data=data,
+        note="Read it.",
+        commands=["make it"],
+        key=["model"],
     )
 
 
@@ -84,7 +89,11 @@ def test_the_reference_stands_in_a_cell_that_differs_and_in_no_other():
 
 def test_what_comes_from_outside_is_escaped():
     hostile = Table(
-        HOSTILE, HOSTILE, a_table(model=HOSTILE).data, note=HOSTILE, commands=[HOSTILE]
+        HOSTILE,
+        title=HOSTILE,
+        data=a_table(model=HOSTILE).data,
+        note=HOSTILE,
+        commands=[HOSTILE],
     )
     shown = a_plot('x" onload="alert(3)', caption=HOSTILE)
     plain = built(part("mine", [a_table()], [a_plot()], failures=["f"]), problems=["p"])

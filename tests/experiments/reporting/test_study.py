@@ -5,13 +5,9 @@ import pytest
 
 from experiments import studies
 from experiments.records.results import Results
-from experiments.reporting.study import (
-    NumbersOf,
-    Quantity,
-    Study,
-    TableOf,
-)
+from experiments.reporting.study import Numbers, Quantity, Study
 from experiments.reporting.study import studies as studies_of
+from experiments.reporting.table import Table
 
 
 def test_no_study_has_anything_to_say_of_an_empty_folder(tmp_path):
@@ -44,7 +40,7 @@ STUDY = Study(
     "Question?",
     1,
     tables=[
-        TableOf(
+        Table(
             "some",
             some,
             of="correlation",
@@ -52,9 +48,9 @@ STUDY = Study(
             note=lambda frame: f"Of {len(frame)} lines.",
             shown=lambda data: [name for name in data if name != "k"],
         ),
-        TableOf("none", nothing, of="drift", title="None"),
+        Table("none", nothing, of="drift", title="None"),
     ],
-    numbers=[NumbersOf(quantities, of="correlation")],
+    numbers=[Numbers(quantities, of="correlation")],
 )
 
 

@@ -24,7 +24,7 @@ HOSTILE = [
 
 def a_table(cells, note=""):
     rows = [{"name": text, "value": k} for k, text in enumerate(cells)]
-    return Table("t", "A title", frame(rows), note=note)
+    return Table("t", title="A title", data=frame(rows), note=note)
 
 
 class Cells(HTMLParser):
@@ -76,7 +76,7 @@ def test_csv_keeps_integers_exact_numbers_to_six_digits_and_nothing_empty():
         {"a": 2**53, "b": 1 / 3, "c": None},
         {"a": np.int64(1), "b": math.nan, "d": True},
     ]
-    lines = list(csv.reader(io.StringIO(Table("t", "T", frame(rows)).csv())))
+    lines = list(csv.reader(io.StringIO(Table("t", data=frame(rows)).csv())))
     assert lines[1:] == [
         ["9007199254740992", "0.333333", "", ""],
         ["1", "", "", "True"],
@@ -87,10 +87,10 @@ def test_csv_keeps_integers_exact_numbers_to_six_digits_and_nothing_empty():
 def test_bounds_stand_in_the_cell_of_their_value():
     rows = [{"test_accuracy": 0.98, "test_accuracy_low": 0.95, "test_accuracy_high": 1.0,
              "some_key": 0.123456}, {"test_accuracy": 0.5}]  # fmt: skip
-    table = Table("t", "T", frame(rows), columns={"some_key": Column("Own", percent)})
+    table = Table("t", data=frame(rows), columns={"some_key": Column("Own", percent)})
     assert table.heads == ["Test accuracy, %", "Own"]
     assert table.cells() == [["98 [95, 100]", "12.3"], ["50", "–"]]
-    assert Table("t", "T", frame([], ["a", "b"])).csv() == "a,b\n"
+    assert Table("t", data=frame([], ["a", "b"])).csv() == "a,b\n"
 
 
 @pytest.mark.parametrize(

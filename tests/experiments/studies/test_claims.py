@@ -1112,7 +1112,7 @@ def test_the_note_names_the_rules_and_the_commit_that_froze_them(
     noted = [table for table in view.STUDY.tables if table.name != "claims_evidence"]
     assert len(noted) == 2
     for table in noted:
-        ((note,),) = [[made.note for made in table.tables(frame)]]
+        ((note,),) = [[made.note for made in table.made(frame)]]
         assert note.endswith(
             f"Rules: docs/claims.md, version {RULES.version} of {RULES.dated}, "
             f"digest {frozen.digest()}{of_commit}."

@@ -13,7 +13,8 @@ from experiments.records.results import own_columns
 from experiments.reporting.columns import Column, milliseconds
 from experiments.reporting.curves import plain_decades
 from experiments.reporting.plot import panel
-from experiments.reporting.study import FigureOf, TableOf
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table
 
 # Half a unit in the last place of a correlation near one: smaller is drawn there.
 FLOOR = 2.0**-54
@@ -98,7 +99,7 @@ def error_against_time(
 
 
 TABLES = [
-    TableOf(
+    Table(
         "numerics",
         table,
         of="numerics",
@@ -118,7 +119,7 @@ TABLES = [
     )
 ]
 FIGURES = [
-    FigureOf(
+    Plot(
         "numerics",
         error_against_time,
         of="numerics",

@@ -8,7 +8,8 @@ from matplotlib.figure import Figure
 from experiments.records.results import own_columns
 from experiments.reporting.columns import Column
 from experiments.reporting.plot import head
-from experiments.reporting.study import FigureOf, TableOf
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table
 from experiments.reporting.text import number
 
 
@@ -97,7 +98,7 @@ def _of_tolerance(errors: pd.Series, tolerances: pd.Series) -> pd.Series:
 
 
 TABLES = [
-    TableOf(
+    Table(
         "stability",
         stability,
         of="stability",
@@ -108,7 +109,7 @@ TABLES = [
     )
 ]
 FIGURES = [
-    FigureOf(
+    Plot(
         "stability",
         at_their_limits,
         of="stability",

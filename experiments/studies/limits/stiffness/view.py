@@ -8,7 +8,8 @@ from matplotlib.lines import Line2D
 
 from experiments.reporting.columns import Column
 from experiments.reporting.plot import LETTERS, panel
-from experiments.reporting.study import FigureOf, TableOf
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table
 from experiments.reporting.text import number
 
 # Okabe and Ito's.
@@ -79,7 +80,7 @@ COLUMNS = {
     "error": Column("Loss minus optimum", lambda value: number(value, 2)),
 }
 TABLES = [
-    TableOf(
+    Table(
         "stiffness",
         ends,
         of="stiffness",
@@ -94,7 +95,7 @@ TABLES = [
     )
 ]
 FIGURES = [
-    FigureOf(
+    Plot(
         "stiffness",
         error_against_time,
         of="stiffness",

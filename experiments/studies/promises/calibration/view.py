@@ -20,7 +20,8 @@ from experiments.reporting.measured import (
     over_units,
 )
 from experiments.reporting.plot import LETTERS, literal, panel, style_of, wrapped
-from experiments.reporting.study import FigureOf, TableOf
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table
 from experiments.reporting.text import percent, points
 from experiments.studies.promises.calibration.measure import STEPS
 
@@ -174,7 +175,7 @@ def _reliability(rows: pd.DataFrame) -> tuple[Shares, Shares]:
 
 
 TABLES = [
-    TableOf(
+    Table(
         "calibration",
         table,
         of="calibration",
@@ -191,7 +192,7 @@ TABLES = [
     )
 ]
 FIGURES = [
-    FigureOf(
+    Plot(
         "calibration",
         draw,
         of="calibration",

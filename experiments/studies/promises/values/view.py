@@ -9,7 +9,7 @@ import pandas as pd
 
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.measured import ENDS, over_units, saturated, values_of
-from experiments.reporting.study import TableOf
+from experiments.reporting.table import Table
 from experiments.reporting.text import number, percent
 
 COLUMNS = {
@@ -154,7 +154,7 @@ def _of_few(table: pd.DataFrame) -> dict[str, Column]:
 
 
 TABLES = [
-    TableOf(
+    Table(
         "values",
         errors,
         of="values",
@@ -165,7 +165,7 @@ TABLES = [
         f"regression has the penalty of the least leave-one-out error. {NOTE}",
         shown=shown,
     ),
-    TableOf(
+    Table(
         "coverage",
         coverage,
         of=("coverage", "values"),
@@ -177,7 +177,7 @@ TABLES = [
         f"the random split. {NOTE}",
         shown=shown,
     ),
-    TableOf(
+    Table(
         "coverage_few",
         coverage_few,
         of="coverage",

@@ -13,8 +13,8 @@ from matplotlib.ticker import FuncFormatter
 
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.plot import handle, head, look_of, style_of
-from experiments.reporting.study import FigureOf, TableOf
-from experiments.reporting.table import records
+from experiments.reporting.study import Plot
+from experiments.reporting.table import Table, records
 from experiments.reporting.text import number, percent
 from experiments.studies.table1.times import grid
 
@@ -71,7 +71,7 @@ def _draw_ratio(axes: Axes, place: float, line: Mapping[str, Any]) -> None:
 
 
 TABLES = [
-    TableOf(
+    Table(
         grid.NAME,
         times_grid,
         of=grid.NAME,
@@ -92,7 +92,7 @@ TABLES = [
     )
 ]
 FIGURES = [
-    FigureOf(
+    Plot(
         grid.NAME,
         draw,
         of=grid.NAME,
