@@ -13,8 +13,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hdc import circular, inputs
-from hdc.bank import Bank, Selection, Shared
+from hdc import circular
+from hdc.bank import Bank, Shared
 from hdc.classifier import HDCClassifier
 from hdc.encoders import COMPARED, Encoder, make_encoder
 from hdc.readouts import (
@@ -357,18 +357,3 @@ def far_behind(losses: Mapping[Method, np.ndarray]) -> list[Method]:
         if more.mean() > max(_ERRORS * error, _LEAST):
             found.append(method)
     return found
-
-
-def in_bank(frames: Any, labels: np.ndarray) -> tuple[Bank, np.ndarray]:
-    """A bank that has some training frames, and their rows in it.
-
-    Args:
-        frames: anything with ``shape`` and batches ``frames[a:b]`` of uint8 or uint16; a selection
-            has a bank already.
-        labels: of the frames [N].
-    """
-    if isinstance(frames, Selection):
-        return frames.bank, frames.rows
-    images = inputs.tensor(frames[0 : len(frames)])
-    classes, rows = np.unique(labels, return_inverse=True)
-    return Bank(images, rows, len(classes)), np.arange(len(images))

@@ -15,10 +15,7 @@ from torch import Tensor
 
 from baselines import softmax
 from baselines.softmax import SoftmaxRegression
-from baselines.softmax_chosen import ChosenSoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
-from hdc.bank import Bank
-from hdc.selection import Frames, folds
 
 C = 0.1
 
@@ -250,28 +247,3 @@ def test_the_accuracy_of_minibatches_is_that_since_the_last_report(frames_and_la
     single = [report["batch_accuracy"] for report in itertools.islice(often, 12)]
     three = [report["batch_accuracy"] for report in itertools.islice(seldom, 4)]
     assert three == pytest.approx(np.mean(np.reshape(single, (4, 3)), axis=1))
-
-
-def test_the_penalty_is_the_one_of_least_error_in_the_folds(speckle):
-    frames, labels = speckle(45, (8, 9), 3)
-    bank = Bank(torch.as_tensor(frames), np.asarray(labels), 3)
-    train, test = np.arange(30), np.arange(30, 45)
-    model = ChosenSoftmaxRegression(choices=(1e-6, 1.0, 1e-9))
-    data = Frames(bank, (), (), None, None)
-    made, _ = folds(data, train)
-    errors = {}
-    for c in model.choices:
-        plain = DualSoftmaxRegression(C=c)
-        wrong = [
-            plain.predict_from(bank, rows, held) != bank.labels[held]
-            for rows, held in made
-        ]
-        errors[c] = np.concatenate(wrong).mean()
-    best = min(model.choices, key=lambda c: errors[c])
-    model.fit(bank.at(train), bank.labels[train])
-    assert best == model.model_.C
-    expected = DualSoftmaxRegression(C=best).predict_from(bank, train, test)
-    assert (model.predict_from(bank, train, test) == expected).all()
-    assert (model.predict(bank.at(test)) == expected).all()
-    single = np.array([np.flatnonzero(bank.labels == c)[0] for c in range(3)])
-    assert model.fit(bank.at(single), bank.labels[single]).model_.C == 1e-6

@@ -49,7 +49,6 @@ SIDES = {
 }  # rows and columns of D pixels: neither fills its words
 OF_BITS = (
     "hdc",
-    "hdc_below",
     "hdc_integer",
     "hdc_levels",
     "hdc_reference",
@@ -70,8 +69,7 @@ EXPERIMENTS = {
     "drift": ("task.seeds=[0]", "task.n_test=20", "task.n_new=[5]", "task.p=[0.5]",
               "task.n_alone=[5]", "task.n_zero=[10]", "task.n_shares=[5]", *SMALL_SENSOR),
     "coverage": ("scene=touch", "task.n_per_class=[2,5]", "task.draws=1", *SMALL_SENSOR),
-    "recordings": ("scene=touch", "task.n_per_class=[1,3]", "task.draws=1", "task.steps_draws=0",
-                   *SMALL_SENSOR),
+    "recordings": ("scene=touch", "task.n_per_class=[1,3]", "task.draws=1", *SMALL_SENSOR),
     "stability": (),
 }  # fmt: skip
 _TIMES = (

@@ -202,7 +202,7 @@ def test_an_encoder_and_a_readout_of_ones_own_are_in_every_table_of_their_frames
     (own / "configs" / "model" / "hdc_own.yaml").write_text(OWN_HDC)
     carry_out("-m", "scene=small_touch", "model=hdc,hdc_own", "split.n_train=20")
     carry_out("experiment=recordings", "scene=small_touch", "+model@task.models.hdc_own=hdc_own",
-              "task.draws=1", "task.n_per_class=[1,5]", "task.steps_draws=0")  # fmt: skip
+              "task.draws=1", "task.n_per_class=[1,5]")  # fmt: skip
     results = own / "results"
     report.write(results, Console(file=io.StringIO()))
     runs = table(results, "runs")

@@ -15,9 +15,10 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
+import msgspec
 import numpy as np
 
-from baselines.chosen import Chosen as OneOfFamily
+from baselines.chosen import Chosen
 from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import (
     bank_of,
@@ -32,31 +33,39 @@ from experiments.protocol.splits import draw_split, nested
 from experiments.protocol.stop import StopRule
 from experiments.records.rows import pack_labels
 from hdc.bank import Bank
-from hdc.chosen import Chosen
-
-CHOOSING = (Chosen, OneOfFamily)
-"""Models that choose their form."""
 
 
-class Asked(NamedTuple):
-    """A model, and where it is asked: in how many draws, at which sizes, by which splits.
+class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Where a model is asked; None stands for everything.
 
-    None stands for all of them; `stop` ends the training of a model that learns by steps.
+    Attributes:
+        scenes: names of recordings.
+        splits: names of splits.
+        draws: the first so many draws, of all seeds together.
+        n_per_class: training frames of each class.
+        stop: ends the training of a model that learns by steps.
     """
 
-    model: Model
-    draws: int
-    sizes: Sequence[int] | None = None
-    splits: Sequence[str] | None = None
+    scenes: list[str] | None = None
+    splits: list[str] | None = None
+    draws: int | None = None
+    n_per_class: list[int] | None = None
     stop: StopRule | None = None
 
     def at(self, split: str, draw: int, sizes: Sequence[int]) -> list[int]:
         """Those of the sizes at which the model is asked in a draw of a split."""
-        if draw >= self.draws:
+        if self.draws is not None and draw >= self.draws:
             return []
         if self.splits is not None and split not in self.splits:
             return []
-        return [n for n in sizes if self.sizes is None or n in self.sizes]
+        return [n for n in sizes if self.n_per_class is None or n in self.n_per_class]
+
+
+class Asked(NamedTuple):
+    """A model, and where it is asked."""
+
+    model: Model
+    limits: Limits
 
 
 @experiment(revision=2, uses=("hdc.HDCClassifier",))
@@ -69,12 +78,7 @@ def recordings(
     draws: int = 20,
     seeds: Sequence[int] = (0,),
     most_test: int = 400,
-    limits: Mapping[str, Mapping[str, Any]] | None = None,
-    fewer_draws: Mapping[str, int] | None = None,
-    by_steps: Mapping[str, Any] | None = None,
-    stop: StopRule | None = None,
-    steps_draws: int = 3,
-    steps_n: Sequence[int] = (),
+    limits: Mapping[str, Limits] | None = None,
 ) -> Iterator[Row]:
     """One row: one model in one draw of one split; what it ``predicted`` of ``n_test`` frames after
     each ``n`` frames of every class.
@@ -90,48 +94,42 @@ def recordings(
     Raises:
         ValueError: naming the key that is wrong.
     """
-    asked = _limited(models, draws, limits or {})
-    for name, model in models_of(at_seed(by_steps or {}, 0)).items():
-        few = min(steps_draws, draws)
-        asked[name] = Asked(model, few, steps_n, ("counts",), stop or StopRule())
-    for seed, recording in run.scenes(scene, seeds):
+    asked = _asked(models, limits or {}, run.scene_name)
+    for count, (seed, recording) in enumerate(run.scenes(scene, seeds)):
+        first = count * draws
         bank = bank_of(recording, group=_group(splits))
         for split, wanted in splits.items():
             pool_of = partial(draw_split, recording, wanted, most_test=most_test)
-            draw = partial(_draw, bank, pool_of, asked, n_per_class, split)
-            for k in range(min(draws, (fewer_draws or {}).get(split, draws))):
+            for k in range(draws):
+                place = (split, first + k)
+                draw = partial(_draw, bank, pool_of, asked, n_per_class, place)
                 drawn = {"seed": seed, "split": split, "draw": k}
                 for row in run.part(drawn, partial(draw, (seed, k))):
                     yield {"origin": recording.origin, **drawn, **row}
 
 
-def _limited(
-    models: Mapping[str, Any], draws: int, limits: Mapping[str, Mapping[str, Any]]
+def _asked(
+    models: Mapping[str, Any], limits: Mapping[str, Limits], scene: str
 ) -> dict[str, Asked]:
-    """Models by name, with their limits.
+    """The models that are asked on a recording, by name, with their limits.
 
     Raises:
-        ValueError: naming a limit that is not of a model, or none of the three.
+        ValueError: naming a limit that is not of a model.
     """
-    made = models_of(at_seed(models, 0))
-    known = {"draws", "n_per_class", "splits"}
-    for name, limit in limits.items():
-        if name not in made:
-            expected = ", ".join(made)
+    for name in limits:
+        if name not in models:
+            known = ", ".join(models)
             raise ValueError(
-                f"task.limits: expected models among {expected}, found {name!r}"
+                f"task.limits: expected models among {known}, found {name!r}"
             )
-        if unknown := set(limit) - known:
-            found = sorted(unknown)[0]
-            expected = ", ".join(sorted(known))
-            key = f"task.limits.{name}"
-            raise ValueError(f"{key}: expected {expected}, found {found!r}")
-    asked = {}
-    for name, model in made.items():
-        limit = limits.get(name, {})
-        few = min(draws, limit.get("draws", draws))
-        asked[name] = Asked(model, few, limit.get("n_per_class"), limit.get("splits"))
-    return asked
+    of = {name: limits.get(name, Limits()) for name in models}
+    here = {
+        name: part
+        for name, part in models.items()
+        if of[name].scenes is None or scene in (of[name].scenes or ())
+    }
+    made = models_of(at_seed(here, 0))
+    return {name: Asked(model, of[name]) for name, model in made.items()}
 
 
 def _group(splits: Mapping[str, Split]) -> str | None:
@@ -147,10 +145,10 @@ def _draw(
     pool_of: Any,
     models: Mapping[str, Asked],
     n_per_class: Sequence[int],
-    split: str,
+    place: tuple[str, int],
     seed: tuple[int, int],
 ) -> Iterator[Row]:
-    """The rows of one draw, a row per model."""
+    """The rows of one draw, a row per model; `place` is its split and its number."""
     pool, test = pool_of(seed=seed)
     order, sizes = nested(pool, bank.labels, n_per_class, seed)
     of_draw: Row = {
@@ -161,7 +159,7 @@ def _draw(
         _, group = np.unique(bank.groups, return_inverse=True)
         of_draw["groups"] = pack_labels(group[test])
     for name, asked in models.items():
-        chosen = asked.at(split, seed[1], sizes)
+        chosen = asked.limits.at(*place, sizes)
         if not chosen:
             continue
         answers = [
@@ -174,9 +172,9 @@ def _draw(
             "n": chosen,
             "predicted": [pack_labels(answer.labels) for answer in answers],
         }
-        if isinstance(asked.model, CHOOSING):
+        if isinstance(asked.model, Chosen):
             row["chose"] = [answer.form for answer in answers]
-        if asked.stop is not None:
+        if asked.limits.stop is not None:
             row["stopped"] = [answer.stopped for answer in answers]
         yield {**row, **of_draw}
         of_draw = {}  # the first row has it for all
@@ -192,13 +190,13 @@ class Answer(NamedTuple):
 
 
 def _answer(asked: Asked, bank: Bank, train: np.ndarray, test: np.ndarray) -> Answer:
-    model = asked.model
-    if isinstance(model, CHOOSING):
+    model, stop = asked.model, asked.limits.stop
+    if isinstance(model, Chosen):
         form, model = model.choose(bank, train)
         return Answer(evaluate(model, bank, train, test), form)
-    if asked.stop is None:
+    if stop is None:
         return Answer(evaluate(model, bank, train, test))
-    labels, stopped = evaluate_until(asked.stop, model, bank, train, test)
+    labels, stopped = evaluate_until(stop, model, bank, train, test)
     return Answer(labels, stopped=stopped)
 
 

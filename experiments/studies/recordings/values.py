@@ -24,8 +24,6 @@ from experiments.reporting.text import kind_of
 
 RIVALS = (RIVAL, "softmax_dual_standardised")
 """Converged softmax regression, of grey values and of standardised frames."""
-TUNED = ("softmax_chosen", "softmax_chosen_standardised")
-"""The same with a penalty chosen by the folds that choose HDC's form."""
 CONFIRMATORY = ("hdc", "hdc_levels_lda")
 """The forms of HDC that the frozen rules name; every other is exploratory."""
 FEW = 5  # frames a class

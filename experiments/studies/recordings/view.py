@@ -5,7 +5,6 @@ from experiments.studies.recordings import (
     costs,
     decomposition,
     forest,
-    peers,
     tables,
 )
 
@@ -20,7 +19,6 @@ STUDY = Study(
         *tables.TABLES,
         *decomposition.TABLES,
         *costs.TABLES,
-        *peers.TABLES,
     ],
     figures=[*forest.FIGURES, *decomposition.FIGURES, *costs.FIGURES],
 )

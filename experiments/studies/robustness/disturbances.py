@@ -9,7 +9,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.rounding import to_int8
 from hdc import HDCClassifier, bits
 from hdc.encoders import Encoder, encode_with
 
@@ -52,6 +51,14 @@ def shift(
     """The camera moved by `level` columns; what comes into sight repeats the column at the edge."""
     columns = np.arange(frames.shape[2]) - level
     return frames[:, :, np.maximum(columns, 0)]
+
+
+def to_int8(tensor: Tensor) -> tuple[Tensor, Tensor]:
+    """Numbers as int8 of the same shape, and the step between two of them, []: x = q·step with q in
+    −127…127, as most libraries quantise for small devices."""
+    step = tensor.abs().max() / 127
+    q = torch.round(tensor / step.clamp(min=1e-30)).to(torch.int8)
+    return q, step
 
 
 OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {

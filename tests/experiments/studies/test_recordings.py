@@ -7,6 +7,7 @@ import torch
 from matplotlib import pyplot as plt
 from rich.console import Console
 
+from baselines.chosen import GreysChosen
 from experiments.protocol.experiment import Run
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import draw_split, nested
@@ -241,52 +242,51 @@ def test_the_forest_takes_the_stronger_rival(results):
 
 def test_a_model_is_asked_within_its_limits(recording):
     of = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
-    run = Run(console=Console(quiet=True), force=True)
+    run = Run(console=Console(quiet=True), force=True, scene_name="here")
     splits = {"random": RANDOM, "counts": RANDOM}
-    models = {**MODELS, "hdc_chosen": configs.part("model", "hdc_chosen")}
+    models = {**MODELS, "greys_chosen": configs.part("model", "greys_chosen")}
+    models["softmax"] = configs.part("model", "softmax")
+    stop = {"least_steps": 1, "most_steps": 3, "loss": 0.0}
     limits = {
-        "ridge": {"draws": 1, "splits": ["counts"]},
-        "hdc_chosen": {"n_per_class": [5], "splits": ["counts"]},
+        "ridge": {"draws": 3, "splits": ["counts"]},
+        "greys_chosen": {"n_per_class": [5], "scenes": ["here"]},
+        "softmax": {"draws": 1, "stop": stop},
+        "hdc_integer": {"scenes": ["elsewhere"]},
     }
-    rows = pd.DataFrame(
-        recordings.rows(
-            run,
-            of,
-            splits,
-            models,
-            [1, 5],
-            draws=2,
-            limits=limits,
-            fewer_draws={"random": 1},
+
+    def ask(limits):
+        rows = recordings.rows(
+            run, of, splits, models, [1, 5], draws=2, seeds=[0, 1], limits=limits
         )
+        return pd.DataFrame(rows)
+
+    rows = ask(limits)
+    asked = rows.groupby(["split", "model"]).apply(
+        lambda part: list(zip(part.seed, part.draw, strict=True)),
+        include_groups=False,
     )
-    asked = rows.groupby(["split", "model"]).draw.count().to_dict()
-    assert asked == {
-        ("counts", "hdc"): 2,
-        ("counts", "hdc_chosen"): 2,
-        ("counts", "hdc_integer"): 2,
-        ("counts", "ridge"): 1,
-        ("random", "hdc"): 1,
-        ("random", "hdc_integer"): 1,
-    }
-    chosen = rows[rows.model == "hdc_chosen"]
-    forms = [", ".join(pair) for pair in models["hdc_chosen"]["model"]["forms"]]
-    assert chosen.n.tolist() == [[5], [5]]
+    every = [(0, 0), (0, 1), (1, 0), (1, 1)]
+    for split in splits:
+        assert asked[split, "hdc"] == asked[split, "greys_chosen"] == every
+        assert asked[split, "softmax"] == [(0, 0)]
+    assert asked["counts", "ridge"] == [(0, 0), (0, 1), (1, 0)]
+    assert not {("random", "ridge"), ("counts", "hdc_integer")} & set(asked.index)
+    chosen = rows[rows.model == "greys_chosen"]
+    assert chosen.n.tolist() == [[5]] * 8
+    forms = GreysChosen(readouts=("lda", "kernel")).candidates()
     assert all(form in forms for (form,) in chosen.chose)
-    unknown = {"hcd": {"draws": 1}}
+    assert rows[rows.model == "softmax"].stopped.tolist() == [["steps"] * 2] * 2
+    assert rows[rows.model == "hdc"].stopped.isna().all()
     with pytest.raises(ValueError, match=r"limits: expected models among .* 'hcd'"):
-        list(recordings.rows(run, of, splits, MODELS, [1], draws=1, limits=unknown))
-    wrong = {"hdc": {"draw": 1}}
-    with pytest.raises(
-        ValueError, match=r"task\.limits\.hdc: expected draws, .* 'draw'"
-    ):
-        list(recordings.rows(run, of, splits, MODELS, [1], draws=1, limits=wrong))
+        ask({"hcd": {"draws": 1}})
+    with pytest.raises(ValueError, match=r"limits\.hdc\.draw: expected one of scenes"):
+        ask({"hdc": {"draw": 1}})
 
 
 def test_bytes_of_a_model_are_those_of_its_bits(recording):
     of = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
     run = Run(console=Console(quiet=True), force=True)
-    names = ("hdc", "hdc_levels_lda", "softmax_dual", "softmax_8bit")
+    names = ("hdc", "hdc_levels_lda", "softmax_dual")
     models = {name: configs.part("model", name) for name in names}
     rows = recording_costs.rows(run, of, RANDOM, models, n_per_class=5, repeats=1)
     found = {row["model"]: row for row in rows}
@@ -299,7 +299,6 @@ def test_bytes_of_a_model_are_those_of_its_bits(recording):
     planes = 4 * classes * padded(7 * pixels)
     assert found["hdc_levels_lda"]["bytes"] == planes + 16 * classes
     assert found["softmax_dual"]["bytes"] == 4 * classes * (pixels + 1)
-    assert found["softmax_8bit"]["bytes"] == classes * (pixels + 4) + 4
     assert all(row["fit_s"] > 0 for row in found.values())
 
 

@@ -1,4 +1,4 @@
-"""The classifier that chooses its own form: by training frames alone, whole groups in a fold."""
+"""Folds of training frames, whole groups in one of them, and the race of methods in them."""
 
 from dataclasses import dataclass
 
@@ -6,11 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, selection
+from hdc import selection
 from hdc.bank import Bank
-from hdc.chosen import Chosen
-
-FORMS = [["median", "majority"], ["median", "lda"], ["levels", "lda"]]
 
 
 def corner(n=60, seed=0):
@@ -24,41 +21,6 @@ def corner(n=60, seed=0):
 
 def in_frames(bank):
     return selection.Frames(bank, (), (), bank.groups, None, "numpy")
-
-
-def test_the_form_is_the_one_with_the_least_loss_in_the_folds():
-    frames, labels = corner()
-    bank = Bank(frames, labels, 2)
-    train, test = np.arange(40), np.arange(40, 60)
-    name, model = Chosen(FORMS, backend="numpy").choose(bank, train)
-    made, _ = selection.folds(in_frames(bank), train)
-    losses = {}
-    for encoder, readout in FORMS:
-        wrong = 0
-        for learnt, held in made:
-            plain = HDCClassifier(encoder, readout, backend="numpy")
-            plain.fit(frames[learnt], labels[learnt])
-            wrong += (plain.predict(frames[held]) != labels[held]).sum()
-        losses[f"{encoder}, {readout}"] = wrong
-    assert losses[name] == min(losses.values())
-    assert name != "median, majority"
-    plain = HDCClassifier(*name.split(", ")).fit(frames[train], labels[train])
-    expected = plain.predict(frames[test])
-    chosen = Chosen(FORMS, backend="numpy")
-    assert (model.predict_from(bank, train, test) == expected).all()
-    assert (chosen.predict_from(bank, train, test) == expected).all()
-    chosen.fit(frames[train], labels[train])
-    assert chosen.form_ == name
-    assert (chosen.predict(frames[test]) == expected).all()
-    assert chosen.state_tensors().keys() == plain.state_tensors().keys()
-
-
-def test_one_frame_a_class_leaves_no_choice():
-    frames, labels = corner()
-    bank = Bank(frames, labels, 2)
-    forms = [["levels", "lda"], ["median", "majority"]]
-    name, _ = Chosen(forms).choose(bank, np.array([0, 1]))
-    assert name == "levels, lda"
 
 
 @pytest.mark.parametrize("nested", [False, True])
@@ -95,20 +57,6 @@ def test_a_group_of_frames_that_tell_their_group_decides_otherwise():
 
     assert loss(None) < 0.1
     assert loss(groups) > 0.3
-
-
-@pytest.mark.parametrize(
-    ("forms", "said"),
-    [
-        ([], "forms: expected at least one, found none"),
-        (["median, lda"], "forms: expected pairs .* found 'median, lda'"),
-        ([["median", "ldaa"]], "readout: expected .* found 'ldaa'"),
-    ],
-)
-def test_wrong_forms_are_named(forms, said):
-    frames, labels = corner()
-    with pytest.raises(ValueError, match=said):
-        Chosen(forms).fit(frames, labels)
 
 
 @pytest.mark.parametrize(
