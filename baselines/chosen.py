@@ -8,7 +8,7 @@ rule of one standard error: Breiman et al., Classification and Regression Trees 
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -18,43 +18,73 @@ from torch import Tensor
 
 from baselines.base import Classifier, FrameSource
 from baselines.discriminant import GreysKernel, GreysLDA
+from baselines.smoothing import smoothed_part
 from hdc import inputs
-from hdc.bank import Bank, Selection
+from hdc.bank import Bank, Selection, Shared
 from hdc.classifier import HDCClassifier
 from hdc.encoders import Smoothed, make_encoder
+from hdc.encoders.relative import RelativeEncoder
+from hdc.encoders.standardised import standardised
 from hdc.parameters import check_choice, is_number
 from hdc.readouts import make_readout
-from hdc.selection import Fold, Frames, folds
+from hdc.selection import Frames, folds
 
 READOUTS = ("lda", "kernel")
+_STEP = 32  # frames encoded at a time
 
 
 @dataclass(kw_only=True, eq=False)
 class Chosen(Classifier):
-    """The simplest of its candidates that no other is clearly better than.
+    """The simplest form of a family that no other is clearly better than.
 
-    Folds keep frames of one group together. Where there are none (a class has one frame, or one
-    group), the form `fixed` is taken.
+    Forms are each read-out on frames smoothed by each Gaussian, named ``"lda"``, ``"lda, smooth
+    1"`` and so on; the first read-out at all deviations, then the next. Folds keep frames of one
+    group together.
 
     Args:
-        fixed: name of the candidate where nothing can be chosen.
+        fixed: name of the form where there are no folds: a class has one frame, or one group.
+        readouts: ``lda``, ``kernel`` or both, the simpler first.
+        smooth: deviations of the Gaussian in pixels, 0 for none, rising.
         folds: how many at most, from 2; fewer where a class has fewer frames, or groups.
-        margin: in standard errors; 0 is the candidate of least error, the first of equal ones.
+        margin: in standard errors; 0 is the form of least error, the first of equal ones.
 
     Attributes:
-        form_: name of the candidate that was chosen.
+        form_: name of the form that was chosen.
         model_: that model, trained.
     """
 
-    fixed: str
+    fixed: str = "lda"
+    readouts: Sequence[str] = READOUTS
+    smooth: Sequence[int] = (0, 1, 2, 4)
     folds: int = 5
     margin: float = 1.0
 
     prediction_batch: ClassVar[int] = 500
 
     @abstractmethod
-    def candidates(self) -> dict[str, Any]:
-        """Untrained models by name, the simplest first."""
+    def form(self, readout: str, smooth: int) -> Any:
+        """An untrained model."""
+
+    @abstractmethod
+    def prepared(self, bank: Bank, smooth: int) -> tuple[Bank, Callable[[str], Any]]:
+        """What makes untrained models of the read-outs, and the bank that they are asked on.
+
+        All that does not depend on the fold is computed here, once for all folds and read-outs.
+        """
+
+    def forms(self) -> dict[str, tuple[str, int]]:
+        """Read-out and deviation of each form by its name, the simplest first.
+
+        Raises:
+            ValueError: for a read-out that is none.
+        """
+        found = {}
+        for readout in self.readouts:
+            check_choice("readouts", readout, READOUTS)
+            for deviation in self.smooth:
+                name = f"{readout}, smooth {deviation}" if deviation else readout
+                found[name] = readout, deviation
+        return found
 
     def choose(self, bank: Bank, train: np.ndarray) -> tuple[str, Any]:
         """The name of the form for some frames of a bank, and that model, untrained.
@@ -62,25 +92,33 @@ class Chosen(Classifier):
         Raises:
             ValueError: naming the field that is wrong.
         """
-        tried = self.candidates()
-        check_choice("fixed", self.fixed, tuple(tried))
+        forms = self.forms()
+        check_choice("fixed", self.fixed, tuple(forms))
         if not is_number(self.margin) or self.margin < 0:
             raise ValueError(f"margin: expected 0 or more, found {self.margin!r}")
-        data = Frames(bank, (), (), None, None, group=bank.groups)
-        made, _ = folds(data, np.asarray(train), self.folds)
+        losses = self._losses(_part(bank, train))
         name = self.fixed
-        if made:
-            losses = {key: self._losses(tried[key], bank, made) for key in tried}
-            name = simplest(losses, self.margin)
-        return name, tried[name]
+        if losses:
+            in_order = {name: losses[form] for name, form in forms.items()}
+            name = simplest(in_order, self.margin)
+        return name, self.form(*forms[name])
 
-    def _losses(self, model: Any, bank: Bank, made: Sequence[Fold]) -> np.ndarray:
-        """1 for each wrong answer, 0 for each right one, of all folds."""
-        wrong = []
-        for train, test in made:
-            found = model.predict_from(bank, train, test)
-            wrong.append(found != bank.labels[test])
-        return np.concatenate(wrong).astype(float)
+    def _losses(self, bank: Bank) -> dict[tuple[str, int], np.ndarray]:
+        """1 for each wrong answer, 0 for each right one, of all folds, by form; none without
+        folds."""
+        data = Frames(bank, (), (), None, None, group=bank.groups)
+        made, _ = folds(data, np.arange(len(bank)), self.folds)
+        found = {}
+        for deviation in self.smooth if made else ():
+            seen, make = self.prepared(bank, deviation)
+            wrong: dict[str, list[np.ndarray]] = {name: [] for name in self.readouts}
+            for train, test in made:
+                for readout in self.readouts:
+                    answers = make(readout).predict_from(seen, train, test)
+                    wrong[readout].append(answers != bank.labels[test])
+            for readout, parts in wrong.items():
+                found[readout, deviation] = np.concatenate(parts).astype(float)
+        return found
 
     def train(
         self, frames: FrameSource, labels: np.ndarray
@@ -125,6 +163,12 @@ class Chosen(Classifier):
         return self.model_.state_tensors()
 
 
+def _part(bank: Bank, rows: np.ndarray) -> Bank:
+    """A bank of some of its frames."""
+    groups = None if bank.groups is None else bank.groups[rows]
+    return Bank(bank.frames[rows], bank.labels[rows], bank.n_classes, groups)
+
+
 def simplest(losses: Mapping[str, np.ndarray], margin: float) -> str:
     """The first name whose losses [n] are no worse than the least by more than the margin.
 
@@ -142,41 +186,12 @@ def simplest(losses: Mapping[str, np.ndarray], margin: float) -> str:
 
 
 @dataclass(kw_only=True, eq=False)
-class Family(Chosen):
-    """Forms of one family: each read-out on frames smoothed by each Gaussian.
-
-    Candidates are named ``"lda"``, ``"lda, smooth 1"`` and so on; the first read-out at all
-    deviations, then the next.
+class BitsChosen(Chosen):
+    """HDC, with an encoder relative to a reference, of smoothed frames.
 
     Args:
-        readouts: ``lda``, ``kernel`` or both, the simpler first.
-        smooth: deviations of the Gaussian in pixels, 0 for none, rising.
-    """
-
-    fixed: str = "lda"
-    readouts: Sequence[str] = READOUTS
-    smooth: Sequence[int] = (0, 1, 2, 4)
-
-    def candidates(self) -> dict[str, Any]:
-        found = {}
-        for readout in self.readouts:
-            check_choice("readouts", readout, READOUTS)
-            for deviation in self.smooth:
-                name = f"{readout}, smooth {deviation}" if deviation else readout
-                found[name] = self.form(readout, deviation)
-        return found
-
-    @abstractmethod
-    def form(self, readout: str, smooth: int) -> Any:
-        """An untrained model."""
-
-
-@dataclass(kw_only=True, eq=False)
-class BitsChosen(Family):
-    """HDC, with an encoder of one's choice on smoothed frames.
-
-    Args:
-        encoder: of :mod:`hdc.encoders`, a name or an object.
+        encoder: one of :mod:`hdc.encoders` that is relative to the mean of the training frames, a
+            name or an object.
         backend: as of :class:`hdc.HDCClassifier`.
     """
 
@@ -198,14 +213,69 @@ class BitsChosen(Family):
         encoder = Smoothed(self.encoder, smooth) if smooth else self.encoder
         return HDCClassifier(encoder, readout, self.device, self.backend)
 
+    def prepared(self, bank: Bank, smooth: int) -> tuple[Bank, Callable[[str], Any]]:
+        base = make_encoder(self.encoder)
+        if not isinstance(base, RelativeEncoder) or base.frame is not None:
+            raise ValueError(
+                "encoder: expected one relative to the mean of the training frames, such as "
+                f"deviation, found {self.encoder!r}"
+            )
+        encoder = _Standardised(base, {}, _values(bank, smooth))
+
+        def make(readout: str) -> HDCClassifier:
+            return HDCClassifier(encoder, readout, self.device, self.backend)
+
+        return bank, make
+
     def scores(self, batch: Tensor) -> Tensor:
         """As of :meth:`hdc.HDCClassifier.decision_function`, two columns for two classes."""
         found = torch.from_numpy(self.model_.decision_function(batch))
         return found if found.ndim == 2 else torch.stack([-found, found], 1)
 
 
+def _values(bank: Bank, smooth: int) -> Tensor:
+    """Smoothed and standardised frames of a bank, int32 [N, D]."""
+    parts: Any = bank.frames.split(_STEP)
+    if smooth:
+        parts = map(Smoothed("median", smooth).fit(bank.frames).images, parts)
+    return torch.cat([standardised(part) for part in parts])
+
+
+class _Standardised(Shared):
+    """A relative encoder of frames that were standardised before, once for all folds.
+
+    Args:
+        base, memory: as of :class:`hdc.bank.Shared`.
+        values: the standardised frames of the bank, int32 [N, D].
+    """
+
+    base_: RelativeEncoder
+
+    def __init__(
+        self, base: RelativeEncoder, memory: dict[bytes, Any], values: Tensor
+    ) -> None:
+        super().__init__(base, memory)
+        self.values = values
+
+    def learned(self, frames: Selection) -> RelativeEncoder:
+        base: Any = self.base.unlearned()
+        total = self.values[frames.rows].sum(0, dtype=torch.int64)
+        base.reference_ = total // len(frames)
+        learned: RelativeEncoder = base
+        return learned
+
+    def encoded(self, chosen: Selection, backend: str) -> Tensor:
+        reference = self.base_.reference_.to(torch.int32)
+        parts = torch.from_numpy(chosen.rows).split(_STEP)
+        words = [
+            self.base_.of_differences(self.values[part] - reference, 0)
+            for part in parts
+        ]
+        return torch.cat(words)
+
+
 @dataclass(kw_only=True, eq=False)
-class GreysChosen(Family):
+class GreysChosen(Chosen):
     """The same read-outs on grey values.
 
     Args:
@@ -224,3 +294,7 @@ class GreysChosen(Family):
     def form(self, readout: str, smooth: int) -> Classifier:
         kind = {"lda": GreysLDA, "kernel": GreysKernel}[readout]
         return kind(pixels=self.pixels, smooth=smooth, device=self.device)
+
+    def prepared(self, bank: Bank, smooth: int) -> tuple[Bank, Callable[[str], Any]]:
+        part, _ = smoothed_part(bank, smooth, np.arange(len(bank)))
+        return part, lambda readout: self.form(readout, 0)

@@ -16,7 +16,7 @@ from torch import Tensor
 
 from baselines.base import Classifier, FrameSource
 from baselines.linear import DualLinearClassifier
-from baselines.smoothing import smoothed, smoothed_bank
+from baselines.smoothing import smoothed, smoothed_part
 from hdc import products
 from hdc.bank import Bank, deviations, standardised
 from hdc.parameters import check_choice
@@ -56,7 +56,8 @@ class GreysLDA(DualLinearClassifier):
         self, bank: Bank, train: np.ndarray, queries: np.ndarray
     ) -> np.ndarray:
         """See :func:`experiments.protocol.evaluate.evaluate`."""
-        return super().predict_from(smoothed_bank(bank, self.smooth), train, queries)
+        part, places = smoothed_part(bank, self.smooth, train, queries)
+        return super().predict_from(part, *places)
 
     def predict_zeroed(
         self,
@@ -67,8 +68,9 @@ class GreysLDA(DualLinearClassifier):
         after: np.ndarray,
     ) -> np.ndarray:
         """See :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`."""
-        smooth = smoothed_bank(bank, self.smooth)
-        return super().predict_zeroed(smooth, train, queries, before, after)
+        rows = train, queries, before, after
+        part, places = smoothed_part(bank, self.smooth, *rows)
+        return super().predict_zeroed(part, *places)
 
     def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
         """A [N, L], b [L]; there is no loss, and its place has a zero."""
@@ -128,7 +130,7 @@ class GreysKernel(Classifier):
         self, bank: Bank, train: np.ndarray, queries: np.ndarray
     ) -> np.ndarray:
         """See :func:`experiments.protocol.evaluate.evaluate`."""
-        bank = smoothed_bank(bank, self.smooth)
+        bank, (train, queries) = smoothed_part(bank, self.smooth, train, queries)
         model = replace(self)
         targets = model.start(bank.at(train), bank.labels[train])
         known, asked = bank.moments.of(train), bank.moments.of(queries)

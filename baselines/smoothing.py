@@ -7,8 +7,6 @@ bits, in which a grey level of 8 bits has 256 steps.
 
 from __future__ import annotations
 
-import functools
-
 import cv2
 import numpy as np
 import torch
@@ -19,7 +17,6 @@ from hdc.encoders.smoothed import gaussian
 from hdc.parameters import check_integer
 
 _MOST = 16  # pixels of deviation
-_BATCH = 64  # frames
 
 
 def smoothed(frames: Tensor, deviation: int) -> Tensor:
@@ -48,12 +45,22 @@ def smoothed(frames: Tensor, deviation: int) -> Tensor:
     return torch.from_numpy(found).to(frames.device)
 
 
-@functools.lru_cache(maxsize=4)
-def smoothed_bank(bank: Bank, deviation: int) -> Bank:
-    """A bank of the smoothed frames, kept for the next model of the same deviation."""
+def smoothed_part(
+    bank: Bank, deviation: int, *rows: np.ndarray
+) -> tuple[Bank, list[np.ndarray]]:
+    """A bank of the smoothed frames `rows`, and where they are in it; without a deviation all
+    frames as they are."""
     if deviation == 0:
-        return bank
+        return bank, list(rows)
+    chosen, places = np.unique(np.concatenate(rows), return_inverse=True)
     images = bank.frames.reshape(len(bank), -1, bank.frames.shape[-1])
-    parts = [smoothed(part, deviation) for part in images.split(_BATCH)]
-    frames = torch.cat(parts).reshape(bank.frames.shape)
-    return Bank(frames, bank.labels, bank.n_classes, bank.groups)
+    frames = smoothed(images[chosen], deviation)
+    groups = None if bank.groups is None else bank.groups[chosen]
+    part = Bank(
+        frames.reshape(len(chosen), *bank.frames.shape[1:]),
+        bank.labels[chosen],
+        bank.n_classes,
+        groups,
+    )
+    ends = np.cumsum([len(each) for each in rows])
+    return part, np.split(places, ends[:-1])

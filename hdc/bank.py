@@ -267,7 +267,7 @@ class Shared(Encoder):
         key = frames.rows.tobytes()
         if key not in self.memory:
             self.memory.clear()
-            self.memory[key] = self.base.unlearned().fit(frames), {}
+            self.memory[key] = self.learned(frames), {}
         self.base_, self._words = self.memory[key]
         return self
 
@@ -281,8 +281,16 @@ class Shared(Encoder):
         """Hypervectors of some frames of the bank."""
         key = chosen.rows.tobytes()
         if key not in self._words:
-            self._words[key] = encode_with(self.base_, chosen[:], 0, backend)
+            self._words[key] = self.encoded(chosen, backend)
         return self._words[key]
+
+    def learned(self, frames: Selection) -> Encoder:
+        """The encoder, trained."""
+        return self.base.unlearned().fit(frames)
+
+    def encoded(self, chosen: Selection, backend: str) -> Tensor:
+        """What the trained encoder makes of some frames."""
+        return encode_with(self.base_, chosen[:], 0, backend)
 
 
 def standardised(

@@ -70,10 +70,10 @@ def test_of_three_the_first_within_the_margin_is_taken():
 
 
 @pytest.mark.parametrize("name", FAMILIES)
-def test_candidates_have_the_same_names_in_the_same_order(name):
+def test_forms_have_the_same_names_in_the_same_order(name):
     expected = ["lda", "lda, smooth 1", "lda, smooth 2", "lda, smooth 4"]
     expected += [text.replace("lda", "kernel") for text in expected]
-    assert list(family(name).candidates()) == expected
+    assert list(family(name).forms()) == expected
 
 
 @pytest.mark.parametrize("name", FAMILIES)
@@ -128,7 +128,10 @@ def test_frames_of_one_group_are_in_one_fold(name, monkeypatch):
             seen.append(set(groups[train]) & set(groups[test]))
             return bank.labels[test]
 
-    monkeypatch.setattr(FAMILIES[name], "form", lambda *_: Watching())
+    def watching(_, bank, smooth):
+        return bank, lambda readout: Watching()
+
+    monkeypatch.setattr(FAMILIES[name], "prepared", watching)
     family(name).choose(Bank(frames, labels, 2, groups), np.arange(60))
     assert len(seen) == 8 * 5
     assert not any(seen)

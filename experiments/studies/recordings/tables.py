@@ -166,8 +166,8 @@ TABLES = [
         of="recordings",
         title="Forms of HDC minus converged softmax regression, points",
         note=f"{NOTE} Above zero, the form of HDC is more accurate on the same test frames. "
-        "Fixed in advance: named by the frozen rules. Exploratory: all others; the best of many on the "
-        "frames that judge it is no claim.",
+        "Fixed in advance: named by the frozen rules. Exploratory: all others; the best of many "
+        "on the frames that judge it is no claim.",
         key=("recording", "n", "rival"),
         columns=_columns_of_forms,
         shown=_shown_of_forms,

@@ -273,7 +273,7 @@ def test_a_model_is_asked_within_its_limits(recording):
     assert not {("random", "ridge"), ("counts", "hdc_integer")} & set(asked.index)
     chosen = rows[rows.model == "greys_chosen"]
     assert chosen.n.tolist() == [[5]] * 8
-    forms = GreysChosen(readouts=("lda", "kernel")).candidates()
+    forms = GreysChosen().forms()
     assert all(form in forms for (form,) in chosen.chose)
     assert rows[rows.model == "softmax"].stopped.tolist() == [["steps"] * 2] * 2
     assert rows[rows.model == "hdc"].stopped.isna().all()
