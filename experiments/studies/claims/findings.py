@@ -105,7 +105,8 @@ def _cost(costs: pd.DataFrame | None) -> str:
     """How much longer the extended form trains than the published one, over recordings."""
     if costs is None:
         return ""
-    times = costs.pivot_table(index="recording", columns="model", values="fit_s")
+    at_most = costs[costs.n == costs.groupby("recording").n.transform("max")]
+    times = at_most.pivot_table(index="recording", columns="model", values="fit_s")
     if not {PUBLISHED, EXTENDED} <= set(times.columns):
         return ""
     ratio = (times[EXTENDED] / times[PUBLISHED]).dropna()

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -18,62 +20,201 @@ from experiments.reporting.columns import (
     scene_name,
 )
 from experiments.reporting.curves import plain_decades
-from experiments.reporting.plot import LETTERS, handle, look_of, panel, wrapped
+from experiments.reporting.plot import handle, literal, look_of, panel
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
 from experiments.reporting.text import number, percent, size
-from experiments.studies.recordings.panels import grid
 from experiments.studies.recordings.values import (
+    FEW,
     Accuracies,
     recordings,
     unsaturated,
 )
 
+OF = ("recording_costs", "recordings", "recordings_chosen")
+NOT_MEASURED = "not measured yet"
+COMPARED = {
+    "hdc": "published form",
+    "hdc_levels_lda": "extended form",
+    "bits_chosen": "bits, form chosen",
+    "greys_chosen": "greys, form chosen",
+}
+USUAL = (
+    *("softmax_dual", "softmax_dual_standardised", "ridge", "ridge_standardised"),
+    *("knn_greys", "mean_image", "thumbnail"),
+)
+"""Baselines of which the one of least error stands in the table, which favours it."""
+TIMES = ("fit", "predict_frame")
+
+
+class Errors:
+    """Test errors on one recording, by the split that counts, whichever experiment has them."""
+
+    def __init__(self, frame: pd.DataFrame, scene: str) -> None:
+        found = (of_scenes(frame, name).get(scene) for name in OF[1:])
+        self.parts = [Accuracies(rows) for rows in found if rows is not None]
+
+    def of(self, model: str, n: int) -> float:
+        """Mean test error of a model after n frames of each class; NaN where it is unknown."""
+        means = (part.mean(model, n).value for part in self.parts)
+        return next((1 - mean for mean in means if not math.isnan(mean)), math.nan)
+
+    def largest(self) -> int:
+        """The most frames of each class."""
+        return max((part.sizes[-1] for part in self.parts if part.sizes), default=0)
+
+    def best(self, n: int) -> str:
+        """The usual baseline of least error; the first where none is known."""
+        errors = {model: self.of(model, n) for model in USUAL}
+        known = {model: of for model, of in errors.items() if not math.isnan(of)}
+        return min(known, key=lambda model: known[model], default=USUAL[0])
+
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each recording and model."""
-    errors = recordings(frame)
+    """A row for each recording, number of frames and model."""
     table = []
-    for scene, rows in of_scenes(frame, "recording_costs").items():
-        table += list(_lines(scene, rows, errors.get(scene)))
+    for scene, rows in of_scenes(frame, OF[0]).items():
+        errors = Errors(frame, scene)
+        for row in rows.to_dict("records"):
+            model, n = row["model"], row["n"]
+            line = {"recording": scene, "n": n, "model": model, "bytes": row["bytes"]}
+            line["bits"] = 8 * row["bytes"] / row["n_pixels"] / row["n_classes"]
+            line["error"] = _known(errors.of(model, n))
+            table.append(line | _times(row))
     return pd.DataFrame(table)
 
 
-def _lines(
-    scene: str, rows: pd.DataFrame, bench: pd.DataFrame | None
-) -> Iterator[dict[str, Any]]:
-    every = None if bench is None else Accuracies(bench)
-    for row in rows.to_dict("records"):
-        line = {"recording": scene, "n": row["n"], "model": row["model"]}
-        line["bytes"] = row["bytes"]
-        line["bits"] = 8 * row["bytes"] / row["n_pixels"] / row["n_classes"]
-        error = math.nan
-        if every is not None:
-            error = 1 - every.mean(row["model"], row["n"]).value
-        line["error"] = None if math.isnan(error) else error
-        line |= {key: row[key] for key in ("fit_s", "predict_frame_s")}
-        yield line
+def _times(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Seconds by NumPy and by the compiled kernels."""
+    names = [f"{time}{by}_s" for by in ("", "_compiled") for time in TIMES]
+    return {name: _known(row.get(name, math.nan)) for name in names}
+
+
+def _known(value: float) -> float | None:
+    return None if math.isnan(value) else value
+
+
+# One table per size -------------------------------------------------------------------------------
+
+
+def compared(frame: pd.DataFrame, few: bool) -> pd.DataFrame:
+    """A row for each recording and model that is compared, measured or not."""
+    found = costs(frame)
+    table = []
+    for scene in recordings(frame):
+        errors = Errors(frame, scene)
+        n = FEW if few else errors.largest()
+        names = {**COMPARED, errors.best(n): "best usual baseline"}
+        for model, role in names.items():
+            line = {"recording": scene, "n": n, "role": role, "model": model}
+            line["error"] = _known(errors.of(model, n))
+            table.append({**line, **_costs_of(found, scene, n, model)})
+    return pd.DataFrame(table)
+
+
+def _costs_of(found: pd.DataFrame, scene: str, n: int, model: str) -> dict[str, Any]:
+    """Stored bytes and times, if they were measured."""
+    names = ["bytes", *_times({})]
+    empty: dict[str, Any] = dict.fromkeys(names)
+    if not len(found):
+        return empty
+    at = (found.recording == scene) & (found.n == n) & (found.model == model)
+    rows = found[at][names].astype(object)
+    rows = rows.where(rows.notna(), None)
+    return rows.iloc[0].to_dict() if len(rows) else empty
+
+
+def _of_either(time: str, show: Any) -> Any:
+    """Text of a time by NumPy, and by the compiled kernels where the model has them."""
+
+    def cell(row: Mapping[str, Any]) -> str:
+        by_numpy, compiled = row.get(f"{time}_s"), row.get(f"{time}_compiled_s")
+        if by_numpy is None:
+            return NOT_MEASURED
+        text = show(by_numpy)
+        return text if compiled is None else f"{text}; compiled {show(compiled)}"
+
+    return cell
+
+
+def _or_not(name: str, show: Any) -> Any:
+    def cell(row: Mapping[str, Any]) -> str:
+        value = row.get(name)
+        return NOT_MEASURED if value is None else show(value)
+
+    return cell
+
+
+COLUMNS = {
+    "recording": Column("Recording", scene_name),
+    "n": Column("Frames per class"),
+    "role": Column("Role"),
+    "model": Column("Model", display_name),
+    "error": Column("Error, %", cell=_or_not("error", percent)),
+    "fit_s": Column("Training, s", cell=_of_either("fit", number)),
+    "predict_frame_s": Column(
+        "Prediction, ms a frame", cell=_of_either("predict_frame", milliseconds)
+    ),
+    "bytes": Column("Stored", cell=_or_not("bytes", size)),
+}
+SHOWN = ("recording", "model", *list(COLUMNS)[4:])
+NOTE = (
+    "Stored: all that a prediction needs. Times: one process, frames in memory and nothing "
+    "computed of them before, the least of several interleaved repetitions; by NumPy, and by the "
+    "compiled kernels where the model has them; prediction in batches of 100 frames. Training of "
+    "a chosen form includes the choice. Error: by the split that counts; the chosen forms have "
+    "fewer draws."
+)
+_BEST = " The last model of each recording is the usual baseline of least error, which favours it."
+
+
+# Error against time -------------------------------------------------------------------------------
+
+
+def is_on_front(times: Sequence[float], errors: Sequence[float]) -> list[bool]:
+    """Whether no other point has less time and less error, or as much of one and less of the
+    other."""
+    points = np.stack([times, errors], axis=1)
+    found = []
+    for point in points:
+        no_worse = (points <= point).all(axis=1)
+        better = (points < point).any(axis=1)
+        found.append(not (no_worse & better).any())
+    return found
 
 
 def _shown(frame: pd.DataFrame) -> pd.DataFrame:
-    """Rows of recordings that can tell models apart and whose errors are known."""
+    """Rows at the most frames, of recordings that can tell models apart, with known errors; times
+    in seconds and milliseconds by the faster way."""
     table = costs(frame)
     if not len(table):
         return table
-    known = table[table.recording.isin(list(unsaturated(recordings(frame))))]
-    return known.dropna(subset="error")
+    table = table[table.recording.isin(list(unsaturated(recordings(frame))))]
+    most = table.groupby("recording").n.transform("max")
+    known = table[table.n == most].dropna(subset="error")
+    fastest = {
+        time: known[[f"{time}_s", f"{time}_compiled_s"]].astype(float).min(axis=1)
+        for time in TIMES
+    }
+    milli = 1e3 * fastest["predict_frame"]
+    return known.assign(error=100 * known.error, fit=fastest["fit"], frame_ms=milli)
 
 
-def error_against_bytes(figure: Figure, frame: pd.DataFrame) -> None:
-    """A marker a model."""
+def error_against_time(figure: Figure, frame: pd.DataFrame) -> None:
+    """A row a recording: error against training time, and against time per frame."""
     table = _shown(frame)
     scenes = list(table.recording.unique())
-    panels, at_the_left = grid(figure, len(scenes), row=1.9, rest=1.0, most=3)
-    for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
-        _points(axes, table[table.recording == scene])
-        panel(axes, letter, wrapped(scene_name(scene), 34))
-    for axes in at_the_left:
-        axes.set_ylabel("error (%)")
+    figure.set_size_inches(7.0, 1.0 + 1.7 * len(scenes))
+    panels = figure.subplots(len(scenes), 2, sharex="col", sharey="row", squeeze=False)
+    for (left, right), scene in zip(panels, scenes, strict=True):
+        rows = table[table.recording == scene]
+        _points(left, rows, "fit")
+        _points(right, rows, "frame_ms")
+        panel(left, "", f"{literal(scene_name(scene))}, n = {rows.n.iloc[0]}")
+        left.set_ylabel("test error (%)")
+        left.set_ylim(bottom=0)
+    panels[-1, 0].set_xlabel("training (s)")
+    panels[-1, 1].set_xlabel("prediction (ms a frame)")
     handles = [handle(model) for model in table.model.unique()]
     for entry in handles:
         entry.set_linestyle("")
@@ -81,49 +222,61 @@ def error_against_bytes(figure: Figure, frame: pd.DataFrame) -> None:
     figure.legend(handles=handles, **where)
 
 
-def _points(axes: Axes, rows: pd.DataFrame) -> None:
+def _points(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+    """A marker a model; those on the front are joined."""
     for row in rows.to_dict("records"):
         look = {**look_of(row["model"]), "ls": "", "ms": 5}
-        axes.plot(row["bytes"] / 1e3, 100 * row["error"], **look)
+        axes.plot(row[key], row["error"], **look)
+    front = rows[is_on_front(rows[key].tolist(), rows.error.tolist())]
+    front = front.sort_values(key)
+    axes.step(
+        front[key], front.error, where="post", color="0.6", lw=1.0, zorder=0, marker=""
+    )
     axes.set_xscale("log")
     plain_decades(axes)
-    axes.set_ylim(bottom=0)
-    axes.set_xlabel("stored (kB)")
     axes.grid(color="0.92", lw=0.5)
     axes.set_axisbelow(True)
 
 
-TABLES = [
-    Table(
+def _tables() -> Iterator[Table]:
+    yield Table(
         "recording_costs",
         costs,
-        of=("recording_costs", "recordings"),
-        title="Stored bytes, and the errors that they buy",
-        columns={
-            "recording": Column("Recording", scene_name),
-            "n": Column("Frames per class"),
-            "model": Column("Model", display_name),
-            "bytes": Column("Stored", size),
-            "bits": Column("Bits a pixel and class", lambda bits: number(bits, 2)),
-            "error": Column("Error, %", percent),
-            "fit_s": Column("Training, s"),
-            "predict_frame_s": Column("Prediction, ms a frame", milliseconds),
-        },
-        note="Stored: all that a prediction needs, in bits for each pixel of a frame and each "
-        "class beside. Times: of one process, frames in memory and nothing computed of them "
-        "before, the least of several; prediction of a batch. Error: by the split that counts.",
-        key=("recording", "model"),
+        of=OF,
+        title="Stored bytes and times, and the errors that they buy",
+        columns={**COLUMNS, "bits": Column("Bits a pixel and class", _two_digits)},
+        shown=("recording", "n", *SHOWN[1:]),
+        note=NOTE,
+        key=("recording", "n", "model"),
         folded=True,
     )
-]
+    for name, few in (("costs_few", True), ("costs_many", False)):
+        at = f"{FEW} frames per class" if few else "the most frames per class"
+        yield Table(
+            name,
+            functools.partial(compared, few=few),
+            of=OF,
+            title=f"Error and run time at {at}",
+            columns=COLUMNS,
+            shown=SHOWN,
+            note=NOTE + _BEST,
+            key=("recording", "role"),
+        )
+
+
+def _two_digits(bits: float) -> str:
+    return number(bits, 2)
+
+
+TABLES = list(_tables())
 FIGURES = [
     Plot(
-        "error_vs_bytes",
-        error_against_bytes,
-        of=("recording_costs", "recordings"),
-        caption="Error on test frames against the bytes that a model stores, at the most frames "
-        "per class, a panel a recording. Vermilion: forms of HDC; towards the lower left is "
-        "better.",
+        "recordings_error_vs_time",
+        error_against_time,
+        of=OF,
+        caption="Test error against training time, and against time per frame, at the most frames "
+        "per class, a row a recording. By the compiled kernels where they are faster. Grey: the "
+        "front, where no other model has less of both. Vermilion: forms of HDC.",
         size=(7.0, 3.4),
         needs=lambda frame: len(_shown(frame)) > 0,
     )

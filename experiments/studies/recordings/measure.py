@@ -10,13 +10,16 @@ Each recording is one sensor: draws vary the frames, not the sensor.
 from __future__ import annotations
 
 import copy
+import importlib.util
 import time
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
 import msgspec
 import numpy as np
+from torch import Tensor
 
 from baselines.chosen import Chosen
 from experiments.protocol.data import at_seed
@@ -200,50 +203,102 @@ def _answer(asked: Asked, bank: Bank, train: np.ndarray, test: np.ndarray) -> An
     return Answer(labels, stopped=stopped)
 
 
-@experiment(revision=1, uses=("hdc.HDCClassifier",), timed=True)
+# Costs --------------------------------------------------------------------------------------------
+
+
+@dataclass
+class Timed:
+    """A model by one backend, and the seconds that it took: to train, and a frame of a batch."""
+
+    model: Model
+    fit_s: list[float] = field(default_factory=list)
+    predict_frame_s: list[float] = field(default_factory=list)
+    trained: Model | None = None
+
+    @property
+    def seconds(self) -> float:
+        """Of all trainings so far."""
+        return sum(self.fit_s)
+
+    def repeat(self, frames: Tensor, labels: np.ndarray, asked: Tensor) -> None:
+        """Train a fresh model and ask it."""
+        fresh = copy.deepcopy(self.model)
+        start = time.perf_counter()
+        train_until(fresh, StopRule(), frames, labels)
+        trained = time.perf_counter()
+        fresh.predict(asked)
+        self.predict_frame_s.append((time.perf_counter() - trained) / len(asked))
+        self.fit_s.append(trained - start)
+        self.trained = fresh
+
+
+@experiment(revision=2, uses=("hdc.HDCClassifier",), timed=True)
 def recording_costs(
     run: Run,
     scene: Mapping[str, Any],
     split: Split,
     models: Mapping[str, Any],
-    n_per_class: int = 50,
+    n_per_class: Sequence[int] = (5, 50),
     queries: int = 100,
     repeats: int = 3,
+    most_s: float = 20.0,
     seed: int = 0,
+    limits: Mapping[str, Limits] | None = None,
 ) -> Iterator[Row]:
     """One row: what a model costs that was trained on ``n`` frames of every class.
 
     ``bytes`` that a prediction needs, of ``n_pixels`` and ``n_classes``; seconds to train
-    (``fit_s``) and to predict a frame of a batch (``predict_frame_s``), the least of some repeats.
-    Frames are in memory, and nothing was computed of them before.
+    (``fit_s``) and to predict a frame of a batch (``predict_frame_s``), the least of some
+    interleaved repetitions. A model that has a backend is timed by NumPy, and where numba is there
+    by the compiled kernels: ``fit_compiled_s`` and ``predict_frame_compiled_s``. Frames are in
+    memory, and nothing was computed of them before.
     Arguments: configs/experiment/recording_costs.yaml.
     """
+    asked = _asked(models, limits or {}, run.scene_name)
     ((_, recording),) = run.scenes(scene, [seed])
     bank = bank_of(recording)
     pool, test = draw_split(recording, split, (seed, 0), queries)
-    order, sizes = nested(pool, bank.labels, [n_per_class], (seed, 0))
-    n = sizes[0] if sizes else min(map(len, order))
-    train = np.concatenate([rows[:n] for rows in order])
-    frames, labels, asked = bank.frames[train], bank.labels[train], bank.frames[test]
-    for name, model in models_of(at_seed(models, 0)).items():
-        fitting, predicting = [], []
+    order, sizes = nested(pool, bank.labels, n_per_class, (seed, 0))
+    for n in sizes or [min(map(len, order))]:
+        train = np.concatenate([rows[:n] for rows in order])
+        frames, labels = bank.frames[train], bank.labels[train]
+        every = [
+            (name, column, timed)
+            for name, each in asked.items()
+            if each.limits.at("", 0, [n])
+            for column, timed in _by_backend(each.model).items()
+        ]
         for _ in range(repeats):
-            fresh = copy.deepcopy(model)
-            start = time.perf_counter()
-            train_until(fresh, StopRule(), frames, labels)
-            trained = time.perf_counter()
-            fresh.predict(asked)
-            predicting.append((time.perf_counter() - trained) / len(test))
-            fitting.append(trained - start)
-        size = sum(tensor.nbytes for tensor in (fresh.state_tensors() or {}).values())
-        yield {
-            "origin": recording.origin,
-            "model": name,
-            "n": n,
-            "n_classes": bank.n_classes,
-            "n_pixels": bank.dimension,
-            "bytes": size,
-            "fit_s": min(fitting),
-            "predict_frame_s": min(predicting),
-        }
-        run.note(name)
+            for _, _, timed in every:
+                if timed.seconds < most_s:
+                    timed.repeat(frames, labels, bank.frames[test])
+        rows: dict[str, Row] = {}
+        for name, column, timed in every:
+            row = rows.setdefault(name, {"model": name, "n": n})
+            row[f"fit{column}_s"] = min(timed.fit_s)
+            row[f"predict_frame{column}_s"] = min(timed.predict_frame_s)
+            row["bytes"] = _size(timed.trained)
+        of_frames = {"n_classes": bank.n_classes, "n_pixels": bank.dimension}
+        for row in rows.values():
+            yield {"origin": recording.origin, **row, **of_frames}
+        run.note(f"{n} frames of each class")
+
+
+def _by_backend(model: Any) -> dict[str, Timed]:
+    """The model by NumPy, and by the compiled kernels if it has a backend, by part of a column."""
+    if not hasattr(model, "backend"):
+        return {"": Timed(model)}
+    backends = {"": "numpy"}
+    if importlib.util.find_spec("numba") is not None:
+        backends["_compiled"] = "compiled"
+    found = {}
+    for column, backend in backends.items():
+        copied = copy.deepcopy(model)
+        copied.backend = backend
+        found[column] = Timed(copied)
+    return found
+
+
+def _size(model: Any) -> int:
+    """Bytes of what a prediction needs."""
+    return sum(tensor.nbytes for tensor in (model.state_tensors() or {}).values())

@@ -107,13 +107,14 @@ def test_the_extended_form_has_its_cost_in_time(judged):
     lines = [("accuracy_mended", rival, "yes", 0.02) for rival in RIVALS]
     costs = pd.DataFrame(
         [
-            ("a", "hdc", 0.5),
-            ("a", "hdc_levels_lda", 3.0),
-            ("b", "hdc", 2.0),
-            ("b", "hdc_levels_lda", 5.0),
-            ("b", "ridge", 9.0),
+            ("a", 5, "hdc", 0.1),  # of fewer frames, which do not count
+            ("a", 50, "hdc", 0.5),
+            ("a", 50, "hdc_levels_lda", 3.0),
+            ("b", 50, "hdc", 2.0),
+            ("b", 50, "hdc_levels_lda", 5.0),
+            ("b", 50, "ridge", 9.0),
         ],
-        columns=["recording", "model", "fit_s"],
+        columns=["recording", "n", "model", "fit_s"],
     )
     text, _ = judged(*lines, costs=costs)
     assert text.endswith(

@@ -1,5 +1,7 @@
 """Measured recordings: what a draw trains on, the rows, and the estimates made of them."""
 
+from importlib.util import find_spec
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -16,8 +18,10 @@ from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from experiments.reporting.measured import RIVAL, with_right
 from experiments.studies.recordings import (
+    costs,
     decomposition,
     forest,
+    measure,
     tables,
     values,
     view,
@@ -288,7 +292,14 @@ def test_bytes_of_a_model_are_those_of_its_bits(recording):
     run = Run(console=Console(quiet=True), force=True)
     names = ("hdc", "hdc_levels_lda", "softmax_dual")
     models = {name: configs.part("model", name) for name in names}
-    rows = recording_costs.rows(run, of, RANDOM, models, n_per_class=5, repeats=1)
+    limits = {"hdc_levels_lda": {"n_per_class": [5]}}
+    rows = list(
+        recording_costs.rows(
+            run, of, RANDOM, models, n_per_class=[1, 5], repeats=1, limits=limits
+        )
+    )
+    asked = [(row["model"], row["n"]) for row in rows]
+    assert asked == [("hdc", 1), ("softmax_dual", 1), *((name, 5) for name in names)]
     found = {row["model"]: row for row in rows}
     classes, pixels = found["hdc"]["n_classes"], found["hdc"]["n_pixels"]
 
@@ -299,7 +310,80 @@ def test_bytes_of_a_model_are_those_of_its_bits(recording):
     planes = 4 * classes * padded(7 * pixels)
     assert found["hdc_levels_lda"]["bytes"] == planes + 16 * classes
     assert found["softmax_dual"]["bytes"] == 4 * classes * (pixels + 1)
-    assert all(row["fit_s"] > 0 for row in found.values())
+    assert all(row["fit_s"] > 0 for row in rows)
+    compiled = {name for name, row in found.items() if "fit_compiled_s" in row}
+    assert compiled == (set(names[:2]) if find_spec("numba") else set())
+
+
+def test_repetitions_take_turns_until_a_model_has_taken_its_time(
+    recording, monkeypatch
+):
+    of = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
+    turns = []
+
+    def repeat(timed, *_):
+        turns.append(type(timed.model).__name__)
+        timed.fit_s.append(10.0 / len(turns))
+        timed.predict_frame_s.append(1.0 / len(turns))
+        timed.trained = timed.model.fit(*_[:2])
+
+    monkeypatch.setattr(measure.Timed, "repeat", repeat)
+    models = {name: configs.part("model", name) for name in ("ridge", "mean_image")}
+    run = Run(console=Console(quiet=True), force=True)
+    rows = recording_costs.rows(
+        run, of, RANDOM, models, n_per_class=[5], repeats=3, most_s=12
+    )
+    ridge, mean = rows
+    kinds = [turns[0], turns[1]]
+    assert turns == [*kinds, *kinds, kinds[1]]  # 10 + 10/3 s are more than 12
+    assert (ridge["fit_s"], mean["fit_s"]) == (10 / 3, 10 / 5)
+    assert ridge["predict_frame_s"] == 1 / 3
+
+
+def costs_of(model, n, seconds, **more):
+    place = {"model": model, "n": n, "n_classes": 10, "n_pixels": 800}
+    return {
+        **place,
+        "bytes": 1000,
+        "fit_s": seconds,
+        "predict_frame_s": seconds / 1e3,
+        **more,
+    }
+
+
+def test_each_compared_form_has_its_error_and_its_times_or_says_that_it_has_none(
+    results, write_measurement, tmp_path
+):
+    of = {"hdc": 60, "softmax_dual": 62, "ridge": 80, "knn_greys": 70}
+    results(gelsight=of)
+    bits = [{**row, "n": [5, 50]} for row in measured_of({"bits_chosen": 90})]
+    write_measurement("recordings_chosen", bits, scene="gelsight")
+    rows = [
+        costs_of("hdc", 5, 1.0),
+        costs_of("hdc", 50, 2.0, fit_compiled_s=0.5, predict_frame_compiled_s=1e-4),
+        costs_of("ridge", 50, 4.0),
+    ]
+    write_measurement("recording_costs", rows, scene="gelsight")
+    tables_of = {table.name: table for table in view.STUDY.tables_of(Results(tmp_path))}
+    many = tables_of["costs_many"]
+    shown = {row["model"]: row for row in many.data.to_dict("records")}
+    assert list(shown) == [*costs.COMPARED, "ridge"]
+    assert shown["ridge"]["role"] == "best usual baseline"
+    assert shown["hdc"]["error"] == pytest.approx(0.4)
+    assert shown["bits_chosen"]["error"] == pytest.approx(0.1)
+    cells = dict(zip(shown, many.cells(), strict=True))
+    gelsight = ["GelSight", "HDC", "40", "2.00; compiled 0.500"]
+    assert cells["hdc"] == [*gelsight, "2.00; compiled 0.100", "1.00 kB"]
+    assert cells["greys_chosen"][2:] == [costs.NOT_MEASURED] * 4
+    few = tables_of["costs_few"].data.set_index("model")
+    assert (few.fit_s["hdc"], few.n["hdc"]) == (1.0, 5)
+    assert len(tables_of["recording_costs"].data) == 3
+
+
+def test_the_front_has_no_point_with_less_of_both():
+    times, errors = [1, 2, 3, 3, 4], [9, 5, 5, 4, 4]
+    assert costs.is_on_front(times, errors) == [True, True, False, True, False]
+    assert costs.is_on_front([1, 1], [2, 2]) == [True, True]  # equal ones both stand
 
 
 def test_values_of_one_n_are_those_of_the_rows(tmp_path, write_measurement):
