@@ -20,7 +20,7 @@ from experiments.reporting.columns import (
     scene_name,
 )
 from experiments.reporting.curves import plain_decades
-from experiments.reporting.plot import handle, literal, look_of, panel
+from experiments.reporting.plot import LETTERS, handle, literal, look_of, panel
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
 from experiments.reporting.text import number, percent, size
@@ -101,7 +101,7 @@ def compared(frame: pd.DataFrame, few: bool) -> pd.DataFrame:
     """A row for each recording and model that is compared, measured or not."""
     found = costs(frame)
     table = []
-    for scene in recordings(frame):
+    for scene in unsaturated(recordings(frame)):
         errors = Errors(frame, scene)
         n = FEW if few else errors.largest()
         names = {**COMPARED, errors.best(n): "best usual baseline"}
@@ -206,13 +206,13 @@ def error_against_time(figure: Figure, frame: pd.DataFrame) -> None:
     scenes = list(table.recording.unique())
     figure.set_size_inches(7.0, 1.0 + 1.7 * len(scenes))
     panels = figure.subplots(len(scenes), 2, sharex="col", sharey="row", squeeze=False)
-    for (left, right), scene in zip(panels, scenes, strict=True):
+    for letter, (left, right), scene in zip(LETTERS, panels, scenes, strict=False):
         rows = table[table.recording == scene]
         _points(left, rows, "fit")
         _points(right, rows, "frame_ms")
-        panel(left, "", f"{literal(scene_name(scene))}, n = {rows.n.iloc[0]}")
+        panel(left, letter, f"{literal(scene_name(scene))}, n = {rows.n.iloc[0]}")
         left.set_ylabel("test error (%)")
-        left.set_ylim(bottom=0)
+        left.set_ylim(bottom=-0.04 * rows.error.max())  # shows a whole marker at zero
     panels[-1, 0].set_xlabel("training (s)")
     panels[-1, 1].set_xlabel("prediction (ms a frame)")
     handles = [handle(model) for model in table.model.unique()]
