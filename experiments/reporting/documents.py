@@ -122,9 +122,15 @@ def results_page(
             for table in tables.get(study.name, ())
         ]
         parts.append("Tables: " + ", ".join(links) + "." if links else "")
-        commands = dict.fromkeys(c for plot in shown for c in plot.commands)
+        commands = dict.fromkeys(_bare(c) for plot in shown for c in plot.commands)
         parts.append("\n".join(f"    {command}" for command in commands))
     return "\n\n".join(filter(None, parts))
+
+
+def _bare(command: str) -> str:
+    """A command without the settings of one step: its program and its experiment."""
+    kept = [w for w in command.split() if not re.match(r"-m$|(?!experiment=)\S+=", w)]
+    return " ".join(kept)
 
 
 def _figure(plot: Plot) -> str:

@@ -1,6 +1,6 @@
 """The command ``hdc``: train, evaluate, ask and adapt a model without writing Python.
 
-docs/tutorial.md shows each command, and docs/formats.md what a recording may be. Nothing is written
+docs/tutorial.md shows each command, and docs/api.md what a recording may be. Nothing is written
 but the file named by ``-o``.
 
 It exits with 0; with 1 after an error in what was read, which is one line and names the file, what

@@ -17,6 +17,7 @@ import hdc
 from hdc.command import answers, options, work
 from hdc.command.export import export
 from hdc.command.look import look
+from hdc.command.sample import sample
 from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
 from hdc.readers.batches import Batches
@@ -458,3 +459,4 @@ def info(model: Path) -> None:
 
 cli.add_command(export)
 cli.add_command(look)
+cli.add_command(sample)

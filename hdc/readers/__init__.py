@@ -1,6 +1,6 @@
 """Readers of recorded frames: folders of images, arrays, videos, tables, or a camera.
 
-docs/formats.md describes every kind. Images and cameras need OpenCV
+docs/api.md describes every kind. Images and cameras need OpenCV
 (``pip install 'speckle-hdc[readers]'``); TIFF, videos, HDF5, MATLAB's files and parquet need the
 libraries of the extra ``files``. Each is imported when such a file comes; this module imports numpy
 only. Each error names the file, what was expected and what was found. Nothing is ever unpickled.

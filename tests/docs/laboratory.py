@@ -1,4 +1,4 @@
-"""The files that docs/formats.md reads: one recording of two touches in two sessions, in every
+"""The files that docs/api.md reads: one recording of two touches in two sessions, in every
 format, and one that was made later."""
 
 import cv2
@@ -8,8 +8,6 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import scipy.io
 import tifffile
-
-from tests.hdc.readers.matlab import save_v73
 
 NAMES = np.array(["left", "right"])
 
@@ -27,8 +25,6 @@ def make(folder):
     cube = np.moveaxis(frames, 0, -1)
     about = {"touch": names.astype(object), "force": force, "session": session}
     scipy.io.savemat(folder / "press.mat", {"cube": cube, **about})
-    about = {"labels": names.tolist(), "session": session[None]}
-    save_v73(folder / "press73.mat", cube=cube, **about)
     with h5py.File(folder / "scan.h5", "w") as file:
         file["run1/frames"], file["run1/labels"] = frames, names.tolist()
         file["run1/session"] = session

@@ -29,9 +29,9 @@ NOT_RUN = {
 
 def commands(page):
     """Lines of fenced and indented code that begin a command, comments left out; sessions of
-    formats.md are those of test_formats.py."""
+    api.md are those of test_formats.py."""
     text = page.read_text()
-    if page.name != "formats.md":
+    if page.name != "api.md":
         text = text.replace("\n$ ", "\n")
     fence, found = None, []
     for line in text.splitlines():
@@ -72,7 +72,8 @@ def test_commands_are_found_in_the_pages_that_have_them():
 )
 def test_commands_of_hdc_run_in_the_order_shown(page, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    recordings(tmp_path)
+    if page != "tutorial.md":  # which begins with hdc sample
+        recordings(tmp_path)
     for command in (c for name, c in RUN if name == page and c.startswith("hdc ")):
         with pytest.raises(SystemExit) as caught:
             main(shlex.split(command)[1:])
@@ -87,16 +88,13 @@ def test_the_first_commands_of_the_tutorial_print_what_it_shows(
     tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
-    recordings(tmp_path)
     page = (CHECKOUT / "docs" / "tutorial.md").read_text("utf-8")
     (session,) = re.findall(r"```console\n(\$ .*?)```", page, re.DOTALL)
-    verbs = []
     for command, printed in steps(session):
         with pytest.raises(SystemExit):
             main(shlex.split(command)[1:])
         assert capsys.readouterr().out == printed, command
-        verbs.append(command.split()[1])
-    assert verbs == ["train", "predict", "evaluate"]
+    assert session.startswith("$ hdc sample\n")  # from nothing
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,5 @@
-"""The sessions that docs/formats.md shows: each command prints what stands below it."""
+"""The sessions of docs/api.md: each command prints what stands below it, and the lines that
+``hdc look`` shows train a model."""
 
 import re
 import shlex
@@ -9,7 +10,7 @@ import pytest
 from hdc.command import main
 from tests.docs.laboratory import make
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "formats.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "api.md"
 SESSIONS = re.findall(r"```console\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
 
 
@@ -27,20 +28,32 @@ def steps(session):
         yield command, printed
 
 
-def test_each_format_has_a_session_of_three_commands(files):
-    verbs = ["look", "train", "evaluate"]
-    for session in SESSIONS:
-        assert [command.split()[1] for command, _ in steps(session)] == verbs
-    shown = {shlex.split(next(steps(session))[0])[2] for session in SESSIONS}
-    assert len(SESSIONS) == len(shown) == 8
-    assert all((files / name).exists() for name in shown)
+def printed(command, capsys):
+    with pytest.raises(SystemExit) as caught:
+        main(shlex.split(command)[1:])
+    out, err = capsys.readouterr()
+    assert (caught.value.code, err) == (0, ""), command
+    return out
+
+
+def test_each_format_has_a_session(files):
+    shown = {next(steps(session))[0] for session in SESSIONS}
+    names = {shlex.split(command)[2] for command in shown}
+    assert len(SESSIONS) == len(names) == 7
+    assert all((files / name).exists() for name in names)
 
 
 @pytest.mark.parametrize("session", SESSIONS, ids=lambda text: text.split()[3])
-def test_commands_print_what_the_page_shows(files, monkeypatch, capsys, session):
+def test_commands_print_what_the_page_shows_and_train(
+    files, monkeypatch, capsys, session
+):
     monkeypatch.chdir(files)
-    for command, printed in steps(session):
-        with pytest.raises(SystemExit) as caught:
-            main(shlex.split(command)[1:])
-        out, err = capsys.readouterr()
-        assert (caught.value.code, err, out) == (0, "", printed), command
+    for command, shown in steps(session):
+        assert printed(command, capsys) == shown, command
+    lines = re.findall(r"^hdc train .*", session, re.MULTILINE)
+    assert lines
+    for line in lines:
+        trained = printed(line, capsys)
+        if "classes: left" in trained:
+            evaluated = printed("hdc evaluate model.safetensors later.npz", capsys)
+            assert evaluated.startswith("accuracy 100.0%"), line

@@ -45,6 +45,7 @@ def test_only_hdc_is_installed(installed):
     assert {
         p.relative_to(installed) for p in (installed / "hdc").rglob("*.py")
     } == modules
+    assert (installed / "hdc" / "py.typed").is_file()
     found = PathDistribution(info)
     assert found.metadata["Name"] == "speckle-hdc"
     assert found.metadata["License-Expression"] == "MIT"
@@ -54,6 +55,13 @@ def test_only_hdc_is_installed(installed):
         if "extra ==" not in text
     }
     assert core == {"torch", "numpy", "safetensors"}
+
+
+def test_the_sample_is_installed_and_small(installed):
+    sample = installed / "hdc" / "command" / "recording"
+    images = list(sample.rglob("*.png"))
+    assert len(images) == 30 + 15 + 24
+    assert sum(image.stat().st_size for image in images) < 300_000
 
 
 def test_the_installed_command_runs(installed, tmp_path):

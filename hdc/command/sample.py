@@ -1,0 +1,34 @@
+"""``hdc sample``: a small recording to try the other commands on."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+import click
+
+from hdc.command import options
+from hdc.readers.listing import image_files
+
+FRAMES = Path(__file__).with_name("recording")
+"""Frames of the simulated sensor, 63 × 63 pixels: docs/sensor.md says how they were made."""
+
+
+@click.command()
+@click.argument("folder", type=options.FILE, default=Path())
+def sample(folder: Path) -> None:
+    """Write a small recording of three touches into FOLDER, to try the other commands on.
+
+    The folder touches was recorded first; the sensor had drifted before tomorrow and later were.
+    """
+    parts = sorted(FRAMES.iterdir(), reverse=True)
+    for part in parts:
+        if (folder / part.name).exists():
+            raise FileExistsError(
+                f"FOLDER: expected no {part.name} in it, found {folder / part.name}"
+            )
+    for part in parts:
+        shutil.copytree(part, folder / part.name)
+        classes = ", ".join(sorted(path.name for path in part.iterdir()))
+        frames = len(image_files(part))
+        click.echo(f"{folder / part.name}: {frames} frames of {classes}")
