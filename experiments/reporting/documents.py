@@ -129,8 +129,8 @@ def results_page(
 
 def _bare(command: str) -> str:
     """A command without the settings of one step: its program and its experiment."""
-    kept = [w for w in command.split() if not re.match(r"-m$|(?!experiment=)\S+=", w)]
-    return " ".join(kept)
+    program, given = command.split()[:3], command.split()[3:]
+    return " ".join([*program, *(w for w in given if w.startswith("experiment="))])
 
 
 def _figure(plot: Plot) -> str:

@@ -27,13 +27,13 @@ PUBLISHED, EXTENDED = rules().forms["published"], rules().forms["mended"]
 RECOGNISES = {
     YES: "is more accurate than converged softmax",
     NO: "is not more accurate than converged softmax",
-    PARTLY: "is more accurate than one of two forms of converged softmax",
+    PARTLY: "is more accurate than converged softmax on {frames} frames",
     UNDECIDED: "may or may not be more accurate than converged softmax (undecided)",
 }
 KEEPS_UP = {
     YES: "keeps up with converged softmax",
     NO: "does not keep up with converged softmax",
-    PARTLY: "keeps up with one of two forms of converged softmax",
+    PARTLY: "keeps up with converged softmax on {frames} frames",
     UNDECIDED: "may or may not keep up with converged softmax (undecided)",
 }
 SLOWER = {
@@ -89,16 +89,16 @@ def _recognition(
     known = [verdict for verdict in verdicts if verdict is not None]
     given = {verdict.word for verdict in known}
     together = given.pop() if len(given) == 1 else NO if NO in given else PARTLY
-    parts = []
+    parts, won = [], []
     for verdict, frames in zip(known, ("standardised", "raw"), strict=True):
+        won += [frames] * (verdict.word == YES)
         mean = verdict.pooled.mean
         low, high = (_points(bound) for bound in mean[1:])
         part = f"{_points(mean.value)} points [{low}, {high}] on {frames} frames"
         parts.append(f"{part}, *{verdict.word}*")
-    yield (
-        f"**{who} {words[together]}**: {'; '.join(parts)} (means over "
-        f"{known[0].pooled.units} laboratories)."
-    )
+    head = f"{who} {words[together].format(frames=' and '.join(won))}"
+    units = known[0].pooled.units
+    yield f"**{head}**: {'; '.join(parts)} (means over {units} laboratories)."
 
 
 def _cost(costs: pd.DataFrame | None) -> str:

@@ -51,15 +51,17 @@ def test_the_table_of_costs_has_every_form_and_softmax_after_most_frames():
     assert documents.costs(None) == documents.NOT_MEASURED
 
 
-def test_the_page_of_results_has_every_figure_and_each_command_once():
+def test_the_page_of_results_has_every_figure_and_each_experiment_once():
     study = Study("some", "A title", "A question?", 1)
     empty = Study("empty", "Nothing", "No figure?", 2)
+    commands = ["python -m run experiment=one scene=a", "make it"]
+    commands.append("python -m run -m experiment=one scene=b,c 'x=[1, 2]'")
     plot = Plot(
         "a_figure",
         lambda *_: None,
         of="runs",
         caption="What it *shows*.",
-        commands=["make it", "and this"],
+        commands=commands,
     )
     table = Table("a_table", title="Of what", data=frame([{"x": 1}]))
     text = documents.results_page(
@@ -67,7 +69,8 @@ def test_the_page_of_results_has_every_figure_and_each_command_once():
     )
     assert text.splitlines()[0] == "## A title"
     assert "(../results/reference/figures/a_figure.svg)" in text
-    assert text.count("    make it\n    and this") == text.count("make it") == 1
+    shown = [line for line in text.splitlines() if line.startswith("    ")]
+    assert shown == ["    python -m run experiment=one", "    make it"]
     assert "[a_table](../results/reference/tables/a_table.csv)" in text
     assert "Nothing" not in text
 

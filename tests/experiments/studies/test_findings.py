@@ -58,7 +58,7 @@ def test_one_yes_is_no_yes(judged):
         ("accuracy_mended", RIVALS[0], "undecided", 0.05),
         ("accuracy_mended", RIVALS[1], "yes", 0.03),
     )
-    assert "keeps up with one of two forms of converged softmax" in first
+    assert "keeps up with converged softmax on standardised frames**" in first
 
 
 def test_what_was_not_measured_has_no_sentence(judged):
