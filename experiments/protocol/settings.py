@@ -38,7 +38,6 @@ Seed = Annotated[
 _STUDIES = "experiments.studies."
 # The rooms that studies of version 2.0 moved into; to be left out after the next version.
 _MOVED = {
-    "calibration": "promises",
     "values": "promises",
     "numerics": "limits",
     "stability": "limits",

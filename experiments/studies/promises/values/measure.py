@@ -1,35 +1,33 @@
 """Numbers instead of labels, and how often the library's guarantees hold.
 
-The same hypervectors answer in mm, µm or refractive index: by prototypes of bins of the value, by
-the nearest frame, by ridge regression, and by the library's :class:`hdc.HDCRegressor` with its
-intervals. Sets of labels, rejection and intervals are promised for frames that come as the training
-frames did: a random split keeps that promise, a split by time, session or position breaks it.
+Sets of labels, intervals and probabilities are promised for frames that come as the training frames
+did: a random split of one session keeps that promise, a split by time, session or position breaks
+it.
 """
 
 from __future__ import annotations
 
 import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-from sklearn.decomposition import KernelPCA
-from sklearn.linear_model import RidgeCV
 from torch import Tensor
 
-from experiments.protocol.data import scene_at
+from experiments.protocol.data import at_seed, scene_at
 from experiments.protocol.evaluate import bank_of
 from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import draw_split, nested
-from hdc import HDCClassifier, HDCRegressor
-from hdc.bank import Bank
+from experiments.studies.promises.values.numbers import answers, intervals
+from hdc import HDCClassifier
 
-PENALTIES = 10.0 ** np.arange(-4, 5)
-"""Penalties that ridge regression tries, in units of the mean square of a centred frame."""
+BINS = 10
+"""Bins of equal width of the probability of an answer."""
 
 
-@experiment(revision=1, uses=("hdc.HDCClassifier",))
+@experiment(revision=2, uses=("hdc.HDCClassifier",))
 def values(
     run: Run,
     scene: Mapping[str, Any],
@@ -39,12 +37,12 @@ def values(
     draws: int = 3,
     most_test: int = 1000,
     bins: int = 10,
-    alphas: Sequence[float] = (0.2, 0.1, 0.05),
+    alpha: float = 0.1,
     at_least: float | None = None,
 ) -> Iterator[Row]:
     """One row: mean absolute ``error`` of one model's answers to ``n_test`` frames, in ``unit`` of
-    the first value of the scene; of the library's regressor also the share of the values inside its
-    intervals and their mean width, lists over ``alpha``. Frames of values below ``at_least`` are
+    the first value of the scene; of the library's regressor also the share of the values ``inside``
+    its intervals for ``alpha`` and their mean ``width``. Frames of values below ``at_least`` are
     left out: above its surface, a fibre's actuator presses nothing.
 
     Arguments: configs/experiment/values.yaml.
@@ -52,107 +50,127 @@ def values(
     for recording, row, pool, test in parts(
         run, scene, splits, seeds, draws, most_test
     ):
-        seed = row["seed"]
         known: Any = recording  # a cached scene has frames and labels alone
         if not hasattr(recording, "values"):
-            known = scene_at(scene, seed, False, run.console)
+            known = scene_at(scene, row["seed"], False, run.console)
         numbers = known.values[:, 0]
         if at_least is not None:
             pool = pool[numbers[pool] >= at_least]
             test = test[numbers[test] >= at_least]
-        random = np.random.default_rng((seed, row["draw"], 1))
+        random = np.random.default_rng((row["seed"], row["draw"], 1))
         order = random.permutation(pool)
         sizes = [n for n in n_train if n <= len(order)]
         train = order[: max(sizes)]
         bank = bank_of(recording, np.concatenate([train, test]))
-        queries = np.arange(len(train), len(bank))
-        truth = numbers[test]
+        asked = np.arange(len(train), len(bank)), numbers[test]
+        row |= {"value": known.value_names[0], "unit": known.units[0]}
         row["n_test"] = len(test)
-        row["value"] = known.value_names[0]
-        row["unit"] = known.units[0]
         for n in sizes:
             y = numbers[train[:n]]
-            of_models = answers(bank, y, queries, bins)
-            for model, answer in of_models.items():
-                error = float(np.abs(answer - truth).mean())
-                yield {**row, "n": n, "model": model, "error": error}
-            of_regressor = regressor(bank, y, queries, truth, alphas)
-            yield {**row, "n": n, "model": "regressor", **of_regressor}
+            for found in answers(bank, y, *asked, bins):
+                yield {**row, "n": n, **found}
+            for found in intervals(bank, y, *asked, alpha):
+                yield {**row, "n": n, "alpha": alpha, **found}
 
 
-@experiment(revision=3, uses=("hdc.HDCClassifier",))
+@experiment(revision=4)
 def coverage(
     run: Run,
     scene: Mapping[str, Any],
     splits: Mapping[str, Split],
+    models: Mapping[str, Any],
     seeds: Sequence[int] = (0,),
-    n_per_class: Sequence[int] = (40,),
-    draws: int = 5,
-    most_test: int = 100,
-    alphas: Sequence[float] = (0.2, 0.1, 0.05),
+    n_per_class: Sequence[int] = (1, 2, 5, 10, 20, 50),
+    draws: int = 3,
+    most_test: int = 200,
+    alpha: float = 0.1,
 ) -> Iterator[Row]:
-    """One row: the share ``covered`` of ``n_test`` held-out frames whose label is in the library's
-    prediction set after ``n`` frames of every class, the mean ``size`` of the set, the share
-    ``refused`` (empty sets), and of frames of no class (None without any) the share
-    ``unknown_refused``: lists over ``alpha``.
+    """One row: a model in one draw of one split after ``n`` frames of every class.
 
+    Of ``n_test`` held-out frames, the share ``covered`` by the model's prediction set for
+    ``alpha``, the mean ``size`` of the set, the share ``refused`` (empty sets) and, of frames of no
+    class, ``unknown_refused`` (None without any). Lists over :data:`BINS` bins of the probability
+    of an answer: how many ``answers``, how many of them ``right``, the sum ``sure`` of their
+    probabilities p, and ``spread`` of p(1 − p); none after one frame, which fits no probability.
     Arguments: configs/experiment/coverage.yaml.
+
+    Raises:
+        ValueError: naming the key that is wrong.
     """
+    asked = models_of(at_seed(models, 0))
     for recording, row, pool, test in parts(
         run, scene, splits, seeds, draws, most_test
     ):
         key = row["seed"], row["draw"]
         order, _ = nested(pool, recording.labels, [], key)
         least = min(map(len, order))
-        for n in sorted({min(n, least) for n in n_per_class}):
-            train = np.concatenate([of_class[:n] for of_class in order])
-            model = HDCClassifier()
-            model.fit(recording.frames(train), recording.labels[train])
-            yield {**row, "n": n, **_promises(model, recording, test, alphas, key)}
+        sizes = sorted({min(n, least) for n in n_per_class})
+        most = np.concatenate([of_class[: sizes[-1]] for of_class in order])
+        bank = bank_of(recording, np.concatenate([most, test]))
+        queries = bank.at(np.arange(len(most), len(bank)))
+        labels = recording.labels[test]
+        unknown = _unknown(recording, len(test), key)
+        row |= {"n_test": len(test), "alpha": alpha}
+        for n in sizes:
+            place = np.arange(len(most)) % sizes[-1]
+            train = np.flatnonzero(place < n)
+            for name, model in asked.items():
+                model.fit(bank.at(train), bank.labels[train])
+                found = sets(model, queries, labels, unknown, alpha)
+                if n > 1:
+                    found |= probabilities(model, queries, labels)
+                yield {**row, "n": n, "model": name, **found}
 
 
-def _promises(
+def sets(
     model: HDCClassifier,
-    recording: Any,
-    test: np.ndarray,
-    alphas: Sequence[float],
-    key: tuple[int, int],
+    queries: Any,
+    labels: np.ndarray,
+    unknown: Tensor | None,
+    alpha: float,
 ) -> Row:
-    """What a model answers to held-out frames, and to as many of no class."""
-    frames, labels = recording.frames(test), recording.labels[test]
-    row: Row = {"n_test": len(test), "alpha": list(alphas)}
-    row["accuracy"] = model.score(frames, labels)
+    """How often prediction sets of queries [Q] hold the right one of the labels [Q]."""
     with warnings.catch_warnings():
         # That few frames refuse nothing is what is measured here.
         warnings.filterwarnings("ignore", message=".*no frame is refused")
-        sets = [model.predict_set(frames, alpha) for alpha in alphas]
-        row["unknown_refused"] = [None for _ in alphas]
-        others = getattr(recording, "unknown", None)
-        if others is not None:
-            some = np.random.default_rng(key).permutation(len(others.labels))
-            strange = others.frames(some[: len(test)])
-            row["unknown_refused"] = refused_shares(model, strange, alphas)
-    row["covered"] = [covered(of_alpha, labels) for of_alpha in sets]
-    row["size"] = [_mean(map(len, of_alpha)) for of_alpha in sets]
-    row["refused"] = [empty(of_alpha) for of_alpha in sets]
-    return row
+        found = model.predict_set(queries, alpha)
+        refused = None if unknown is None else ~model.is_known(unknown, alpha)
+    sizes = np.array([len(one) for one in found])
+    held = [label in one for one, label in zip(found, labels, strict=True)]
+    return {
+        "covered": float(np.mean(held)),
+        "size": float(sizes.mean()),
+        "refused": float((sizes == 0).mean()),
+        "unknown_refused": None if refused is None else float(refused.mean()),
+    }
 
 
-def refused_shares(
-    model: HDCClassifier, frames: Tensor, alphas: Sequence[float]
-) -> list[float]:
-    """Share of frames that a model does not know, for each share of known ones lost so."""
-    return [_mean(~model.is_known(frames, alpha)) for alpha in alphas]
+def probabilities(model: HDCClassifier, queries: Any, labels: np.ndarray) -> Row:
+    """What a model answers to queries [Q], how sure it is, and how often it is right, by bins."""
+    shares = model.predict_proba(queries)
+    right = model.classes_[shares.argmax(axis=1)] == labels
+    sure = shares.max(axis=1)
+    place = np.minimum((BINS * sure).astype(int), BINS - 1)
+
+    def summed(numbers: Any) -> list[float]:
+        return np.bincount(place, numbers, BINS).tolist()
+
+    return {
+        "answers": summed(np.ones(len(sure))),
+        "right": summed(right),
+        "sure": summed(sure),
+        "spread": summed(sure * (1 - sure)),
+    }
 
 
-def covered(sets: Sequence[np.ndarray], labels: np.ndarray) -> float:
-    """Share of sets of labels that hold the right one."""
-    return _mean(label in one for one, label in zip(sets, labels, strict=True))
-
-
-def empty(sets: Sequence[np.ndarray]) -> float:
-    """Share of sets without a label."""
-    return _mean(len(one) == 0 for one in sets)
+def _unknown(recording: Any, n: int, key: tuple[int, int]) -> Tensor | None:
+    """Frames of no class, n at most; None of a scene without any."""
+    others = getattr(recording, "unknown", None)
+    if others is None:
+        return None
+    some = np.random.default_rng(key).permutation(len(others.labels))
+    found: Tensor = others.frames(some[:n])
+    return found
 
 
 def parts(
@@ -172,100 +190,3 @@ def parts(
                 row |= {"split": split, "draw": draw}
                 yield recording, row, pool, test
         run.note(f"seed {seed}")
-
-
-def answers(
-    bank: Bank,
-    y: np.ndarray,
-    queries: np.ndarray,
-    bins: int,
-) -> dict[str, np.ndarray]:
-    """Numbers [Q] of the queries by each model of the first frames, whose values are y [n].
-
-    Args:
-        bank: all frames.
-        y: values of the training frames.
-        queries: indices of the frames asked for.
-        bins: prototypes, one a bin of the value; bins hold as many frames each.
-    """
-    train = np.arange(len(y))
-    asked = bank.at(queries)
-    nearest = HDCRegressor(readout="neighbours").fit(bank.at(train), y)
-    of_bits = bank.kernel(train, queries, "bits")
-    of_greys = bank.kernel(train, queries, "unit_centred")
-    return {
-        "mean": np.full(len(queries), y.mean()),
-        "bins": binned(bank, y, queries, bins),
-        "nearest_neighbour": nearest.predict(asked),
-        "ridge_bits": ridge_values(*of_bits, y),
-        "ridge_greys": ridge_values(*of_greys, y),
-    }
-
-
-def binned(
-    bank: Bank,
-    y: np.ndarray,
-    queries: np.ndarray,
-    bins: int,
-) -> np.ndarray:
-    """The mean value of the bin whose prototype is nearest."""
-    train = np.arange(len(y))
-    inner = np.linspace(0, 1, bins + 1)[1:-1]
-    edges = np.unique(np.quantile(y, inner))
-    places = np.searchsorted(edges, y, side="right")
-    filled, bin_of = np.unique(places, return_inverse=True)
-    means = [y[bin_of == k].mean() for k in range(len(filled))]
-    centres = np.array(means)
-    model = HDCClassifier().fit(bank.at(train), bin_of)
-    return centres[model.predict(bank.at(queries))]
-
-
-def regressor(
-    bank: Bank,
-    y: np.ndarray,
-    queries: np.ndarray,
-    truth: np.ndarray,
-    alphas: Sequence[float],
-) -> Row:
-    """Error, coverage and width of the library's regressor of the first frames [n]."""
-    train = np.arange(len(y))
-    asked = bank.at(queries)
-    model = HDCRegressor().fit(bank.at(train), y)
-    inside, width = [], []
-    for alpha in alphas:
-        answer, low, high = model.predict(asked, True, alpha)
-        holds = (low <= truth) & (truth <= high)
-        inside.append(float(holds.mean()))
-        width.append(float((high - low).mean()))
-    error = float(np.abs(answer - truth).mean())
-    return {
-        "error": error,
-        "alpha": list(alphas),
-        "covered": inside,
-        "width": width,
-    }
-
-
-def ridge_values(
-    inside: Tensor,
-    across: Tensor,
-    y: np.ndarray,
-) -> np.ndarray:
-    """Ridge regression of numbers with the penalty of least leave-one-out error.
-
-    It is that of the frames themselves, whose weights lie in the span of the training frames.
-
-    Args:
-        inside, across: products of training frames [N, N], of queries with them [Q, N].
-        y: numbers of the training frames [N].
-    """
-    span = KernelPCA(kernel="precomputed", remove_zero_eig=True)
-    coordinates = span.fit_transform(inside.numpy())
-    squares = coordinates**2
-    unit = float(squares.sum()) / len(y)
-    model = RidgeCV(alphas=unit * PENALTIES).fit(coordinates, y)
-    return model.predict(span.transform(across.numpy()))
-
-
-def _mean(numbers: Iterable[float]) -> float:
-    return float(np.mean(list(numbers)))
