@@ -22,7 +22,7 @@ from torch import Tensor
 from hdc import bits, inputs, io
 from hdc.bank import Selection
 from hdc.encoders import Encoder, encode_with, make_encoder
-from hdc.parameters import Parametrised, describe, rebuild
+from hdc.parameters import Named, Parametrised, describe, rebuild
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
@@ -31,7 +31,7 @@ class Estimator(Parametrised, ABC):
     """Parameters by name, tags, chunks of frames, and how an untrained model is refused."""
 
     _estimator_type: str
-    _known: ClassVar[Mapping[str, Mapping[str, type]]]  # our own classes of each part
+    _known: ClassVar[Mapping[str, Named]]  # our own classes of each part
     encoder: Any
     readout: Any
     device: str

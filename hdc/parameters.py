@@ -14,7 +14,8 @@ import importlib
 import inspect
 import math
 import numbers
-from collections.abc import Callable, Collection, Iterable, Mapping
+import pkgutil
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 Method = TypeVar("Method", bound=Callable[..., Any])
@@ -183,13 +184,34 @@ def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
     return found
 
 
-def name_of(part: object, known: Mapping[str, type]) -> str:
-    """What :func:`find_class` finds the class of an object by."""
-    kind = type(part)
-    for name, ours in known.items():
-        if kind is ours:
-            return name
-    return f"{kind.__module__}.{kind.__qualname__}"
+class Named(Mapping[str, type]):
+    """Our own classes by name; a module is imported when its class is asked for."""
+
+    def __init__(self, paths: Mapping[str, str]) -> None:
+        self._paths = paths
+        """The dotted name of each class."""
+
+    def __getitem__(self, name: str) -> Any:
+        return pkgutil.resolve_name(self._paths[name])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+    def name_of(self, part: object) -> str:
+        """What :func:`find_class` finds the class of an object by; dotted of one from elsewhere."""
+        kind = type(part)
+        path = f"{kind.__module__}.{kind.__qualname__}"
+        return next((name for name, ours in self._paths.items() if ours == path), path)
+
+    def attribute(self, module: str, wanted: str) -> Any:
+        """A class by its own name, as the ``__getattr__`` of a module has to find it."""
+        for path in self._paths.values():
+            if path.endswith(f".{wanted}"):
+                return pkgutil.resolve_name(path)
+        raise AttributeError(f"module {module!r} has no attribute {wanted!r}")
 
 
 def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
@@ -233,7 +255,7 @@ def is_number(value: Any) -> bool:
     return math.isfinite(value)
 
 
-def describe(part: Parametrised, known: Mapping[str, type]) -> dict[str, Any]:
+def describe(part: Parametrised, known: Named) -> dict[str, Any]:
     """Class and parameters of a part, and of its own parts, as JSON.
 
     What is no JSON is None, or what the part says in `stand_ins`.
@@ -247,7 +269,7 @@ def describe(part: Parametrised, known: Mapping[str, type]) -> dict[str, Any]:
         if stored is None and value is not None:
             stored = part.stand_ins.get(name)
         parameters[name] = stored
-    return {"class": name_of(part, known), "parameters": parameters}
+    return {"class": known.name_of(part), "parameters": parameters}
 
 
 def has_plain_parameters(part: Parametrised) -> bool:

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 from hdc.encoders.base import Encoder
-from hdc.encoders.deviation import Deviation
-from hdc.encoders.levels import Levels
-from hdc.encoders.median import Median
 from hdc.encoders.named import ENCODERS, encode_with, make_encoder
-from hdc.encoders.quantile import Quantile
-from hdc.encoders.reference import Reference, ReferenceLevels
 from hdc.encoders.relative import RelativeEncoder
-from hdc.encoders.smoothed import Smoothed
+
+if TYPE_CHECKING:
+    from hdc.encoders.deviation import Deviation
+    from hdc.encoders.levels import Levels
+    from hdc.encoders.median import Median
+    from hdc.encoders.quantile import Quantile
+    from hdc.encoders.reference import Reference, ReferenceLevels
+    from hdc.encoders.smoothed import Smoothed
 
 __all__ = [
     "COMPARED",
@@ -28,17 +32,10 @@ __all__ = [
     "make_encoder",
 ]
 
-ENCODERS.update(
-    {
-        "median": Median,
-        "quantile": Quantile,
-        "levels": Levels,
-        "reference": Reference,
-        "reference_levels": ReferenceLevels,
-        "deviation": Deviation,
-        "smoothed": Smoothed,
-    }
-)
-
 COMPARED = tuple(name for name in ENCODERS if name != "smoothed")
 """Those that a comparison tries where none are asked for: smoothing is for images alone."""
+
+
+def __getattr__(name: str) -> Any:
+    """The encoders, imported when asked for."""
+    return ENCODERS.attribute(__name__, name)

@@ -1,4 +1,4 @@
-"""Encoders by name, and how one asks another; the package fills in its own."""
+"""Encoders by name, and how one asks another."""
 
 from __future__ import annotations
 
@@ -7,9 +7,19 @@ from typing import Any
 from torch import Tensor
 
 from hdc.encoders.base import Encoder
-from hdc.parameters import make_part
+from hdc.parameters import Named, make_part
 
-ENCODERS: dict[str, type[Encoder]] = {}
+ENCODERS = Named(
+    {
+        "median": "hdc.encoders.median.Median",
+        "quantile": "hdc.encoders.quantile.Quantile",
+        "levels": "hdc.encoders.levels.Levels",
+        "reference": "hdc.encoders.reference.Reference",
+        "reference_levels": "hdc.encoders.reference.ReferenceLevels",
+        "deviation": "hdc.encoders.deviation.Deviation",
+        "smoothed": "hdc.encoders.smoothed.Smoothed",
+    }
+)
 """Our own encoders by name."""
 
 
@@ -30,6 +40,6 @@ def encode_with(
     out: Tensor | None = None,
 ) -> Tensor:
     """Hypervectors by an encoder; one from outside is asked for no more than frames to words."""
-    if type(encoder) in ENCODERS.values():
+    if ENCODERS.name_of(encoder) in ENCODERS:
         return encoder.encode(frames, first, backend, out)  # type: ignore[call-arg]
     return encoder.encode(frames)

@@ -2,18 +2,22 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from hdc.parameters import make_part
+from hdc.parameters import Named, make_part
 from hdc.readouts.base import Readout, Updatable
-from hdc.readouts.counts import Counts
-from hdc.readouts.kernel import Kernel
-from hdc.readouts.lda import LDA
-from hdc.readouts.majority import Counting, Majority
-from hdc.readouts.neighbours import Neighbours
-from hdc.readouts.ridge import Ridge, RidgeValues
-from hdc.readouts.trained import Trained
-from hdc.readouts.values import NeighbourValues, ValueReadout
+from hdc.readouts.majority import Counting
+from hdc.readouts.values import ValueReadout
+
+if TYPE_CHECKING:
+    from hdc.readouts.counts import Counts
+    from hdc.readouts.kernel import Kernel
+    from hdc.readouts.lda import LDA
+    from hdc.readouts.majority import Majority
+    from hdc.readouts.neighbours import Neighbours
+    from hdc.readouts.ridge import Ridge, RidgeValues
+    from hdc.readouts.trained import Trained
+    from hdc.readouts.values import NeighbourValues
 
 __all__ = [
     "LDA",
@@ -35,22 +39,32 @@ __all__ = [
     "make_value_readout",
 ]
 
-READOUTS: dict[str, type[Readout]] = {
-    "majority": Majority,
-    "counts": Counts,
-    "ridge": Ridge,
-    "neighbours": Neighbours,
-    "lda": LDA,
-    "trained": Trained,
-    "kernel": Kernel,
-}
+READOUTS = Named(
+    {
+        "majority": "hdc.readouts.majority.Majority",
+        "counts": "hdc.readouts.counts.Counts",
+        "ridge": "hdc.readouts.ridge.Ridge",
+        "neighbours": "hdc.readouts.neighbours.Neighbours",
+        "lda": "hdc.readouts.lda.LDA",
+        "trained": "hdc.readouts.trained.Trained",
+        "kernel": "hdc.readouts.kernel.Kernel",
+    }
+)
 """Our own read-outs of classes by name."""
 
-VALUE_READOUTS: dict[str, type[ValueReadout]] = {
-    "ridge": RidgeValues,
-    "neighbours": NeighbourValues,
-}
+VALUE_READOUTS = Named(
+    {
+        "ridge": "hdc.readouts.ridge.RidgeValues",
+        "neighbours": "hdc.readouts.values.NeighbourValues",
+    }
+)
 """Our own read-outs of numbers by name."""
+
+
+def __getattr__(name: str) -> Any:
+    """The read-outs, imported when asked for."""
+    of = VALUE_READOUTS if name.endswith("Values") else READOUTS
+    return of.attribute(__name__, name)
 
 
 def make_readout(part: Any) -> Readout:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import ast
 import importlib
+import subprocess
+import sys
 from collections.abc import Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
@@ -74,3 +76,39 @@ def test_every_module_can_be_imported(name: str) -> None:
     for extra in ("numba", "nicegui", "sklearn"):
         pytest.importorskip(extra)
     importlib.import_module(name)
+
+
+NOT_NEEDED = (
+    "scipy",
+    "sklearn",
+    "pandas",
+    "hdc.encoders.deviation",
+    "hdc.encoders.reference",
+    "hdc.readouts.kernel",
+    "hdc.readouts.lda",
+    "hdc.readouts.ridge",
+)
+
+
+def loaded_by(words: str) -> set[str]:
+    """Modules that a process has loaded after it made a classifier of these arguments learn."""
+    code = f"""
+import sys
+import numpy as np
+from hdc import HDCClassifier
+
+frames = np.random.default_rng(0).integers(0, 256, (6, 8, 8))
+HDCClassifier({words}).fit(frames, [0, 1] * 3).predict(frames)
+print(*sys.modules)
+"""
+    return {*subprocess.check_output([sys.executable, "-c", code], text=True).split()}
+
+
+def test_the_published_form_loads_no_other() -> None:
+    assert loaded_by("").isdisjoint(NOT_NEEDED)
+
+
+def test_a_form_loads_its_own() -> None:
+    found = loaded_by("encoder='reference', readout='lda'")
+    assert {"hdc.encoders.reference", "hdc.readouts.lda"} <= found
+    assert "hdc.readouts.kernel" not in found
