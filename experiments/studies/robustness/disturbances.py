@@ -53,19 +53,28 @@ def shift(
     return frames[:, :, np.maximum(columns, 0)]
 
 
+def dither(frames: np.ndarray, level: int, random: np.random.Generator) -> np.ndarray:
+    """Whole numbers uniform in −level … level, added to each pixel of frames [N, H, W]: as much as
+    another conversion to grey or a lossy codec changes."""
+    brightest = np.iinfo(frames.dtype).max
+    added = random.integers(-level, level, frames.shape, endpoint=True)
+    return np.clip(frames + added, 0, brightest).astype(frames.dtype)
+
+
+OF_FRAMES: dict[str, Callable[..., np.ndarray]] = {
+    "power": power,
+    "dead_pixels": dead_pixels,
+    "shift": shift,
+    "dither": dither,
+}
+
+
 def to_int8(tensor: Tensor) -> tuple[Tensor, Tensor]:
     """Numbers as int8 of the same shape, and the step between two of them, []: x = q·step with q in
     −127…127, as most libraries quantise for small devices."""
     step = tensor.abs().max() / 127
     q = torch.round(tensor / step.clamp(min=1e-30)).to(torch.int8)
     return q, step
-
-
-OF_FRAMES: dict[str, Callable[[np.ndarray, float, np.random.Generator], np.ndarray]] = {
-    "power": power,
-    "dead_pixels": dead_pixels,
-    "shift": shift,  # type: ignore[dict-item]
-}
 
 
 @contextmanager

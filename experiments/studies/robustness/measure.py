@@ -131,8 +131,9 @@ def _asked_with_flips(
 ) -> np.ndarray:
     """Labels of frames by bits of which some are flipped."""
     key = (seed, round(1e9 * rate), 1)
-    if isinstance(model, HDCClassifier):
-        with faults.flipped_queries(model, rate, key):
+    classifier = getattr(model, "model_", model)  # of a model that chooses its form
+    if isinstance(classifier, HDCClassifier):
+        with faults.flipped_queries(classifier, rate, key):
             return model.predict(frames)
     random = np.random.default_rng(key)
     pixels = faults.flipped_pixels(frames.numpy(), rate, random)
