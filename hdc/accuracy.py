@@ -40,3 +40,19 @@ def confusion(predicted: np.ndarray, labels: np.ndarray, n_classes: int) -> np.n
     pairs = np.asarray(labels) * n_classes + np.asarray(predicted)
     counts = np.bincount(pairs, minlength=n_classes**2)
     return counts.reshape(n_classes, n_classes)
+
+
+def r_squared(truth: np.ndarray, predicted: np.ndarray) -> float:
+    """Coefficient of determination R² of numbers [Q]: 1 − Σ(y − ŷ)²/Σ(y − ȳ)².
+
+    Of equal numbers it is 1 where all are predicted, else 0. Squares are taken in units of the
+    spread: those of numbers near 1e200 or 1e-200 would overflow or vanish.
+    """
+    deviations = truth - truth.mean()
+    errors = truth - predicted
+    unit = np.abs(deviations).max()
+    if unit == 0:
+        return float((errors == 0).all())
+    error = ((errors / unit) ** 2).sum()
+    spread = ((deviations / unit) ** 2).sum()
+    return float(1 - error / spread)

@@ -40,7 +40,7 @@ def fixed(model: Estimator) -> str | None:
     readout, wrong = _readout_of(model)
     if hasattr(readout, "adapt"):
         return None
-    return wrong or f"expected another read-out than {readout!r}; fit anew"
+    return wrong or f"expected a read-out that adapts, found {readout!r}; fit anew"
 
 
 def without_reference(model: Estimator) -> str | None:

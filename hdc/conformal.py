@@ -35,9 +35,11 @@ refused.
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
+from fractions import Fraction
 from typing import Self
 
 import numpy as np
@@ -223,14 +225,14 @@ def _warn_of_few(peers: Sequence[Compared | None], alpha: float) -> None:
     kept = [len(peer) for peer in peers if peer is not None]
     n, least = sum(kept), min(kept, default=0)
     if (n + 1) * alpha < 1:
-        expected = f"expected at least {1 / (n + 1):.2g} with {n} frames kept"
+        # Exact shares: 1/0.05 − 1 is 19, not the 20 that rounding up floats gives.
+        needed = math.ceil(1 / Fraction(str(alpha)) - 1)
+        text = f"needs at least {needed} stored frames, found {n}"
     elif least < FEWEST and (least + 1) * alpha < 1:
-        expected = f"expected at least {FEWEST} frames of each class, found {least}"
+        text = f"needs at least {FEWEST} stored frames of each class, found {least}"
     else:
         return
-    warnings.warn(
-        f"{alpha:g} of known frames: {expected}; no frame is refused", stacklevel=4
-    )
+    warnings.warn(f"alpha={alpha:g} {text}; no frame is refused", stacklevel=4)
 
 
 def _held_out_of_others(peers: Sequence[Compared | None], c: int) -> np.ndarray:

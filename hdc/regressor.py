@@ -12,6 +12,7 @@ import torch
 from torch import Tensor
 
 from hdc import bits, circular, inputs
+from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, make_encoder
 from hdc.estimator import Estimator
 from hdc.inputs import check_share
@@ -153,8 +154,7 @@ class HDCRegressor(Estimator):
         frames = self._checked_frames(frames)
         values = inputs.targets(y, len(frames))
         table = self._targets(values)
-        as_many = table.shape[1] == self._values.shape[1]
-        if (values.ndim == 1) != self._one or not as_many:
+        if table.shape[1] != self._values.shape[1]:
             raise ValueError(
                 f"targets: expected as many a frame as before, found {values.shape}"
             )
@@ -240,11 +240,9 @@ class HDCRegressor(Estimator):
         """R², the share of the variance that is predicted, averaged over targets."""
         found = self.predict(frames)
         values = inputs.targets(y, len(found)).reshape(found.shape)
-        shares = []
-        pairs = zip(self._targets(values).T, self._targets(found).T, strict=True)
-        for truth, answers in pairs:
-            shares.append(_predicted_share(truth, answers))
-        return float(np.mean(shares))
+        truth, answers = self._targets(values).numpy(), self._targets(found).numpy()
+        pairs = zip(truth.T, answers.T, strict=True)
+        return float(np.mean([r_squared(*pair) for pair in pairs]))
 
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         tensors = {"words": self._words, "values": self._values}
@@ -277,21 +275,6 @@ class HDCRegressor(Estimator):
 def _table(values: np.ndarray) -> Tensor:
     """Numbers [N] or [N, T] as float64 [N, T]."""
     return torch.from_numpy(values.reshape(len(values), -1))
-
-
-def _predicted_share(values: Tensor, found: Tensor) -> float:
-    """R² of numbers [Q]; of equal ones 1 where they are predicted, else 0.
-
-    In units of their spread, lest squares of numbers near 1e200 or 1e-200 be none.
-    """
-    deviations = values - values.mean()
-    errors = values - found
-    unit = deviations.abs().max()
-    if unit == 0:
-        return float((errors == 0).all())
-    error = ((errors / unit) ** 2).sum()
-    spread = ((deviations / unit) ** 2).sum()
-    return float(1 - error / spread)
 
 
 def _ends(without: Tensor, residuals: Tensor, alpha: float) -> tuple[Tensor, Tensor]:

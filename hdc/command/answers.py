@@ -1,4 +1,4 @@
-"""A model's answers for frames, its score on a recording, and both as lines for people."""
+"""A model's answers for frames, and the table that shows them."""
 
 from __future__ import annotations
 
@@ -9,12 +9,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hdc import circular, readers
-from hdc.accuracy import accuracy, confusion, wilson
-from hdc.command.work import check_fits, check_size, printable, value_names, with_units
-from hdc.readers import FRAMES, TABLE, VIDEO_SUFFIXES, Recording, Window
+from hdc import readers
+from hdc.command.messages import printable, with_units
+from hdc.command.work import check_fits, check_size, value_names
+from hdc.readers import FRAMES, TABLE, VIDEO_SUFFIXES, Window
 from hdc.readers.images import stream_files
-from hdc.readers.recording import with_progress
 
 BATCH = 32
 """Frames asked about at a time: meanwhile threads decode the next ones."""
@@ -99,7 +98,7 @@ def _of_video(path: Path, window: Window) -> Iterator[Placed]:
 def _answers(
     model: Any, frames: Iterable[Placed], wanted: Wanted
 ) -> Iterator[dict[str, Any]]:
-    for some in _batched(frames):
+    for some in batched(frames):
         for place, frame in some:
             check_size(model, frame.shape, place)
         batch = np.stack([frame for _, frame in some])
@@ -163,7 +162,7 @@ def _values_of_batch(
     answers = []
     for row, low, high in zip(*found, strict=True):
         ends = np.stack([low, high], axis=1).tolist()
-        pairs = [[_finite(low), _finite(high)] for low, high in ends]
+        pairs = [[finite(low), finite(high)] for low, high in ends]
         answers.append(
             {
                 "values": dict(zip(names, row.tolist(), strict=True)),
@@ -187,7 +186,7 @@ def outside(interval: float) -> float:
     return round(1 - interval, 12)
 
 
-def _finite(end: float) -> float | None:
+def finite(end: float) -> float | None:
     return end if np.isfinite(end) else None
 
 
@@ -242,165 +241,7 @@ def _cell(item: Any) -> str:
     return f"{item:.4f}" if isinstance(item, float) else printable(str(item))
 
 
-# Scores ------------------------------------------------------------------------------------------
-
-
-def score(
-    model: Any,
-    recording: Recording,
-    index: np.ndarray,
-    reject: float | None = None,
-    interval: float | None = None,
-) -> dict[str, Any]:
-    """Accuracy, confusions and wrong frames (or mean absolute errors), with lines for people.
-
-    With an `interval`, also how often the truth was in the intervals or sets.
-    """
-    if not hasattr(model, "classes_"):
-        return _score_of_values(model, recording, index, interval)
-    predicted, known = [], []
-    sets: list[np.ndarray] = []
-    for batch in _evaluated(recording, index):
-        predicted.append(model.predict(batch))
-        if reject:
-            known.append(model.is_known(batch, reject))
-        if interval is not None:
-            sets += model.predict_set(batch, outside(interval))
-    result = _accuracy(model, recording, np.concatenate(predicted), index)
-    if interval is not None:
-        truth = np.array(recording.names)[index]
-        covered, line = _coverage_of_sets(sets, truth, interval)
-        result["coverage"] = covered
-        result["text"].insert(1, line)
-    if reject:
-        refused = int((~np.concatenate(known)).sum())
-        line = f"--reject {reject:g} refuses {refused} of them as none of the classes"
-        result["refused"] = refused
-        result["text"].insert(1, line)
-    return result
-
-
-def _evaluated(recording: Recording, index: np.ndarray) -> Iterator[np.ndarray]:
-    """Batches of frames."""
-    frames = with_progress(recording.stream(index), len(index), "Evaluating")
-    for some in _batched(frames):
-        yield np.stack(some)
-
-
-def _coverage_of_sets(
-    sets: Sequence[np.ndarray], truth: np.ndarray, interval: float
-) -> tuple[dict[str, Any], str]:
-    """How often the right class was in its set, as JSON and as a line."""
-    texts = [[str(label) for label in possible] for possible in sets]
-    inside = sum(
-        name in found for name, found in zip(truth.tolist(), texts, strict=True)
-    )
-    found = _coverage(inside, len(truth), interval)
-    found["mean_size"] = float(np.mean([len(possible) for possible in sets]))
-    line = f"{_coverage_line(found, 'sets')}; {found['mean_size']:.2f} classes a set"
-    return found, line
-
-
-def _coverage(inside: int, n: int, asked: float) -> dict[str, Any]:
-    low, high = wilson(inside, n)
-    return {"asked": asked, "share": inside / n, "interval": [low, high]}
-
-
-def _coverage_line(found: dict[str, Any], what: str) -> str:
-    low, high = found["interval"]
-    return (
-        f"{what} for {found['asked']:g} hold the truth for {found['share']:.1%} of these frames "
-        f"(95 % interval {low:.1%} to {high:.1%})"
-    )
-
-
-def _accuracy(
-    model: Any, recording: Recording, predicted: np.ndarray, index: np.ndarray
-) -> dict[str, Any]:
-    """Accuracy with its interval, confusions, and the frames that are wrong."""
-    names = [str(c) for c in model.classes_]
-    row = {name: k for k, name in enumerate(names)}
-    truth = np.array(recording.names)[index].tolist()
-    found = [str(c) for c in predicted]
-    true = np.array([row[name] for name in truth])
-    read = np.array([row[name] for name in found])
-    counts = confusion(read, true, len(names))
-    right = int((read == true).sum())
-    share = accuracy(read, true)
-    low, high = wilson(right, len(index))
-    wrong = [
-        {"file": recording.place(i), "label": a, "predicted": b}
-        for i, a, b in zip(index, truth, found, strict=True)
-        if a != b
-    ]
-    interval = f"95 % interval {low:.1%} to {high:.1%}"
-    line = f"accuracy {share:.1%} ({interval}), {right} of {len(index)} frames"
-    return {
-        "frames": len(index),
-        "accuracy": share,
-        "interval": [low, high],
-        "classes": names,
-        "confusion": counts.tolist(),
-        "wrong": wrong,
-        "text": [line, *confusions(names, counts)],
-    }
-
-
-def _score_of_values(
-    model: Any, recording: Recording, index: np.ndarray, interval: float | None
-) -> dict[str, Any]:
-    """Mean absolute error of each value; coverage and width of its intervals, if asked for."""
-    if recording.values is None:
-        raise ValueError(
-            "--values: expected a table of the numbers to compare with, found none"
-        )
-    parts: list[tuple[np.ndarray, ...]] = []
-    for batch in _evaluated(recording, index):
-        if interval is None:
-            parts.append((model.predict(batch).reshape(len(batch), -1),))
-        else:
-            parts.append(with_ends(model, batch, interval))
-    predicted, *ends = (np.concatenate(part) for part in zip(*parts, strict=True))
-    truth = recording.values[index]
-    means = circular.errors(predicted, truth, model.period).mean(axis=0).tolist()
-    units = recording.value_units or ("",) * len(means)
-    rows: dict[str, Any] = {}
-    text = []
-    for name, unit, mean in zip(recording.value_names, units, means, strict=True):
-        rows[name] = {"mean_absolute_error": mean}
-        if unit:
-            rows[name]["unit"] = unit
-        amount = f"{mean:.4g} {unit}".rstrip()
-        text.append(f"{name}: mean absolute error {amount}, {len(index)} frames")
-    if interval is not None:
-        low, high = ends
-        inside = ((low <= truth) & (truth <= high)).sum(axis=0).tolist()
-        widths = (high - low).mean(axis=0).tolist()
-        for k, (name, unit) in enumerate(zip(rows, units, strict=True)):
-            covered = _coverage(inside[k], len(index), interval)
-            width = f"{widths[k]:.4g} {unit}".rstrip()
-            line = _coverage_line(covered, "intervals")
-            text.append(f"{name}: {line}; mean width {width}")
-            covered["mean_width"] = _finite(widths[k])
-            rows[name]["coverage"] = covered
-    return {"frames": len(index), "errors": rows, "text": text}
-
-
-def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
-    """Lines of a table of counts [L, L], a row a true class."""
-    names = [printable(name) for name in names]
-    heads = [name[:12] for name in names]
-    numbers = [str(n) for n in counts.ravel()]
-    width = max(len(name) for name in names)
-    cell = max(len(text) for text in [*heads, *numbers])
-    lines = ["rows are the true classes, columns the predicted ones"]
-    lines.append(" ".join([" " * width, *(f"{head:>{cell}}" for head in heads)]))
-    for name, row in zip(names, counts, strict=True):
-        lines.append(" ".join([f"{name:{width}}", *(f"{n:>{cell}}" for n in row)]))
-    return lines
-
-
-def _batched(items: Iterable[Any]) -> Iterator[list[Any]]:
+def batched(items: Iterable[Any]) -> Iterator[list[Any]]:
     waiting = iter(items)
     while some := list(itertools.islice(waiting, BATCH)):
         yield some

@@ -8,13 +8,13 @@ from typing import Any
 
 import click
 
-from hdc.command import work
+from hdc.command import messages, work
 from hdc.io import write_atomically
 
 _FILE = click.Path(path_type=Path)
 
 
-@click.command()
+@click.command(short_help="Write a model as a C99 header.")
 @click.argument("model", type=_FILE)
 @click.option(
     "-o",
@@ -117,7 +117,7 @@ def _size_lines(plan: Any) -> list[str]:
     """What the header will take."""
     sizes = plan.sizes
     return [
-        f"classes: {sizes.classes}, frames of {work.size(plan.frame_shape)} of "
+        f"classes: {sizes.classes}, frames of {messages.size(plan.frame_shape)} of "
         f"{sizes.pixel_bits} bits, {sizes.compared} bits compared",
         f"tables: {sizes.constant_bytes} bytes",
         f"memory: {sizes.scratch_bytes} bytes, and {sizes.frame_bytes} of the frame",

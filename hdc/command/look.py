@@ -11,7 +11,7 @@ from typing import Any
 import click
 
 from hdc import readers
-from hdc.command import options, work
+from hdc.command import messages, options, work
 from hdc.readers import Recording, Window, stores
 from hdc.readers.files import Ambiguous, columns_of
 from hdc.readers.listing import all_files
@@ -20,7 +20,7 @@ MOST = 12
 """Arrays, columns and readings that are shown."""
 
 
-@click.command()
+@click.command(short_help="Show how a recording is read.")
 @options.recording
 def look(recording: Path, **source: Any) -> None:
     """Show what a RECORDING holds, and the line to type for hdc train.
@@ -31,7 +31,7 @@ def look(recording: Path, **source: Any) -> None:
     if file.exists():
         for line in _shortened(contents(file)):
             click.echo(line)
-    words = work.recording_words(recording, Window(), source)
+    words = messages.recording_words(recording, Window(), source)
     for taken, frames in _readings(words)[:MOST]:
         click.echo()
         for line in _described(taken, frames):
@@ -89,7 +89,7 @@ def _video(path: Path) -> list[str]:
 
     with opened(path) as (_, stream):
         rate = float(stream.average_rate or 0)
-        size = work.size((stream.height, stream.width))
+        size = messages.size((stream.height, stream.width))
         return [
             f"{stream.name}, {size}, {stream.frames or '?'} frames, {rate:g} a second"
         ]
@@ -131,10 +131,10 @@ def _with(words: list[str], choice: str) -> list[str]:
 
 def _described(words: list[str], frames: Recording) -> list[str]:
     """What a reading gives, and what to type for it."""
-    size = work.size(frames.frame_shape)
-    lines = [f"{len(frames)} frames, {work.learnt(frames)}, {size}"]
+    size = messages.size(frames.frame_shape)
+    lines = [f"{len(frames)} frames, {messages.learnt(frames)}, {size}"]
     if frames.session is not None:
-        lines.append(work.session_line(frames))
-    lines += work.reading_line(frames)
+        lines.append(messages.session_line(frames))
+    lines += messages.reading_line(frames)
     test = ("--test-fraction", "0.2", "-o", "model.safetensors")
     return [*lines, shlex.join(["hdc", "train", *words, *test])]

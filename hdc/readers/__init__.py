@@ -99,11 +99,7 @@ def open_recording(
     window = window or Window(crop, subsample)
     path, dataset = split_name(Path(path).expanduser())
     kind = _kind(path)
-    sheet = table
-    name = None if labels is None else str(labels)
-    if name is not None and name.lower().endswith(TABLE):
-        require(table is None, "table", table, "null where labels are a table")
-        sheet, name = name, None
+    sheet, name = _table_and_labels(table, labels)
     _check_settings(
         path,
         kind,
@@ -146,6 +142,19 @@ def open_recording(
     return open_video(
         path, where or beside, window, learnt, fewest_classes, memory_bytes
     )
+
+
+def _table_and_labels(
+    table: str | Path | None, labels: str | Path | None
+) -> tuple[str | Path | None, str | None]:
+    """The table, and the name of the labels in a file; labels in a CSV are a table."""
+    if labels is None:
+        return table, None
+    name = str(labels)
+    if not name.lower().endswith(TABLE):
+        return table, name
+    require(table is None, "table", table, "null where labels are a table")
+    return name, None
 
 
 FOLDER, ARRAY, IMAGES = "a folder", "a file of arrays", "a parquet"

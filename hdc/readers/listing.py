@@ -78,32 +78,24 @@ def list_folder(
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
     pattern = None if template is None else Template(template)
+    names = value_columns or ()
     where, base = root, root
-    manifest = root / MANIFEST
     if table is not None:
         where = _table_path(root, table)
-        rows = _rows_of_table(where, image_column, value_columns or (), pattern)
+        rows = _rows_of_table(where, image_column, names, pattern)
         base = _base(root, where, rows)
-    elif pattern is None and manifest.exists():
-        where = manifest
-        rows = _rows_of_manifest(manifest, value_columns or ())
-        value_columns = value_columns or ()
+    elif pattern is None and (root / MANIFEST).exists():
+        where = root / MANIFEST
+        rows = _rows_of_manifest(where, names)
+        value_columns = names
     else:
-        names = value_columns or ()
         wanted = f"a table with the columns {', '.join(names)}"
         require(not names, "table", None, wanted)
         rows = _rows_of_files(root, pattern)
         value_columns = None
     notes: list[str] = []
     if where != root:
-        there = np.array([(base / name).is_file() for name in rows.names], bool)
-        rows = rows.only(there, "missing", notes)
-        if notes and not skip_missing:
-            raise ValueError(
-                f"{where}: expected every image, found that {notes[0]} (--skip-missing leaves them "
-                "out)"
-            )
-        _check_once(base, rows)
+        rows = _there(where, base, rows, skip_missing, notes)
     if whole is not None:
         files = [base / name for name in rows.names]
         rows = rows.only(whole(files), "damaged", notes)
@@ -116,6 +108,20 @@ def list_folder(
         other_files=rows.other_files,
         notes=[f"left out: {note}" for note in notes],
     )
+
+
+def _there(
+    table: Path, base: Path, rows: _Rows, skip_missing: bool, notes: list[str]
+) -> _Rows:
+    """Rows of a table whose images are there; a ValueError for others, unless they are skipped."""
+    found = np.array([(base / name).is_file() for name in rows.names], bool)
+    kept = rows.only(found, "missing", notes)
+    if notes and not skip_missing:
+        raise ValueError(
+            f"{table}: expected every image, found that {notes[0]} (--skip-missing leaves them out)"
+        )
+    _check_once(base, kept)
+    return kept
 
 
 def _check_once(base: Path, rows: _Rows) -> None:

@@ -12,7 +12,7 @@ from hdc import HDCRegressor, circular
 from hdc.command import main
 from hdc.command.compare import rivals
 from hdc.command.compare.frames import FrameBank, Frames
-from hdc.command.work import circular_lines
+from hdc.command.messages import circular_lines
 from hdc.readers import open_recording
 
 DEGREES = np.random.default_rng(0).uniform(-180, 180, 90)

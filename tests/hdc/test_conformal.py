@@ -84,7 +84,7 @@ def plain_p(peers: list[Peers | None], words: torch.Tensor, alpha: float) -> np.
 
 
 @pytest.mark.parametrize("alpha", [0.5, 0.2, 0.05, 0.025, 0.01])
-@pytest.mark.filterwarnings("ignore:.*of known frames")
+@pytest.mark.filterwarnings("ignore:alpha=.* needs at least")
 def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(
     alpha: float,
 ) -> None:
@@ -118,7 +118,7 @@ def test_too_small_a_share_is_named() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         p_values(peers, words, 1 / 40)
-    text = "0.0244 of known frames: expected at least 0.025 with 39 frames kept"
+    text = "alpha=0.0244 needs at least 40 stored frames, found 39; no frame is refused"
     with pytest.warns(UserWarning, match=f"^{text}"):
         p_values(peers, words, 0.0244)
 
@@ -154,7 +154,7 @@ def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(
 
 
 @pytest.mark.parametrize("per_class", [1, 2, 3, 4, 5, 10])
-@pytest.mark.filterwarnings("ignore:.*of known frames")
+@pytest.mark.filterwarnings("ignore:alpha=.* needs at least")
 def test_sets_cover_what_is_asked_however_few_frames_there_are(per_class: int) -> None:
     """Fewer than four frames of a class: two of them were covered half as often as asked."""
     asked = np.array([0.8, 0.9, 0.95])
@@ -176,7 +176,7 @@ def _share_of_right(sets, labels) -> float:
 def test_too_few_frames_of_a_class_are_named() -> None:
     frames, labels = Speckle(0).frames(15)
     model = HDCClassifier().fit(frames, labels)
-    text = "0.1 of known frames: expected at least 4 frames of each class, found 3; no frame"
+    text = "alpha=0.1 needs at least 4 stored frames of each class, found 3; no frame"
     with pytest.warns(UserWarning, match=f"^{text}"):
         sets = model.predict_set(frames, 0.1)
     assert {len(found) for found in sets} == {5}

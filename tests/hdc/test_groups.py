@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from hdc import HDCClassifier
-from hdc.command import main, work
+from hdc.command import holdout, main
 from hdc.command.compare.frames import part, read_frames
 from hdc.readers import open_recording
 from hdc.selection import folds
@@ -31,7 +31,7 @@ def apart(group, one, other):
 
 def test_whole_groups_are_held_out(copies):
     recording = open_recording(copies)
-    train, test, how = work.hold_out(recording, 0.25)
+    train, test, how = holdout.hold_out(recording, 0.25)
     assert how == "in groups that training has not seen"
     assert apart(recording.group, train, test)
     assert len(test) == pytest.approx(30, abs=3)
@@ -70,13 +70,13 @@ def test_a_group_across_the_last_session_is_held_out_whole(copies, tmp_path):
     path = tmp_path / "sessions.npz"
     np.savez(path, **stored, session=np.arange(120) % 3)
     recording = open_recording(path)
-    assert work.last_sessions(recording, 0.3) is None
-    train, test, how = work.hold_out(recording, 0.3)
-    assert how == work.UNSEEN_GROUPS
+    assert holdout.last_sessions(recording, 0.3) is None
+    train, test, how = holdout.hold_out(recording, 0.3)
+    assert how == holdout.UNSEEN_GROUPS
     assert apart(recording.group, train, test)
 
 
 def test_a_group_that_is_all_of_a_class_cannot_be_held_out():
     labels, group = np.array([0, 0, 1, 1]), np.array([7, 7, 8, 8])
     with pytest.raises(ValueError, match="group: expected two groups or more of each"):
-        work.split_groups(labels, group, 0.5, 0)
+        holdout.split_groups(labels, group, 0.5, 0)

@@ -114,7 +114,8 @@ def test_every_combination_recalibrates_or_says_why_not(encoder, readout: str) -
         assert model.is_known(new, 0.2).mean() > 0.5
     else:
         with pytest.raises(
-            AttributeError, match=r"^recalibrate: expected another read-out than"
+            AttributeError,
+            match=r"^recalibrate: expected a read-out that adapts, found",
         ):
             model.recalibrate  # noqa: B018
 

@@ -331,7 +331,8 @@ def test_labels_need_a_read_out_that_adapts() -> None:
     model = HDCClassifier("reference", "trained").fit(old, labels)
     assert not hasattr(model, "recalibrate")
     with pytest.raises(
-        AttributeError, match="recalibrate: expected another read-out than Trained"
+        AttributeError,
+        match="recalibrate: expected a read-out that adapts, found Trained",
     ):
         model.recalibrate(new, labels)
     model = HDCClassifier(readout=Ridge(1.0)).fit(old, labels)

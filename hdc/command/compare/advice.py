@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hdc.accuracy import wilson
-from hdc.command.work import printable
+from hdc.command.messages import printable
 
 RESAMPLES = 2000
 """Of the test frames, for the interval of a difference of errors."""

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 
 from hdc.bank import Bank
-from hdc.command.work import (
+from hdc.command.holdout import (
     UNSEEN_GROUPS,
     last_sessions,
     learnt_labels,

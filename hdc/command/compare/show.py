@@ -9,7 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from hdc.command.compare import advice
-from hdc.command.work import printable, size
+from hdc.command.messages import printable, size
 from hdc.selection import Scores
 
 COSTS = ("train s", "ms a frame", "size", "front of")

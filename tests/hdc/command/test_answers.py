@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.command import answers
+from hdc.command import answers, scores
 from hdc.readers import BadFrame, Window, open_recording
 from hdc.readouts import Majority
 
@@ -188,13 +188,13 @@ def test_frames_are_asked_about_in_small_batches(tmp_path):
     model = Nearest()
     assert len(list(answers.ask(model, Window(), [path]))) == 70
     assert model.asked == [32, 32, 6]
-    found = answers.score(model, open_recording(path), np.arange(70))
+    found = scores.score(model, open_recording(path), np.arange(70))
     assert (found["frames"], model.asked[3:]) == (70, [32, 32, 6])
 
 
 def test_a_score_of_classes_is_complete(classes):
     recording = open_recording(classes)
-    found = answers.score(Nearest(), recording, np.arange(4), 0.4, 0.8)
+    found = scores.score(Nearest(), recording, np.arange(4), 0.4, 0.8)
     assert found == {
         "frames": 4,
         "accuracy": 0.75,
@@ -221,7 +221,7 @@ def test_a_score_of_classes_is_complete(classes):
             "c 0 0 1",
         ],
     }
-    found = answers.score(Nearest(), recording, np.array([0, 3]))
+    found = scores.score(Nearest(), recording, np.array([0, 3]))
     assert found["text"][0].endswith(
         "100.0% (95 % interval 34.2% to 100.0%), 2 of 2 frames"
     )
@@ -236,19 +236,26 @@ def test_a_score_of_values_is_complete(tmp_path):
     path = saved(tmp_path / "v.npz", frames, values=truth, **about)
     recording = open_recording(path)
     index = np.array([0, 1, 3])
-    plain = answers.score(Read(), recording, index)
+    plain = scores.score(Read(), recording, index)
     assert plain == {
         "frames": 3,
         "errors": {
-            "force": {"mean_absolute_error": pytest.approx(4 / 3), "unit": "N"},
-            "x": {"mean_absolute_error": pytest.approx(0.5 / 3)},
+            "force": {
+                "mean_absolute_error": pytest.approx(4 / 3),
+                "r_squared": pytest.approx(1 - 10 / (38 / 3)),
+                "unit": "N",
+            },
+            "x": {
+                "mean_absolute_error": pytest.approx(0.5 / 3),
+                "r_squared": pytest.approx(1 - 0.25 / 24.5),
+            },
         },
         "text": [
-            "force: mean absolute error 1.333 N, 3 frames",
-            "x: mean absolute error 0.1667, 3 frames",
+            "force: mean absolute error 1.333 N, R² 0.211, 3 frames",
+            "x: mean absolute error 0.1667, R² 0.990, 3 frames",
         ],
     }
-    found = answers.score(Read(), recording, index, interval=0.8)
+    found = scores.score(Read(), recording, index, interval=0.8)
     line = "hold the truth for"
     assert found["text"] == [
         *plain["text"],
@@ -266,25 +273,25 @@ def test_a_score_of_values_is_complete(tmp_path):
         }
     }
     wide = saved(tmp_path / "w.npz", [[1, 1, 255]], values=[[1, 1]], **about)
-    found = answers.score(Read(), open_recording(wide), np.array([0]), interval=0.8)
+    found = scores.score(Read(), open_recording(wide), np.array([0]), interval=0.8)
     assert found["errors"]["x"]["coverage"]["mean_width"] is None
     assert found["text"][3].endswith("mean width inf")
 
 
 def test_values_are_scored_by_a_table_of_them(classes):
     with pytest.raises(ValueError, match=r"--values: expected a table .* found none"):
-        answers.score(Read(), open_recording(classes), np.arange(4))
+        scores.score(Read(), open_recording(classes), np.arange(4))
 
 
 def test_the_columns_of_confusions_are_as_wide_as_what_they_hold():
     counts = np.array([[10, 2], [0, 7]])
-    assert answers.confusions(["a\tb", "polystyrene foam"], counts) == [
+    assert scores.confusions(["a\tb", "polystyrene foam"], counts) == [
         "rows are the true classes, columns the predicted ones",
         "                         a\\tb polystyrene ",
         "a\\tb                       10            2",
         "polystyrene foam            0            7",
     ]
-    assert answers.confusions(["a", "b"], 1000 * counts)[1:] == [
+    assert scores.confusions(["a", "b"], 1000 * counts)[1:] == [
         "      a     b",
         "a 10000  2000",
         "b     0  7000",

@@ -15,7 +15,7 @@ import pytest
 from hdc import HDCClassifier, HDCRegressor, command
 from hdc.accuracy import wilson
 from hdc.command import main
-from hdc.command.work import split
+from hdc.command.holdout import split
 
 SIDE = 24
 
@@ -368,6 +368,27 @@ def test_probabilities_are_those_of_the_model(hdc, model, folder, frames, tmp_pa
     )
 
 
+def test_a_model_of_numbers_adapts_to_new_frames_with_theirs(hdc, frames, tmp_path):
+    paths = {name: tmp_path / f"{name}.npz" for name in ("old", "new", "classes")}
+    forces = np.arange(12.0)
+    np.savez(paths["old"], frames=frames[0], values=forces)
+    np.savez(paths["new"], frames=frames[0, :6], values=forces[:6] + 3)
+    np.savez(paths["classes"], frames=frames[0], labels=np.arange(12) % 2)
+    path, new = tmp_path / "m", tmp_path / "n"
+    assert hdc("train", paths["old"], "-o", path)[0] == 0
+    status, out, err = hdc("recalibrate", path, paths["new"], "-o", new)
+    assert (status, err) == (0, [])
+    assert out == [f"{new}: 6 new frames with values of value"]
+    expected = HDCRegressor.load(path).recalibrate(frames[0, :6], forces[:6] + 3)
+    found = HDCRegressor.load(new).predict(frames[0])
+    assert np.array_equal(found, expected.predict(frames[0]))
+    wanted = "expected no --p, --method or --seed for a model of numbers"
+    words = ("recalibrate", path, paths["new"], "-o", new, "--p", 0.3)
+    assert hdc(*words)[2] == [f"error: {wanted}"]
+    (error,) = hdc("recalibrate", path, paths["classes"], "-o", new)[2]
+    assert "expected a table of the new numbers, found none" in error
+
+
 def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path):
     rng = np.random.default_rng(3)
     drift = rng.integers(0, 60, (SIDE, SIDE)).astype(np.uint8)
@@ -380,7 +401,7 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path
         assert cv2.imwrite(str(tmp_path / "today" / f"{k:02}.png"), frame)
     status, out, err = hdc("recalibrate", path, tmp_path / "today", "-o", new)
     assert (status, err) == (0, [])
-    assert out == [f"{new}: zeroed by 36 new frames without labels"]
+    assert out == [f"{new}: re-referenced by 36 new frames without labels"]
     expected = HDCClassifier.load(path).rezero(later)
     found = HDCClassifier.load(new)
     assert (found.encoder_.reference_ == expected.encoder_.reference_).all()

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import re
 from io import StringIO
 from pathlib import Path
 
@@ -11,7 +12,7 @@ import pytest
 
 from hdc import HDCClassifier, HDCRegressor, io
 from hdc.accuracy import wilson
-from hdc.command import main, work
+from hdc.command import holdout, main, messages, work
 from hdc.readers import BadFrame, Window, open_recording
 
 RNG = np.random.default_rng(0)
@@ -56,13 +57,13 @@ def test_the_last_sessions_are_held_out(tmp_path):
     """A published number would change if the first were."""
     sessions = np.array([3, 1, 2, 1, 3, 2, 4, 4])
     recording = recording_of(tmp_path, sessions, np.array([0, 0, 0, 1, 1, 1, 0, 1]))
-    train, test, how = work.hold_out(recording, 0.5)
+    train, test, how = holdout.hold_out(recording, 0.5)
     assert how == "in the last sessions"
     assert sessions[test].tolist() == [3, 3, 4, 4]
     assert sessions[train].tolist() == [1, 2, 1, 2]
-    _, test, _ = work.hold_out(recording, 0.05)
+    _, test, _ = holdout.hold_out(recording, 0.05)
     assert set(sessions[test]) == {4}  # one at least
-    train, _, _ = work.hold_out(recording, 0.95)
+    train, _, _ = holdout.hold_out(recording, 0.95)
     assert set(sessions[train]) == {1}
 
 
@@ -70,18 +71,18 @@ def test_a_class_of_the_last_sessions_alone_is_not_held_out_whole(tmp_path):
     sessions = np.array([0, 0, 0, 0, 1, 1, 1, 1])
     labels = np.array([0, 0, 1, 1, 0, 2, 2, 1])
     recording = recording_of(tmp_path, sessions, labels)
-    train, test, how = work.hold_out(recording, 0.5)
+    train, test, how = holdout.hold_out(recording, 0.5)
     assert how == "at random"
     assert set(labels[train]) == set(labels[test]) == {0, 1, 2}
-    assert "a class that the others have not" in work.why_random(recording)
+    assert "a class that the others have not" in holdout.why_random(recording)
     recording = recording_of(tmp_path, sessions * 0, labels)
-    assert work.why_random(recording) == "all frames are of one session"
+    assert holdout.why_random(recording) == "all frames are of one session"
 
 
 def test_the_latest_frames_of_each_class_are_held_out_by_order():
     labels = np.array([0, 1] * 6)
     order = RNG.permutation(12) * 10
-    train, test = work.split(labels, 0.34, 0, order)
+    train, test = holdout.split(labels, 0.34, 0, order)
     for c in (0, 1):
         in_training = order[train][labels[train] == c]
         held_out = order[test][labels[test] == c]
@@ -91,13 +92,13 @@ def test_the_latest_frames_of_each_class_are_held_out_by_order():
 
 def test_frames_are_held_out_only_if_asked_for(tmp_path):
     recording = recording_of(tmp_path, np.zeros(4), np.array([0, 1, 0, 1]))
-    train, test, how = work.hold_out(recording, None)
+    train, test, how = holdout.hold_out(recording, None)
     assert (train.tolist(), test.tolist(), how) == ([0, 1, 2, 3], [], "")
 
 
 @pytest.mark.parametrize(("fraction", "held"), [(0.01, 1), (0.5, 2), (0.99, 3)])
 def test_of_each_class_a_frame_at_least_is_learnt_and_one_held_out(fraction, held):
-    train, test = work.split(np.array([0, 1, 0, 1, 0, 1, 0, 1]), fraction, 0)
+    train, test = holdout.split(np.array([0, 1, 0, 1, 0, 1, 0, 1]), fraction, 0)
     assert sorted([*train, *test]) == list(range(8))
     assert [sum(test % 2 == c) for c in (0, 1)] == [held, held]
     assert test.tolist() == sorted(test)
@@ -108,7 +109,7 @@ def test_at_most_twelve_classes_are_shown(tmp_path):
     for n, last in ((12, "c11 (2)"), (13, "c11 (2), … 13 in all")):
         labels = [f"c{k}" for k in range(n)] * 2
         np.savez(tmp_path / "r.npz", frames=np.zeros((2 * n, 3)), labels=labels)
-        line = work.class_line(open_recording(tmp_path / "r.npz"), np.arange(2 * n))
+        line = messages.class_line(open_recording(tmp_path / "r.npz"), np.arange(2 * n))
         assert line.startswith("classes: c0 (2), c1 (2), c2 (2), ")
         assert line.endswith(f", c10 (2), {last}")
 
@@ -217,7 +218,7 @@ def test_values_of_an_archive_have_names_and_units(hdc, tmp_path):
     assert (status, err) == (0, [])
     assert out[0] == "m: 9 frames, values of force [N], x, 18 × 16 pixels"
     assert out[2].startswith("held out at random: force: mean absolute error")
-    assert out[2].endswith(" N, 3 frames")
+    assert re.search(r" N, R² -?[0-9.]+, 3 frames$", out[2])
     table = hdc("predict", "m", "v.npz")[1]
     assert table[0].split("\t") == ["file", "force [N]", "x"]
     only = open_recording("v.npz", value_columns=["x"])
@@ -345,7 +346,7 @@ def test_the_line_to_type_has_every_option_that_was_given(tmp_path):
         "skip_damaged": False,
         "skip_missing": False,
     }
-    plain = work.command_line(Path("r"), Window(), source, "median", "lda")
+    plain = messages.command_line(Path("r"), Window(), source, "median", "lda")
     end = "--readout lda -o model.safetensors"
     assert plain == f"hdc train r --encoder median {end}"
     source = {
@@ -359,7 +360,7 @@ def test_the_line_to_type_has_every_option_that_was_given(tmp_path):
         "skip_missing": True,
     }
     window = Window((1, 2, 30, 40), 5)
-    assert work.command_line(Path("my r"), window, source, "levels", "lda") == (
+    assert messages.command_line(Path("my r"), window, source, "levels", "lda") == (
         "hdc train 'my r' --template '{label}/*.png' --values t.csv --column x --column 'y 2' "
         "--image-column file --labels kind --axes height,width,frame --skip-damaged --skip-missing "
         f"--crop 1 2 30 40 --subsample 5 --encoder levels {end}"

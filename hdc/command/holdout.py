@@ -1,0 +1,122 @@
+"""Which frames of a recording a command holds out, to judge a model by."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdc.readers import Recording
+
+UNSEEN_GROUPS = "in groups that training has not seen"
+
+
+def hold_out(
+    recording: Recording, fraction: float | None
+) -> tuple[np.ndarray, np.ndarray, str]:
+    """Indices to train on and to hold out, increasing, and how these were chosen.
+
+    The last sessions where there are several, else whole groups where they are known, else the
+    same share of each class at random, or of all where numbers are learnt.
+
+    Raises:
+        ValueError: no group can be held out.
+    """
+    every = np.arange(len(recording))
+    if fraction is None:
+        return every, every[:0], ""
+    last = last_sessions(recording, fraction)
+    if last is not None:
+        return every[~last], every[last], "in the last sessions"
+    labels = learnt_labels(recording)
+    if labels is None:
+        labels = np.zeros(len(recording), int)
+    if recording.group is not None:
+        return *split_groups(labels, recording.group, fraction, 0), UNSEEN_GROUPS
+    return *split(labels, fraction, 0), "at random"
+
+
+def learnt_labels(recording: Recording) -> np.ndarray | None:
+    """Labels [N] that a model learns; None where it learns numbers, labels or not."""
+    return recording.labels if recording.values is None else None
+
+
+def why_random(recording: Recording) -> str:
+    """Why no session was held out."""
+    if recording.session is None:
+        return (
+            "no sessions are known ({session} in a template, or a column session, tells them), and "
+            "frames beside those trained on may be nearly the same"
+        )
+    if len(np.unique(recording.session)) < 2:
+        return "all frames are of one session"
+    return "the last sessions have a class that the others have not"
+
+
+def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
+    """Mask [N] of the last sessions; None unless there are several, the first of every class, and
+    no group is in both."""
+    if recording.session is None:
+        return None
+    known = np.unique(recording.session)
+    if len(known) < 2:
+        return None
+    count = min(max(1, round(fraction * len(known))), len(known) - 1)
+    last = np.isin(recording.session, known[-count:])
+    labels = learnt_labels(recording)
+    if labels is not None and set(labels) - set(labels[~last]):
+        return None
+    group = recording.group
+    if group is not None and set(group[last].tolist()) & set(group[~last].tolist()):
+        return None
+    return last
+
+
+def split_groups(
+    labels: np.ndarray, group: np.ndarray, fraction: float, seed: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Indices to train on and to hold out, increasing; whole groups [N] are held out, at random,
+    until they are a `fraction` of the frames. Every class keeps a group to train on.
+
+    Raises:
+        ValueError: each group is the only one of some class.
+    """
+    held = np.zeros(len(labels), bool)
+    known = np.unique(group)
+    for name in np.random.default_rng(seed).permutation(known):
+        members = group == name
+        trained = labels[~(held | members)]
+        if held.sum() < fraction * len(labels) and set(labels) == set(trained):
+            held |= members
+    if not held.any():
+        raise ValueError(
+            f"group: expected two groups or more of each class, found {len(known)} groups, each "
+            "the only one of some class"
+        )
+    return np.flatnonzero(~held), np.flatnonzero(held)
+
+
+def split(
+    labels: np.ndarray, fraction: float, seed: int, order: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Indices to train on and to hold out, increasing; of each class the same share, at random.
+
+    With the `order` [N] of the frames, the last of each class are held out.
+
+    Raises:
+        ValueError: for a class of one frame.
+    """
+    rng = np.random.default_rng(seed)
+    test = []
+    for c in np.unique(labels):
+        members = np.flatnonzero(labels == c)
+        if len(members) < 2:
+            raise ValueError(
+                "--test-fraction: expected two frames or more of each class, found one"
+            )
+        held = min(max(1, round(len(members) * fraction)), len(members) - 1)
+        if order is None:
+            test.append(rng.permutation(members)[:held])
+        else:
+            in_time = members[np.argsort(order[members], kind="stable")]
+            test.append(in_time[-held:])
+    chosen = np.sort(np.concatenate(test))
+    return np.setdiff1d(np.arange(len(labels)), chosen), chosen

@@ -1,0 +1,60 @@
+"""``hdc live``: a page that teaches or shows a model."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from hdc.command import options, work
+from hdc.readers import Window
+
+
+@click.command(short_help="Teach or watch a model in the browser.")
+@click.argument("model", type=options.FILE, required=False)
+@click.option(
+    "--camera", type=click.IntRange(0), metavar="N", help="Number of the camera."
+)
+@click.option(
+    "--folder", type=options.FILE, metavar="RECORDING", help="Play this back instead."
+)
+@click.option(
+    "--video", type=options.FILE, metavar="FILE", help="Play this, without labels."
+)
+@options.pixels
+@click.option(
+    "--host",
+    metavar="ADDRESS",
+    help="Listen at this address. [default: this computer alone]",
+)
+@click.option("--port", type=click.IntRange(1, 65535), default=8080)
+def live(
+    model: Path | None,
+    camera: int | None,
+    folder: Path | None,
+    video: Path | None,
+    crop: tuple[int, ...] | None,
+    subsample: int,
+    host: str | None,
+    port: int,
+) -> None:
+    """Teach a model in the browser, or watch a MODEL that was trained.
+
+    A page shows the frames of a camera, or of a RECORDING or a video played back, and what the
+    model says. A MODEL has its own crop and subsampling.
+    """
+    if sum(given is not None for given in (camera, folder, video)) != 1:
+        raise click.UsageError("expected one of --camera, --folder and --video")
+    if model is not None and (crop is not None or subsample != 1):
+        raise click.UsageError("expected no --crop or --subsample with a MODEL")
+    from hdc.live import open_source
+    from hdc.live.page import serve
+
+    trained = None
+    window = Window(crop, subsample)
+    if model is not None:
+        trained, window = work.load(model)
+    source = open_source(window, folder, video, camera or 0)
+    if trained is not None:
+        work.check_size(trained, source.shape, source.title)
+    serve(source, host, port, trained)

@@ -1,0 +1,101 @@
+"""``hdc predict``, ``hdc evaluate`` and ``hdc info``: what a saved model answers."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import click
+import numpy as np
+
+from hdc.command import answers, messages, options, scores, work
+from hdc.readers.listing import image_files
+
+
+@click.command(short_help="Classify new images.")
+@options.model
+@click.argument("images", type=options.FILE, nargs=-1, required=True)
+@options.axes
+@options.reject
+@options.interval
+@click.option(
+    "--proba",
+    is_flag=True,
+    help="Also the probability of the best class; with --json those of all classes.",
+)
+@options.json
+def predict(
+    model: Path,
+    images: tuple[Path, ...],
+    axes: tuple[str, ...] | None,
+    reject: float | None,
+    interval: float | None,
+    proba: bool,
+    as_json: bool,
+) -> None:
+    """Classify images, or predict their numbers.
+
+    IMAGES are image files, videos, arrays or tables of frames, or folders, whose images and those
+    of their sub-folders are taken. For each: file and label; with the read-out majority also the
+    margin (how much farther the second nearest class is) and the distance of each class, as shares
+    of the bits: unrelated frames differ in half of them. With --interval also lower and upper ends
+    of each number, or all classes that the frame may be of; none where it is like no class.
+    Probabilities are calibrated by the training frames, and hold for frames that come as these did.
+    """
+    found, window = work.load(model)
+    files: list[Path] = []
+    for path in images:
+        if path.is_dir():
+            files += image_files(path)
+        else:
+            files.append(path)
+    for number, answer in enumerate(
+        answers.ask(found, window, files, reject, interval, proba, axes)
+    ):
+        if as_json:
+            click.echo(json.dumps(answer, ensure_ascii=False))
+            continue
+        if number == 0:
+            click.echo("\t".join(answers.heads(found, answer)))
+        click.echo("\t".join(answers.cells(answer)))
+
+
+@click.command(short_help="Test a model on new labelled images.")
+@options.model
+@options.recording
+@options.reject
+@options.interval
+@options.json
+def evaluate(
+    model: Path,
+    recording: Path,
+    reject: float | None,
+    interval: float | None,
+    as_json: bool,
+    **source: Any,
+) -> None:
+    """Measure accuracy and confusions on a RECORDING, or errors of its numbers.
+
+    The interval of the accuracy is Wilson's, for 95 %. With --interval 0.9 the command counts how
+    often the truth lay in intervals or sets that are made to hold it for 90 % of the frames, if
+    these come as the training frames did: the coverage says what that is worth on this RECORDING.
+    """
+    found, window = work.load(model)
+    frames = work.frames_for(found, window, recording, source)
+    result = scores.score(found, frames, np.arange(len(frames)), reject, interval)
+    lines = result.pop("text")
+    if as_json:
+        click.echo(json.dumps(result, ensure_ascii=False))
+    else:
+        click.echo("\n".join(lines))
+
+
+@click.command(short_help="Describe a saved model.")
+@options.model
+def info(model: Path) -> None:
+    """Show what a model was trained on, how it sees frames, and what it takes, as JSON."""
+    found, _ = work.load(model)
+    click.echo(
+        json.dumps(messages.described(found, model), ensure_ascii=False, indent=2)
+    )
