@@ -21,15 +21,9 @@ from experiments.protocol.settings import checked
 from experiments.records import configs, locks, store
 from experiments.records.environment import command, environment
 from experiments.records.files import results_dir
-from experiments.records.record import (
-    SCHEMA,
-    Measurement,
-    Rows,
-    current_steps,
-    name_of,
-)
+from experiments.records.record import SCHEMA, Measurement, current_steps, name_of
 from experiments.records.revision import revisions
-from experiments.records.rows import Row
+from experiments.records.rows import Row, Rows
 from scenes.frames import Scene
 
 __all__ = ["Row", "Run", "experiment"]

@@ -22,18 +22,19 @@ from experiments.records.files import results_dir
 from experiments.records.record import (
     NOT_IDENTITY,
     SCHEMA,
-    Choices,
-    Digests,
-    Finished,
-    Rows,
-    RunRecord,
-    SceneOf,
-    Unfinished,
     current_steps,
     name_of,
     to_line,
 )
 from experiments.records.revision import revisions
+from experiments.records.rows import Rows
+from experiments.records.run import (
+    Choices,
+    Finished,
+    RunRecord,
+    SceneOf,
+    Unfinished,
+)
 from scenes.frames import Scene
 
 _ERROR_CHARACTERS = 2000
@@ -234,6 +235,10 @@ def finished(begun: Unfinished, trial: Trial) -> Finished:
     """
     own = {f: getattr(begun, f) for f in RunRecord.__struct_fields__}
     of_run = {key: value for key, value in own.items() if key not in _ENDED}
-    results = trial.results()
-    results["data_sha256"] = Digests(**results["data_sha256"])
-    return Finished(**of_run, **results, rows=Rows.of_curve(trial.curve))
+    return Finished(
+        **of_run,
+        stop=trial.stop or "",
+        training_s=trial.training_s or 0.0,
+        rows=Rows.of_curve(trial.curve),
+        **trial.results,
+    )

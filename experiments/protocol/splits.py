@@ -57,7 +57,7 @@ def choose(
         raise ValueError(text) from error
 
 
-def draw_split(
+def resample_split(
     scene: Scene,
     wanted: Split,
     seed: tuple[int, int],
@@ -72,13 +72,13 @@ def draw_split(
         most_test: test samples are a random subset of so many.
     """
     random = np.random.default_rng(seed)
-    drawn = int(random.integers(2**31))
+    of_resample = int(random.integers(2**31))
     whole = msgspec.structs.replace(wanted, n_train=None)
     # A random split of a recording leaks on purpose.
     with warnings.catch_warnings(action="ignore"):
-        pool, test = choose(scene, whole, drawn)
+        pool, test = choose(scene, whole, of_resample)
     if len(test) > most_test:
-        shuffled = np.random.default_rng(drawn).permutation(test)
+        shuffled = np.random.default_rng(of_resample).permutation(test)
         test = np.sort(shuffled[:most_test])
     return pool, test
 
@@ -95,7 +95,7 @@ def nested(
         pool: indices of samples.
         labels: classes of all samples, by index.
         sizes: samples of a class.
-        seed: as of :func:`draw_split`; another stream of it than the split has.
+        seed: as of :func:`resample_split`; another stream of it than the split has.
     """
     random = np.random.default_rng((*seed, 1))
     shuffled = random.permutation(pool)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -21,6 +21,7 @@ from experiments.protocol.model import Model, check_model, instantiate
 from experiments.protocol.settings import Settings
 from experiments.protocol.splits import choose
 from experiments.protocol.trial import Report, Trial, train, warm_up
+from experiments.records.run import Digests
 from hdc.accuracy import accuracy
 from scenes.frames import Scene
 
@@ -89,8 +90,8 @@ def train_and_test(
             yield trial
     if not trial.curve:
         raise ValueError(f"model {name}: expected at least one report, found none")
-    trial = replace(
-        _read(trial, settings.stop.target),
+    trial = trial.having(
+        **_read(trial, settings.stop.target),
         n_train=len(trained.indices),
         n_test=len(tested.indices),
         test_indices=tested.indices,
@@ -100,18 +101,17 @@ def train_and_test(
     yield trial
     if "train_accuracy" not in trial.curve[-1]:  # it was not tested at its end
         tests.all_frames()
-    trial = replace(
-        trial,
+    trial = trial.having(
         predicted=tests.predicted,
         test_accuracy_final=accuracy(tests.predicted, tested.labels),
         train_accuracy_final=tests.train_accuracy,
     )
     yield trial
-    trial = _predicting(trial, model, tested, settings.device)
+    trial = trial.having(**_predicting(model, tested, settings.device))
     yield trial
     if _digests(trained, tested) != digests:
         raise ValueError(f"model {name}: expected it to leave its frames as they are")
-    yield replace(trial, model_bytes=_size(model, console))
+    yield trial.having(model_bytes=_size(model, console))
 
 
 class _Tests:
@@ -167,13 +167,13 @@ def _progress(seconds: float, found: Mapping[str, float]) -> str:
     return text
 
 
-def _digests(trained: Samples, tested: Samples) -> dict[str, str]:
-    parts = (("train", trained), ("test", tested))
-    return {name: data.digest(part.frames, part.labels) for name, part in parts}
+def _digests(trained: Samples, tested: Samples) -> Digests:
+    found = (data.digest(part.frames, part.labels) for part in (trained, tested))
+    return Digests(*found)
 
 
-def _read(trial: Trial, target: float) -> Trial:
-    """A trial with what its curve says: times and accuracies where an accuracy first exceeds the
+def _read(trial: Trial, target: float) -> dict[str, float | None]:
+    """What the curve of a trial says: times and accuracies where an accuracy first exceeds the
     target, and the largest accuracies."""
 
     def first(key: str, value: str) -> float | None:
@@ -183,24 +183,18 @@ def _read(trial: Trial, target: float) -> Trial:
     def largest(key: str) -> float | None:
         return max((row[key] for row in trial.curve if key in row), default=None)
 
-    return replace(
-        trial,
-        time_to_target_train_s=first("train_accuracy", "training_s"),
-        time_to_target_test_s=first("test_accuracy", "training_s"),
-        train_accuracy_at_target=first("train_accuracy", "train_accuracy"),
-        test_accuracy_at_target=first("train_accuracy", "test_accuracy"),
-        train_accuracy_max=largest("train_accuracy"),
-        test_accuracy_max=largest("test_accuracy"),
-    )
+    return {
+        "time_to_target_train_s": first("train_accuracy", "training_s"),
+        "time_to_target_test_s": first("test_accuracy", "training_s"),
+        "train_accuracy_at_target": first("train_accuracy", "train_accuracy"),
+        "test_accuracy_at_target": first("train_accuracy", "test_accuracy"),
+        "train_accuracy_max": largest("train_accuracy"),
+        "test_accuracy_max": largest("test_accuracy"),
+    }
 
 
-def _predicting(
-    trial: Trial,
-    model: Model,
-    tested: Samples,
-    device: str,
-) -> Trial:
-    """A trial with the seconds of predicting a frame, single and in a batch, in memory."""
+def _predicting(model: Model, tested: Samples, device: str) -> dict[str, float]:
+    """Seconds of predicting a frame, single and in a batch, in memory."""
     frames = tested.frames[: data.fitting(tested.frames)]
     singles = [
         timed(functools.partial(model.predict, frames[i : i + 1]), device)
@@ -209,11 +203,10 @@ def _predicting(
     batches: list[float] = []
     while len(batches) < _BATCH_TIMES and sum(batches) < _LONG_S:
         batches.append(timed(functools.partial(model.predict, frames), device))
-    return replace(
-        trial,
-        predict_single_s=float(np.median(singles)),
-        predict_batch_s_per_frame=min(batches) / len(frames),
-    )
+    return {
+        "predict_single_s": float(np.median(singles)),
+        "predict_batch_s_per_frame": min(batches) / len(frames),
+    }
 
 
 def _size(model: Model, console: Console) -> int | None:

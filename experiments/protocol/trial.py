@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import numbers
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -29,36 +29,19 @@ the accuracies of the model as it is, or None where it is not tested."""
 
 @dataclass(frozen=True)
 class Trial:
-    """A training and its tests, as far as they have come; None is what was not reached.
+    """A training and its tests, as far as they have come.
 
     Attributes:
         curve: a row a checkpoint: the model's report, ``training_s`` and the accuracies.
         stop: why the training ended, one of :data:`experiments.protocol.stop.NAMES`.
         training_s: seconds of training.
-
-    The others are those of :class:`experiments.records.record.Finished`.
+        results: others of :class:`experiments.records.run.Finished`, by name.
     """
 
     curve: tuple[Report, ...] = ()
     stop: str | None = None
     training_s: float | None = None
-    time_to_target_train_s: float | None = None
-    time_to_target_test_s: float | None = None
-    train_accuracy_at_target: float | None = None
-    test_accuracy_at_target: float | None = None
-    train_accuracy_max: float | None = None
-    test_accuracy_max: float | None = None
-    n_train: int | None = None
-    n_test: int | None = None
-    test_indices: np.ndarray | None = None
-    test_labels: np.ndarray | None = None
-    data_sha256: Mapping[str, str] | None = None
-    predicted: np.ndarray | None = None
-    train_accuracy_final: float | None = None
-    test_accuracy_final: float | None = None
-    predict_single_s: float | None = None
-    predict_batch_s_per_frame: float | None = None
-    model_bytes: int | None = None
+    results: Mapping[str, Any] = field(default_factory=dict)
 
     def after(self, report: Report, accuracies: Report | None) -> Trial:
         """The trial with one checkpoint more, if the model was tested there."""
@@ -67,11 +50,9 @@ class Trial:
         rows = (*self.curve, {**report, **accuracies})
         return replace(self, curve=rows, training_s=report["training_s"])
 
-    def results(self) -> dict[str, Any]:
-        """What was reached, by name, but for the curve."""
-        reached = {key: value for key, value in vars(self).items() if value is not None}
-        del reached["curve"]
-        return reached
+    def having(self, **results: Any) -> Trial:
+        """The trial with further results."""
+        return replace(self, results={**self.results, **results})
 
 
 def untested(report: Report, at_end: bool) -> None:

@@ -10,8 +10,8 @@ from typing import Any
 import pandas as pd
 
 from experiments.records import configs, store
-from experiments.records.groups import Groups, Run
-from experiments.records.record import Finished, Measurement, Unfinished
+from experiments.records.record import Measurement
+from experiments.records.run import Finished, Unfinished
 
 RUNS = "runs"  # the name of single trainings among those of experiments
 META = (
@@ -42,7 +42,7 @@ class Results:
     def __init__(self, folder: Path):
         self.folder = folder
         self.problems: list[str] = [*_of_version_2(folder)]
-        self.runs: list[Run] = []
+        self.runs: list[Finished] = []
         self.unfinished: list[Unfinished] = []
         self.measurements: list[Measurement] = []
         for record in store.read(folder):
@@ -60,7 +60,7 @@ class Results:
     @property
     def finished(self) -> list[store.Made]:
         """Every finished record."""
-        return [*(run.record for run in self.runs), *self.measurements]
+        return [*self.runs, *self.measurements]
 
     def frame(self, *experiments: str) -> pd.DataFrame:
         """The rows of records as one table, a line a row; without lines where there are none.
@@ -93,19 +93,6 @@ class Results:
     def _frames(self) -> dict[tuple[str, ...], pd.DataFrame]:
         return {}
 
-    @cached_property
-    def groups(self) -> Groups:
-        """The runs by the rows that they may stand in."""
-        return Groups(self.runs)
-
-    def measured(self, name: str) -> Measurement | None:
-        """The measurement of an experiment on its own scene, whole before quick; None if there is
-        none."""
-        for measured in self.measurements:
-            if measured.name == name and not measured.of_other_frames:
-                return measured
-        return None
-
     def _take(self, entry: Finished | Unfinished) -> None:
         scene, model = entry.choices.scene, entry.choices.model
         if entry.display and not configs.is_known("model", model):
@@ -113,7 +100,7 @@ class Results:
         if entry.scene_display and not configs.is_known("scene", scene):
             configs.show_as("scene", scene, entry.scene_display)
         if isinstance(entry, Finished):
-            self.runs.append(Run(entry))
+            self.runs.append(entry)
         else:
             self.unfinished.append(entry)
 
@@ -176,28 +163,28 @@ def _frame_of(measured: Measurement) -> pd.DataFrame:
     return frame
 
 
-def _frame_of_runs(runs: Iterable[Run]) -> pd.DataFrame:
+def _frame_of_runs(runs: Iterable[Finished]) -> pd.DataFrame:
     """A line a run: its place, its metrics and the run itself, with its curve."""
     lines = []
     for run in runs:
-        record, environment = run.record, run.record.environment
+        environment = run.environment
         line: dict[str, Any] = {
             "experiment": RUNS,
-            "scene": run.scene,
-            "model": run.model,
-            "n_train": record.config["split"]["n_train"],
-            "pixels": record.config["data"]["pixels"],
-            "seed": record.seed,
-            "origin": record.scene.origin,
-            "record": record.id,
-            "command": record.command,
-            "config": record.config,
+            "scene": run.scene_label,
+            "model": run.model_label,
+            "n_train": run.config["split"]["n_train"],
+            "pixels": run.config["data"]["pixels"],
+            "seed": run.seed,
+            "origin": run.scene.origin,
+            "record": run.id,
+            "command": run.command,
+            "config": run.config,
             "elsewhere": False,
             "device": environment.device,
             "cpu": environment.cpu,
             "threads": environment.threads,
             "run": run,
         }
-        line |= {name: getattr(record, name) for name in METRICS}
+        line |= {name: getattr(run, name) for name in METRICS}
         lines.append(line)
     return pd.DataFrame(lines)

@@ -1,11 +1,14 @@
-"""Values of rows as JSON has them; labels as a short text."""
+"""Rows of a record as JSON has them; labels as a short text."""
 
 from __future__ import annotations
 
 import base64
+import math
 import zlib
+from collections.abc import Iterable, Mapping
 from typing import Any
 
+import msgspec
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -13,6 +16,44 @@ Row = dict[str, Any]
 """Values of a row by column: int, float, str, bool, None, or a short list of numbers."""
 
 _KINDS = ("|u1", "<u2", "<i4")  # from small to large; a row says which it has
+
+
+class Rows(msgspec.Struct, frozen=True):
+    """Rows as a table: names of columns, and a list of values a row; a missing value is None."""
+
+    columns: list[str] = []
+    values: list[list[Any]] = []
+
+    def __post_init__(self) -> None:
+        for values in self.values:
+            if len(values) != len(self.columns):
+                expected = f"{len(self.columns)} values a row"
+                raise ValueError(f"rows: expected {expected}, found {values!r}")
+
+    @classmethod
+    def of(cls, rows: Iterable[Mapping[str, Any]]) -> Rows:
+        """The table of rows by column."""
+        listed = list(rows)
+        columns = list(dict.fromkeys(key for row in listed for key in row))
+        values = [[row.get(column) for column in columns] for row in listed]
+        text = msgspec.json.encode(values, enc_hook=plain)
+        return cls(columns, msgspec.json.decode(text))
+
+    @classmethod
+    def of_curve(cls, curve: Iterable[Mapping[str, float]]) -> Rows:
+        """The table of a curve; JSON has no infinities and no NaN, which become texts."""
+        return cls.of({key: _number(v) for key, v in row.items()} for row in curve)
+
+    def dicts(self) -> list[Row]:
+        """The rows by column."""
+        return [dict(zip(self.columns, row, strict=True)) for row in self.values]
+
+
+def _number(value: Any) -> float | str | None:
+    number = value.item() if hasattr(value, "item") else value
+    if number is None or math.isfinite(number):
+        return number
+    return str(number)
 
 
 def pack_labels(labels: ArrayLike) -> str:

@@ -9,19 +9,16 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
+import msgspec
+import numpy as np
 from rich.console import Console
 
 from experiments.records import locks
-from experiments.records.record import (
-    Finished,
-    Measurement,
-    Record,
-    Unfinished,
-    current_steps,
-    from_line,
-    to_line,
-)
+from experiments.records.record import Measurement, Record, current_steps, to_line
+from experiments.records.rows import unpack_labels
+from experiments.records.run import Finished, Unfinished
 from hdc.io import write_atomically
 
 FILE = "records.jsonl"
@@ -54,7 +51,7 @@ def read(folder: Path, name: str = "") -> Iterator[AnyRecord | ValueError]:
         if name.encode() not in line:
             continue
         try:
-            record = from_line(line)
+            record = _DECODER.decode(line)
         except (ValueError, RecursionError) as error:
             yield ValueError(f"{path}, line {number}: {error}")
             continue
@@ -112,3 +109,12 @@ def made_before(
         text = f"{name}: made again, finished by other code: {', '.join(reasons)}"
         console.print(text, style="yellow", markup=False, soft_wrap=True)
     return None
+
+
+def _unpacked(kind: type, value: Any) -> np.ndarray:
+    if isinstance(value, str):
+        return unpack_labels(value)
+    raise ValueError(f"expected packed labels, found {value!r}")
+
+
+_DECODER = msgspec.json.Decoder(Finished | Measurement | Unfinished, dec_hook=_unpacked)

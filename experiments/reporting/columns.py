@@ -89,7 +89,7 @@ def same(values: Iterable[Any]) -> Any:
 
 def _mean(key: str) -> Callable[[Group, Group], float | None]:
     def mean(group: Group, _: Group) -> float | None:
-        values = [getattr(run.record, key) for run in group.runs]
+        values = [getattr(run, key) for run in group.runs]
         known = [value for value in values if value is not None]
         return float(np.mean(known)) if known else None
 
@@ -98,7 +98,7 @@ def _mean(key: str) -> Callable[[Group, Group], float | None]:
 
 def _median(key: str) -> Callable[[Group, Group], float]:
     def median(group: Group, _: Group) -> float:
-        values = [getattr(run.record, key) for run in group.runs]
+        values = [getattr(run, key) for run in group.runs]
         return float(np.median(values))
 
     return median
@@ -106,7 +106,7 @@ def _median(key: str) -> Callable[[Group, Group], float]:
 
 def _same(get: Callable[[Any], Any]) -> Callable[[Group, Group], Any]:
     def of_all(group: Group, _: Group) -> Any:
-        return same(get(run.record) for run in group.runs)
+        return same(get(run) for run in group.runs)
 
     return of_all
 
@@ -115,7 +115,7 @@ def _training_time(group: Group, _: Group) -> float | str:
     """Median of the training times; a text where that run never reached 90 %."""
     times = [estimates.training_time(run) for run in group.runs]
     seconds = float(np.median(times))
-    longest = max(run.record.training_s for run in group.runs)
+    longest = max(run.training_s for run in group.runs)
     return seconds if math.isfinite(seconds) else f"not reached in {longest:.3g} s"
 
 
@@ -151,7 +151,7 @@ def _published_ratio(group: Group, _: Group) -> float | None:
 
 def _kind(group: Group, _: Group) -> str:
     """The kind of the frames; of a scene whose parameters were chosen by HDC's own accuracy, so."""
-    kind = same(kind_of(run.record.scene.origin) for run in group.runs)
+    kind = same(kind_of(run.scene.origin) for run in group.runs)
     fitted = configs.scene_display(group.scene)["fitted"]
     return f"{kind}, fitted to the accuracy of HDC" if fitted else str(kind)
 
@@ -166,12 +166,12 @@ COLUMNS: dict[str, Column] = {
     # Of runs, in the order of the CSV.
     "scene": Column("Scene", of=lambda group, _: group.scene),
     "model": Column("Model", display_name, of=lambda group, _: group.model),
-    "n_train": Column("N", of=lambda group, _: group.runs[0].record.n_train),
+    "n_train": Column("N", of=lambda group, _: group.runs[0].n_train),
     "pixels": Column("D", show=lambda d: d if isinstance(d, str) else f"{int(d):,}",
-        of=lambda group, _: group.pixels or math.prod(group.runs[0].record.scene.shape)),
+        of=lambda group, _: group.pixels or math.prod(group.runs[0].scene.shape)),
     "seeds": Column("Seeds", of=lambda group, _: len(group.runs)),
     "stop": Column("Stop",
-        of=lambda group, _: "; ".join(sorted({run.record.stop for run in group.runs}))),
+        of=lambda group, _: "; ".join(sorted({run.stop for run in group.runs}))),
     "status": Column("Status", of=lambda group, _: group.status, cell=_status),
     "training_time_s": Column("Training time, s", of=_training_time,
         note="Training time: iterative models, until training accuracy exceeds 90 %; one-pass "
@@ -204,7 +204,7 @@ COLUMNS: dict[str, Column] = {
     "origin": Column("Frames", of=_kind),
     "cpu": Column("Processor", of=_same(lambda record: record.environment.cpu)),
     "threads": Column("Threads", of=_same(lambda record: record.environment.threads)),
-    "code": Column("Code", of=lambda group, _: group.runs[0].record.environment.short_commit),
+    "code": Column("Code", of=lambda group, _: group.runs[0].environment.short_commit),
     # Of the paper; only Table I asks for them.
     "published_training_time_s": Column("Training time, s, paper", of=_published("training_time")),
     "published_training_time_over_hdc": Column("× HDC, paper", of=_published_ratio),

@@ -6,21 +6,18 @@ a grey strip of their own below 1/n, labelled 0. Intervals are those of the tabl
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from operator import itemgetter
 from typing import Any
 
 import numpy as np
-import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.lines import Line2D
 from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
-from experiments.reporting.columns import display_name
-from experiments.reporting.estimates import Estimate, mean_interval
-from experiments.reporting.plot import literal, look_of, style_of
-from experiments.reporting.rows import Row
+from experiments.records.rows import Row
+from experiments.reporting.estimates import Estimate
+from experiments.reporting.plot import look_of, style_of
 
 
 def errors(
@@ -49,55 +46,6 @@ def bars(
         yerr=spread,
         **{"lw": 0.9, **look_of(model), **look},
     )
-
-
-def line_plot(
-    axes: Axes,
-    frame: pd.DataFrame,
-    x: str,
-    y: str,
-    by: str = "model",
-    looks: Mapping[str, Mapping[str, Any]] | None = None,
-    **style: Any,
-) -> list[Line2D]:
-    """Mean of `y` over seeds against `x`, a line a value of `by`, with Student's 95 % bars; returns
-    entries for a legend.
-
-    Args:
-        axes: where.
-        frame: a row a point of one seed; rows of one seed and x are averaged first.
-        x, y, by: names of its columns; `by` holds models, or names in `looks`.
-        looks: arguments of ``errorbar`` for values of `by` that are no models.
-        style: the same for all.
-    """
-    handles = []
-    for name, rows in frame.groupby(by, sort=False):
-        means = rows.groupby([x, "seed"])[y].mean().groupby(level=0)
-        places = np.array(list(means.groups), float)
-        intervals = [mean_interval(list(values)) for _, values in means]
-        value, spread = errors(intervals)
-        look = dict((looks or {}).get(str(name), {}))
-        if not look:
-            label = literal(display_name(str(name)))
-            look = {**look_of(str(name)), "label": label}
-        axes.errorbar(
-            places,
-            value,
-            yerr=spread,
-            elinewidth=0.5,
-            **{
-                "lw": 0.9,
-                **look,
-                **style,
-            },
-        )
-        shown = {
-            key: look[key]
-            for key in look
-            if key in ("color", "marker", "ls", "mfc", "label")
-        }
-        handles.append(Line2D([], [], **shown))
-    return handles
 
 
 def error_bars(

@@ -176,9 +176,9 @@ def _counts(results: Results) -> dict[str, str]:
     """Frames, classes and split of each scene, as far as its records have them."""
     found = {}
     for run in results.runs:
-        scene = run.record.scene
+        scene = run.scene
         height, width = scene.shape
-        found[run.scene] = (
+        found[run.scene_label] = (
             f"{scene.n:,} frames of {height} × {width} pixels; {len(scene.classes)} classes."
         )
     frame = results.frame("recordings")

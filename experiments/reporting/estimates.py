@@ -14,7 +14,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from experiments.records.groups import Group, Run
+from experiments.records.groups import Group
+from experiments.records.run import Finished
 from hdc.accuracy import wilson
 
 ONE_SENSOR = "of one sensor, Student over seeds"
@@ -137,26 +138,28 @@ def share_of_one_sensor(group: Group) -> Estimate:
     return one_sensor(shares, least_variance(shares, n)).within(0, 1)
 
 
-def difference(runs: Sequence[Run], reference: Sequence[Run]) -> Estimate | None:
+def difference(
+    runs: Sequence[Finished], reference: Sequence[Finished]
+) -> Estimate | None:
     """How much more accurate a model is than another, paired by seed; None without a pair.
 
     That test samples are the same is proven by the digest of their frames and labels.
     """
-    theirs = {_test_set(run): run.record.right for run in reference}
+    theirs = {_test_set(run): run.right for run in reference}
     paired = [run for run in runs if _test_set(run) in theirs]
     if not paired:
         return None
     differences, disagree = [], 0
     for run in paired:
-        right, other = run.record.right, theirs[_test_set(run)]
+        right, other = run.right, theirs[_test_set(run)]
         differences.append(float(right.mean() - other.mean()))
         disagree += int((right != other).sum())
-    n = float(np.mean([len(run.record.right) for run in paired]))
+    n = float(np.mean([len(run.right) for run in paired]))
     return mean_difference(differences, n, disagree)
 
 
-def _test_set(run: Run) -> tuple[str, str]:
-    return run.seeds, run.record.data_sha256.test
+def _test_set(run: Finished) -> tuple[str, str]:
+    return run.seeds, run.data_sha256.test
 
 
 def crossing(
@@ -179,12 +182,12 @@ def crossing(
     return float(np.interp(level, y[pair], x[pair]))
 
 
-def training_time(run: Run) -> float:
+def training_time(run: Finished) -> float:
     """Seconds in the paper's sense: of a model that learns by steps until its training accuracy
     exceeded 90 % (infinite if it never did), of any other until it is done."""
     if not run.iterative:
-        return run.record.training_s
-    reached = run.record.time_to_target_train_s
+        return run.training_s
+    reached = run.time_to_target_train_s
     return math.inf if reached is None else reached
 
 
@@ -207,6 +210,6 @@ def _student(
 
 def _shares(group: Group) -> tuple[list[float], float]:
     """Share of right test samples in each run, and how many test samples a run has."""
-    shares = [float(run.record.right.mean()) for run in group.runs]
-    counts = [run.record.n_test for run in group.runs]
+    shares = [float(run.right.mean()) for run in group.runs]
+    counts = [run.n_test for run in group.runs]
     return shares, float(np.mean(counts))

@@ -1,4 +1,4 @@
-"""What several studies read from measurements: by scene, over seeds or draws, as matrices."""
+"""What several studies read from measurements: by scene, over seeds or resamples, as matrices."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from experiments.reporting.estimates import Estimate, mean_interval
 
 RIVAL = "softmax_dual"  # the first of the primary ones: the paper's own, at its optimum
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
-LEAST_DRAWS = 10  # of one recording; the ends of fewer are no interval
+LEAST_RESAMPLES = 10  # of one recording; the ends of fewer are no interval
 
 
 def each_scene(
@@ -64,31 +64,29 @@ def models_of(rows: pd.DataFrame) -> list[str]:
 
 
 def over_units(values: Sequence[float], seeds: bool) -> Estimate:
-    """Mean with Student's interval over seeds; of draws from one recording, which share frames,
-    with the central 95 % of the draws, and without an interval where there are less than
-    LEAST_DRAWS."""
+    """Mean with Student's interval over seeds. Resamples of one recording share frames: their
+    interval is their central 95 %, and there is none of fewer than LEAST_RESAMPLES."""
     if seeds:
         return mean_interval(list(values))
-    if len(values) < LEAST_DRAWS:
+    if len(values) < LEAST_RESAMPLES:
         return Estimate(float(np.mean(values)))
     low, high = np.quantile(values, (0.025, 0.975))
     mean = float(np.mean(values))
     return Estimate(mean, float(low), float(high))
 
 
-def with_right(rows: pd.DataFrame, draw: Sequence[str]) -> pd.DataFrame:
+def with_right(rows: pd.DataFrame, resample: Sequence[str]) -> pd.DataFrame:
     """The rows with ``right``, how many predictions are right at each n of a row.
 
-    Rows keep what was predicted and, once a draw, the true classes; rows of version 1.0 have the
-    counts themselves.
+    Rows keep what was predicted and, once a resample, the true classes, or ``right`` itself.
 
     Args:
         rows: of a study that compares models.
-        draw: columns that are equal for the rows of one draw.
+        resample: columns that are equal for the rows of one resample.
     """
-    if "predicted" not in rows:
+    if "right" in rows:
         return rows
-    labels = rows.groupby(list(draw)).labels.transform("first").map(unpack_labels)
+    labels = rows.groupby(list(resample)).labels.transform("first").map(unpack_labels)
     right = [
         [int((unpack_labels(text) == truth).sum()) for text in texts]
         for texts, truth in zip(rows.predicted, labels, strict=True)
@@ -98,7 +96,7 @@ def with_right(rows: pd.DataFrame, draw: Sequence[str]) -> pd.DataFrame:
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
-    where there are several (another input field or fibre), else the draw of frames."""
+    where there are several (another input field or fibre), else the resample."""
     counted = with_right(rows, ("seed", "split", "draw"))
     every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
     several = every.seed.nunique() > 1

@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.records import configs
+from experiments.records.rows import Row
 from experiments.reporting.columns import display_name
-from experiments.reporting.rows import Row
 from experiments.reporting.text import frames_of, printable
 
 plt.switch_backend("Agg")  # without a display

@@ -10,12 +10,11 @@ from typing import Any
 from experiments.records import configs
 from experiments.records.groups import Group, Groups
 from experiments.records.results import Results
+from experiments.records.rows import Row
 from experiments.reporting.columns import COLUMNS, Column
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.table import Table, frame
 from experiments.reporting.text import counted, frames_of, number
-
-Row = dict[str, Any]
 
 
 def row(
@@ -81,13 +80,6 @@ def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
     return f"{text} {'; '.join(sorted(used))}." if used else text
 
 
-def commands(groups: Iterable[Group]) -> list[str]:
-    """Commands that made the runs of these groups."""
-    return list(
-        dict.fromkeys(run.record.command for group in groups for run in group.runs)
-    )
-
-
 SHOWN = (
     "id",
     "scene",
@@ -106,7 +98,7 @@ SHOWN = (
 def runs_table(results: Results) -> Table:
     """One row per run, finished or not; each key that was changed of the configs has a column."""
     rows: list[dict[str, Any]] = []
-    done = [(run.record, run.overrides, run.outdated) for run in results.runs]
+    done = [(run, run.differences, run.outdated) for run in results.runs]
     for record, overrides, changed in [
         *done,
         *((r, {}, []) for r in results.unfinished),

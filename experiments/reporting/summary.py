@@ -5,7 +5,7 @@ from __future__ import annotations
 from rich.console import Console
 from rich.text import Text
 
-from experiments.records.record import Finished
+from experiments.records.run import Finished
 from hdc.accuracy import wilson
 
 

@@ -26,6 +26,8 @@ from experiments.records import configs, record, store
 from experiments.records.configs import CONFIGS
 from experiments.records.environment import environment
 from experiments.records.revision import revisions
+from experiments.records.rows import Rows
+from experiments.records.run import Finished, Unfinished
 
 
 @pytest.fixture(autouse=True)
@@ -169,7 +171,7 @@ def write_run(tmp_path, composed):
         if status != "finished":
             entry["error"] = results.pop("error", "ValueError: it broke")
             entry["status"] = status
-            store.append(tmp_path, msgspec.convert(entry, record.Unfinished))
+            store.append(tmp_path, msgspec.convert(entry, Unfinished))
             return identity
         truth = np.arange(100) % len(classes) if truth is None else np.asarray(truth)
         if predicted is None:
@@ -203,8 +205,8 @@ def write_run(tmp_path, composed):
             "data_sha256": {"train": "a", "test": f"test of seed {seed}"},
             **results,
         }
-        made = msgspec.convert(entry, record.Finished)
-        made.rows = record.Rows.of_curve(rows)
+        made = msgspec.convert(entry, Finished)
+        made.rows = Rows.of_curve(rows)
         store.append(tmp_path, made)
         return identity
 
@@ -235,7 +237,7 @@ def write_measurement(tmp_path):
         entry["id"] = record.name_of(name, entry["config"], "")
         entry.setdefault("revisions", revisions(entry["config"]))
         made = msgspec.convert(entry, record.Measurement)
-        made.rows = record.Rows.of(rows)
+        made.rows = Rows.of(rows)
         store.append(tmp_path, made)
         return entry
 

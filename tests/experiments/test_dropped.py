@@ -13,8 +13,8 @@ from msgspec.structs import replace
 
 from experiments import studies
 from experiments.records.files import REFERENCE
-from experiments.records.record import Rows
 from experiments.records.results import Results
+from experiments.records.rows import Rows
 from experiments.reporting.study import studies as studies_of
 
 # Draws that are kept of each measurement: enough to be shown, quick to be summed.
@@ -29,7 +29,7 @@ def few_draws(measured):
 
 MEASUREMENTS = [few_draws(measured) for measured in RESULTS.measurements]
 MODELS = sorted(
-    {run.record.choices.model for run in RESULTS.runs}
+    {run.choices.model for run in RESULTS.runs}
     | {
         str(row["model"])
         for m in MEASUREMENTS
@@ -67,7 +67,7 @@ def rows_without(rows, model):
 
 
 def without_model(model):
-    runs = [run for run in RESULTS.runs if run.record.choices.model != model]
+    runs = [run for run in RESULTS.runs if run.choices.model != model]
     measurements = []
     for measured in MEASUREMENTS:
         rows = rows_without(measured.rows.dicts(), model)

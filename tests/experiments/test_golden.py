@@ -18,6 +18,7 @@ from experiments.protocol.train_test import train_and_test
 from experiments.records import store
 from experiments.records.configs import CONFIGS
 from experiments.records.files import REFERENCE
+from experiments.records.groups import Groups
 from experiments.records.results import Results
 from experiments.report import Answers
 from experiments.studies.table1 import models, view
@@ -77,7 +78,7 @@ def test_a_committed_number_is_made_again(request, one_thread):
     except pytest.skip.Exception:
         place = "touch"  # half a minute of simulated frames
     known = min(
-        (x.record for x in Results(REFERENCE).groups.group(place, "ridge").runs),
+        (x for x in Groups(Results(REFERENCE).runs).group(place, "ridge").runs),
         key=lambda r: r.training_s,
     )
     carried = {"cache": False, "exclusive": False, "force": False}

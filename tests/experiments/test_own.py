@@ -12,6 +12,7 @@ import pytest
 from rich.console import Console
 
 from experiments import report
+from experiments.records.groups import Groups
 from experiments.records.results import Results
 from experiments.reporting import columns
 from hdc import HDCClassifier
@@ -105,7 +106,11 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     )
     read = Results(results)
     assert read.problems == []
-    recording = next(r.scene for r in read.runs if r.scene.startswith("recorded my"))
+    recording = next(
+        r.scene_label
+        for r in read.runs
+        if r.scene.name == "recorded" and "my" in r.scene_label
+    )
 
     runs = table(results, "runs")
     assert len(runs) == 15
@@ -121,7 +126,7 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
         lines = {row["model"]: row for row in rows if row["scene"] == scene}
         assert list(lines) == models
         for model, row in lines.items():
-            group = read.groups.group(scene, model)
+            group = Groups(read.runs).group(scene, model)
             assert float(row["test_accuracy_final"]) == pytest.approx(
                 group.right.mean(), abs=1e-6
             )

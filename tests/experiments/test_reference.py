@@ -8,6 +8,7 @@ import pytest
 from experiments import reference, report
 from experiments.records import record, store
 from experiments.records.files import ROOT
+from experiments.records.groups import Groups
 from experiments.records.results import Results
 from experiments.reporting import documents
 from experiments.reproduction import took
@@ -48,7 +49,7 @@ def in_step(monkeypatch):
 
 
 def models_of(folder):
-    return sorted(run.model for run in Results(folder).runs)
+    return sorted(run.model_label for run in Results(folder).runs)
 
 
 def test_a_finished_step_takes_the_place_of_what_there_was_of_it(
@@ -75,8 +76,8 @@ def test_a_finished_step_takes_the_place_of_what_there_was_of_it(
     found = Results(target)
     assert found.problems == []
     assert models_of(target) == ["cnn3", "hdc", "softmax"]
-    assert found.groups.group("touch", "hdc").right.sum() == 95
-    assert before not in {run.record.id for run in found.runs}
+    assert Groups(found.runs).group("touch", "hdc").right.sum() == 95
+    assert before not in {run.id for run in found.runs}
 
 
 def test_older_revisions_stay_until_their_step_is_taken_over(
@@ -95,9 +96,8 @@ def test_older_revisions_stay_until_their_step_is_taken_over(
     a_step(tmp_path, "table1")
     assert adopt(tmp_path, target) == Adopted(1, 2, 0)
     found = Results(target)
-    assert [run.record.id for run in found.runs] == [again]
-    assert found.measured("drift").outdated
-    assert found.measured("crossing") is None
+    assert [run.id for run in found.runs] == [again]
+    assert [(m.name, bool(m.outdated)) for m in found.measurements] == [("drift", True)]
 
 
 def test_a_step_enters_whole_or_not_at_all(
@@ -122,7 +122,7 @@ def test_a_step_enters_whole_or_not_at_all(
     assert found.steps == ["quick/drift", "full/drift"]
     a_step(tmp_path, third)
     assert adopt(tmp_path, target) == Adopted(3, 0, 0)
-    assert Results(target).measured("drift").steps == ["full/drift"]
+    assert Results(target).measurements[0].steps == ["full/drift"]
 
 
 def test_a_step_that_other_code_began_again_and_that_broke_off_stays_outside(
@@ -158,7 +158,7 @@ def test_another_machine_goes_on_from_the_reference(
     own = tmp_path / "own"
     assert go_on_from(target, own) == 2
     assert go_on_from(target, own) == 0
-    assert [run.record.id for run in Results(own).runs] == [first]
+    assert [run.id for run in Results(own).runs] == [first]
     assert [m.id for m in Results(own).measurements] == [drift]
     assert [row["status"] for row in took.read(own).values()] == ["finished"]
 

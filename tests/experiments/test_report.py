@@ -14,6 +14,7 @@ from rich.console import Console
 
 from experiments import report, studies
 from experiments.records.files import REFERENCE, ROOT
+from experiments.records.groups import Groups
 from experiments.records.results import RUNS, Results
 from experiments.report import Answers
 from experiments.reporting.study import Plot, Study
@@ -63,7 +64,7 @@ def test_the_committed_tables_are_those_of_the_committed_records():
 
 @pytest.mark.parametrize("model", ["hdc", "softmax", "softmax_dual", "cnn1", "cnn3"])
 def test_rows_of_the_committed_table_1_have_three_seeds(model):
-    assert len(Results(REFERENCE).groups.group("touch", model).runs) >= 3
+    assert len(Groups(Results(REFERENCE).runs).group("touch", model).runs) >= 3
 
 
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(

@@ -286,8 +286,8 @@ def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
     step = Step("some", words, 1, timed=False, launcher=launcher)
     assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
     (run,) = Results(tmp_path / "results").runs
-    assert run.record.steps == ["full/some"]
-    assert plain(run.record.command) == plain(step.command)
+    assert run.steps == ["full/some"]
+    assert plain(run.command) == plain(step.command)
     assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
     assert len(Results(tmp_path / "results").runs) == 1
 

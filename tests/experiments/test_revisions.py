@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 import hdc
-from experiments.records import record, revision, store
+from experiments.records import revision, store
+from experiments.records.run import Finished
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -133,4 +134,4 @@ def test_a_word_in_a_progress_bar_or_a_docstring_outdates_no_record(
         (copy / path).write_text(text.replace(before, after))
     assert "finished before" in run()
     (entry,) = store.read(tmp_path / "own")
-    assert isinstance(entry, record.Finished)
+    assert isinstance(entry, Finished)

@@ -18,6 +18,7 @@ import pytest
 from experiments.protocol import machine
 from experiments.records import record, store
 from experiments.records.locks import LEFT
+from experiments.records.run import Finished
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.usefixtures("results", "one_thread")
@@ -31,9 +32,7 @@ def scene(recording):
 
 def outcome(results):
     """Every finished record without its times, by id."""
-    runs = {
-        run.id: run for run in store.read(results) if isinstance(run, record.Finished)
-    }
+    runs = {run.id: run for run in store.read(results) if isinstance(run, Finished)}
     lines = {name: json.loads(record.to_line(run)) for name, run in runs.items()}
     return {name: without_times(line) for name, line in lines.items()}
 

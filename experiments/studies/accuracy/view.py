@@ -13,8 +13,8 @@ from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
 from experiments.records.groups import Group, Groups
-from experiments.records.record import Finished
 from experiments.records.results import RUNS
+from experiments.records.run import Finished
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import display_name
 from experiments.reporting.curves import accuracy_curves, published_point
@@ -91,8 +91,8 @@ def _crossings(groups: Sequence[Group]) -> list[float]:
     by_seed: dict[str, list[Finished]] = {}
     for group in groups:
         for run in group.runs:
-            places.add(run.record.n_train)
-            by_seed.setdefault(run.seeds, []).append(run.record)
+            places.add(run.n_train)
+            by_seed.setdefault(run.seeds, []).append(run)
     whole = [of_seed for of_seed in by_seed.values() if 1 < len(of_seed) == len(places)]
     return list(map(_crossing, whole))
 
@@ -107,8 +107,8 @@ def _chance(runs: Groups) -> float:
     """Accuracy of guessing in the sweep over N, in percent; NaN without a run."""
     scene = configs.sweep("accuracy_vs_n")["scene"][0]
     for run in runs.runs:
-        if run.scene == scene:
-            return 100 / len(run.record.scene.classes)
+        if run.scene_label == scene:
+            return 100 / len(run.scene.classes)
     return math.nan
 
 

@@ -83,7 +83,7 @@ def _is_simulated(scene: str) -> bool:
 
 def _of_scenes(runs: Groups) -> Iterator[Dot]:
     """Of simulated scenes after all training frames, where not every model is right."""
-    for scene in filter(_is_simulated, sorted({run.scene for run in runs.runs})):
+    for scene in filter(_is_simulated, sorted({run.scene_label for run in runs.runs})):
         rivals = [runs.group(scene, rival) for rival in RIVALS]
         known = [group for group in rivals if group.runs]
         if not known:

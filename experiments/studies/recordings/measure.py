@@ -32,7 +32,7 @@ from experiments.protocol.evaluate import (
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.settings import Split
-from experiments.protocol.splits import draw_split, nested
+from experiments.protocol.splits import nested, resample_split
 from experiments.protocol.stop import StopRule
 from experiments.records.rows import pack_labels
 from hdc.bank import Bank
@@ -102,7 +102,7 @@ def recordings(
         first = count * draws
         bank = bank_of(recording, group=_group(splits))
         for split, wanted in splits.items():
-            pool_of = partial(draw_split, recording, wanted, most_test=most_test)
+            pool_of = partial(resample_split, recording, wanted, most_test=most_test)
             for k in range(draws):
                 place = (split, first + k)
                 draw = partial(_draw, bank, pool_of, asked, n_per_class, place)
@@ -257,7 +257,7 @@ def recording_costs(
     asked = _asked(models, limits or {}, run.scene_name)
     ((_, recording),) = run.scenes(scene, [seed])
     bank = bank_of(recording)
-    pool, test = draw_split(recording, split, (seed, 0), queries)
+    pool, test = resample_split(recording, split, (seed, 0), queries)
     order, sizes = nested(pool, bank.labels, n_per_class, (seed, 0))
     for n in sizes or [min(map(len, order))]:
         train = np.concatenate([rows[:n] for rows in order])

@@ -27,7 +27,7 @@ PANELS = 6  # scenes of a figure at most
 
 def started(lines: pd.DataFrame) -> dict[str, list[Group]]:
     """The groups of each scene whose runs no experiment started, on all pixels."""
-    runs = [run for run in Groups.of(lines).runs if run.record.experiment is None]
+    runs = [run for run in Groups.of(lines).runs if run.experiment is None]
     scenes: dict[str, list[Group]] = {}
     for group in Groups(runs):
         if group.pixels is None:
@@ -66,7 +66,9 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
                 seconds = [one["training_s"] for one in tested]
                 errors = [max(1 - one["test_accuracy"], floor) for one in tested]
                 axes.plot(
-                    seconds, errors, **look_of(run.model) | {"marker": "", "lw": 0.8}
+                    seconds,
+                    errors,
+                    **look_of(run.model_label) | {"marker": "", "lw": 0.8},
                 )
             error_bars(axes, group.model, [line["total_time_s"]], [line], floor)
         axes.set(xlabel="training time (s)", ylabel="test error")

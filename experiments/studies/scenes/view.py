@@ -15,8 +15,8 @@ from matplotlib.figure import Figure
 
 from experiments.records import configs
 from experiments.records.groups import Group, Groups
-from experiments.records.record import Finished
 from experiments.records.results import RUNS
+from experiments.records.run import Finished
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import ONE_SENSOR
@@ -52,7 +52,7 @@ def groups(runs: Groups) -> list[Group]:
         at = len(order)
         if group.scene in order:
             at = order.index(group.scene)
-        simulated = group.runs[0].record.scene.origin == SIMULATED
+        simulated = group.runs[0].scene.origin == SIMULATED
         model, _, _ = group.model.partition(" (")
         return simulated, at, group.scene, model != "hdc"
 
@@ -84,7 +84,7 @@ def confusions(figure: Figure, lines: pd.DataFrame) -> None:
         accuracy = 100 * estimates.share(group).value
         scene = wrapped(scene_name(group.scene), 20)
         panel(axes, letter, f"{scene}{of}\n{accuracy:.1f} %")
-    origins = [{"origin": group.runs[0].record.scene.origin} for group in chosen]
+    origins = [{"origin": group.runs[0].scene.origin} for group in chosen]
     frames = frames_of(origins)
     head(figure, "Confusion by HDC, % of the true label", [frames])
 
@@ -143,9 +143,9 @@ def spatial(figure: Figure, lines: pd.DataFrame) -> None:
     confusion(right, group)
     right.set(xlabel="predicted (mm)", ylabel="true position (mm)")
     panel(right, "b", "confusion (%)")
-    at = positions(group.runs[0].record)
-    truth = np.concatenate([run.record.test_labels for run in group.runs])
-    found = np.concatenate([run.record.predicted for run in group.runs])
+    at = positions(group.runs[0])
+    truth = np.concatenate([run.test_labels for run in group.runs])
+    found = np.concatenate([run.predicted for run in group.runs])
     error = np.abs(at[found] - at[truth])
     sums = np.bincount(truth, error, len(at))
     mean = sums / np.bincount(truth, minlength=len(at))
@@ -162,7 +162,7 @@ def spatial(figure: Figure, lines: pd.DataFrame) -> None:
     text = f"mean {error.mean():.2f} mm, median {median:.3g} mm, "
     text += f"95th percentile {most:.3g} mm"
     panel(below, "c", text)
-    origin = group.runs[0].record.scene.origin
+    origin = group.runs[0].scene.origin
     frames = frames_of([{"origin": origin}])
     details = [f"{frames}, seeds: {len(group.runs)}"]
     head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)

@@ -10,20 +10,21 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.groups import Group, Groups, Run
+from experiments.records.groups import Group, Groups
+from experiments.records.run import Finished
 from experiments.reporting import estimates
 from experiments.reporting.table import frame
 from experiments.reporting.text import number
 from experiments.studies.table1 import models
 
 
-def seconds_to(run: Run, accuracy: float) -> float:
+def seconds_to(run: Finished, accuracy: float) -> float:
     """Training time at the first report of at least this test accuracy; infinite without one.
     A one-pass model is asked once, when it is fitted."""
     if not run.iterative:
-        if run.record.test_accuracy_final < accuracy:
+        if run.test_accuracy_final < accuracy:
             return math.inf
-        return run.record.training_s
+        return run.training_s
     for report in run.curve:
         if report.get("test_accuracy", -1) >= accuracy:
             return report["training_s"]
@@ -79,13 +80,13 @@ def _by_pixels(runs: Groups, model: str) -> list[Group]:
 def _as_accurate(group: Group, hdc: Group) -> dict[str, Any] | None:
     """Times to the accuracy of HDC of the same seed; None without such seeds, or where one with
     fewer pixels never gets there. A training that its budget ended before says nothing."""
-    ours = {run.seeds: run.record for run in hdc.runs}
+    ours = {run.seeds: run for run in hdc.runs}
     times, ratios = [], []
     for run in group.runs:
         if run.seeds in ours:
             record = ours[run.seeds]
             time = seconds_to(run, record.test_accuracy_final)
-            if time == math.inf and run.record.stop == "budget":
+            if time == math.inf and run.stop == "budget":
                 continue
             times.append(time)
             ratios.append(time / record.training_s)

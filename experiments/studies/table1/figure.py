@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from experiments.records import configs
-from experiments.records.groups import Group, Groups, Run
+from experiments.records.groups import Group, Groups
+from experiments.records.run import Finished
 from experiments.reporting import estimates
 from experiments.reporting.curves import (
     error_axis,
@@ -52,7 +53,7 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
     title(figure, axes, text, rows, shown, shown, handles)
 
 
-def _tested(run: Run) -> list[tuple[float, float]]:
+def _tested(run: Finished) -> list[tuple[float, float]]:
     """Seconds of training and test error wherever a run was tested."""
     reports = [report for report in run.curve if "test_accuracy" in report]
     return [(report["training_s"], 1 - report["test_accuracy"]) for report in reports]
@@ -82,13 +83,13 @@ def _hdc_s(runs: Groups) -> float:
 
 def _curve(
     axes: Axes,
-    run: Run,
+    run: Finished,
     floor: float,
     hdc_s: float,
 ) -> None:
     """Error over the reports of one run, times over HDC's; a marker where training accuracy passed
     90 %."""
-    look = look_of(run.model) | {"alpha": 0.75, "lw": 0.8}
+    look = look_of(run.model_label) | {"alpha": 0.75, "lw": 0.8}
     tested = _tested(run)
     if not tested:
         return

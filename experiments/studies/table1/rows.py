@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.records.groups import Group, Groups, Run
+from experiments.records.groups import Group, Groups
+from experiments.records.run import Finished
 from experiments.reporting import estimates
 from experiments.reporting.columns import COLUMNS
 from experiments.reporting.estimates import Estimate
@@ -103,16 +104,16 @@ def at_papers_accuracy(group: Group) -> dict[str, Any]:
     known = [value for value in found if value is not None]
     made: dict[str, Any] = {"published_training_accuracy": level}
     if known:
-        n_test = float(np.mean([run.record.n_test for run in group.runs]))
+        n_test = float(np.mean([run.n_test for run in group.runs]))
         made |= estimates.mean_share(known, n_test).columns(AT_PAPERS)
     return made | {"seeds_at_papers": len(known)}
 
 
-def test_accuracy_at(run: Run, level: float | None) -> float | None:
+def test_accuracy_at(run: Finished, level: float | None) -> float | None:
     """Test accuracy at the first checkpoint of a curve with at least this training accuracy; None
     if there is none. A model that learns in one pass has one accuracy."""
     if not run.iterative:
-        return run.record.test_accuracy_final
+        return run.test_accuracy_final
     if level is None:
         return None
     reached = (p for p in run.curve if p.get("train_accuracy", -1) >= level)

@@ -44,7 +44,7 @@ def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
         line, name = row(group, group), f"table1/{model}"
         seeds: dict[str, Any] = {
             "seeds": len(group.runs),
-            "made_by": " && ".join(rows_of.commands([group])),
+            "made_by": " && ".join(group.commands),
         }
         n_runs = len(group.runs)
         note = f"median; {line['cpu']}, {counted(line['threads'], 'thread')}; paper: Apple M1"
@@ -85,7 +85,7 @@ def _learning_rate(groups: Mapping[str, Group]) -> Iterator[Quantity]:
     rates = set()
     for model, group in groups.items():
         if model != "hdc":
-            rates |= {run.record.config["model"]["lr"] for run in group.runs}
+            rates |= {run.config["model"]["lr"] for run in group.runs}
     if len(rates) == 1:
         yield Quantity(
             "table1/learning_rate",

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from experiments.protocol.settings import Split
-from experiments.protocol.splits import choose, draw_split, nested
+from experiments.protocol.splits import choose, nested, resample_split
 from scenes.frames import Frames
 
 
@@ -122,7 +122,7 @@ def test_a_draw_is_that_of_its_seed_and_its_order_has_a_stream_of_its_own():
     of the samples is of the stream (seed, draw, 1)."""
     scene = make_scene()
     for seed in ((0, 0), (0, 1), (3, 2)):
-        pool, test = draw_split(scene, split(n_train=9), seed, most_test=1000)
+        pool, test = resample_split(scene, split(n_train=9), seed, most_test=1000)
         drawn = int(np.random.default_rng(seed).integers(2**31))
         expected = choose(scene, split(), drawn)  # n_train is no matter of a draw
         np.testing.assert_array_equal(pool, expected[0])

@@ -21,7 +21,7 @@ def test_lines_of_an_experiment_have_what_their_rows_and_records_have(
     assert frame.scene.tolist() == ["drift", "of the row"]
     assert frame.elsewhere.tolist() == [False, True]
     assert frame.config[1] == other
-    assert "scene" not in results.measured("drift").frame
+    assert "scene" not in results.measurements[0].frame
     pd.testing.assert_frame_equal(results.frame("drift"), frame[:1], check_dtype=False)
 
 
@@ -38,7 +38,7 @@ def test_runs_are_lines_and_their_groups_are_those_of_the_results(tmp_path, writ
     assert frame.seed.tolist() == [0, 1]
     assert frame.model.tolist() == ["hdc", "hdc"]
     assert frame.test_accuracy_final.tolist() == [
-        run.record.test_accuracy_final for run in results.runs
+        run.test_accuracy_final for run in results.runs
     ]
     (group,) = Groups.of(frame)
-    assert group == results.groups.group(group.scene, "hdc")
+    assert group == Groups(results.runs).group(group.scene, "hdc")

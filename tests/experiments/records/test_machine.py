@@ -15,7 +15,8 @@ from hypothesis.stateful import (
 from msgspec.structs import replace
 
 from experiments.records import store
-from experiments.records.record import RunRecord, Unfinished, to_line
+from experiments.records.record import to_line
+from experiments.records.run import RunRecord, Unfinished
 
 NAMES = st.integers(0, 3).map("touch-hdc-{:012x}".format)
 TIMES = st.floats(0.1, 10)

@@ -14,6 +14,7 @@ from rich.console import Console
 from experiments.protocol.experiment import Run, experiment
 from experiments.records import locks, record, store
 from experiments.records.environment import environment
+from experiments.records.rows import Rows
 
 
 @pytest.fixture(autouse=True)
@@ -100,13 +101,13 @@ def test_finished_parts_are_not_computed_again(results):
 
 
 def test_numbers_that_json_lacks_become_null():
-    rows = record.Rows.of([{"a": np.nan, "b": np.inf, "c": np.int64(3)}, {"c": [1]}])
+    rows = Rows.of([{"a": np.nan, "b": np.inf, "c": np.int64(3)}, {"c": [1]}])
     assert rows.dicts() == [
         {"a": None, "b": None, "c": 3},
         {"a": None, "b": None, "c": [1]},
     ]
     with pytest.raises(TypeError, match="expected plain values, found object"):
-        record.Rows.of([{"a": object()}])
+        Rows.of([{"a": object()}])
 
 
 def test_a_full_disk_leaves_the_records_that_there_were(results, full_disk):

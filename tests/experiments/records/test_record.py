@@ -7,6 +7,7 @@ import pytest
 
 from experiments.records import record, store
 from experiments.records.rows import pack_labels
+from experiments.records.run import Finished
 
 
 def lines(folder):
@@ -48,7 +49,7 @@ def test_a_line_that_a_kill_cut_short_costs_itself_only(tmp_path, write_run, lef
     (tmp_path / store.FILE).write_bytes(first + second[:left])
     write_run("hdc", seed=2)
     runs = list(store.read(tmp_path))
-    assert [run.seed for run in runs if isinstance(run, record.Finished)] == [0, 2]
+    assert [run.seed for run in runs if isinstance(run, Finished)] == [0, 2]
     (error,) = (run for run in runs if isinstance(run, ValueError))
     assert f"{tmp_path / store.FILE}, line 2" in str(error)
 

@@ -14,7 +14,7 @@ OTHER = {"experiments": 0, "hdc.HDCClassifier": 1}  # of an earlier protocol
 def rows(found):
     """What groups there are, by name, with the seeds of their runs."""
     return {
-        (g.scene, g.model, g.n_train, g.pixels): [run.record.seed for run in g.runs]
+        (g.scene, g.model, g.n_train, g.pixels): [run.seed for run in g.runs]
         for g in Groups(found.runs)
     }
 
@@ -24,7 +24,7 @@ def test_runs_of_one_config_and_code_stand_in_one_row_by_seed(tmp_path, write_ru
         write_run("hdc", seed=seed, wrong=range(seed))
     found = Results(tmp_path)
     assert rows(found) == {("touch", "hdc", None, None): [0, 1, 2]}
-    group = found.groups.group("touch", "hdc")
+    group = Groups(found.runs).group("touch", "hdc")
     assert group.status == "ok"
     assert group.right.tolist().count(False) == 3
     assert np.trace(group.confusion()) == 297
@@ -37,8 +37,8 @@ def test_runs_of_other_revisions_are_not_averaged_and_todays_come_first(
     write_run("hdc", seed=0)
     for seed in (1, 2, 3):
         write_run("hdc", seed=seed, made_by=OTHER)
-    group = Results(tmp_path).groups.group("touch", "hdc")
-    assert [run.record.seed for run in group.runs] == [0]
+    group = Groups(Results(tmp_path).runs).group("touch", "hdc")
+    assert [run.seed for run in group.runs] == [0]
     assert group.runs[0].outdated == []
     assert group.status == "3 more left out: of other code or settings"
 
@@ -51,8 +51,8 @@ def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(
             "softmax", seed=seed, stop="quick", curve=[{"training_s": 1.0, "loss": 1.0}]
         )
     write_run("softmax", stop="paper", curve=[{"training_s": 1.0, "loss": 1.0}])
-    group = Results(tmp_path).groups.group("touch", "softmax")
-    assert [run.record.choices.stop for run in group.runs] == ["paper"]
+    group = Groups(Results(tmp_path).runs).group("touch", "softmax")
+    assert [run.choices.stop for run in group.runs] == ["paper"]
     assert group.others == 3
 
 
@@ -61,16 +61,16 @@ def test_a_run_timed_alone_comes_before_more_that_were_not(tmp_path, write_run):
     write_run("softmax", seed=0, stop="quick", curve=curve)
     for seed in (1, 2, 3):
         write_run("softmax", seed=seed, curve=curve, environment=beside)
-    (run,) = Results(tmp_path).groups.group("touch", "softmax").runs
-    assert (run.record.seed, run.record.environment.exclusive) == (0, True)
+    (run,) = Groups(Results(tmp_path).runs).group("touch", "softmax").runs
+    assert (run.seed, run.environment.exclusive) == (0, True)
 
 
 def test_todays_revisions_come_before_the_stopping_rule(tmp_path, write_run):
     curve = [{"training_s": 1.0, "loss": 1.0}]
     write_run("softmax", seed=0, stop="reached", curve=curve)
     write_run("softmax", seed=1, stop="paper", curve=curve, made_by=OTHER)
-    (run,) = Results(tmp_path).groups.group("touch", "softmax").runs
-    assert run.record.choices.stop == "reached"
+    (run,) = Groups(Results(tmp_path).runs).group("touch", "softmax").runs
+    assert run.choices.stop == "reached"
 
 
 def test_what_learns_in_one_pass_ends_by_itself_whatever_the_rule(tmp_path, write_run):
@@ -126,7 +126,7 @@ def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
     with (tmp_path / "records.jsonl").open("a") as file:
         file.write('no\n{"schema": 4}\n')
     results = Results(tmp_path)
-    assert [run.record.id for run in results.runs] == [good]
+    assert [run.id for run in results.runs] == [good]
     assert results.measurements == []
     for name in ("records.jsonl, line 2", "records.jsonl, line 3"):
         assert sum(name in problem for problem in results.problems) == 1, name
@@ -149,14 +149,14 @@ def test_what_was_changed_is_named_frames_first(tmp_path, write_run):
     curve = [{"training_s": 1.0, "loss": 1.0}]
     write_run("softmax", change=keys, curve=curve)
     (run,) = Results(tmp_path).runs
-    assert list(run.overrides) == [
+    assert list(run.differences) == [
         "scene.samples_per_class",
         "split.kind",
         "model.lr",
         "stop.budget_s",
     ]
-    assert run.scene == 'touch (samples_per_class=20, kind="ordered")'
-    assert run.model == "softmax (lr=0.5, budget_s=7)"
+    assert run.scene_label == 'touch (samples_per_class=20, kind="ordered")'
+    assert run.model_label == "softmax (lr=0.5, budget_s=7)"
 
 
 def test_a_model_and_a_scene_of_no_file_are_shown_as_their_records_say(

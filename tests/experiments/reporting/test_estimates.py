@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.stats import binomtest
 
+from experiments.records.groups import Groups
 from experiments.records.results import Results
 from experiments.reporting import estimates
 from experiments.reporting.estimates import mean_difference, mean_interval, mean_share
@@ -27,7 +28,7 @@ def test_student_intervals_of_the_mean_and_of_one_more_sensor():
 def test_100_percent_of_all_samples_has_an_interval(tmp_path, write_run):
     for seed in range(3):
         write_run("hdc", seed=seed)
-    group = Results(tmp_path).groups.group("touch", "hdc")
+    group = Groups(Results(tmp_path).runs).group("touch", "hdc")
     assert estimates.share(group)[::2] == (1, 1)
     p = 302 / 304  # two right and two wrong added
     half = T2 * math.sqrt(p * (1 - p) / 100)
@@ -50,8 +51,8 @@ def test_differences_of_accuracies_lie_between_minus_one_and_one():
 
 def test_a_training_lasts_until_90_percent_or_until_it_is_done():
     def run(reached, iterative=True):
-        record = SimpleNamespace(training_s=7.0, time_to_target_train_s=reached)
-        return SimpleNamespace(iterative=iterative, record=record)
+        times = {"training_s": 7.0, "time_to_target_train_s": reached}
+        return SimpleNamespace(iterative=iterative, **times)
 
     times = [
         estimates.training_time(r) for r in (run(2.0), run(None), run(None, False))
@@ -63,7 +64,7 @@ def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):
     def difference():
         results = Results(tmp_path)
         return estimates.difference(
-            *(results.groups.group("touch", m).runs for m in ("softmax", "hdc"))
+            *(Groups(results.runs).group("touch", m).runs for m in ("softmax", "hdc"))
         )
 
     write_run("softmax", wrong=range(4))
@@ -90,7 +91,7 @@ def test_opposite_disagreements_widen_the_interval_of_a_difference(tmp_path, wri
         write_run("hdc", seed=seed, wrong=range(30, 60))
     results = Results(tmp_path)
     found = estimates.difference(
-        *(results.groups.group("touch", m).runs for m in ("softmax", "hdc"))
+        *(Groups(results.runs).group("touch", m).runs for m in ("softmax", "hdc"))
     )
     half = T2 * math.sqrt(181 / 302 / 100 / 3)  # 60 samples of each seed, and one more
     assert found == pytest.approx((0, -half, half))

@@ -5,11 +5,11 @@ import math
 import numpy as np
 import pytest
 
-from experiments.reporting.measured import LEAST_DRAWS, over_units
+from experiments.reporting.measured import LEAST_RESAMPLES, over_units
 
 
 def test_fewer_draws_than_ten_have_a_mean_and_no_interval():
-    draws = np.linspace(0, 1, LEAST_DRAWS).tolist()
+    draws = np.linspace(0, 1, LEAST_RESAMPLES).tolist()
     enough = over_units(draws, seeds=False)
     assert (enough.value, enough.low, enough.high) == pytest.approx((0.5, 0.025, 0.975))
     few = over_units(draws[1:], seeds=False)

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from experiments.records import configs
+from experiments.records.groups import Groups
 from experiments.records.results import Results
 from experiments.reporting import rows
 from experiments.reporting.estimates import least_variance, mean_interval
@@ -27,7 +28,9 @@ def epochs(*accuracies, step=10.0):
 
 def line(tmp_path, model, **place):
     results = Results(tmp_path)
-    groups = (results.groups.group("touch", name, **place) for name in (model, "hdc"))
+    groups = (
+        Groups(results.runs).group("touch", name, **place) for name in (model, "hdc")
+    )
     return rows.row(*groups, paper=True)
 
 
@@ -80,7 +83,7 @@ def test_not_reached_is_said_never_a_number(tmp_path, write_run):
 
 def test_a_sweep_has_a_row_for_all_that_it_asks_for(tmp_path, a_full_set):
     params = configs.sweep("accuracy_vs_n")
-    lines = swept(Results(tmp_path).groups, ["accuracy_vs_n", "accuracy_vs_n"])
+    lines = swept(Groups(Results(tmp_path).runs), ["accuracy_vs_n", "accuracy_vs_n"])
     assert len(lines) == len(params["model"]) * len(params["split.n_train"])
     measured = {
         (row["model"], row["n_train"]): row["seeds"] for row in lines if row["seeds"]

@@ -121,7 +121,7 @@ def test_every_step_of_the_config_is_measured(tmp_path, monkeypatch):
         }
         step["d"] = [1024 if d == 10_000 else 2704 for d in step["d"]]
     benchmark.benchmark(**task)
-    rows = Results(tmp_path).measured("benchmark").frame
+    rows = Results(tmp_path).measurements[0].frame
     assert set(rows["operation"]) == set(OPERATIONS)
     assert set(rows["status"]) <= {"ok", "not installed"}
 

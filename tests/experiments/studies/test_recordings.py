@@ -12,7 +12,7 @@ from rich.console import Console
 from baselines.chosen import GreysChosen
 from experiments.protocol.experiment import Run
 from experiments.protocol.settings import Split
-from experiments.protocol.splits import draw_split, nested
+from experiments.protocol.splits import nested, resample_split
 from experiments.records import configs
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
@@ -43,17 +43,17 @@ def scene(frames_and_labels):
 
 
 def test_training_sets_grow_and_hold_no_test_frame(scene):
-    pool, test = draw_split(scene, Split(**RANDOM), (0, 0), most_test=20)
+    pool, test = resample_split(scene, Split(**RANDOM), (0, 0), most_test=20)
     assert len(test) == 20
     order, sizes = nested(pool, scene.labels, [1, 5, 1000], (0, 0))
     assert sizes == [1, 5]  # no class has a thousand
     for label, frames in enumerate(order):
         assert set(scene.labels[frames]) == {label}
         assert not set(frames) & set(test)
-    again = draw_split(scene, Split(**RANDOM), (0, 0), most_test=20)
+    again = resample_split(scene, Split(**RANDOM), (0, 0), most_test=20)
     assert all(map(np.array_equal, (pool, test), again))
     assert not np.array_equal(
-        test, draw_split(scene, Split(**RANDOM), (0, 1), most_test=20)[1]
+        test, resample_split(scene, Split(**RANDOM), (0, 1), most_test=20)[1]
     )
 
 

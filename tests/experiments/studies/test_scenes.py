@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from matplotlib import pyplot as plt
 
+from experiments.records.groups import Groups
 from experiments.records.results import Results
 from experiments.studies.scenes.view import STUDY, positions
 
@@ -43,8 +44,8 @@ def test_accuracies_are_means_over_the_seeds(number, everything):
 
 
 def test_positions_are_millimetres_of_the_configured_line(tmp_path, everything):
-    (run, _) = Results(tmp_path).groups.group("spatial", "hdc").runs
-    np.testing.assert_allclose(positions(run.record), np.arange(51), atol=1e-9)
+    (run, _) = Groups(Results(tmp_path).runs).group("spatial", "hdc").runs
+    np.testing.assert_allclose(positions(run), np.arange(51), atol=1e-9)
 
 
 def test_figures_fit_and_name_every_scene(everything, write_scene, drawn):

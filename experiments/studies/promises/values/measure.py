@@ -19,7 +19,7 @@ from experiments.protocol.evaluate import bank_of
 from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
-from experiments.protocol.splits import draw_split, nested
+from experiments.protocol.splits import nested, resample_split
 from experiments.studies.promises.values.numbers import answers, intervals
 from hdc import HDCClassifier
 
@@ -185,7 +185,7 @@ def parts(
     for seed, recording in run.scenes(scene, seeds):
         for split, wanted in splits.items():
             for draw in range(draws):
-                pool, test = draw_split(recording, wanted, (seed, draw), most_test)
+                pool, test = resample_split(recording, wanted, (seed, draw), most_test)
                 row: Row = {"origin": recording.origin, "seed": seed}
                 row |= {"split": split, "draw": draw}
                 yield recording, row, pool, test
