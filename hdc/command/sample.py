@@ -14,7 +14,7 @@ FRAMES = Path(__file__).with_name("recording")
 """Frames of the simulated sensor, 63 × 63 pixels: docs/sensor.md says how they were made."""
 
 
-@click.command()
+@click.command(short_help="Write a small recording to try hdc on.")
 @click.argument("folder", type=options.FILE, default=Path())
 def sample(folder: Path) -> None:
     """Write a small recording of three touches into FOLDER, to try the other commands on.

@@ -368,12 +368,13 @@ def test_probabilities_are_those_of_the_model(hdc, model, folder, frames, tmp_pa
     )
 
 
-def test_a_model_of_numbers_adapts_to_new_frames_with_theirs(hdc, frames, tmp_path):
-    paths = {name: tmp_path / f"{name}.npz" for name in ("old", "new", "classes")}
+def test_a_model_of_numbers_adapts_to_new_frames_with_theirs(
+    hdc, folder, frames, tmp_path
+):
+    paths = {name: tmp_path / f"{name}.npz" for name in ("old", "new")}
     forces = np.arange(12.0)
     np.savez(paths["old"], frames=frames[0], values=forces)
     np.savez(paths["new"], frames=frames[0, :6], values=forces[:6] + 3)
-    np.savez(paths["classes"], frames=frames[0], labels=np.arange(12) % 2)
     path, new = tmp_path / "m", tmp_path / "n"
     assert hdc("train", paths["old"], "-o", path)[0] == 0
     status, out, err = hdc("recalibrate", path, paths["new"], "-o", new)
@@ -385,7 +386,7 @@ def test_a_model_of_numbers_adapts_to_new_frames_with_theirs(hdc, frames, tmp_pa
     wanted = "expected no --p, --method or --seed for a model of numbers"
     words = ("recalibrate", path, paths["new"], "-o", new, "--p", 0.3)
     assert hdc(*words)[2] == [f"error: {wanted}"]
-    (error,) = hdc("recalibrate", path, paths["classes"], "-o", new)[2]
+    (error,) = hdc("recalibrate", path, folder, "-o", new)[2]
     assert "expected a table of the new numbers, found none" in error
 
 
