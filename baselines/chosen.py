@@ -16,11 +16,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource
 from baselines.discriminant import GreysKernel, GreysLDA
 from baselines.smoothing import smoothed_part
 from hdc import inputs
-from hdc.bank import Bank, Selection, Shared
+from hdc.bank import Selection, Shared
 from hdc.classifier import HDCClassifier
 from hdc.encoders import Smoothed, make_encoder
 from hdc.encoders.relative import RelativeEncoder
@@ -126,8 +127,8 @@ class Chosen(Classifier):
         """Choose and learn; yields as the chosen model does."""
         targets = self.start(frames, labels).cpu().numpy()
         groups = None
-        if isinstance(frames, Selection) and frames.bank.groups is not None:
-            groups = frames.bank.groups[frames.rows]
+        if isinstance(frames, Selection) and isinstance(frames.bank, Bank):
+            groups = frames.bank.groups_of(frames.rows)
         images = self.take(frames, slice(0, len(frames))).cpu()
         bank = Bank(images, targets, len(self.classes_), groups)
         self.form_, self.model_ = self.choose(bank, np.arange(len(bank)))

@@ -18,8 +18,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional as F
 
+from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource, first_of_the_best
-from hdc.bank import Bank
 
 CHUNK = 20  # frames; float32 sums of 20 16-bit pixels are exact
 REPORT = 100  # frames between two yields

@@ -14,13 +14,13 @@ from typing import ClassVar
 import numpy as np
 from torch import Tensor
 
+from baselines import products
+from baselines.bank import Bank, deviations, standardised
 from baselines.base import Classifier, FrameSource
 from baselines.linear import DualLinearClassifier
+from baselines.products import Moments
 from baselines.smoothing import smoothed, smoothed_part
-from hdc import products
-from hdc.bank import Bank, deviations, standardised
 from hdc.parameters import check_choice
-from hdc.products import Moments
 from hdc.readouts.discriminant import Problem
 from hdc.readouts.kernel import fewest_errors, likeness
 from hdc.readouts.lda import LDA, shrunken

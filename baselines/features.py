@@ -18,9 +18,9 @@ from sklearn.linear_model import LogisticRegression
 from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
+from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource, arithmetic
 from baselines.pixels import standardise
-from hdc.bank import Bank
 from hdc.parameters import check_choice
 
 PIXELS = ("raw", "standardised")

@@ -2,7 +2,7 @@
 
 The weights that minimise any loss with an L2 penalty are combinations of the training frames,
 W = Aᵀ·X (representer theorem), so a problem of D pixels becomes one of N samples, given by the
-inner products of the frames (:class:`hdc.bank.Bank`).
+inner products of the frames (:class:`baselines.bank.Bank`).
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from baselines.bank import KERNELS, Bank
 from baselines.base import (
     Classifier,
     FrameSource,
@@ -22,7 +23,6 @@ from baselines.base import (
     first_of_the_best,
 )
 from baselines.pixels import PixelScaling, fit_scaling
-from hdc.bank import KERNELS, Bank
 from hdc.parameters import check_choice
 
 FRAMES = 20  # turned into floats at a time

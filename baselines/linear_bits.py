@@ -20,10 +20,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from baselines.bank import Bank
 from baselines.base import FrameSource
 from baselines.ridge import RidgeReadout
 from hdc import bits
-from hdc.bank import Bank
 
 
 @dataclass(kw_only=True, eq=False)

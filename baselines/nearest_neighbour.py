@@ -10,12 +10,13 @@ import numpy as np
 from torch import Tensor
 from torch.nn import functional as F
 
+from baselines import products
+from baselines.bank import Bank, deviations, standardised
 from baselines.base import Classifier, FrameSource
-from hdc import bits, products
-from hdc.bank import Bank, deviations, standardised
+from baselines.products import Moments
+from hdc import bits
 from hdc.encoders import Median
 from hdc.parameters import check_choice
-from hdc.products import Moments
 
 # Any other scaling of baselines.pixels ranks as raw does.
 PIXELS = ("bits", "raw", "standardised")

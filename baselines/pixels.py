@@ -26,9 +26,9 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from baselines.bank import KERNELS
 from baselines.base import FRAME_TYPES, Classifier, FrameSource
 from hdc import bits
-from hdc.bank import KERNELS
 from hdc.encoders import Median
 from hdc.parameters import check_choice
 

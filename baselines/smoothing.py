@@ -12,7 +12,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc.bank import Bank
+from baselines.bank import Bank
 from hdc.encoders.smoothed import gaussian
 from hdc.parameters import check_integer
 

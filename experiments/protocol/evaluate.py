@@ -7,12 +7,12 @@ import copy
 import numpy as np
 import torch
 
+from baselines.bank import Bank
 from experiments.protocol.clock import Clock
 from experiments.protocol.model import Model
 from experiments.protocol.stop import StopRule
 from experiments.protocol.trial import Report, train
 from hdc.accuracy import accuracy
-from hdc.bank import Bank
 from hdc.inputs import FrameSource
 from scenes.frames import Scene
 

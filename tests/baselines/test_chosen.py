@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 import torch
 
+from baselines.bank import Bank
 from baselines.chosen import BitsChosen, GreysChosen, simplest
 from baselines.discriminant import GreysKernel, GreysLDA
 from baselines.smoothing import smoothed
 from hdc import HDCClassifier
-from hdc.bank import Bank
 from hdc.encoders import Deviation, Smoothed
 from hdc.encoders.smoothed import gaussian
 from hdc.selection import Frames, folds

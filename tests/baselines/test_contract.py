@@ -15,6 +15,7 @@ from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from omegaconf import DictConfig
 
+from baselines.bank import Bank
 from baselines.base import Classifier
 from baselines.cnn import CNN
 from baselines.convolutions import Scattering
@@ -25,7 +26,6 @@ from experiments.protocol.evaluate import evaluate, train_until
 from experiments.protocol.model import Model
 from experiments.protocol.stop import StopRule
 from hdc import HDCClassifier
-from hdc.bank import Bank
 from hdc.encoders import ENCODERS
 from hdc.readouts import READOUTS, Neighbours
 

@@ -9,6 +9,7 @@ import pytest
 import torch
 from sklearn.neighbors import NearestCentroid
 
+from baselines.bank import KERNELS, Bank
 from baselines.correlation import CorrelationClassifier
 from baselines.mean_image import MeanImage
 from baselines.nearest_neighbour import NearestNeighbour
@@ -16,7 +17,6 @@ from baselines.pixels import fit_scaling
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
-from hdc.bank import KERNELS, Bank
 
 TRAIN, QUERIES = np.arange(40), np.arange(40, 60)
 

@@ -26,19 +26,6 @@ LABELS = np.arange(60) % 3
 TRAIN, QUERIES = np.r_[20:50, 20:23], np.arange(50, 60)
 
 
-def test_products_of_bits_are_those_of_hypervectors_in_signs(frames):
-    held = Bank(frames, LABELS, 3)
-    flat = frames.flatten(1).double()
-    signs = torch.where(flat > flat.median(dim=1, keepdim=True).values, 1.0, -1.0)
-    words = Median().encode(frames)
-    assert (held.words() == words).all()
-    assert (held.bits.diagonal() == 135).all()
-    exact = (signs.sum(dim=1) == -1).nonzero().flatten()  # without ties at the median
-    assert len(exact) > 5
-    chosen = np.ix_(exact, exact)
-    assert (held.bits[chosen] == (signs @ signs.T)[chosen]).all()
-
-
 def test_every_frame_is_encoded_once_for_each_encoder(frames, monkeypatch):
     calls = []
     encode = Median.encode
@@ -95,17 +82,6 @@ def test_a_selection_is_a_source_of_frames(frames):
     assert torch.equal(selection[torch.tensor([0, 32])], frames[[20, 22]])
     with pytest.raises(ValueError, match=r"expected D = 8 pixels .* found 135"):
         HDCClassifier().fit(torch.rand(4, 8), [0, 1, 0, 1]).predict(selection)
-
-
-def test_what_a_bank_refuses(frames):
-    with pytest.raises(ValueError, match=r"uint8 or uint16, found torch\.float32"):
-        Bank(frames.float(), LABELS, 3)
-    with pytest.raises(ValueError, match="labels: expected 60, one a frame, found 3"):
-        Bank(frames, LABELS[:3], 3)
-    with pytest.raises(
-        ValueError, match=r"pixels: expected one of unit, .* 'standard'"
-    ):
-        Bank(frames, LABELS, 3).kernel(TRAIN, QUERIES, "standard")
 
 
 def test_the_example_in_the_docstring():

@@ -28,6 +28,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from baselines.bank import Bank
 from baselines.linear import PenalisedClassifier
 from experiments.protocol import splits
 from experiments.protocol.evaluate import bank_of, evaluate
@@ -37,7 +38,6 @@ from experiments.protocol.settings import Split
 from experiments.records.rows import pack_labels
 from experiments.studies.drift.zeroing import Unlabelled, untouched, zeroed
 from hdc import HDCClassifier
-from hdc.bank import Bank
 from hdc.readouts import LDA, Kernel, make_readout
 from scenes.frames import Scene
 from scenes.split import by_session, learning_curve_subsets, split

@@ -23,9 +23,10 @@ from typing import Any
 
 import numpy as np
 
+from baselines.bank import Bank
 from experiments.records.rows import Row
 from hdc import HDCClassifier
-from hdc.bank import Bank, Selection
+from hdc.bank import Selection
 from hdc.encoders import RelativeEncoder, make_encoder
 
 

@@ -21,6 +21,7 @@ import msgspec
 import numpy as np
 from torch import Tensor
 
+from baselines.bank import Bank
 from baselines.chosen import Chosen
 from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import (
@@ -35,7 +36,6 @@ from experiments.protocol.settings import Split
 from experiments.protocol.splits import nested, resample_split
 from experiments.protocol.stop import StopRule
 from experiments.records.rows import pack_labels
-from hdc.bank import Bank
 
 
 class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

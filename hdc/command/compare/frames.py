@@ -36,12 +36,7 @@ class FrameBank(Bank):
     """
 
     def __init__(self, frames: np.ndarray, labels: np.ndarray, n_classes: int) -> None:
-        # Not Bank's own, which takes 8 and 16 bits only: its products of greys are exact integers.
-        self.frames = torch.from_numpy(frames)
-        self.labels = labels
-        self.n_classes = n_classes
-        self.dimension = self.frames[0].numel()
-        self._made = {}
+        super().__init__(torch.from_numpy(frames), labels, n_classes)
         self.coordinates: dict[str, tuple[bytes, tuple[np.ndarray, np.ndarray]]] = {}
 
     def products(self, pixels: str) -> np.ndarray:

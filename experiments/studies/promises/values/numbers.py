@@ -9,9 +9,9 @@ from sklearn.decomposition import KernelPCA
 from sklearn.linear_model import RidgeCV
 from torch import Tensor
 
+from baselines.bank import Bank
 from experiments.protocol.experiment import Row
 from hdc import HDCClassifier, HDCRegressor
-from hdc.bank import Bank
 
 PENALTIES = 10.0 ** np.arange(-4, 5)
 """Penalties that ridge regression tries, in units of the mean square of a centred frame."""

@@ -14,12 +14,12 @@ from torch import Tensor
 
 from baselines.correlation import CorrelationClassifier
 from baselines.nearest_neighbour import NearestNeighbour
+from baselines.products import integer_product
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.studies.limits.stability.case import case, relative
 from hdc import HDCClassifier
-from hdc.products import integer_product
 
 MODELS: tuple[Any, ...] = (
     HDCClassifier,

@@ -8,8 +8,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from hdc import products
-from hdc.products import integer_product
+from baselines import products
+from baselines.products import integer_product
 
 
 @pytest.mark.parametrize("native", [True, False])
