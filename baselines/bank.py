@@ -17,7 +17,7 @@ from torch import Tensor
 import hdc.bank
 from baselines import products
 from baselines.products import Moments
-from hdc import bits
+from hdc import backends
 from hdc.parameters import check_choice
 from hdc.readouts.arithmetic import gram
 
@@ -63,7 +63,7 @@ class Bank(hdc.bank.Bank):
     def bits(self) -> Tensor:
         """Products of hypervectors in ±1, D − 2·Hamming, float64 [N, N]."""
         n_pixels = len(self) * self.dimension
-        backend = bits.choose_backend("auto", "cpu", n_pixels)
+        backend = backends.choose_backend("auto", "cpu", n_pixels)
         words = self.words()
         found = gram(words, words, self.dimension, backend)
         return found.to(self.frames.device)

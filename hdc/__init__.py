@@ -6,12 +6,17 @@ import importlib
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from hdc.backends import compile_kernels
     from hdc.classifier import HDCClassifier
     from hdc.regressor import HDCRegressor
 
-__all__ = ["HDCClassifier", "HDCRegressor", "__version__"]
+__all__ = ["HDCClassifier", "HDCRegressor", "__version__", "compile_kernels"]
 
-_MODULES = {"HDCClassifier": "hdc.classifier", "HDCRegressor": "hdc.regressor"}
+_MODULES = {
+    "HDCClassifier": "hdc.classifier",
+    "HDCRegressor": "hdc.regressor",
+    "compile_kernels": "hdc.backends",
+}
 REVISION = 1
 """Of the arithmetic that all parts share (bits, planes, prototypes), raised by hand in the commit
 that changes a number of theirs. Encoders and read-outs have revisions of their own."""
@@ -19,7 +24,7 @@ __version__ = "2.0.0"  # pyproject.toml has it from here
 
 
 def __getattr__(name: str) -> Any:
-    """The estimators, imported when asked for: readers and command lines do without torch."""
+    """What is imported when asked for: readers and command lines do without torch."""
     if name in _MODULES:
         globals()[name] = found = getattr(importlib.import_module(_MODULES[name]), name)
         return found

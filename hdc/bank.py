@@ -70,7 +70,7 @@ class Bank:
 
         Args:
             encoder: by default the published one.
-            backend: as of :func:`hdc.bits.kernels`; every one gives the same.
+            backend: as of :func:`hdc.backends.kernels`; every one gives the same.
         """
         encoder = Median() if encoder is None else encoder
 

@@ -19,18 +19,16 @@ population count, numpy's takes its place, with the same results bit for bit.
 from __future__ import annotations
 
 import sys
-from types import ModuleType
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import ahead, planes
+from hdc import backends, planes
 from hdc.parameters import not_among
 
 WORD = 64
 TIES = ("zero", "one", "random")
-BACKENDS = ("numpy", "compiled")
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
 _GATHER_BYTE = 0x0102040810204080
@@ -39,45 +37,6 @@ if sys.byteorder != "little":  # the byte views below would put bits elsewhere
     raise ImportError(
         "hdc.bits: expected a little-endian machine, found a big-endian one"
     )
-
-
-def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
-    """The kernels of a backend: :mod:`hdc.compiled`, or None for numpy's and torch's operations.
-
-    Raises:
-        ValueError: for an unknown backend, or compiled kernels without CPU or numba.
-    """
-    if backend not in BACKENDS:
-        raise ValueError(f"backend: {not_among(backend, ('auto', *BACKENDS))}")
-    if backend == "numpy":
-        return None
-    if torch.device(device).type != "cpu":
-        raise ValueError(
-            f"backend: 'compiled' expects device 'cpu', found {str(device)!r}"
-        )
-    try:
-        from hdc import compiled
-    except ImportError as error:
-        install = "numba (pip install 'speckle-hdc[compiled]')"
-        raise ValueError(
-            f"backend: 'compiled' expects {install}, found: {error}"
-        ) from error
-    ahead.say_loaded()
-    return compiled
-
-
-def choose_backend(backend: str, device: torch.device | str, n_pixels: int = 0) -> str:
-    """The backend for so many pixels (frames × pixels of each); errors as of :func:`kernels`.
-
-    ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded. Where numba is installed
-    they are loaded once they pay (:mod:`hdc.ahead`): after about 270 frames of 500 × 500.
-    """
-    if backend != "auto":
-        kernels(backend, device)
-        return backend
-    if torch.device(device).type != "cpu":
-        return "numpy"
-    return "compiled" if ahead.are_due(n_pixels) else "numpy"
 
 
 def words_for(dimension: int) -> int:
@@ -169,7 +128,7 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
         return _hamming_by_torch(queries, prototypes)
     asked = queries.contiguous().numpy()
     known = prototypes.contiguous().numpy()
-    compiled = kernels(backend, "cpu")
+    compiled = backends.kernels(backend, "cpu")
     if compiled:
         return torch.from_numpy(compiled.hamming(asked, known))
     return torch.from_numpy(_hamming_by_numpy(asked, known))

@@ -58,7 +58,7 @@ class HDCClassifier(Estimator):
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
             numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
-            ``"auto"``, by :func:`hdc.bits.choose_backend`. Not saved with the model.
+            ``"auto"``, by :func:`hdc.backends.choose_backend`. Not saved with the model.
 
     Parameters of the parts are ``encoder__ties``, ``readout__balance`` and so on.
 

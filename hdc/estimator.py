@@ -19,7 +19,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, inputs, io
+from hdc import backends, inputs, io
 from hdc.bank import Selection
 from hdc.encoders import Encoder, encode_with, make_encoder
 from hdc.parameters import Named, Parametrised, describe, rebuild
@@ -120,7 +120,7 @@ class Estimator(Parametrised, ABC):
     def _backend(self, frames: Any = None) -> str:
         """The backend to encode a chunk with, or (None) one that is loaded already."""
         n_pixels = 0 if frames is None else prod(frames.shape)
-        return bits.choose_backend(self.backend, self.device, n_pixels)
+        return backends.choose_backend(self.backend, self.device, n_pixels)
 
     def _checked_frames(self, frames: Any) -> Any:
         """Frames with a shape; those of a data frame have the columns of training, in its order.

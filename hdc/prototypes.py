@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, planes
+from hdc import backends, bits, planes
 
 # Streams of random bits from one seed.
 _TIES, _RECALIBRATION, _THINNING = range(3)
@@ -51,7 +51,7 @@ class Counters:
         """
         bits.check_width(words, self.dimension)
         order, n = self._order(words, labels)
-        kernels = bits.kernels(self.backend, self.device)
+        kernels = backends.kernels(self.backend, self.device)
         if kernels:
             kernels.count_into(
                 self.planes.numpy(),

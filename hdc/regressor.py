@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, circular, inputs
+from hdc import backends, bits, circular, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, make_encoder
 from hdc.estimator import Estimator
@@ -171,7 +171,7 @@ class HDCRegressor(Estimator):
         readout = like.unlearned()
         # Numpy compares a pair of words in the time that it encodes a pixel in.
         n_compared = len(words) * words.numel() // 2
-        readout.backend = bits.choose_backend(self.backend, self.device, n_compared)
+        readout.backend = backends.choose_backend(self.backend, self.device, n_compared)
         readout._dimension = self.dimension_  # which its `adapt` may need
         readout.fit(words, values, self.dimension_)
         self._take(readout, words, values, recalibrated=False)

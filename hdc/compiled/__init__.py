@@ -3,8 +3,8 @@
 Imported only where it is used: numba takes as long to import as everything else here. The results
 are those of the numpy routes, bit for bit; only weighted sums of other than whole numbers
 (:func:`combine`) may differ in their last digits. The first import on a machine compiles (some
-seconds) and keeps the code beside these files, in the user's cache folder, or in this process only;
-:mod:`hdc.ahead` has that done beforehand.
+ten seconds) and keeps the code beside these files, in the user's cache folder, or in this process
+only; see :mod:`hdc.backends`.
 """
 
 from __future__ import annotations

@@ -10,7 +10,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
-from hdc import bits
+from hdc import backends, bits
 from hdc.encoders.ranks import check_frames, warn_of_constant
 from hdc.encoders.relative import RelativeEncoder
 from hdc.encoders.standardised import values_of_greys
@@ -80,7 +80,7 @@ class Deviation(RelativeEncoder):
         out: Tensor | None = None,
     ) -> Tensor:
         """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the differences."""
-        kernels = bits.kernels(backend, frames.device)
+        kernels = backends.kernels(backend, frames.device)
         if not kernels or frames.dtype != torch.uint8:
             return super().encode(frames, first, backend, out)
         check_frames(frames)

@@ -20,7 +20,7 @@ from typing import Any, NamedTuple
 import torch
 from torch import Tensor
 
-from hdc import bits
+from hdc import backends, bits
 from hdc.encoders.base import Encoder
 from hdc.encoders.thresholds import Level, route_of
 from hdc.encoders.ties import TIES
@@ -71,7 +71,7 @@ class RankEncoder(Encoder):
 
         Raises:
             ValueError: for another shape, no pixels, pixels that are not finite, or a backend that
-                is not to be had (:func:`hdc.bits.kernels`).
+                is not to be had (:func:`hdc.backends.kernels`).
             TypeError: for a dtype that has no order (bool, complex).
         """
         words, ties = encode_ranks(
@@ -143,7 +143,7 @@ def encode_ranks(
     """
     check_frames(frames)
     check_choice("ties", rule, TIES)
-    kernels = bits.kernels(backend, frames.device)
+    kernels = backends.kernels(backend, frames.device)
     n = len(frames)
     n_pixels = frames.shape[1:].numel()
     ones = count_ones(quantiles, n_pixels)

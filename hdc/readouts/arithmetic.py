@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import torch
 from torch import Tensor
 
-from hdc import bits
+from hdc import backends, bits
 
 MOST_FRAMES = 8000
 """Training frames of a read-out that is solved by the products of all pairs."""
@@ -51,7 +51,7 @@ def dot(
 def _weighted_hamming(words: Tensor, planes: Tensor, backend: str) -> Tensor:
     """Σ_p 2^p Ham(v, b_p) of queries [Q, W] and planes [L, P, W]: int64 [Q, L]."""
     n_classes, n_planes, width = planes.shape
-    kernels = bits.kernels(backend, words.device)
+    kernels = backends.kernels(backend, words.device)
     if kernels:
         asked = words.contiguous().numpy()
         known = planes.contiguous().numpy()
@@ -93,7 +93,7 @@ def combinations(coefficients: Tensor, words: Tensor, backend: str = "numpy") ->
     """
     factors = coefficients.float()
     here = words.cpu()
-    kernels = bits.kernels(backend, "cpu")
+    kernels = backends.kernels(backend, "cpu")
     if kernels:
         sums = torch.from_numpy(kernels.combine(here.numpy(), factors.numpy()))
     else:

@@ -38,7 +38,7 @@ from experiments.protocol.stop import StopRule
 from experiments.records import configs
 from experiments.records.revision import revisions
 from experiments.records.rows import unpack_labels
-from hdc import bits
+from hdc import backends
 from scenes.frames import Frames
 
 FILE = Path(__file__).parent / "golden" / "numbers.json"
@@ -176,7 +176,7 @@ def of_words() -> Iterator[tuple[str, Item]]:
 def bits_are_compiled() -> bool:
     """Whether numba is here."""
     try:
-        bits.kernels("compiled", torch.device("cpu"))
+        backends.kernels("compiled", torch.device("cpu"))
     except (ValueError, ImportError):
         return False
     return True

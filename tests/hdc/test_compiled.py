@@ -4,11 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-import threading
-import time
 import warnings
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 import pytest
@@ -18,7 +14,7 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import array_shapes, arrays
 
 import hdc
-from hdc import HDCClassifier, ahead, bits
+from hdc import HDCClassifier, backends, bits
 from hdc.encoders import Levels, Median, Quantile
 from hdc.encoders.ties import TIES
 from hdc.prototypes import Counters
@@ -118,7 +114,7 @@ def test_same_words_and_same_counts_of_any_frames(
     labels = torch.from_numpy(frames[:, 0].astype(np.int64) % n_classes)
     counts = [
         prototypes(expected, labels, n_classes, frames.shape[1], b)
-        for b in bits.BACKENDS
+        for b in backends.BACKENDS
     ]
     assert torch.equal(*counts)
 
@@ -146,7 +142,7 @@ def test_the_same_model(ties: str, readout: type, threads: int) -> None:
         HDCClassifier(readout=readout(ties, seed=4), backend=backend).fit(
             frames, labels
         )
-        for backend in bits.BACKENDS
+        for backend in backends.BACKENDS
     ]
     assert torch.equal(models[0].prototypes_, models[1].prototypes_)
     assert np.array_equal(models[0].predict(frames), models[1].predict(frames))
@@ -154,23 +150,6 @@ def test_the_same_model(ties: str, readout: type, threads: int) -> None:
         for model in models:
             model.recalibrate(frames[:40], labels[:40], 0.5, seed=1)
         assert np.array_equal(models[0].distances(frames), models[1].distances(frames))
-
-
-def test_without_numba_the_parameter_is_named(monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "numba", None)
-    for name in [name for name in sys.modules if name.startswith("hdc.compiled")]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.delattr(hdc, "compiled", raising=False)
-    message = r"backend: 'compiled' expects numba \(pip install 'speckle-hdc\[compiled\]'\), found"
-    frames = frames_of(4, 100)
-    with pytest.raises(ValueError, match=message):
-        HDCClassifier(backend="compiled").fit(frames, [0, 1, 0, 1])
-    with pytest.raises(ValueError, match=message):
-        encode(frames, backend="compiled")
-    monkeypatch.setattr(ahead, "ENOUGH", 0)
-    monkeypatch.setattr(ahead, "_loaded", threading.Event())
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
-    assert HDCClassifier().fit(frames, [0, 1, 0, 1]).predict(frames).shape == (4,)
 
 
 def test_other_backends_and_devices_are_refused() -> None:
@@ -181,161 +160,71 @@ def test_other_backends_and_devices_are_refused() -> None:
         HDCClassifier(backend="cuda").fit(frames, [0, 1, 0, 1])
     message = "backend: 'compiled' expects device 'cpu', found 'meta'"
     with pytest.raises(ValueError, match=message):
-        bits.choose_backend("compiled", "meta")
+        backends.choose_backend("compiled", "meta")
     with pytest.raises(ValueError, match=message):
         encode(frames.to("meta"), backend="compiled")
 
 
-@dataclass
-class Started:
-    """What a process has started: programs that compile, and threads that load."""
-
-    programs: list[list[str]]
-    threads: list[Any]
+@pytest.fixture
+def fresh(monkeypatch):
+    """A process that has neither loaded the kernels nor encoded anything."""
+    monkeypatch.setattr(backends, "_encoded", 0)
+    for function in (backends._load, backends._loads):
+        function.cache_clear()
+    yield
+    for function in (backends._load, backends._loads):
+        function.cache_clear()
 
 
 @pytest.fixture
-def fresh(monkeypatch, tmp_path):
-    """A process that has neither loaded the kernels nor encoded anything."""
-    monkeypatch.setattr(ahead, "_encoded", 0)
-    monkeypatch.setattr(ahead, "_loaded", threading.Event())
-    monkeypatch.setattr(ahead, "_compiler", None)
-    monkeypatch.setattr(ahead, "_mark", lambda: tmp_path / "mark")
-    started = Started([], [])
-
-    class Program:
-        def __init__(self, command, **_) -> None:
-            started.programs.append(command)
-
-        def poll(self) -> int:
-            return 1
-
-    class Thread:
-        def __init__(self, target, name) -> None:
-            started.threads.append(target)
-
-        def start(self) -> None:
-            pass
-
-    monkeypatch.setattr(ahead.subprocess, "Popen", Program)
-    monkeypatch.setattr(ahead.threading, "Thread", Thread)
-    ahead._load_in_background.cache_clear()
-    yield started
-    ahead._load_in_background.cache_clear()
-
-
-BATCH = 270 * 250_000
-
-
-@needs_numba
-def test_auto_loads_beside_the_first_batch_and_is_compiled_after(fresh) -> None:
-    ahead._leave(ahead._mark())
-    assert bits.choose_backend("auto", "meta", 10_000 * 250_000) == "numpy"
-    assert bits.choose_backend("auto", "cpu", 1000) == "numpy"
-    assert not fresh.threads
-    for _ in range(3):
-        assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
-    assert fresh.threads == [ahead._load]
-    ahead.say_loaded()
-    assert bits.choose_backend("auto", "cpu", 1) == "compiled"
-    assert not fresh.programs
-
-
-@needs_numba
-def test_one_call_of_many_frames_waits_for_the_kernels(fresh) -> None:
-    ahead._leave(ahead._mark())
-    assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "compiled"
-
-
-def test_one_call_of_many_frames_goes_on_where_numba_is_broken(
-    fresh, monkeypatch
-) -> None:
+def without_numba(fresh, monkeypatch):
     monkeypatch.setitem(sys.modules, "numba", None)
-    monkeypatch.setattr("importlib.util.find_spec", lambda name: object())
-    ahead._mark().touch()
-    assert bits.choose_backend("auto", "cpu", 10_000 * 250_000) == "numpy"
+    for name in [name for name in sys.modules if name.startswith("hdc.compiled")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.delattr(hdc, "compiled", raising=False)
 
 
 @needs_numba
-def test_what_was_not_compiled_is_compiled_by_another_process(fresh) -> None:
-    for _ in range(3):
-        assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
-    (command,) = fresh.programs
-    assert command[0] == sys.executable
-    assert "ahead._load()" in command[-1]
-    assert not fresh.threads
-    ahead._leave(ahead._mark())
-    assert bits.choose_backend("auto", "cpu", 1) == "numpy"
-    assert fresh.threads == [ahead._load]
+def test_auto_is_compiled_once_it_pays(fresh) -> None:
+    assert backends.choose_backend("auto", "cpu", backends.ENOUGH - 1) == "numpy"
+    assert backends.choose_backend("auto", "meta", backends.ENOUGH) == "numpy"
+    assert backends.choose_backend("auto", "cpu", 1) == "compiled"
 
 
 @needs_numba
-def test_a_user_without_a_folder_marks_among_temporary_files(
-    monkeypatch, tmp_path
-) -> None:
-    def no_home() -> None:
-        raise RuntimeError("Could not determine home directory.")
-
-    monkeypatch.setattr(ahead.Path, "home", no_home)
-    monkeypatch.setattr(ahead.os, "access", lambda path, mode: False)
-    monkeypatch.setattr(ahead.tempfile, "gettempdir", lambda: str(tmp_path))
-    ahead._mark.cache_clear()
-    try:
-        assert ahead._mark().is_relative_to(tmp_path)
-    finally:
-        ahead._mark.cache_clear()
+def test_auto_is_compiled_after_a_user_has_asked_for_it(fresh) -> None:
+    assert backends.choose_backend("auto", "cpu", 1) == "numpy"
+    hdc.compile_kernels()
+    assert backends.choose_backend("auto", "cpu") == "compiled"
 
 
-@needs_numba
-def test_what_does_not_compile_is_not_tried_by_every_process(
-    fresh, monkeypatch
-) -> None:
-    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
-    monkeypatch.setattr(ahead, "_compiler", None)  # another process
-    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
-    assert len(fresh.programs) == 1
-    days_later = time.time() + 2 * ahead.AGAIN
-    monkeypatch.setattr(ahead.time, "time", lambda: days_later)
-    assert bits.choose_backend("auto", "cpu", BATCH) == "numpy"
-    assert len(fresh.programs) == 2
-
-
-def test_a_numba_that_cannot_be_loaded_leaves_numpy(fresh, monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "numba", None)
-    ahead._load()
-    assert not ahead._loaded.is_set()
+def test_without_numba_the_parameter_is_named(without_numba) -> None:
+    message = r"backend: 'compiled' expects numba \(pip install 'speckle-hdc\[compiled\]'\), found"
+    frames = frames_of(4, 100)
+    with pytest.raises(ValueError, match=message):
+        HDCClassifier(backend="compiled").fit(frames, [0, 1, 0, 1])
+    with pytest.raises(ValueError, match=message):
+        hdc.compile_kernels()
+    for _ in range(2):  # tried once, asked twice
+        assert backends.choose_backend("auto", "cpu", backends.ENOUGH) == "numpy"
 
 
 @needs_numba
 @pytest.mark.parametrize("readout", ["majority", "counts", "trained", "ridge"])
 def test_kernels_that_are_loaded_during_fit_change_nothing(
-    monkeypatch, readout
+    fresh, monkeypatch, readout
 ) -> None:
     monkeypatch.setattr("hdc.learner.CHUNK", 8)
     monkeypatch.setattr("hdc.estimator.CHUNK", 8)
     frames = frames_of(40, 1000)
     labels = [0, 1, 2, 3] * 10
     expected = HDCClassifier(readout=readout, backend="numpy").fit(frames, labels)
-    chosen = []
-
-    def loaded_meanwhile(n_pixels: int) -> bool:
-        chosen.append(len(chosen) > 3)
-        return chosen[-1]
-
-    monkeypatch.setattr(ahead, "are_due", loaded_meanwhile)
+    monkeypatch.setattr(backends, "ENOUGH", 20 * 1000)
     found = HDCClassifier(readout=readout).fit(frames, labels)
-    assert not chosen[0]
-    assert chosen[-1]
+    assert backends.choose_backend("auto", "cpu") == "compiled"
     assert torch.equal(found.prototypes_, expected.prototypes_)
     assert np.array_equal(found.predict(frames), expected.predict(frames))
     assert torch.equal(found.counters_.planes, expected.counters_.planes)
-
-
-@needs_numba
-def test_loading_the_kernels_leaves_a_mark() -> None:
-    from hdc import compiled  # noqa: F401
-
-    assert ahead._mark().exists()
 
 
 @needs_numba
@@ -359,7 +248,7 @@ def test_one_read_counts_and_keeps_what_two_do(
     )
     chosen = data.draw(st.lists(st.integers(0, n - 1), unique=True))
     words = encode(images)
-    twice, once = (Counters(n_classes, d, backend=b) for b in bits.BACKENDS)
+    twice, once = (Counters(n_classes, d, backend=b) for b in backends.BACKENDS)
     before = torch.get_num_threads()
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(operations, "_SHARE_BYTES", 1)
@@ -389,7 +278,7 @@ def test_a_model_trained_in_one_read_is_the_same(
 ) -> None:
     frames, labels = frames_of(400, 70), np.arange(400) % 7 % 3
     files = []
-    for backend in bits.BACKENDS:
+    for backend in backends.BACKENDS:
         readout = Majority(balance=balance)
         model = HDCClassifier(encoder, readout, backend=backend).fit(frames, labels)
         model.save(tmp_path / backend)
@@ -398,7 +287,7 @@ def test_a_model_trained_in_one_read_is_the_same(
 
 
 @needs_numba
-@pytest.mark.parametrize("backend", bits.BACKENDS)
+@pytest.mark.parametrize("backend", backends.BACKENDS)
 def test_frames_in_colour_are_refused_by_both(backend: str) -> None:
     frames = np.zeros((6, 8, 9, 3), np.uint8)
     message = r"frames: expected shape \[N, H, W\] or \[N, D\], found \(6, 8, 9, 3\)"
@@ -411,7 +300,7 @@ def test_frames_in_colour_are_refused_by_both(backend: str) -> None:
 
 
 @needs_numba
-@pytest.mark.parametrize("backend", bits.BACKENDS)
+@pytest.mark.parametrize("backend", backends.BACKENDS)
 def test_models_warn_of_two_valued_frames_once(backend: str) -> None:
     frames = (np.random.default_rng(0).random((600, 90)) < 0.3).astype(np.uint8)
     with warnings.catch_warnings(record=True) as caught:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from hdc.accuracy import wilson
-from hdc.bits import choose_backend
+from hdc.backends import choose_backend
 from hdc.command.compare import show
 from hdc.command.compare.advice import paired_accuracies, paired_errors
 from hdc.command.compare.budget import Budget, estimate, in_words

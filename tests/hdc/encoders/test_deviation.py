@@ -10,7 +10,7 @@ import pytest
 import torch
 from sklearn.base import clone
 
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, backends, bits
 from hdc.encoders import Deviation
 from hdc.encoders.deviation import deviations_of
 from hdc.encoders.standardised import standardised
@@ -90,7 +90,7 @@ def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames) -> 
         torch.set_num_threads(before)
 
 
-@pytest.mark.parametrize("backend", bits.BACKENDS)
+@pytest.mark.parametrize("backend", backends.BACKENDS)
 def test_no_sum_overflows_at_many_pixels(backend: str) -> None:
     """Two frames of 2²⁴ + 1 pixels whose one bright pixel stands apart by all that can be."""
     if backend == "compiled":
@@ -121,7 +121,7 @@ def test_frames_that_say_nothing_are_named() -> None:
     frames = np.random.default_rng(0).integers(0, 256, (40, 50)).astype(np.uint8)
     frames[7] = 9
     encoder = Deviation(frame=frames[33]).fit(frames)
-    for backend in bits.BACKENDS:
+    for backend in backends.BACKENDS:
         if backend == "compiled":
             pytest.importorskip("numba")
         with pytest.warns(UserWarning, match="1 constant frame") as caught:

@@ -9,7 +9,7 @@ import pytest
 import torch
 from sklearn.base import clone
 
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, backends, bits
 from hdc.readouts import Kernel
 from hdc.readouts.kernel import median_of_pairs
 
@@ -171,7 +171,7 @@ def test_routes_agree_on_predictions() -> None:
     asked, _ = problem(200, 4200, 5, seed=4)
     words = bits.pack(torch.from_numpy(masks))
     found = []
-    for backend in bits.BACKENDS:
+    for backend in backends.BACKENDS:
         model = Kernel()
         model.backend = backend
         model.fit(words, torch.from_numpy(rows), 5, 4200)

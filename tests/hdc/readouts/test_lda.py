@@ -9,7 +9,7 @@ import pytest
 import torch
 from sklearn.covariance import OAS, LedoitWolf
 
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, backends, bits
 from hdc.readouts import LDA, Majority
 from hdc.readouts.arithmetic import combinations, gram
 from hdc.readouts.discriminant import Problem
@@ -104,7 +104,7 @@ def test_both_backends_give_the_same_integers() -> None:
     pytest.importorskip("numba")
     _, words, rows = problem(90, 4200, 5, 4)
     models = []
-    for backend in bits.BACKENDS:
+    for backend in backends.BACKENDS:
         model = LDA()
         model.backend = backend
         models.append(model.fit(words, rows, 5, 4200))
@@ -284,10 +284,10 @@ def test_weights_are_sums_of_hypervectors() -> None:
     x, words, _ = problem(50, 333, 4, 11)
     coefficients = torch.from_numpy(np.random.default_rng(0).normal(size=(50, 3)))
     expected = (x.T @ coefficients.numpy()).T
-    for backend in bits.BACKENDS:
+    for backend in backends.BACKENDS:
         found = combinations(coefficients, words, backend)[:, :333]
         np.testing.assert_allclose(found, expected, atol=1e-4)
     whole = torch.from_numpy(np.random.default_rng(0).integers(-9, 10, (50, 3)))
     expected = (x.T @ whole.numpy()).T
-    for backend in bits.BACKENDS:
+    for backend in backends.BACKENDS:
         assert np.array_equal(combinations(whole, words, backend)[:, :333], expected)

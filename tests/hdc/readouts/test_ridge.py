@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from sklearn.linear_model import Ridge as PlainRidge
 from sklearn.model_selection import GridSearchCV
 
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, backends, bits
 from hdc.readouts import Ridge, RidgeValues
 from hdc.readouts import ridge as ridges
 from hdc.readouts.arithmetic import gram
@@ -218,7 +218,7 @@ def test_both_backends_and_a_file_give_the_same(hard, tmp_path: Path) -> None:
     pytest.importorskip("numba")
     train, (queries, _) = hard(80, 0), hard(50, 1)
     models = [
-        HDCClassifier(readout="ridge", backend=b).fit(*train) for b in bits.BACKENDS
+        HDCClassifier(readout="ridge", backend=b).fit(*train) for b in backends.BACKENDS
     ]
     scores = [model.decision_function(queries) for model in models]
     assert np.array_equal(*scores)
