@@ -11,14 +11,19 @@ from __future__ import annotations
 
 from hdc.compiled.combine import combine
 from hdc.compiled.count import count_into, count_uint8, hamming, weighted_hamming
-from hdc.compiled.deviation import encode_deviation, histograms
 from hdc.compiled.encode import encode_uint8
+from hdc.compiled.relative import (
+    encode_deviation,
+    encode_differences,
+    histograms,
+)
 
 __all__ = [
     "combine",
     "count_into",
     "count_uint8",
     "encode_deviation",
+    "encode_differences",
     "encode_uint8",
     "hamming",
     "histograms",

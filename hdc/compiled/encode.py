@@ -47,7 +47,7 @@ def encode_uint8(
 
 
 @compile_kernel("uint64[::1](int64)")
-def _rotations(width):
+def rotations_of(width):
     """h(w) of :mod:`hdc.encoders.ties`, [W]."""
     rotations = np.empty(width, np.uint64)
     for w in range(width):
@@ -127,7 +127,7 @@ def _add_first(equals, words, missing):
 
 
 @compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64, int64)")
-def _add_ties(equals, words, rotations, missing, n_equal, rule):
+def add_ties(equals, words, rotations, missing, n_equal, rule):
     """Add ties to words [W] until `missing` are added, by a rule of :data:`RULES`."""
     if missing == n_equal:
         for w in range(len(equals)):
@@ -193,7 +193,7 @@ def encode_rows(images, rows, words, ties, level, n_ones, rule):
     level = np.int64(level)
     sample = np.zeros(256, np.int64)
     equals = np.empty((images.shape[1] + WORD - 1) // WORD, np.uint64)
-    rotations = _rotations(len(equals))
+    rotations = rotations_of(len(equals))
     for k in range(len(rows)):
         i = rows[k]
         sample[:] = 0
@@ -222,7 +222,7 @@ def encode_rows(images, rows, words, ties, level, n_ones, rule):
             if trials > _TRIALS:
                 level = (low + high) // 2
         missing = n_ones - n_greater
-        _add_ties(equals, words[k], rotations, missing, n_equal, rule)
+        add_ties(equals, words[k], rotations, missing, n_equal, rule)
         ties[i, 0] = n_equal
         ties[i, 1] = missing
     return np.uint8(level)
@@ -278,7 +278,7 @@ def _encode_levels(images, rows, words, ties, wanted, rule):
     missing = np.empty(n_levels, np.int64)
     above = np.empty((n_levels, width), np.int64)
     equals = np.empty((n_levels, width), np.uint64)
-    rotations = _rotations(width)
+    rotations = rotations_of(width)
     for k in range(len(rows)):
         i = rows[k]
         histogram(images, i, counts)
@@ -302,7 +302,7 @@ def _encode_levels(images, rows, words, ties, wanted, rule):
                 above[t, whole] = np.int64(last)
                 equals[t, whole] = at
             n_equal = counts[levels[t]]
-            _add_ties(equals[t], above[t], rotations, missing[t], n_equal, rule)
+            add_ties(equals[t], above[t], rotations, missing[t], n_equal, rule)
             put(above[t], words[k], t * n_pixels)
             ties[i, 2 * t] = n_equal
             ties[i, 2 * t + 1] = missing[t]

@@ -61,3 +61,11 @@ class Encoder(Parametrised, ABC):
         """
         if tensors:
             raise ValueError(f"tensors of an encoder that learns none: {list(tensors)}")
+
+
+def into(out: Tensor | None, words: Tensor) -> Tensor:
+    """Words [N, W], in the first rows of `out` where there is one."""
+    if out is None:
+        return words
+    out[: len(words)] = words
+    return out[: len(words)]

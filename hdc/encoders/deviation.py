@@ -7,13 +7,13 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import backends, bits
-from hdc.encoders.ranks import check_frames, warn_of_constant
+from hdc import bits
+from hdc.encoders.ranks import warn_of_constant
 from hdc.encoders.relative import RelativeEncoder
-from hdc.encoders.standardised import values_of_greys
 
 _LARGEST = 10**6  # numerator or denominator of a threshold
 _INT32 = torch.iinfo(torch.int32).max
@@ -72,33 +72,20 @@ class Deviation(RelativeEncoder):
     def dimension(self, n_pixels: int) -> int:
         return len(self.thresholds) * n_pixels
 
-    def encode(
+    @property
+    def is_compiled(self) -> bool:
+        return True
+
+    def compiled_words(
         self,
-        frames: Tensor,
-        first: int = 0,
-        backend: str = "numpy",
-        out: Tensor | None = None,
-    ) -> Tensor:
-        """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the differences."""
-        kernels = backends.kernels(backend, frames.device)
-        if not kernels or frames.dtype != torch.uint8:
-            return super().encode(frames, first, backend, out)
-        check_frames(frames)
-        images = frames.flatten(1).numpy()
-        counts = torch.from_numpy(kernels.histograms(images))
-        tables = values_of_greys(counts)
-        if out is None:
-            width = bits.words_for(self.dimension(images.shape[1]))
-            out = torch.empty(len(images), width, dtype=torch.int64)
-        words = out[: len(images)]
-        reference = self.reference_.to(torch.int32).numpy()
-        deviations = kernels.encode_deviation(
-            images, tables.numpy(), reference, self.fractions(), words.numpy()
-        )
-        constant = (counts == images.shape[1]).any(1).nonzero().flatten()
-        warn_of_constant(constant.tolist(), first)
+        differences: tuple[np.ndarray, np.ndarray, np.ndarray],
+        words: np.ndarray,
+        first: int,
+    ) -> None:
+        from hdc.compiled import encode_deviation
+
+        deviations = encode_deviation(*differences, self.fractions(), words)
         _warn_of_none(deviations.tolist(), first)
-        return words
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         deviations = deviations_of(differences)

@@ -6,10 +6,16 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
+import numpy as np
+import torch
 from torch import Tensor
 
 from hdc.encoders.base import Encoder
+from hdc.encoders.levels import Levels
+from hdc.encoders.median import Median
 from hdc.encoders.named import encode_with, make_encoder
+from hdc.encoders.quantile import Quantile
+from hdc.encoders.ranks import RankEncoder, ties_of
 from hdc.encoders.relative import RelativeEncoder
 
 
@@ -58,6 +64,26 @@ class Reference(RelativeEncoder):
 
     def dimension(self, n_pixels: int) -> int:
         return self.base_.dimension(n_pixels)
+
+    @property
+    def is_compiled(self) -> bool:
+        return type(self.base_) in (Median, Quantile, Levels)
+
+    def compiled_words(
+        self,
+        differences: tuple[np.ndarray, np.ndarray, np.ndarray],
+        words: np.ndarray,
+        first: int,
+    ) -> None:
+        from hdc.compiled import encode_differences
+
+        base = self.base_
+        assert isinstance(base, RankEncoder)
+        n_pixels = differences[0].shape[1]
+        ones = base.ones(n_pixels)
+        found = encode_differences(*differences, ones, base.ties, words)
+        equal, split = map(torch.from_numpy, found)
+        base.warn(ties_of(equal, split, n_pixels), n_pixels, first)
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         return encode_with(self.base_, differences, first, "numpy")

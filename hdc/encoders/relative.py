@@ -11,10 +11,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import inputs
-from hdc.encoders.base import Encoder
-from hdc.encoders.ranks import warn_of_constant
-from hdc.encoders.standardised import FRACTION, standardised
+from hdc import backends, bits, inputs
+from hdc.encoders.base import Encoder, into
+from hdc.encoders.ranks import check_frames, warn_of_constant
+from hdc.encoders.standardised import FRACTION, standardised, values_of_greys
 from hdc.io import check_tensors
 
 GIVEN = "given"
@@ -36,6 +36,24 @@ class RelativeEncoder(Encoder):
 
     frame: Any
     reference_: Tensor
+
+    @property
+    @abstractmethod
+    def is_compiled(self) -> bool:
+        """Whether :meth:`compiled_words` is there for these parameters."""
+
+    @abstractmethod
+    def compiled_words(
+        self,
+        differences: tuple[np.ndarray, np.ndarray, np.ndarray],
+        words: np.ndarray,
+        first: int,
+    ) -> None:
+        """Fill words [N, W] with :meth:`of_differences`, by a kernel.
+
+        The differences are images uint8 [N, D], what each grey becomes in each of them, int32
+        [N, 256], and the reference, int32 [D].
+        """
 
     @abstractmethod
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
@@ -94,6 +112,10 @@ class RelativeEncoder(Encoder):
         out: Tensor | None = None,
     ) -> Tensor:
         """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the differences."""
+        if backends.kernels(backend, frames.device) and frames.dtype == torch.uint8:
+            check_frames(frames)
+            if self.is_compiled and frames.shape[1:].numel() > 1:
+                return self._encode_compiled(frames, first, out)
         reference = self.reference_.to(frames.device, torch.int32)
         constant: list[int] = []
         words = []
@@ -105,11 +127,26 @@ class RelativeEncoder(Encoder):
             constant += (start + flat).tolist()
             words.append(self.of_differences(values - reference, first + start))
         warn_of_constant(constant, first)
-        whole = torch.cat(words)
+        return into(out, torch.cat(words))
+
+    def _encode_compiled(
+        self, frames: Tensor, first: int, out: Tensor | None
+    ) -> Tensor:
+        """:meth:`encode` of 8-bit frames by :mod:`hdc.compiled.relative`."""
+        from hdc import compiled
+
+        images = frames.flatten(1).numpy()
+        n, n_pixels = images.shape
+        counts = torch.from_numpy(compiled.histograms(images))
+        tables = values_of_greys(counts).numpy()
         if out is None:
-            return whole
-        out[: len(whole)] = whole
-        return out[: len(whole)]
+            width = bits.words_for(self.dimension(n_pixels))
+            out = torch.empty(n, width, dtype=torch.int64)
+        reference = self.reference_.to(torch.int32).numpy()
+        self.compiled_words((images, tables, reference), out[:n].numpy(), first)
+        constant = (counts == n_pixels).any(1).nonzero().flatten()
+        warn_of_constant(constant.tolist(), first)
+        return out[:n]
 
     def state(self) -> dict[str, Tensor]:
         return {"reference": self.reference_}

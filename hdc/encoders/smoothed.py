@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc import inputs
-from hdc.encoders.base import Encoder
+from hdc.encoders.base import Encoder, into
 from hdc.encoders.named import encode_with, make_encoder
 from hdc.encoders.ranks import check_frames
 from hdc.encoders.standardised import LARGEST, integers
@@ -102,10 +102,7 @@ class Smoothed(Encoder):
     ) -> Tensor:
         """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the smoothed frames."""
         found = encode_with(self.base_, self.images(frames, first), first, "numpy")
-        if out is None:
-            return found
-        out[: len(found)] = found
-        return out[: len(found)]
+        return into(out, found)
 
     def images(self, frames: Tensor, first: int = 0) -> Tensor:
         """Smoothed images int32 [N, H, W] of frames [N, H, W] or [N, D], of 18 bits."""

@@ -11,6 +11,7 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, bits
+from hdc.backends import BACKENDS
 from hdc.encoders import Levels, Median, Quantile, Reference
 from hdc.encoders.standardised import standardised
 
@@ -95,6 +96,36 @@ def test_words_are_those_of_the_differences(base, brightest) -> None:
     assert torch.equal(encoder.encode(torch.from_numpy(frames), out=room), words)
     compiled = encoder.encode(torch.from_numpy(frames), backend="compiled")
     assert torch.equal(compiled, words)
+
+
+@pytest.mark.filterwarnings("ignore:.*constant frame|.*of the pixels of a frame")
+@pytest.mark.parametrize("d", [1, 2, 63, 64, 65, 4161, 70_001])
+@pytest.mark.parametrize(
+    "base", ["median", "levels", Quantile("1/9", "below"), Levels(3, ties="raster")]
+)
+def test_kernels_make_the_same_bits(d: int, base, kinds_of_frames) -> None:
+    """Constant frames, saturated ones and such of two grey levels among them."""
+    pytest.importorskip("numba")
+    frames = torch.from_numpy(kinds_of_frames(d))
+    encoder = Reference(base).fit(frames[:9])
+    words = encoder.encode(frames)
+    assert torch.equal(encoder.encode(frames, backend="compiled"), words)
+    room = torch.full((len(frames) + 3, words.shape[1]), -1)
+    found = encoder.encode(frames, backend="compiled", out=room)
+    assert found.data_ptr() == room.data_ptr()
+    assert torch.equal(found, words)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_many_ties_of_differences_are_warned_of_once(backend: str) -> None:
+    if backend == "compiled":
+        pytest.importorskip("numba")
+    frames = torch.zeros(3, 90, dtype=torch.uint8)
+    frames[0, :9] = frames[1, 9:20] = frames[2, 30:39] = 1
+    encoder = Reference().fit(frames)
+    with pytest.warns(UserWarning, match="of the pixels of a frame equal") as caught:
+        encoder.encode(frames, backend=backend)
+    assert len(caught) == 1
 
 
 def test_brightness_and_contrast_change_no_bit() -> None:
