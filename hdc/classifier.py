@@ -31,6 +31,8 @@ from hdc.parameters import available_unless, renamed
 from hdc.prototypes import Counters
 from hdc.readouts import READOUTS, Readout, make_readout
 
+_UNEQUAL = 0.2  # share of more frames of a class that is warned of
+
 
 class HDCClassifier(Estimator):
     """Classifier on packed hypervectors (Kitagawa et al., Opt. Express 32, 3209 (2024)).
@@ -54,7 +56,9 @@ class HDCClassifier(Estimator):
         readout: ``"majority"`` as published, ``"counts"``, ``"ridge"``, ``"neighbours"``,
             ``"lda"``, ``"trained"`` or ``"kernel"``; an object of
             :class:`hdc.readouts.Readout`; or the dotted name of such a class. Prototypes are made
-            with each, for :meth:`distances` and :meth:`is_known`.
+            with each, for :meth:`distances` and :meth:`is_known`. By ``"majority"`` and
+            ``"counts"`` a class with more frames takes frames of the others, as published; to count
+            classes alike: ``readout=Majority(balance=True)``.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
             numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
@@ -114,8 +118,20 @@ class HDCClassifier(Estimator):
         for _ in trained._train(frames, y):
             pass
         trained._learned.settle()
+        trained._warn_of_unequal()
         self._adopt(trained)
         return self
+
+    def _warn_of_unequal(self) -> None:
+        """Warn of larger classes where the read-out favours them, and is given by name."""
+        more = max(self.counts_) / min(self.counts_) - 1
+        if self.readout in ("majority", "counts") and more > _UNEQUAL:
+            name = type(self.readout_).__name__
+            warnings.warn(
+                f"fit: the largest class has {more:.0%} more frames than the smallest, and "
+                f"{self.readout!r} favours it; {name}(balance=True) counts classes alike",
+                stacklevel=3,
+            )
 
     def train(self, frames: Any, y: Any) -> Iterator[dict[str, float]]:
         """:meth:`fit`, yielding ``{"samples_seen": n}`` whenever there is a model to predict with.

@@ -23,6 +23,7 @@ from hdc import backends, inputs, io
 from hdc.bank import Selection
 from hdc.encoders import Encoder, encode_with, make_encoder
 from hdc.parameters import Named, Parametrised, describe, rebuild
+from hdc.tensors import prefixed, without_prefix
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
@@ -209,7 +210,7 @@ class Estimator(Parametrised, ABC):
             trained = getattr(self, f"{name}_")
             parameters[name] = describe(trained, self._known[name])
         header, tensors = self._stored()
-        tensors |= io.prefixed("encoder", self.encoder_.state())
+        tensors |= prefixed("encoder", self.encoder_.state())
         header = {"kind": type(self).__name__, **header}
         header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
         header |= {"columns": self._columns, "metadata": metadata}
@@ -293,7 +294,7 @@ class Estimator(Parametrised, ABC):
     def _restore_encoder(self, tensors: dict[str, Tensor]) -> None:
         """Have the encoder learn its own of the tensors, which are taken out."""
         encoder = make_encoder(self.encoder).unlearned()
-        learned = io.without_prefix("encoder", tensors)
+        learned = without_prefix("encoder", tensors)
         for name in learned:
             del tensors[f"encoder.{name}"]
         encoder.restore(learned, self.n_features_in_)

@@ -13,7 +13,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -184,35 +184,3 @@ def _read(path: Path, tensors: bool) -> tuple[dict[str, Any], dict[str, Tensor]]
     if not isinstance(header, dict) or not isinstance(header.get("format"), str):
         return {}, content
     return header, content
-
-
-def check_tensors(
-    tensors: Mapping[str, Tensor],
-    shapes: Mapping[str, tuple[int, ...]],
-    floats: Sequence[str] = (),
-) -> None:
-    """Check that tensors have these shapes and are int64, or float64 and finite for `floats`.
-
-    Raises:
-        ValueError: for the first that does not fit, or has no shape to fit.
-    """
-    for name, tensor in tensors.items():
-        expected = "torch.float64" if name in floats else "torch.int64"
-        fits = tuple(tensor.shape) == shapes.get(name) and str(tensor.dtype) == expected
-        if not fits or not tensor.isfinite().all():
-            raise ValueError(f"{name}: {tensor.dtype} {tuple(tensor.shape)}")
-
-
-def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of one part of a model, by the names that they have in its file."""
-    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
-
-
-def without_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Those of the tensors of a file that are of one part, by their names in that part."""
-    start = f"{prefix}."
-    return {
-        name.removeprefix(start): tensor
-        for name, tensor in tensors.items()
-        if name.startswith(start)
-    }

@@ -10,15 +10,15 @@ from typing import Any, Self
 import torch
 from torch import Tensor
 
-from hdc import bits, inputs
+from hdc import inputs
 from hdc.conformal import Conformal
 from hdc.inputs import Label
-from hdc.io import check_tensors, prefixed, without_prefix
 from hdc.parameters import is_number
 from hdc.probability import Temperature, cross_validated
 from hdc.readouts import Counting, Majority, Updatable
 from hdc.readouts.base import HeldOut, Readout, with_backend
 from hdc.sample import KEPT, Sample
+from hdc.tensors import check_parts, checked, prefixed, without_prefix
 
 ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
 
@@ -310,9 +310,7 @@ class Learned:
         groups = {"readout": self.readout}
         if self.majority is not self.readout:
             groups["majority"] = self.majority
-        for name in tensors:
-            if name.partition(".")[0] not in (*groups, "sample", "held_out"):
-                raise ValueError(f"a tensor {name!r}")
+        check_parts(tensors, (*groups, "sample", "held_out"))
         for prefix, part in groups.items():
             own = without_prefix(prefix, tensors)
             part.restore(own, n_classes, self.dimension)
@@ -330,9 +328,8 @@ class Learned:
         kept = [min(count, KEPT) for count in seen]
         if min(kept) < 0:
             raise ValueError(f"seen {seen!r}")
-        width = bits.words_for(self.dimension)
-        check_tensors({"sample": words}, {"sample": (sum(kept), width)})
-        bits.check_padding(words, self.dimension)
+        n = sum(kept)
+        checked({"sample": words}, {"sample": "int64 N W"}, N=n, D=self.dimension)
         parts = words.split(kept)
         for label, part, n_seen in zip(self.index, parts, seen, strict=True):
             if n_seen:
@@ -343,13 +340,12 @@ def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | Non
     """The scores that a file has, if it has any."""
     if not tensors:
         return None
-    n = len(tensors["rows"])
-    shapes = {"scores": (n, n_classes), "rows": (n,)}
-    check_tensors(tensors, shapes, floats=("scores",))
-    rows = tensors["rows"].cpu()
-    if n == 0 or rows.min() < 0 or rows.max() >= n_classes:
+    kinds = {"scores": "float64 N L", "rows": "int64 N"}
+    found = HeldOut(**checked(tensors, kinds, L=n_classes))
+    rows = found.rows
+    if rows.min() < 0 or rows.max() >= n_classes:
         raise ValueError(f"held_out.rows: expected classes in [0, {n_classes})")
-    return HeldOut(tensors["scores"].cpu(), rows)
+    return found
 
 
 def _with_others(

@@ -11,16 +11,16 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import backends, bits, circular, inputs
+from hdc import backends, circular, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, make_encoder
 from hdc.estimator import Estimator
 from hdc.inputs import check_share
-from hdc.io import check_tensors, prefixed
 from hdc.parameters import is_number
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.base import with_backend
 from hdc.readouts.values import ValueReadout
+from hdc.tensors import check_parts, checked, prefixed, without_prefix
 
 
 class HDCRegressor(Estimator):
@@ -254,20 +254,16 @@ class HDCRegressor(Estimator):
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
         words, values = tensors.pop("words"), tensors.pop("values")
-        n, n_targets = values.shape
-        width = bits.words_for(self.dimension_)
-        shapes = {"words": (n, width), "values": (n, n_targets)}
-        check_tensors({"words": words, "values": values}, shapes, floats=("values",))
-        bits.check_padding(words, self.dimension_)
+        kinds = {"words": "int64 N W", "values": "float64 N T"}
+        pairs = {"words": words, "values": values}
+        values = checked(pairs, kinds, D=self.dimension_)["values"]
         self._one = bool(header["one"])
         self.period = header.get("period")
         self._is_signed = bool(header.get("signed", False))
         self._check_parameters()
-        values = values.cpu()
         readout = make_value_readout(self.readout).unlearned()
-        own = {}
-        for name, tensor in tensors.items():
-            own[name.removeprefix("readout.")] = tensor
+        check_parts(tensors, ("readout",))
+        own = without_prefix("readout", tensors)
         readout.restore(own, words, values, self.dimension_)
         self._take(readout, words, values, bool(header["recalibrated"]))
 

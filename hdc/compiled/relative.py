@@ -142,35 +142,44 @@ def _encode(images, tables, reference, numerators, denominators, words, deviatio
             put(row, words[i], t * n_pixels)
 
 
-@compile_kernel("void(int32[::1], int64[::1], int64[::1], int64[::1])")
-def _thresholds(values, wanted, levels, n_above):
-    """Fill levels [T] with the wanted[t]-th largest of the values, n_above with how many are above.
+@compile_kernel("int64(int32[::1], int64[::1], int64[::1], int64[::1], int32[::1])")
+def _thresholds(values, wanted, levels, missing, places):
+    """Find the wanted[t]-th largest of the values, and how many are missing above it, for each t.
 
-    Values are counted in bins; those of the bins in which a level lies are ordered.
+    Values are counted in bins; those of the bins in which a level lies are ordered. Returns how
+    many these are, with the first of `places` [D] filled with where they are.
     """
-    low, high = np.int64(values.min()), np.int64(values.max())
+    least = most = values[0]
+    for j in range(len(values)):
+        least, most = min(least, values[j]), max(most, values[j])
+    low, high = np.int64(least), np.int64(most)
     shift = np.int64(0)
     while (high - low) >> shift >= _BINS:
         shift += 1
     counts = np.zeros(_BINS, np.int64)
     for j in range(len(values)):
         counts[(values[j] - low) >> shift] += 1
-    bins = np.empty(len(wanted), np.int64)
-    is_searched = np.zeros(_BINS, np.bool_)
+    behind = np.zeros(_BINS, np.int64)  # of the bins that are searched, up to each
     for t in range(len(wanted)):
         place, above = (high - low) >> shift, np.int64(0)
         while place > 0 and above + counts[place] < wanted[t]:
             above += counts[place]
             place -= 1
-        bins[t], n_above[t] = place, above
-        is_searched[place] = True
-    found = values[is_searched[(values - low) >> shift]]
+        levels[t], missing[t] = place, wanted[t] - above
+        behind[place] = counts[place]
+    n = np.int64(0)
+    for j in range(len(values)):
+        if behind[(values[j] - low) >> shift]:
+            places[n] = j
+            n += 1
+    found = np.empty(n, np.int32)
+    for k in range(n):
+        found[k] = values[places[k]]
     found.sort()
+    behind = behind.cumsum()
     for t in range(len(wanted)):
-        last = len(found)
-        for place in range(bins[t] + 1, _BINS):
-            last -= counts[place] * is_searched[place]
-        levels[t] = found[last - max(np.int64(1), wanted[t] - n_above[t])]
+        levels[t] = found[behind[levels[t]] - max(np.int64(1), missing[t])]
+    return n
 
 
 @compile_kernel(
@@ -182,22 +191,26 @@ def _encode_ranks(images, tables, reference, wanted, words, ties, rule):
     n_pixels = images.shape[1]
     width = (n_pixels + WORD - 1) // WORD
     differences = np.full((1, width * WORD), _LEAST, np.int32)
+    places = np.empty(n_pixels, np.int32)
     above, equals = np.empty(width, np.int64), np.empty(width, np.uint64)
-    levels, n_above = np.empty_like(wanted), np.empty_like(wanted)
+    levels, missing = np.empty_like(wanted), np.empty_like(wanted)
     rotations = rotations_of(width)
     for i in range(len(images)):
         _differences(images, i, tables, reference, differences)
-        _thresholds(differences[0, :n_pixels], wanted, levels, n_above)
+        values = differences[0, :n_pixels]
+        n_found = _thresholds(values, wanted, levels, missing, places)
         words[i] = 0
         for t in range(len(wanted)):
-            n_greater = n_equal = np.int64(0)
+            n_above = n_equal = np.int64(0)
             for w in range(width):
-                greater = exceeds(differences, 0, w * WORD, np.int32(levels[t]))
-                at = exceeds(differences, 0, w * WORD, np.int32(levels[t] - 1))
-                above[w], equals[w] = np.int64(greater), at & ~greater
-                n_greater += ones(greater)
-                n_equal += ones(equals[w])
-            missing = wanted[t] - n_greater
-            add_ties(equals, above, rotations, missing, n_equal, rule)
+                mask = exceeds(differences, 0, w * WORD, np.int32(levels[t]))
+                above[w], equals[w] = np.int64(mask), 0
+                n_above += ones(mask)
+            for j in places[:n_found]:
+                is_equal = values[j] == levels[t]
+                equals[j // WORD] |= np.uint64(is_equal) << np.uint64(j % WORD)
+                n_equal += is_equal
+            n_missing = wanted[t] - n_above
+            add_ties(equals, above, rotations, n_missing, n_equal, rule)
             put(above, words[i], t * n_pixels)
-            ties[i, 2 * t], ties[i, 2 * t + 1] = n_equal, missing
+            ties[i, 2 * t], ties[i, 2 * t + 1] = n_equal, n_missing

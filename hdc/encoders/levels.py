@@ -10,8 +10,8 @@ from torch import Tensor
 
 from hdc import bits, inputs
 from hdc.encoders.ranks import RankEncoder, check_finite
-from hdc.io import check_tensors
 from hdc.parameters import check_integer, is_number
+from hdc.tensors import checked
 
 CHUNK = 64  # training frames summed at a time
 
@@ -112,6 +112,5 @@ class Levels(RankEncoder):
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
         if not self.learns:
             return super().restore(tensors, n_pixels)
-        check_tensors(tensors, {"lit": (bits.words_for(n_pixels),)})
-        bits.check_padding(tensors["lit"], n_pixels)
-        self.lit_ = bits.unpack(tensors["lit"], n_pixels)
+        found = checked(tensors, {"lit": "int64 W"}, D=n_pixels)
+        self.lit_ = bits.unpack(found["lit"], n_pixels)

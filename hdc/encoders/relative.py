@@ -15,7 +15,7 @@ from hdc import backends, bits, inputs
 from hdc.encoders.base import Encoder, into
 from hdc.encoders.ranks import check_frames, warn_of_constant
 from hdc.encoders.standardised import FRACTION, standardised, values_of_greys
-from hdc.io import check_tensors
+from hdc.tensors import checked
 
 GIVEN = "given"
 """Stands in a file for a frame that was given."""
@@ -152,8 +152,9 @@ class RelativeEncoder(Encoder):
         return {"reference": self.reference_}
 
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
-        check_tensors(tensors, {"reference": (n_pixels,)})
-        reference = tensors["reference"]
+        device = tensors["reference"].device
+        found = checked(tensors, {"reference": "int64 D"}, D=n_pixels)
+        reference = found["reference"].to(device)
         largest = max(int(reference.max()), -int(reference.min()))
         if largest > 2 * 2**FRACTION * (math.isqrt(n_pixels) + 1):
             raise ValueError(

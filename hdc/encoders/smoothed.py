@@ -15,8 +15,8 @@ from hdc.encoders.base import Encoder, into
 from hdc.encoders.named import encode_with, make_encoder
 from hdc.encoders.ranks import check_frames
 from hdc.encoders.standardised import LARGEST, integers
-from hdc.io import check_tensors
 from hdc.parameters import check_integer
+from hdc.tensors import checked
 
 _MOST = 16  # pixels of deviation
 _REACH = 3  # deviations up to which pixels count
@@ -126,8 +126,7 @@ class Smoothed(Encoder):
 
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
         others = dict(tensors)
-        shape = others.pop("shape").cpu()
-        check_tensors({"shape": shape}, {"shape": (2,)})
+        shape = checked({"shape": others.pop("shape")}, {"shape": "int64 2"})["shape"]
         if int(shape.min()) < 1 or math.prod(shape.tolist()) != n_pixels:
             raise ValueError(
                 f"shape: expected that of {n_pixels} pixels, found {shape.tolist()}"

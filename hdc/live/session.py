@@ -14,7 +14,7 @@ from collections import Counter, deque
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,6 +22,7 @@ from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.encoders import Median
 from hdc.inputs import tensor
 from hdc.live.sources import Pressable, Source, Touch
+from hdc.readouts import Majority
 
 READOUTS = ("majority", "ridge", "neighbours")
 """Read-outs that can be recalibrated, which the page offers."""
@@ -298,12 +299,15 @@ def _classifier(samples: Sequence[Sample], readout: str) -> HDCClassifier | None
     if len({sample.label for sample in samples}) < 2:
         return None
     model = None
+    part: Any = readout
+    if readout == "majority":  # lessons are of any length
+        part = Majority(balance=True)
     for lesson in sorted({sample.lesson for sample in samples}):
         chosen = [sample for sample in samples if sample.lesson == lesson]
         frames = np.stack([sample.frame for sample in chosen])
         labels = [sample.label for sample in chosen]
         if model is None:
-            model = HDCClassifier(readout=readout).fit(frames, labels)
+            model = HDCClassifier(readout=part).fit(frames, labels)
         else:
             model.recalibrate(frames, labels, lesson.p, lesson.number)
     return model

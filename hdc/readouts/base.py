@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc.parameters import Parametrised
+from hdc.tensors import Kinds, kept, take
 
 NOWHERE = torch.iinfo(torch.int64).min
 """Score of a class without samples, in whole numbers."""
@@ -80,13 +81,20 @@ class Readout(Parametrised, ABC):
         """
         return None
 
+    kept: ClassVar[Kinds] = {}
+    """The tensors of a file, of :mod:`hdc.tensors`; by default all that are learned."""
+    predicts: ClassVar[tuple[str, ...]] = ()
+    """Those of them that a prediction needs; by default all."""
+    _dimension: int
+
     def state(self) -> dict[str, Tensor]:
         """The tensors that a prediction needs; they share memory with the read-out."""
-        return learned_tensors(self)
+        stored = self.stored()
+        return {name: stored[name] for name in self.predicts or stored}
 
     def stored(self) -> dict[str, Tensor]:
         """The tensors of a file: :meth:`state`, and what further training needs."""
-        return self.state()
+        return kept(self, self.kept) if self.kept else learned_tensors(self)
 
     def restore(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
@@ -96,8 +104,11 @@ class Readout(Parametrised, ABC):
         Raises:
             ValueError: for tensors that do not fit.
         """
-        for name, tensor in tensors.items():
-            setattr(self, name, tensor)
+        self._dimension = dimension
+        if self.kept:
+            take(self, tensors, self.kept, L=n_classes, D=dimension)
+        else:
+            vars(self).update(tensors)
 
 
 class Updatable(Readout):

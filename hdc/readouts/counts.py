@@ -21,13 +21,15 @@ class Counts(Counting):
 
     Args:
         ties, balance, seed: as of :class:`hdc.readouts.Majority`. Ties and seed decide only
-            the binary prototypes that rejection compares with; a larger class is compared as a
-            random subset of the size of the smallest is expected to be.
+            the binary prototypes that rejection compares with. With `balance`, a larger class is
+            compared as a random subset of the size of the smallest is expected to be.
 
     Attributes: as of :class:`hdc.readouts.majority.Counting`.
     """
 
-    def __init__(self, ties: str = "zero", balance: bool = True, seed: int = 0):
+    predicts = ("planes",)
+
+    def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
         self.ties = ties
         self.balance = balance
         self.seed = seed
@@ -62,9 +64,6 @@ class Counts(Counting):
     ) -> None:
         check_choice("method", method, ("merge",))  # counts have no bits to replace
         super().adapt(words, rows, share, seed, method)
-
-    def state(self) -> dict[str, Tensor]:
-        return {"counters": self.counters_.planes}
 
 
 def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tensor:

@@ -16,14 +16,13 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any, NamedTuple, Self
+from typing import Any, ClassVar, NamedTuple, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.io import check_tensors
 from hdc.parameters import is_number
 from hdc.prototypes import check_probability
 from hdc.readouts.base import HeldOut, Readout
@@ -55,6 +54,15 @@ class Kernel(Readout):
     reach_: Tensor
     scale_: Tensor
     penalty_: Tensor
+    kept: ClassVar = {
+        "frames": "int64 N W",
+        "dual": "float64 N L",
+        "offsets": "float64 L",
+        "reach": "float64",
+        "scale": "float64",
+        "penalty": "float64",
+    }
+    predicts = ("frames", "dual", "offsets", "reach")
     _held_out: HeldOut | None = None  # not in files
 
     def __init__(
@@ -147,38 +155,12 @@ class Kernel(Readout):
         dual = self.dual_.to(words.device)
         return near @ dual + self.offsets_.to(words.device)
 
-    def state(self) -> dict[str, Tensor]:
-        return {
-            "frames": self.frames_,
-            "dual": self.dual_,
-            "offsets": self.offsets_,
-            "reach": self.reach_,
-        }
-
-    def stored(self) -> dict[str, Tensor]:
-        return {**self.state(), "scale": self.scale_, "penalty": self.penalty_}
-
     def restore(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
     ) -> None:
-        n = len(tensors["dual"])
-        shapes = {
-            "frames": (n, bits.words_for(dimension)),
-            "dual": (n, n_classes),
-            "offsets": (n_classes,),
-            "reach": (),
-            "scale": (),
-            "penalty": (),
-        }
-        check_tensors(tensors, shapes, floats=[*shapes][1:])
-        bits.check_padding(tensors["frames"], dimension)
-        if float(tensors["reach"]) <= 0:
-            raise ValueError(
-                f"reach: expected one above zero, found {tensors['reach']}"
-            )
-        self.frames_ = tensors["frames"]
-        for name in [*shapes][1:]:
-            setattr(self, f"{name}_", tensors[name].cpu())
+        super().restore(tensors, n_classes, dimension)
+        if float(self.reach_) <= 0:
+            raise ValueError(f"reach: expected one above zero, found {self.reach_}")
 
 
 class Tried(NamedTuple):

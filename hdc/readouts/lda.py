@@ -20,14 +20,12 @@ last digits, and now and then a weight by one.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.io import check_tensors
 from hdc.parameters import is_number
 from hdc.prototypes import Counters, check_probability
 from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
@@ -59,7 +57,13 @@ class LDA(Readout):
     scales_: Tensor
     offsets_: Tensor
     shrinkage_: Tensor
-    _dimension: int
+    kept: ClassVar = {
+        "weights": "int64 L 4 W",
+        "scales": "int64 L",
+        "offsets": "int64 L",
+        "shrinkage": "float64",
+    }
+    predicts = ("weights", "scales", "offsets")
     _held_out: HeldOut | None = None  # not in files
 
     def __init__(self, shrinkage: float | str = "ledoit_wolf"):
@@ -192,33 +196,6 @@ class LDA(Readout):
         scales = self.scales_.to(words.device)
         offsets = self.offsets_.to(words.device)
         return twice // 2 * scales + offsets
-
-    def state(self) -> dict[str, Tensor]:
-        return {
-            "weights": self.weights_,
-            "scales": self.scales_,
-            "offsets": self.offsets_,
-        }
-
-    def stored(self) -> dict[str, Tensor]:
-        return {**self.state(), "shrinkage": self.shrinkage_}
-
-    def restore(
-        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> None:
-        shapes = {
-            "weights": (n_classes, _PLANES, bits.words_for(dimension)),
-            "scales": (n_classes,),
-            "offsets": (n_classes,),
-            "shrinkage": (),
-        }
-        check_tensors(tensors, shapes, floats=("shrinkage",))
-        bits.check_padding(tensors["weights"], dimension)
-        self.weights_ = tensors["weights"]
-        self.shrinkage_ = tensors["shrinkage"].cpu()
-        self.scales_ = tensors["scales"].cpu()
-        self.offsets_ = tensors["offsets"].cpu()
-        self._dimension = dimension
 
 
 def closed_form(

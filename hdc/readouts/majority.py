@@ -10,15 +10,24 @@ import torch
 from torch import Tensor
 
 from hdc import bits, planes
-from hdc.io import check_tensors
 from hdc.parameters import check_choice
 from hdc.prototypes import Counters, check_probability, merged, replaced_bits
 from hdc.readouts.base import HeldOut, Updatable
+from hdc.tensors import checked
 
 METHODS = ("replace", "merge")
 EXTRAS = (-2, -1, 0, 1, 2)
 """Hypervectors more or less that :mod:`hdc.conformal` asks for, as `extra` of
 :meth:`hdc.prototypes.Counters.prototype`."""
+
+KINDS = {
+    "planes": "int64 L P W",
+    "n": "int64 L",
+    "prototypes": "int64 L W",
+    "recalibrated": "int64",
+    "deciding": "int64 L 5 W",
+}
+"""What is kept in a file; `deciding` after a recalibration only."""
 
 
 class Counting(Updatable):
@@ -216,28 +225,21 @@ class Counting(Updatable):
     def restore(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
     ) -> None:
-        counts, n = tensors["planes"], tensors["n"].cpu()
-        width = bits.words_for(dimension)
-        expected = {
-            "planes": (n_classes, max(1, counts.shape[1]), width),
-            "n": (n_classes,),
-            "prototypes": (n_classes, width),
-            "recalibrated": (),
-            "deciding": (n_classes, len(EXTRAS), width),
-        }
-        check_tensors(tensors, expected)
+        kinds = dict(KINDS)
+        if "deciding" not in tensors:
+            del kinds["deciding"]
+        found = checked(tensors, kinds, L=n_classes, D=dimension)
+        n = found["n"]
         out_of_range = (n < 0) | (n >= 2**53)
         if out_of_range.any() or not n.any():
             raise ValueError(f"sample counts {n.tolist()}")
-        for name in ("planes", "prototypes", "deciding"):
-            if name in tensors:
-                bits.check_padding(tensors[name], dimension)
+        counts = found["planes"]
         self.start(n_classes, dimension, counts.device)
         self.counters_.planes = counts
         self.counters_.n = n
-        self.prototypes_ = tensors["prototypes"]
-        self._deciding = tensors.get("deciding")
-        self.recalibrated_ = bool(tensors["recalibrated"])
+        self.prototypes_ = found["prototypes"]
+        self._deciding = found.get("deciding")
+        self.recalibrated_ = bool(found["recalibrated"])
         self._size = self._common_size()
         self._changed = set()
 
@@ -266,17 +268,19 @@ class Majority(Counting):
         ties: a prototype bit with as many ones as zeros becomes ``"zero"`` (as published),
             ``"one"``, or, with ``"random"``, that of an extra random vector (Schmuck et al., ACM
             JETC 15, 32 (2019)).
-        balance: make classes of unequal size comparable. The majority raises a prototype's
-            correlation with every frame, the more so the more frames it bundles, and a larger class
-            takes frames of the others. With True, prototypes are made as if each class had as many
-            frames as the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as
-            published. False is the published rule.
+        balance: True makes classes of unequal size comparable; False is Eq. 1. A majority raises a
+            prototype's correlation with every frame, the more so the more frames it bundles, so
+            that by Eq. 1 a larger class takes frames of the others, with 5 frames against 4
+            already. With True, prototypes are made as if each class had as many frames as the
+            smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as published.
         seed: of the random vectors for ``ties="random"``, and of `balance`.
 
     Attributes: as of :class:`Counting`.
     """
 
-    def __init__(self, ties: str = "zero", balance: bool = True, seed: int = 0):
+    predicts = ("prototypes",)
+
+    def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
         self.ties = ties
         self.balance = balance
         self.seed = seed
@@ -301,9 +305,6 @@ class Majority(Counting):
             farther = bits.count_ones(own ^ without) - bits.count_ones(own ^ whole)
             scores[places, c] -= farther.cpu()
         return HeldOut(scores, rows)
-
-    def state(self) -> dict[str, Tensor]:
-        return {"prototypes": self.prototypes_}
 
 
 def deciding_prototypes(

@@ -3,13 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Self
+from typing import ClassVar, Self
 
 import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.io import check_tensors
 from hdc.parameters import check_integer
 from hdc.readouts.base import HeldOut, Updatable
 
@@ -30,8 +29,9 @@ class Neighbours(Updatable):
 
     frames_: Tensor
     rows_: Tensor
+    kept: ClassVar = {"frames": "int64 N W", "rows": "int64 N"}
+    predicts = ("frames",)
     _n_classes: int
-    _dimension: int
 
     def __init__(self, n_neighbours: int = 1):
         self.n_neighbours = n_neighbours
@@ -102,23 +102,10 @@ class Neighbours(Updatable):
             scores += (far + 1) * votes
         return scores
 
-    def state(self) -> dict[str, Tensor]:
-        return {"frames": self.frames_}
-
-    def stored(self) -> dict[str, Tensor]:
-        return {"frames": self.frames_, "rows": self.rows_}
-
     def restore(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
     ) -> None:
-        rows = tensors["rows"].cpu()
-        width = bits.words_for(dimension)
-        shapes = {"frames": (len(rows), width), "rows": (len(rows),)}
-        check_tensors(tensors, shapes)
-        if len(rows) == 0 or rows.min() < 0 or rows.max() >= n_classes:
+        super().restore(tensors, n_classes, dimension)
+        if self.rows_.min() < 0 or self.rows_.max() >= n_classes:
             raise ValueError(f"rows: expected classes in [0, {n_classes})")
-        bits.check_padding(tensors["frames"], dimension)
         self._n_classes = n_classes
-        self._dimension = dimension
-        self.frames_ = tensors["frames"]
-        self.rows_ = rows

@@ -22,16 +22,23 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.io import check_tensors
 from hdc.parameters import is_number
 from hdc.readouts.arithmetic import check_memory, dot, gram
 from hdc.readouts.base import HeldOut, Readout
-from hdc.readouts.values import ValueReadout
+from hdc.readouts.values import RESIDUALS, ValueReadout
+from hdc.tensors import checked
 
 PENALTIES = tuple(10.0**k for k in range(-4, 5))
 """Penalties tried, in units of the mean of K's diagonal."""
 _OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced
 _STEP = 32  # words unpacked at a time: of some hundred frames they stay in the cache
+LINEAR = {
+    "weights": "int64 T 8 W",
+    "scales": "float64 T",
+    "intercepts": "float64 T",
+    "penalty": "float64",
+}
+"""What of linear functions is kept in a file."""
 _LOWEST = -1e300  # intercept of a class without frames
 
 
@@ -47,6 +54,7 @@ class Ridge(Readout):
     """
 
     linear_: Linear
+    predicts = ("weights", "scales")
     _held_out: HeldOut | None = None  # not in files
 
     def __init__(self, penalty: float | None = None):
@@ -81,9 +89,6 @@ class Ridge(Readout):
     def scores(self, words: Tensor) -> Tensor:
         """The linear functions, float64 [Q, L]."""
         return self.linear_.values(words, self.backend)
-
-    def state(self) -> dict[str, Tensor]:
-        return {"weights": self.linear_.planes, "scales": self.linear_.scales}
 
     def stored(self) -> dict[str, Tensor]:
         return self.linear_.tensors()
@@ -158,11 +163,11 @@ class RidgeValues(ValueReadout):
         dimension: int,
     ) -> None:
         parts = dict(tensors)
-        residuals = parts.pop("residuals").cpu()
-        shapes = {"residuals": tuple(values.shape)}
-        check_tensors({"residuals": residuals}, shapes, floats=("residuals",))
-        linear = Linear.of(parts, values.shape[1], dimension)
-        self._learn(Fit(linear, residuals), words)
+        n, n_targets = values.shape
+        residuals = {"residuals": parts.pop("residuals")}
+        found = checked(residuals, RESIDUALS, N=n, T=n_targets)
+        linear = Linear.of(parts, n_targets, dimension)
+        self._learn(Fit(linear, found["residuals"]), words)
 
 
 def check_penalty(penalty: Any) -> None:
@@ -220,23 +225,9 @@ class Linear:
     @classmethod
     def of(cls, tensors: Mapping[str, Tensor], n: int, dimension: int) -> Linear:
         """From :meth:`tensors` of n functions; a ValueError for others."""
-        width = bits.words_for(dimension)
-        shapes = {
-            "weights": (n, _PLANES, width),
-            "scales": (n,),
-            "intercepts": (n,),
-            "penalty": (),
-        }
-        floats = ("scales", "intercepts", "penalty")
-        check_tensors(tensors, shapes, floats)
-        bits.check_padding(tensors["weights"], dimension)
-        return cls(
-            planes=tensors["weights"],
-            scales=tensors["scales"].cpu(),
-            intercepts=tensors["intercepts"].cpu(),
-            penalty=float(tensors["penalty"]),
-            dimension=dimension,
-        )
+        found = checked(tensors, LINEAR, T=n, D=dimension)
+        planes, scales, intercepts, penalty = (found[name] for name in LINEAR)
+        return cls(planes, scales, intercepts, float(penalty), dimension)
 
 
 class Dual(NamedTuple):

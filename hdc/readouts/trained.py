@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Self
+from typing import ClassVar, Self
 
 import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.io import check_tensors
 from hdc.parameters import check_integer, is_number
 from hdc.readouts.arithmetic import combinations
 from hdc.readouts.base import Readout
@@ -33,11 +31,13 @@ class Trained(Readout):
 
     Attributes:
         prototypes_: int64 [L, W].
+        empty_: int64 [L] (CPU), 1 of a class without frames.
     """
 
     prototypes_: Tensor
-    _empty: Tensor
-    _dimension: int
+    empty_: Tensor
+    kept: ClassVar = {"prototypes": "int64 L W", "empty": "int64 L"}
+    predicts = ("prototypes",)
 
     def __init__(self, margin: float = 0.02, passes: int = 20):
         self.margin = margin
@@ -53,7 +53,8 @@ class Trained(Readout):
     def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
         """See :meth:`hdc.readouts.base.Readout.fit`; 16·L·D bytes are needed meanwhile."""
         self._dimension = dimension
-        self._empty = torch.bincount(rows, minlength=n_classes) == 0
+        is_empty = torch.bincount(rows, minlength=n_classes) == 0
+        self.empty_ = is_empty.long()
         everyone = torch.nn.functional.one_hot(rows, n_classes)
         counters = combinations(everyone, words, self.backend).double()
         for number in range(1, self.passes + 1):
@@ -88,23 +89,6 @@ class Trained(Readout):
     def scores(self, words: Tensor) -> Tensor:
         """Minus the Hamming distances, int64 [Q, L]; far below all for a class without frames."""
         scores = -bits.hamming(words, self.prototypes_, self.backend)
-        if self._empty.any():
-            scores[:, self._empty.to(scores.device)] = 1 - _FAR
+        if self.empty_.any():
+            scores[:, self.empty_.to(scores.device) != 0] = 1 - _FAR
         return scores
-
-    def state(self) -> dict[str, Tensor]:
-        return {"prototypes": self.prototypes_}
-
-    def stored(self) -> dict[str, Tensor]:
-        return {**self.state(), "empty": self._empty.long()}
-
-    def restore(
-        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> None:
-        width = bits.words_for(dimension)
-        shapes = {"prototypes": (n_classes, width), "empty": (n_classes,)}
-        check_tensors(tensors, shapes)
-        bits.check_padding(tensors["prototypes"], dimension)
-        self.prototypes_ = tensors["prototypes"]
-        self._empty = tensors["empty"].cpu() != 0
-        self._dimension = dimension

@@ -11,10 +11,11 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.io import check_tensors
 from hdc.parameters import Parametrised, check_integer
 from hdc.readouts.base import learned_tensors
+from hdc.tensors import kept, take
 
+RESIDUALS = {"residuals": "float64 N T"}
 _ROWS = 256  # frames that are compared with all others at a time
 
 
@@ -28,6 +29,7 @@ class ValueReadout(Parametrised, ABC):
     revision: ClassVar[int] = 1
     """Raised by hand in the commit that changes the numbers of some query."""
     backend: str = "numpy"
+    _dimension: int
     residuals_: Tensor
     """Leave-one-out errors of the training frames, float64 [N, T]."""
 
@@ -71,8 +73,6 @@ class ValueReadout(Parametrised, ABC):
         self._dimension = dimension
         for name, tensor in tensors.items():
             setattr(self, name, tensor)
-
-    _dimension: int
 
 
 class NeighbourValues(ValueReadout):
@@ -137,7 +137,7 @@ class NeighbourValues(ValueReadout):
         return torch.from_numpy(order[:, : self.n_neighbours + 1])
 
     def stored(self) -> dict[str, Tensor]:
-        return {"residuals": self.residuals_}
+        return kept(self, RESIDUALS)
 
     def restore(
         self,
@@ -146,9 +146,8 @@ class NeighbourValues(ValueReadout):
         values: Tensor,
         dimension: int,
     ) -> None:
-        shapes = {"residuals": tuple(values.shape)}
-        check_tensors(tensors, shapes, floats=("residuals",))
+        n, n_targets = values.shape
+        take(self, tensors, RESIDUALS, N=n, T=n_targets)
         self._words = words
         self._targets = values
         self._dimension = dimension
-        self.residuals_ = tensors["residuals"].cpu()

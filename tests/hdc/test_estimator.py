@@ -67,7 +67,7 @@ def test_parameters_are_set_and_searched() -> None:
     frames, labels = touches()
     model = HDCClassifier().set_params(readout__ties="one", readout__seed=3)
     assert repr(clone(model)) == (
-        "HDCClassifier(encoder='median', readout=Majority(ties='one', balance=True, seed=3), "
+        "HDCClassifier(encoder='median', readout=Majority(ties='one', balance=False, seed=3), "
         "device='cpu', backend='auto')"
     )
     assert is_classifier(model)

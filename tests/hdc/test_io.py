@@ -182,7 +182,7 @@ PARAMETERS = {
     "encoder": {"class": "median", "parameters": {"ties": "spread"}},
     "readout": {
         "class": "majority",
-        "parameters": {"ties": "zero", "balance": True, "seed": 0},
+        "parameters": {"ties": "zero", "balance": False, "seed": 0},
     },
 }
 BAD_PARTS = [

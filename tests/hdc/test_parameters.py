@@ -25,7 +25,7 @@ def test_parameters_of_parts_of_parts() -> None:
     model = HDCClassifier(Reference(Quantile("1/3")))
     found = model.get_params()
     assert found["encoder__base__at"] == "1/3"
-    assert found["readout__balance"] is True
+    assert found["readout__balance"] is False
     assert set(model.get_params(deep=False)) == {
         "encoder",
         "readout",

@@ -37,13 +37,13 @@ def test_a_larger_class_is_compared_as_its_subsets_are_on_average() -> None:
     x = np.where(rng.random((8, 300)) < rng.random(300), 1.0, -1.0)
     rows = torch.tensor([0] * 5 + [1] * 3)
     words = bits.pack(torch.from_numpy(x > 0))
-    scores = Counts().fit(words, rows, 2, 300).scores(words).numpy()
+    scores = Counts(balance=True).fit(words, rows, 2, 300).scores(words).numpy()
     subsets = [(i, j, k) for i in range(5) for j in range(i) for k in range(j)]
     squares = [(x[list(subset)].sum(0) ** 2).sum() for subset in subsets]
     means = np.stack([x[:5].mean(0) * 3, x[5:].sum(0)])
     lengths = np.sqrt([np.mean(squares), (x[5:].sum(0) ** 2).sum()])
     np.testing.assert_allclose(scores, x @ means.T / lengths / 300**0.5)
-    plain = Counts(balance=False).fit(words, rows, 2, 300).scores(words).numpy()
+    plain = Counts().fit(words, rows, 2, 300).scores(words).numpy()
     sums = np.stack([x[:5].sum(0), x[5:].sum(0)])
     lengths = np.linalg.norm(sums, axis=1)
     np.testing.assert_allclose(plain, x @ sums.T / lengths / 300**0.5)

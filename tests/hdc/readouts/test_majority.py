@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 import torch
 
 from hdc import HDCClassifier, bits
 from hdc.prototypes import Counters
-from hdc.readouts import Counts, Majority
+from hdc.readouts import READOUTS, Counts, Majority
 
 
 def frames_of(numbers: list[int], seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -40,6 +42,18 @@ def test_one_larger_class_costs_nothing(more: int, readout: type) -> None:
     assert equal_score > 0.7
     assert published < equal_score - 0.15
     assert balanced > equal_score - 0.03
+
+
+@pytest.mark.parametrize("name", ["majority", "counts"])
+def test_larger_classes_are_warned_of_unless_they_are_meant(name: str) -> None:
+    """The default is Eq. 1 of the paper, by which a larger class takes frames of the others."""
+    for numbers in ([6, 5, 5, 5, 5], [5] * 5):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error")
+            HDCClassifier(readout=name).fit(*frames_of(numbers, 0))
+            HDCClassifier(readout=READOUTS[name]()).fit(*frames_of([9, 4, 4, 4, 4], 0))
+    with pytest.warns(UserWarning, match="largest class has 125% more .* alike$"):
+        HDCClassifier(readout=name).fit(*frames_of([9, 4, 4, 4, 4], 0))
 
 
 @pytest.mark.parametrize("readout", [Majority, Counts])

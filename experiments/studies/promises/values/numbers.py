@@ -12,6 +12,7 @@ from torch import Tensor
 from baselines.bank import Bank
 from experiments.protocol.experiment import Row
 from hdc import HDCClassifier, HDCRegressor
+from hdc.readouts import Majority
 
 PENALTIES = 10.0 ** np.arange(-4, 5)
 """Penalties that ridge regression tries, in units of the mean square of a centred frame."""
@@ -64,7 +65,8 @@ def binned(bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int) -> np.ndar
     places = np.searchsorted(edges, y, side="right")
     filled, bin_of = np.unique(places, return_inverse=True)
     means = np.array([y[bin_of == k].mean() for k in range(len(filled))])
-    model = HDCClassifier().fit(bank.at(np.arange(len(y))), bin_of)
+    model = HDCClassifier(readout=Majority(balance=True))
+    model.fit(bank.at(np.arange(len(y))), bin_of)
     return means[model.predict(bank.at(queries))]
 
 
