@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
+from baselines.bank import Bank
 from hdc import selection
-from hdc.bank import Bank
 
 
 def corner(n=60, seed=0):
