@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from statistics import NormalDist
 
 import numpy as np
 import pytest
@@ -19,6 +20,7 @@ from hdc.encoders import (
     Quantile,
     Reference,
     RelativeEncoder,
+    Smoothed,
     make_encoder,
 )
 from hdc.readouts import READOUTS, Updatable, make_readout
@@ -35,6 +37,20 @@ def touches(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return np.clip(noisy, 0, 255).astype(np.uint8), np.array(list("dbca"))[labels]
 
 
+def known_by_chance(encoder) -> float:
+    """Share of inverted touches that may be like another class: its mean and two deviations.
+
+    Of D independent bits an inverted frame shares a half with each of three other classes, more or
+    less 1/(2·√D); a touch shares about 70 % with its own. A Gaussian of σ pixels leaves one of 4πσ²
+    pixels independent. Where chance is nothing, 3 of 60 are let pass.
+    """
+    independent = 17 * 13
+    if isinstance(encoder, Smoothed):
+        independent /= 4 * np.pi * encoder.smooth**2
+    chance = 3 * NormalDist().cdf(-0.2 * 2 * independent**0.5)
+    return max(0.05, chance + 2 * (chance * (1 - chance) / 60) ** 0.5) + 1e-9
+
+
 @pytest.mark.parametrize("readout", READOUTS)
 @pytest.mark.parametrize("encoder", [*ENCODERS, *EXTRA_ENCODERS], ids=repr)
 def test_every_encoder_with_every_read_out(
@@ -47,7 +63,7 @@ def test_every_encoder_with_every_read_out(
     sets = model.predict_set(queries, 0.1)
     assert np.mean([y in found for y, found in zip(truth, sets, strict=True)]) > 0.75
     assert model.is_known(queries, 0.1).mean() > 0.75
-    assert model.is_known(255 - queries, 0.1).mean() < 0.25
+    assert model.is_known(255 - queries, 0.1).mean() < known_by_chance(model.encoder_)
     compiled = HDCClassifier(encoder, readout, backend="compiled").fit(frames, labels)
     model.save(tmp_path / "m")
     loaded = HDCClassifier.load(tmp_path / "m")
