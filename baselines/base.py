@@ -1,4 +1,4 @@
-"""Shared by all competitors: hyperparameters as fields, checked input, prediction in batches."""
+"""Shared by all baselines: hyperparameters as fields, checked input, prediction in batches."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from hdc import inputs
 from hdc.inputs import FrameSource
 
 FRAME_TYPES = {torch.uint8: 255, torch.uint16: 65535}  # and their largest value
-# Of sums of 10⁵ products in float32, in units of the size of their parts.
+# Rounding of sums of 10⁵ products in float32, in units of the size of their parts.
 ROUNDING = 2e-6
 
 
@@ -38,7 +38,7 @@ class Classifier(ABC):
 
     device: str = "cpu"
 
-    # Of each rival; raised by hand in the commit that changes its numbers.
+    # Code version of each baseline; raised by hand in the commit that changes its numbers.
     revision: ClassVar[int]
 
     # Frames scored at a time: bounds the memory of predict, whatever the number of queries.

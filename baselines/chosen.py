@@ -229,7 +229,7 @@ class BitsChosen(Chosen):
         return bank, make
 
     def scores(self, batch: Tensor) -> Tensor:
-        """As of :meth:`hdc.HDCClassifier.decision_function`, two columns for two classes."""
+        """Like :meth:`hdc.HDCClassifier.decision_function`, two columns for two classes."""
         found = torch.from_numpy(self.model_.decision_function(batch))
         return found if found.ndim == 2 else torch.stack([-found, found], 1)
 

@@ -1,4 +1,4 @@
-"""The least that a rival can be: logistic regression of a few numbers of a frame.
+"""The simplest baselines: logistic regression of a few numbers of a frame.
 
 Where one of these is as good as a classifier of all pixels, the frames of the classes differ by
 their brightness, or by what a picture of a few pixels shows, and speckle has no part in it.
@@ -118,7 +118,7 @@ class FeatureClassifier(Classifier):
 
 @dataclass(kw_only=True, eq=False)
 class Brightness(FeatureClassifier):
-    """Two numbers a frame: the mean and the standard deviation of its pixels."""
+    """Two numbers per frame: the mean and the standard deviation of its pixels."""
 
     revision: ClassVar[int] = 1
 
@@ -164,7 +164,7 @@ class Thumbnail(FeatureClassifier):
         before: np.ndarray,
         after: np.ndarray,
     ) -> np.ndarray:
-        """As of :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`.
+        """Like :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`.
 
         A pixel of the picture is a mean, so the picture of a difference is that of pictures.
         """

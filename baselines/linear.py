@@ -144,7 +144,7 @@ class DualLinearClassifier(Classifier):
         queries: np.ndarray,
         *before: Tensor,
     ) -> tuple[Tensor, float]:
-        """Scores of queries [Q, L], less those before, and the size of what they are sums of."""
+        """Scores of queries [Q, L], minus those before, and the size of what they are sums of."""
         inside, across = bank.centred(train, queries, self.pixels)
         coefficients, bias, _ = self.solve(inside, targets, *before)
         coefficients = coefficients - coefficients.mean(dim=0)

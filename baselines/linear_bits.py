@@ -64,7 +64,7 @@ class BitReadout(RidgeReadout):
     def predict_from(
         self, bank: Bank, train: np.ndarray, queries: np.ndarray
     ) -> np.ndarray:
-        """As of ridge regression; signs of weights do not follow from products of frames."""
+        """Like ridge regression; signs of weights do not follow from products of frames."""
         if not self.one_bit:
             return super().predict_from(bank, train, queries)
         model = replace(self).fit(bank.at(train), bank.labels[train])

@@ -27,7 +27,7 @@ REPORT = 100  # frames between two yields
 class NearestNeighbour(Classifier):
     """The most frequent label among the k nearest training frames; among equals the nearest's.
 
-    Of training frames at equal distances those of the first class are nearer.
+    Training frames of the first class are nearer at equal distances.
 
     Args:
         k: number of neighbours.
@@ -111,7 +111,7 @@ class NearestNeighbour(Classifier):
         before: np.ndarray,
         after: np.ndarray,
     ) -> np.ndarray:
-        """As of :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`, of grey values.
+        """Like :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`, of grey values.
 
         A query q is as far from a training frame t as q + before − after, whose products with t are
         those of the three.

@@ -72,7 +72,7 @@ def constant_of(images: Tensor) -> int:
 
 
 def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
-    """Pixels less their constant as Σ weight·plane, each plane int8."""
+    """Pixels minus their constant as Σ weight·plane, each plane int8."""
     if block.dtype == torch.int8:
         return [(1, block.contiguous())]
     if block.dtype == torch.uint8:

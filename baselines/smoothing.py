@@ -1,4 +1,4 @@
-"""Frames smoothed by a Gaussian before a rival sees them, as hdc's encoder ``smoothed`` does.
+"""Frames smoothed by a Gaussian before a baseline sees them, as hdc's encoder ``smoothed`` does.
 
 The weights along an axis are those of :func:`hdc.encoders.smoothed.gaussian`, and beyond an edge
 the image is mirrored at its outermost pixels. OpenCV computes the means; they are rounded to 16

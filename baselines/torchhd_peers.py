@@ -1,4 +1,4 @@
-"""Classifiers of torchhd on the bits that HDC sees: other ways to learn prototypes of them.
+"""Classifiers of torchhd on the bits that HDC sees: other methods to learn prototypes of them.
 
 Torchhd's own encoders project every frame on D random hypervectors, which a frame of 10⁵ pixels
 does not allow; here a frame is its hypervector already. Learning, prediction and every number that
@@ -75,7 +75,7 @@ class TorchhdClassifier(Classifier):
         yield {"samples_seen": self.epochs * len(frames)}
 
     def scores(self, batch: Tensor) -> Tensor:
-        """As torchhd has them: cosines, or products with prototypes of signs; float32 [n, L]."""
+        """Scores as in torchhd: cosines, or products with prototypes of signs; float32 [n, L]."""
         return self.peer_(signs(batch).flatten(1).float())
 
     def state_tensors(self) -> dict[str, Tensor]:

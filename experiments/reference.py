@@ -70,7 +70,7 @@ def main(arguments: list[str] | None = None) -> int:
 
 
 def _tell(adopted: Adopted, console: Console) -> None:
-    """What entered the reference, and what did not."""
+    """Lines on what entered the reference, and what did not."""
     text = f"{adopted.entered} records taken over, {adopted.left} have left"
     if adopted.outside:
         text += f"; {adopted.outside} stay outside: no finished step has them"
@@ -92,7 +92,7 @@ def _tell_older(answers: report.Answers, console: Console) -> int:
 
 
 def readme_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
-    """What fills the marked parts of README.md, by their names."""
+    """Contents of the marked parts of README.md, by their names."""
     return {
         "findings": partial(_findings, answers.results),
         "costs": partial(documents.costs, _table("recording_costs")),
@@ -101,7 +101,7 @@ def readme_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
 
 
 def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
-    """What fills the marked parts of the docs, by their names."""
+    """Contents of the marked parts of the docs, by their names."""
     return {
         "results": partial(
             documents.results_page, answers.questions, answers.tables, answers.plots
@@ -114,7 +114,7 @@ def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
 
 
 def _findings(results: Results) -> str:
-    """What was found, a sentence an item."""
+    """Findings, a sentence per item."""
     frame = results.frame(*claims.OF)
     sentences = findings(frame, _table("recording_costs"), _table("table1"))
     items = [f"{place}. {text}" for place, text in enumerate(sentences, 1)]

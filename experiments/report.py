@@ -227,7 +227,7 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
 
 
 def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
-    """What each study has to show besides what is shown already, and what no study has."""
+    """Tables and figures of each study besides those shown already, and those of no study."""
     asked = [
         ("against", "Your results beside the reference", ""),
         *((study.name, study.title, study.question) for study in answers.questions),

@@ -18,7 +18,7 @@ _MODULES = {
     "compile_kernels": "hdc.backends",
 }
 REVISION = 1
-"""Of the arithmetic that all parts share (bits, planes, prototypes), raised by hand in the commit
+"""Version of the shared arithmetic (bits, planes, prototypes), raised by hand in the commit
 that changes a number of theirs. Encoders and read-outs have revisions of their own."""
 __version__ = "2.0.0"  # pyproject.toml has it from here
 

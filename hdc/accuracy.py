@@ -45,7 +45,7 @@ def confusion(predicted: np.ndarray, labels: np.ndarray, n_classes: int) -> np.n
 def r_squared(truth: np.ndarray, predicted: np.ndarray) -> float:
     """Coefficient of determination R² of numbers [Q]: 1 − Σ(y − ŷ)²/Σ(y − ȳ)².
 
-    Of equal numbers it is 1 where all are predicted, else 0. Squares are taken in units of the
+    It is 1 for equal numbers if all are predicted, else 0. Squares are taken in units of the
     spread: those of numbers near 1e200 or 1e-200 would overflow or vanish.
     """
     deviations = truth - truth.mean()

@@ -50,7 +50,7 @@ class Bank:
     def each(
         self, make: Callable[[Tensor], Tensor], key: Hashable | None = None
     ) -> Tensor:
-        """What a function makes of every frame [n, H, W] → [n, …], computed once.
+        """Results of a function of every frame, [n, H, W] → [n, …], computed once.
 
         Args:
             make: does not depend on which frames come together.
@@ -79,7 +79,7 @@ class Bank:
 
         if encoder.learns:
             return self._in_batches(make)
-        # Arrays among the parameters are not told apart by their text.
+        # Arrays among the parameters are not distinguished by their text.
         key: Hashable = encoder
         if has_plain_parameters(encoder):
             key = (type(encoder), repr(encoder))
@@ -170,5 +170,5 @@ class Shared(Encoder):
         return self.base.unlearned().fit(frames)
 
     def encoded(self, chosen: Selection, backend: str) -> Tensor:
-        """What the trained encoder makes of some frames."""
+        """Hypervectors of some frames by the trained encoder."""
         return encode_with(self.base_, chosen[:], 0, backend)

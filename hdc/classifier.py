@@ -404,7 +404,7 @@ class HDCClassifier(Estimator):
     def decision_function(self, frames: Any) -> np.ndarray:
         """The scores of the read-out, [Q, L], the largest wins.
 
-        Of two classes the difference [Q], positive for the second. Scores in whole numbers are
+        For two classes the difference [Q], positive for the second. Scores in whole numbers are
         divided by D: majority, trained and a single neighbour have minus the distance as a share of
         the bits.
         """
@@ -422,7 +422,7 @@ class HDCClassifier(Estimator):
         """Probabilities of the classes, float64 [Q, L]: the softmax of the scores.
 
         Its temperature is fitted to training frames scored as if each had not been learnt
-        (:mod:`hdc.probability`): in closed form, of up to 19 frames a class, for majority, counts
+        (:mod:`hdc.probability`): in closed form, of up to 19 frames per class, for majority, counts
         and neighbours, of all for ridge and of up to 400 for lda and kernel; else by five folds of
         the training frames, when first asked or saved. New frames, by :meth:`partial_fit` or
         :meth:`recalibrate`, have it fitted anew.

@@ -71,9 +71,9 @@ class Peers:
     shared: Tensor
     """[m, W], bits of x_i that are not lost, or not gained, where x has a one, too."""
     held_out: np.ndarray
-    """[m], leave-one-out distances less their mean; none of a single frame."""
+    """[m], leave-one-out distances minus their mean; none of a single frame."""
     mean: float
-    """Of the leave-one-out distances; NaN of a single frame."""
+    """Mean of the leave-one-out distances; NaN of a single frame."""
 
     @classmethod
     def of(cls, words: Tensor, prototypes: Tensor) -> Peers:
@@ -125,11 +125,11 @@ class LeftOut:
     distances: np.ndarray
     """[m], minus the scores."""
     held_out: np.ndarray
-    """[m], the same less their mean; none of a single frame."""
+    """[m], the same minus their mean; none of a single frame."""
 
     @classmethod
     def of(cls, scores: np.ndarray) -> LeftOut:
-        """Of the scores [m] of their own class."""
+        """Mean of the scores [m] of their own class."""
         deviations = scores.mean() - scores if len(scores) > 1 else scores[:0]
         return cls(-scores, deviations)
 
@@ -143,12 +143,12 @@ class LeftOut:
 
 
 Compared = Peers | LeftOut
-"""What frames are compared with, to know whether they may be of one class."""
+"""Samples that frames are compared with, to know whether they may be of one class."""
 
 
 @dataclass(frozen=True)
 class Conformal:
-    """What frames are compared with, class by class; None of a class without training frames."""
+    """Samples to compare with, class by class; None of a class without training frames."""
 
     peers: Sequence[Compared | None]
 
@@ -156,7 +156,7 @@ class Conformal:
     def of_counting(
         cls, readout: Counting, sample: Sample, labels: Sequence[Label]
     ) -> Self:
-        """By exchanging a kept frame and the new one in the counters of a read-out."""
+        """P-values from exchanging a kept frame and the new one in the counters of a read-out."""
         prototypes = readout.deciding()
         peers: list[Compared | None] = []
         for row, label in enumerate(labels):
@@ -168,7 +168,7 @@ class Conformal:
 
     @classmethod
     def of_scores(cls, held_out: HeldOut, counts: Tensor) -> Self:
-        """By scores of training frames as if each had not been learnt.
+        """P-values from scores of training frames as if each had not been learnt.
 
         Args:
             held_out: the scores; those of the only frame of a class say nothing, and are left out.

@@ -1,4 +1,4 @@
-"""What both estimators share: chunks of hypervectors, files, and scikit-learn's conventions.
+"""Shared by both estimators: chunks of hypervectors, files, and scikit-learn's conventions.
 
 scikit-learn is not imported: it takes as long as torch, and 100 MB.
 """
@@ -43,7 +43,7 @@ class Estimator(Parametrised, ABC):
     dimension_: int
     metadata_: dict[str, Any]
     _columns: list[str | int] | None = None
-    """Of the data frame that the model learned from."""
+    """Columns of the data frame that the model learned from."""
     _used: dict[str, Any]
     """The parameters of the parts that were trained."""
     _trained_on: str
@@ -317,7 +317,7 @@ class Estimator(Parametrised, ABC):
             TargetTags,
         )
 
-        # A median threshold leaves one bit of two features: no blob is told from its mirror.
+        # A median threshold leaves one bit of two features: a blob and its mirror are alike.
         classifier = self._estimator_type == "classifier"
         return Tags(
             estimator_type=self._estimator_type,

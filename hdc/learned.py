@@ -1,4 +1,4 @@
-"""What a classifier has learned of labelled hypervectors: a read-out, prototypes, a sample."""
+"""Learned from labelled hypervectors: a read-out, prototypes, a sample."""
 
 from __future__ import annotations
 
@@ -142,7 +142,7 @@ class Learned:
         self._forget()
 
     def merged(self, other: Learned) -> Self:
-        """What this and another have learned, of read-outs that go on learning; both stay."""
+        """Both parts learned by this and another, for read-outs that go on learning; both stay."""
         merged = copy.deepcopy(self)
         labels = other.labels.tolist()
         merged.make_room_for(labels)
@@ -196,7 +196,7 @@ class Learned:
             stacklevel=4,
         )
 
-    # What follows --------------------------------------------------------------------------------
+    # Derived --------------------------------------------------------------------------------
 
     def scores(self, words: Tensor, backend: str) -> Tensor:
         """Scores [Q, L] of hypervectors [Q, W] by the read-out."""
@@ -235,7 +235,7 @@ class Learned:
         return torch.cat(words), torch.tensor(rows)
 
     def conformal(self) -> Conformal:
-        """What new frames are compared with, made when first asked for.
+        """Samples that new frames are compared with, made when first asked for.
 
         Raises:
             ValueError: where no training frames can be scored as if they had not been learnt.

@@ -1,4 +1,4 @@
-"""What two models must have in common to be merged."""
+"""Conditions for merging two models."""
 
 from __future__ import annotations
 

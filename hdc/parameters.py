@@ -201,7 +201,7 @@ class Named(Mapping[str, type]):
         return len(self._paths)
 
     def name_of(self, part: object) -> str:
-        """What :func:`find_class` finds the class of an object by; dotted of one from elsewhere."""
+        """Name by which :func:`find_class` finds an object's class; dotted if from elsewhere."""
         kind = type(part)
         path = f"{kind.__module__}.{kind.__qualname__}"
         return next((name for name, ours in self._paths.items() if ours == path), path)
@@ -221,7 +221,7 @@ def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
 
 
 def not_among(value: Any, choices: Iterable[Any], others: str = "") -> str:
-    """What was expected, what was found, and the choice of a name much like it, if there is one.
+    """Expected and found values, and a similar name to choose, if there is one.
 
     Args:
         value: what was found.

@@ -71,7 +71,7 @@ def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
             waiting[p] = [total]
             p += 1
     for p, plane in enumerate(counts):
-        # What waits is at most three rows here: two, and a carry from the plane below.
+        # At most three rows wait here: two, and a carry from the plane below.
         held = waiting[p]
         if len(held) == 3:
             plane[:], carry = _full_adder(*held)

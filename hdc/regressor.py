@@ -24,7 +24,7 @@ from hdc.tensors import check_parts, checked, prefixed, without_prefix
 
 
 class HDCRegressor(Estimator):
-    """Predicts one or several numbers a frame, such as a position in mm, from its hypervector.
+    """Predicts one or several numbers per frame, such as a position in mm, from its hypervector.
 
     The hypervectors of all training frames are kept (31 kB each at D = 250,000).
 
@@ -230,7 +230,7 @@ class HDCRegressor(Estimator):
         return answers[:, 0] if self._one else answers
 
     def _targets(self, values: np.ndarray) -> Tensor:
-        """What is learnt of numbers [N] or [N, T], float64 [N, T]; with a period [N, 2·T]."""
+        """Targets from numbers [N] or [N, T], float64 [N, T]; with a period [N, 2·T]."""
         table = _table(values)
         if self.period is None:
             return table

@@ -107,7 +107,7 @@ class Frames:
         return circular.from_plane(plane.mean(axis=0)[None], self.period, True)[0]
 
     def losses(self, answers: np.ndarray, rows: np.ndarray) -> np.ndarray:
-        """What each answer costs [Q]: 1 for a wrong label, or the mean error of T values."""
+        """Loss of each answer [Q]: 1 for a wrong label, or the mean error of T values."""
         if self.values is None:
             return (answers != self.labels[rows]).astype(np.float64)
         return (self.errors(answers, rows) / self.spread).mean(axis=1)
@@ -123,7 +123,7 @@ class Method(Protocol):
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Its name in tables."""
 
     def answers(
         self, frames: Frames, train: np.ndarray, test: np.ndarray
@@ -155,7 +155,7 @@ class Combination:
 
 
 def published(learns_values: bool) -> Combination:
-    """What a model is without a choice: the published classifier, or ridge for values."""
+    """The model without a choice: the published classifier, or ridge for values."""
     return Combination("median", "ridge" if learns_values else "majority")
 
 
@@ -165,7 +165,7 @@ def combinations(
     learns_values: bool,
     every: bool = False,
 ) -> list[Combination]:
-    """What is tried, the published form first: :data:`FORMS` or :data:`VALUE_FORMS`.
+    """Methods to try, the published form first: :data:`FORMS` or :data:`VALUE_FORMS`.
 
     Each of the `encoders` with each of the `readouts` instead, where some are named; all of the
     library stand for those that are not. With `every` the rest of the library follows.
@@ -322,7 +322,7 @@ def cross_validate(
 def losses_of(
     method: Method, frames: Frames, fold: Fold, scores: Scores
 ) -> np.ndarray | None:
-    """What each answer of a fold costs [Q]; None where the method refuses the frames.
+    """Loss of each answer of a fold [Q]; None where the method refuses the frames.
 
     Its reason is noted among the scores.
     """

@@ -71,7 +71,7 @@ def _present(name: str) -> tuple[str, str, str, str]:
 
 
 def details(name: str) -> str:
-    """What a recording holds and where it comes from, or how to get it."""
+    """Contents and source of a recording, or how to get it."""
     try:
         scene = compose([f"scene={name}"])
     except InstantiationException as error:

@@ -24,7 +24,7 @@ from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
 
-# Of configs/scene/touch.yaml.
+# Numbers of configs/scene/touch.yaml.
 RADIUS = 2.45e-3
 DEPTH_SPREAD = 0.01
 POSITION_SPREAD = 0.02e-3

@@ -72,7 +72,7 @@ def evaluate_until(
     train: np.ndarray,
     queries: np.ndarray,
 ) -> tuple[np.ndarray, str]:
-    """As :func:`evaluate` by training on the frames, and why the training ended."""
+    """Like :func:`evaluate` by training on the frames, and why the training ended."""
     trained = copy.deepcopy(model)
     reason = train_until(trained, stop, bank.at(train), bank.labels[train])
     return np.asarray(trained.predict(bank.at(queries))), reason

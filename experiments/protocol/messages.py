@@ -54,7 +54,7 @@ def message(error: BaseException, words: Sequence[str] = ()) -> str:
 
 
 def _of_target(error: InstantiationException) -> str:
-    """What Hydra could not build: the key, and why."""
+    """The key that Hydra could not build, and why."""
     _, _, key = str(error).partition("full_key: ")
     what = key.strip() or "config"
     _, _, target = str(error).partition("locating target '")

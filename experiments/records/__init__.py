@@ -1,1 +1,1 @@
-"""What is left of a run, written whole and read with care: decides no number."""
+"""Records of runs, written whole and read with care; no number follows from it."""

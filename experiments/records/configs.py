@@ -1,4 +1,4 @@
-"""What files of ``configs/`` say: displays, sweeps and steps as they stand, configs by Hydra."""
+"""Contents of ``configs/``: displays, sweeps and steps as they stand, configs by Hydra."""
 
 from __future__ import annotations
 

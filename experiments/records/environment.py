@@ -33,7 +33,7 @@ _COMPUTING = ("torch", "numpy")  # whose versions may move a number
 
 
 class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
-    """By what a record was made, and where.
+    """The code and the machine that made a record.
 
     Attributes:
         cpu: what the system calls its processor.
@@ -111,7 +111,7 @@ def command() -> str:
 
 @functools.cache
 def cpu_model() -> str:
-    """What the system calls its processor."""
+    """The system's name of its processor."""
     unknown = platform.processor() or platform.machine()
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
@@ -155,7 +155,7 @@ def _is_dirty() -> bool | None:
 
 
 def _ask_git(*words: str) -> str | None:
-    """What git says of the checkout; None where there is no git, or no checkout."""
+    """State of the checkout by git; None where there is no git, or no checkout."""
     if shutil.which("git") is None:
         return None
     command = ["git", "-C", str(files.ROOT), "-c", "core.quotePath=false", *words]

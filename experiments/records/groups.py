@@ -145,7 +145,7 @@ class Groups:
 
 
 def _whole_first(row: _Row) -> list[tuple[bool, Any]]:
-    """By this key a row is sorted: all samples and all pixels, None, come before fewer."""
+    """Key that sorts a row: all samples and all pixels, None, come before fewer."""
     return [(part is not None, part) for part in row]
 
 

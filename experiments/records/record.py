@@ -39,7 +39,7 @@ _OF_FRAMES = ("scene", "split", "old_split")
 
 
 class Record(msgspec.Struct, kw_only=True, omit_defaults=True, dict=True, eq=False):
-    """What every record has.
+    """Fields of every record.
 
     Attributes:
         id: names it; a hash of config and data is part of it.

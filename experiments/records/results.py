@@ -63,7 +63,7 @@ class Results:
         return [*self.runs, *self.measurements]
 
     def frame(self, *experiments: str) -> pd.DataFrame:
-        """The rows of records as one table, a line a row; without lines where there are none.
+        """The rows of records as one table, a line per row; without lines where there are none.
 
         A line has the columns of its row, and those of its record: :data:`META`. ``runs`` stands
         for the single trainings: a line a run, with its metrics. There is one measurement of an

@@ -42,7 +42,7 @@ def revisions(config: Any) -> Revisions:
 
 
 def outdated(made_by: Revisions, config: Any) -> list[str]:
-    """What has another revision today than in a record of this config, with both of them.
+    """Parts with another revision today than in a record of this config, with both of them.
 
     A user's module that cannot be found from here counts as unchanged.
     """

@@ -64,7 +64,7 @@ class Digests(msgspec.Struct):
 
 
 class RunRecord(Record, kw_only=True, omit_defaults=True):
-    """What every record of a run has.
+    """Fields of every record of a run.
 
     Attributes:
         choices: names of the files that it was composed from.

@@ -66,7 +66,7 @@ class Cell:
 
     @property
     def who(self) -> str:
-        """What tells the row apart from the others of its table."""
+        """Cells that distinguish the row from the others of its table."""
         data, key = self.table.data, self.table.key
         telling = [name for name in key if data[name].nunique() > 1]
         names = telling or key

@@ -56,13 +56,13 @@ class Column:
 
 
 def display_name(model: str) -> str:
-    """What a model is called in tables and figures; what was changed of it stays in brackets."""
+    """Name of a model in tables and figures; changed settings stand in brackets."""
     name, changed, rest = model.partition(" (")
     return configs.display(name)["name"] + changed + rest
 
 
 def scene_name(scene: str) -> str:
-    """What a scene is called in tables and figures; what was changed of it stays in brackets."""
+    """Name of a scene in tables and figures; changed settings stand in brackets."""
     name = re.match(r"[\w.-]*", scene)[0]  # type: ignore[index]  # matches any text
     shown = configs.scene_display(name)["name"]
     return f"{shown}{scene.removeprefix(name)}"
@@ -120,7 +120,7 @@ def _training_time(group: Group, _: Group) -> float | str:
 
 
 def _over_hdc(group: Group, hdc: Group) -> float | None:
-    """Training time over that of HDC with the same seeds, median over runs; on one processor."""
+    """Training time relative to HDC with the same seeds, median over runs; on one processor."""
     if group.machines != hdc.machines or len(group.machines) != 1:
         return None
     reference = {run.seeds: estimates.training_time(run) for run in hdc.runs}

@@ -104,7 +104,7 @@ def compare(
 
 
 def verdict(known: Published, ours: Quantity | None) -> str:
-    """What to think of a number: the first that applies."""
+    """Judgement of a number: the first that applies."""
     if ours is None or ours.value is None:
         return MISSING
     if known.name in _SETTINGS:

@@ -49,7 +49,7 @@ def mean_interval(values: Sequence[float], least: float = 0.0) -> Estimate:
 
 
 def one_sensor(values: Sequence[float], least: float = 0.0) -> Estimate:
-    """As :func:`mean_interval`, with the interval for one more value: mean ± t·s·√(1 + 1/n)."""
+    """Like :func:`mean_interval`, with the interval for one more value: mean ± t·s·√(1 + 1/n)."""
     return _student(values, least, 1 + 1 / len(values))
 
 

@@ -1,4 +1,4 @@
-"""What several studies read from measurements: by scene, over seeds or resamples, as matrices."""
+"""Shared by studies of measurements: by scene, over seeds or resamples, as matrices."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ LEAST_RESAMPLES = 10  # of one recording; the ends of fewer are no interval
 def each_scene(
     make: Callable[[pd.DataFrame], pd.DataFrame], rows: pd.DataFrame
 ) -> pd.DataFrame:
-    """What a function makes of the rows of each scene, one below the other, with ``scene``."""
+    """Results of a function of the rows of each scene, one below the other, with ``scene``."""
     parts = []
     for scene, of_scene in rows.groupby("scene", sort=False):
         made = make(of_scene)
@@ -56,7 +56,7 @@ def _scene_of(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def models_of(rows: pd.DataFrame) -> list[str]:
-    """The models of some rows: HDC first, then the primary rival, others in the order of rows."""
+    """The models of some rows: HDC first, then the primary baseline, others in the order of rows."""
     first = ("hdc", RIVAL)
     models = [str(model) for model in rows["model"].unique()]
     front = [model for model in first if model in models]

@@ -26,7 +26,7 @@ _NOTHING = ("", "–")
 
 @dataclass(frozen=True)
 class Section:
-    """What one question is answered with.
+    """The answer to one question.
 
     Attributes:
         name: its anchor.

@@ -67,7 +67,7 @@ def swept(runs: Groups, experiments: Sequence[str]) -> list[Row]:
 
 
 def caption(rows: Sequence[Mapping[str, Any]], what: str) -> str:
-    """What a table shows, on which frames, on which machine."""
+    """Caption of a table: its content, frames and machine."""
     scene = " and ".join(dict.fromkeys(f"“{line['scene']}”" for line in rows))
     used = {
         f"{line['cpu']}, {counted(line['threads'], 'thread')}"

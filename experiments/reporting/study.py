@@ -200,7 +200,7 @@ class Study:
         results: Results,
         failures: list[Failure] | None,
     ) -> Iterator[Any]:
-        """What follows from the lines that each takes; nothing where there are none."""
+        """Results from the lines that each takes; nothing where there are none."""
         for one in asked:
             try:
                 frame = results.frame(*experiments_of(one.of))

@@ -76,7 +76,7 @@ def _grid(
 
 
 def last_line(table: Table | None, page: str) -> str:
-    """What to do next, and where the page is."""
+    """Next commands, and the place of the page."""
     if table is not None and table.data.seeds.max() == 1:
         return f"One seed decides nothing: make reproduce QUICK=1 · page: {page}"
     return f"page: {page}"

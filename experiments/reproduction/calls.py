@@ -44,7 +44,7 @@ def run(
         found: the steps, in their order.
         mode: which form of the steps it is, for reproduce.csv.
         results: folder of own results.
-        console: is told which step begins.
+        console: prints which step begins.
         lanes: how many steps that time nothing run at a time.
     """
     calls = _Calls(found, mode, results, console)
@@ -159,7 +159,7 @@ def carry_out(
 ) -> str:
     """Run a step, note its time and the memory of its largest process; its status."""
     processes = processes or Processes()
-    sys.stdout.flush()  # what stands above is told first
+    sys.stdout.flush()  # what stands above is printed first
     environment = {**os.environ, STEP: f"{mode}/{step.name}"}
     if not step.timed:
         environment["OMP_NUM_THREADS"] = "1"
@@ -197,7 +197,7 @@ def carry_out(
 
 
 def _status(code: int) -> str:
-    """What the exit status of a command says of its step."""
+    """Outcome of a step by the exit status of its command."""
     if code == 0:
         return FINISHED
     if code in _INTERRUPTED:

@@ -1,4 +1,4 @@
-"""One claim of the paper: its rule, own numbers beside those of the reference, and the word."""
+"""One claim of the paper: its rule, own numbers beside those of the reference, and the verdict."""
 
 from __future__ import annotations
 
@@ -58,7 +58,7 @@ def show(name: str, own: Path, console: Console) -> None:
 
 
 def rule_lines(name: str) -> Iterator[str]:
-    """What the paper says, or we do, the rule as data, and the rule in words."""
+    """The statement of the paper, or ours, the rule as data, and the rule in words."""
     claim = frozen.claim_as_written(name)
     said = claim.pop("paper", None)
     if said is None:

@@ -1,4 +1,4 @@
-"""What each step took, in ``reproduce.csv``: its calls added up, and its largest memory."""
+"""Cost of each step, in ``reproduce.csv``: its calls added up, and its largest memory."""
 
 from __future__ import annotations
 

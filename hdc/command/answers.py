@@ -24,7 +24,7 @@ Placed = tuple[object, np.ndarray]
 
 
 class Wanted(NamedTuple):
-    """What an answer has besides the label or the values; see :func:`ask`."""
+    """Fields of an answer besides the label or the values; see :func:`ask`."""
 
     reject: float | None
     interval: float | None
@@ -218,7 +218,7 @@ def cells(answer: dict[str, Any]) -> list[str]:
 
 
 def _items(name: str, part: Any) -> Iterable[Any]:
-    """What the cells of a part of an answer show."""
+    """Text of the cells of a part of an answer."""
     if name == "probabilities":  # the table has that of the best class
         return []
     if name in ("values", "distances"):

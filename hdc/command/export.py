@@ -114,7 +114,7 @@ def _check_replaceable(path: Path) -> None:
 
 
 def _size_lines(plan: Any) -> list[str]:
-    """What the header will take."""
+    """Sizes of the header."""
     sizes = plan.sizes
     return [
         f"classes: {sizes.classes}, frames of {messages.size(plan.frame_shape)} of "

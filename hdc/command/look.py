@@ -25,7 +25,7 @@ MOST = 12
 def look(recording: Path, **source: Any) -> None:
     """Show what a RECORDING holds, and the line to type for hdc train.
 
-    A RECORDING that can be read in several ways has a line for each.
+    A RECORDING with several readings has a line for each.
     """
     file, _ = readers.split_name(recording)
     if file.exists():
@@ -43,7 +43,7 @@ def _shortened(lines: list[str]) -> list[str]:
     return [*lines[:MOST], f"… {rest} more"] if rest > 0 else lines
 
 
-# What it holds -----------------------------------------------------------------------------------
+# Its contents -----------------------------------------------------------------------------------
 
 
 def contents(path: Path) -> list[str]:
@@ -130,7 +130,7 @@ def _with(words: list[str], choice: str) -> list[str]:
 
 
 def _described(words: list[str], frames: Recording) -> list[str]:
-    """What a reading gives, and what to type for it."""
+    """Content of a reading, and the line to type for it."""
     size = messages.size(frames.frame_shape)
     lines = [f"{len(frames)} frames, {messages.learnt(frames)}, {size}"]
     if frames.session is not None:

@@ -1,4 +1,4 @@
-"""What the commands say of a recording and of a model, in lines for people; and what to type."""
+"""Lines that the commands print of a recording and of a model, with the line to type."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def guess_line(
     test: np.ndarray,
     period: float | None = None,
 ) -> str:
-    """What is right of the test frames without looking: the largest class, or the mean."""
+    """Accuracy or error of a guess: the largest class, or the mean."""
     labels = learnt_labels(recording)
     if labels is not None:
         largest = np.bincount(labels[training]).argmax()
@@ -75,7 +75,7 @@ def circular_lines(recording: Recording) -> list[str]:
 
 
 def learnt(recording: Recording) -> str:
-    """What a model learns of a recording, in words."""
+    """Content of a recording that a model learns, in words."""
     if recording.values is None:
         return f"{len(recording.classes)} classes"
     names = with_units(recording.value_names, recording.value_units)
@@ -123,7 +123,7 @@ def with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
 
 
 def described(model: Any, path: Path) -> dict[str, Any]:
-    """What a saved model is, for people; the last rows say what was trained."""
+    """Description of a saved model; the last rows say what was trained."""
     classifies = hasattr(model, "classes_")
     n_outputs = (
         len(model.classes_)
@@ -143,7 +143,9 @@ def described(model: Any, path: Path) -> dict[str, Any]:
         "readout": repr(model.readout_),
         "readout in words": _in_words(model.readout_),
         "frames": size(model.frame_shape_),
-        f"bits a pixel and {unit}": round(n_bits / model.n_features_in_ / n_outputs, 2),
+        f"bits per pixel and {unit}": round(
+            n_bits / model.n_features_in_ / n_outputs, 2
+        ),
         **model.metadata_,
     }
     if classifies:
@@ -166,7 +168,7 @@ def command_line(
     readout: str,
     period: float | None = None,
 ) -> str:
-    """What to type to train such a model of a recording that was opened so."""
+    """The line to type to train such a model of a recording that was opened so."""
     words = ["hdc", "train", *recording_words(recording, window, source)]
     if period is not None:
         words += ["--circular", f"{period:.12g}"]
@@ -177,7 +179,7 @@ def command_line(
 def recording_words(
     recording: Path, window: Window, source: dict[str, Any]
 ) -> list[str]:
-    """What to type to open a recording so: its path, and options."""
+    """The words to type to open a recording so: its path, and options."""
     words = [str(recording)]
     if source["template"]:
         words += ["--template", source["template"]]

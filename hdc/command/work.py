@@ -1,4 +1,4 @@
-"""What the commands share: how they open recordings and models, and what fits together."""
+"""Shared by the commands: opening recordings and models, and whether they fit together."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def open_frames(
 
 
 def load(path: Path) -> tuple[Any, Window]:
-    """A saved classifier or regressor, and which pixels of an image it looks at.
+    """A saved classifier or regressor, and which pixels of an image it uses.
 
     Raises:
         ValueError: the file is no such model.

@@ -27,7 +27,7 @@ def count_uint8(
     The hypervector of image i is written to row places[i] of `kept` [K, W], or, with −1, nowhere.
 
     Returns:
-        As of :func:`encode_uint8`.
+        See :func:`encode_uint8`.
     """
     images = np.ascontiguousarray(images)
     ties = np.zeros((len(images), 2), np.int64)

@@ -1,4 +1,4 @@
-"""What the kernels are made of: threads, operations spelled out for LLVM, and compiling.
+"""Parts of the kernels: threads, operations spelled out for LLVM, and compiling.
 
 Two operations are spelled out for LLVM, which does not find them by itself. One adds numbers to
 those of 64 sums whose bit in a word is one, and keeps the sums in registers. The other compares 64

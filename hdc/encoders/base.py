@@ -1,4 +1,4 @@
-"""What an encoder is: frames to hypervectors."""
+"""The base class of encoders: frames to hypervectors."""
 
 from __future__ import annotations
 

@@ -20,7 +20,7 @@ _INT32 = torch.iinfo(torch.int32).max
 
 
 class Deviation(RelativeEncoder):
-    """T bits a pixel: whether it exceeds the reference by more than some standard deviations.
+    """T bits per pixel: whether it exceeds the reference by more than some standard deviations.
 
     With d the standardised frame less the reference, both in steps of 2⁻¹⁶ as of
     :class:`hdc.encoders.Reference`, and σ the standard deviation of the frame's D values d, rounded

@@ -17,7 +17,7 @@ CHUNK = 64  # training frames summed at a time
 
 
 class Levels(RankEncoder):
-    """T bits a pixel, by the quantiles 1/(T + 1) … T/(T + 1) of the frame's own pixels.
+    """T bits per pixel, by the quantiles 1/(T + 1) … T/(T + 1) of the frame's own pixels.
 
     A distributive thermometer code (Bacellar et al., ICML 2024), here of each frame instead of each
     feature: ones and zeros are equally frequent over all bits for odd T, and the Hamming distance

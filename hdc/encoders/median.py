@@ -8,7 +8,7 @@ from hdc.encoders.ranks import RankEncoder
 
 
 class Median(RankEncoder):
-    """One bit a pixel, exactly ⌊D/2⌋ ones (Kitagawa et al., Opt. Express 32, 3209, Sec. II).
+    """One bit per pixel, exactly ⌊D/2⌋ ones (Kitagawa et al., Opt. Express 32, 3209, Sec. II).
 
     In other fields a median threshold bitmap (Ward, J. Graph. Tools 8, 17 (2003)). It survives
     every monotone change of a whole frame.

@@ -8,7 +8,7 @@ from hdc.encoders.ranks import RankEncoder, exact_quantile
 
 
 class Quantile(RankEncoder):
-    """One bit a pixel: the brightest ⌊(1 − q)·D⌋ pixels become ones.
+    """One bit per pixel: the brightest ⌊(1 − q)·D⌋ pixels become ones.
 
     Where a part b of every frame is dark, the median of the lit part is the quantile b + (1 − b)/2
     of the frame.

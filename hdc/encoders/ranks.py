@@ -99,7 +99,7 @@ class RankEncoder(Encoder):
 
 
 class Ties(NamedTuple):
-    """What a call of :func:`encode_ranks` met.
+    """Ties and constant frames that a call of :func:`encode_ranks` met.
 
     Attributes:
         constant: frames of which all pixels are equal.
@@ -114,7 +114,7 @@ class Ties(NamedTuple):
 def exact_quantile(name: str, value: Any) -> Fraction:
     """A quantile as the fraction that is written: ``"3/4"``, ``0.9`` or a Fraction.
 
-    By way of its text, since ⌊(1 − .9)·250000⌋ is 24999 in floating point.
+    Through its text, since ⌊(1 − .9)·250000⌋ is 24999 in floating point.
 
     Raises:
         ValueError: naming the argument, for what is not a number in (0, 1).
@@ -208,7 +208,7 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
 
 
 def ties_of(equal: Tensor, split: Tensor, n_pixels: int) -> Ties:
-    """Of counts of pixels that equal a threshold, [N, T], and whether some became ones."""
+    """Make it from counts of pixels equal to a threshold, [N, T], and whether some became ones."""
     constant = equal[:, 0] == n_pixels
     counted = equal[split & ~constant[:, None]]
     most = int(counted.max()) if len(counted) else 0

@@ -1,4 +1,4 @@
-"""What encoders of frames relative to a reference frame share: what a laboratory calls zeroing."""
+"""The base class of encoders relative to a reference frame: a laboratory calls this zeroing."""
 
 from __future__ import annotations
 
@@ -111,7 +111,7 @@ class RelativeEncoder(Encoder):
         backend: str = "numpy",
         out: Tensor | None = None,
     ) -> Tensor:
-        """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the differences."""
+        """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the differences."""
         if backends.kernels(backend, frames.device) and frames.dtype == torch.uint8:
             check_frames(frames)
             if self.is_compiled and frames.shape[1:].numel() > 1:

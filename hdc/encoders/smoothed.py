@@ -100,7 +100,7 @@ class Smoothed(Encoder):
         backend: str = "numpy",
         out: Tensor | None = None,
     ) -> Tensor:
-        """As of :meth:`hdc.encoders.ranks.RankEncoder.encode`, of the smoothed frames."""
+        """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the smoothed frames."""
         found = encode_with(self.base_, self.images(frames, first), first, "numpy")
         return into(out, found)
 

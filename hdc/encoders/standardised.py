@@ -38,7 +38,7 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
 
 
 def values_of_greys(counts: Tensor) -> Tensor:
-    """What the greys 0 to 255 become in frames of such histograms: int64 to int32 [N, 256]."""
+    """Values of the greys 0 to 255 in frames of such histograms: int64 to int32 [N, 256]."""
     greys = torch.arange(256, device=counts.device)
     totals = (counts * greys).sum(1)
     squares = (counts * greys * greys).sum(1)

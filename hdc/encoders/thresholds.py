@@ -1,4 +1,4 @@
-"""Where the threshold of a frame lies, and which pixels become ones: three ways, the same bits.
+"""The threshold of a frame, and the pixels that become ones: three implementations, equal bits.
 
 Small frames and floats are partially ordered, many at once. Of large frames of integers each is
 compared with single values: one pass over the frame counts the pixels above a value and so says on
@@ -121,7 +121,7 @@ def _place(n_pixels: int, wanted: int) -> int:
 
 
 def _kth(rows: Any, k: int) -> Any:
-    """What stands at place k of each row [B, D] in rising order, [B, 1]."""
+    """The value at place k of each row [B, D] in rising order, [B, 1]."""
     if isinstance(rows, np.ndarray):
         return np.partition(rows, k, axis=1)[:, k, None]
     return rows.kthvalue(k + 1, dim=1, keepdim=True).values

@@ -1,4 +1,4 @@
-"""What a header says of itself: frames, bits, scores, rejection and sizes."""
+"""Description of a header: frames, bits, scores, rejection and sizes."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from hdc.export.plan import Plan
 from hdc.readouts import LDA
 
 MARK = "Made by hdc export"
-"""What the files of an export say near their beginning; no others are replaced."""
+"""Text near the beginning of the files of an export; no others are replaced."""
 WIDTH = 88
 """Characters of a line of C."""
 

@@ -1,4 +1,4 @@
-"""What of a model is exported: its tables and numbers, or why it cannot be."""
+"""Exported parts of a model: its tables and numbers, or why it cannot be."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ _WHY_NOT: dict[type, str] = {
 
 @dataclass(frozen=True)
 class Plan:
-    """What a header is made of; :meth:`of` a model.
+    """Contents of a header; :meth:`of` a model.
 
     Attributes:
         name: beginning of all names in the header.

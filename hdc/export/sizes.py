@@ -1,4 +1,4 @@
-"""What an exported model takes: bytes of constants and of memory, and operations a frame."""
+"""Cost of an exported model: bytes of constants and of memory, and operations per frame."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Sizes:
 
     Args:
         pixels: of a frame.
-        ranked: pixels that become bits; fewer than all where an encoder looks at lit ones only.
+        ranked: pixels that become bits; fewer than all where an encoder uses lit ones only.
         pixel_bits: 8 or 16.
-        thresholds: bits a pixel.
+        thresholds: bits per pixel.
         classes: that have training frames.
         ties: rule of an encoder that ranks, one of :data:`hdc.encoders.ties.TIES`.
         planes: hypervectors that the read-out has of a class: a prototype, or four of weights.

@@ -1,4 +1,4 @@
-"""How far a frame of a class may be from its prototype, as one number a class.
+"""How far a frame of a class may be from its prototype, as one number per class.
 
 The model's own rejection (:mod:`hdc.conformal`) asks, for every new frame x, how far each kept
 training frame would be from the prototype with x in its place. A board has no room for that. Here
@@ -24,7 +24,7 @@ def distance_thresholds(
 ) -> list[int]:
     """The largest distance to each prototype at which a frame counts as known.
 
-    Of m kept frames of a class, ⌊share·(m + 1)⌋ − 1 are farther. Where that is none that can be
+    From m kept frames of a class, ⌊share·(m + 1)⌋ − 1 are farther. Where that is none that can be
     left out, the deviations from the mean of their class are taken of all classes together, as in
     :func:`hdc.conformal.Conformal.p_values`.
 

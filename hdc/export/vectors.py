@@ -83,7 +83,7 @@ def frame(plan: Plan, number: int) -> np.ndarray:
 def answer(
     plan: Plan, model: HDCClassifier, pixels: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """What the model says of a frame [1, D]: words uint64 [W] that are kept, scores int64 [L]."""
+    """Answer of the model to a frame [1, D]: words uint64 [W] that are kept, scores int64 [L]."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of constant frames and ties, which are wanted
         words = plan.encoder.encode(torch.from_numpy(pixels).to(model.device))

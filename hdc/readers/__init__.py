@@ -90,7 +90,7 @@ def open_recording(
         skip_missing: leave rows of a table out whose image is not there, and say so.
 
     Raises:
-        Ambiguous: it can be read in two ways; both are named.
+        Ambiguous: it has two readings; both are named.
         SettingError: a setting is out of range, or the path leads to no recording.
         BadFrame: a frame cannot be used.
         ValueError: a label, a table or a folder is not as described.
@@ -180,7 +180,7 @@ def split_name(path: Path) -> tuple[Path, str]:
 
 
 def _kind(path: Path) -> str:
-    """What a path leads to, in words."""
+    """Kind of file or folder at a path, in words."""
     if path.is_dir():
         return FOLDER
     kinds = (

@@ -18,7 +18,7 @@ KNOWN = ("order", "session", "group")
 """Columns known by name, which are no numbers to learn."""
 _INTEGER = re.compile(r"[-+]?\d+", re.ASCII)
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
-"""What stands for a number that is not there, in any case."""
+"""Texts for a missing number, in upper or lower case."""
 
 
 @dataclass(frozen=True)

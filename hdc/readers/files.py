@@ -54,7 +54,7 @@ class SettingError(ValueError):
 
 
 class Ambiguous(ValueError):
-    """Something that can be read in several ways.
+    """Something that has several readings.
 
     Attributes:
         choices: the words of the command line that take each of them.

@@ -1,4 +1,4 @@
-"""What belongs to each frame of an array: arrays of the same file, or columns of a table."""
+"""Labels and other columns of the frames of an array: from the same file, or from a table."""
 
 from __future__ import annotations
 
@@ -180,7 +180,7 @@ def _of_table(
     fewest_classes: int,
     value_columns: Sequence[str] | None,
 ) -> dict[str, Any]:
-    """What a table with a row per frame says of each."""
+    """Columns of a table with a row per frame."""
     if len(columns.places) != n:
         raise ValueError(
             f"{table}: expected {n} rows, one per frame, found {len(columns.places)}"
@@ -256,7 +256,7 @@ def _values(
 
 
 def _samples(arrays: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
-    """What is kept of the frames: an order and a session in any case, and arrays [N]."""
+    """Columns that are kept: an order and a session in any case, and arrays [N]."""
     samples = {}
     for name, array in arrays.items():
         fits = array.shape == (n,) and array.dtype.kind in "iufU"

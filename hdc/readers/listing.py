@@ -150,7 +150,7 @@ def _table_path(root: Path, table: str | Path) -> Path:
 
 
 def _base(root: Path, table: Path, rows: _Rows) -> Path:
-    """What the paths in a table are relative to: its own folder, or that of the recording."""
+    """The folder that paths in a table are relative to: its own, or that of the recording."""
     if rows.names and (table.parent / rows.names[0]).is_file():
         return table.parent
     return root

@@ -37,7 +37,7 @@ class Store:
     notes: dict[str, list[str]] = field(default_factory=dict)
 
     def advice(self) -> str:
-        """What is not read, why, and how to save it anew; or nothing."""
+        """Why something is not read, and how to save it anew; empty if it is read."""
         if not self.unread:
             return ""
         first, why = next(iter(self.unread.items()))

@@ -1,4 +1,4 @@
-"""A CSV with a row a frame: vectors such as spectra, one number a column.
+"""A CSV with a row per frame: vectors such as spectra, one number per column.
 
 ``label``, ``order``, ``session`` and ``group`` are known by name, columns that are chosen as values
 are what is learnt, and all others are the numbers of the frame, in their order.

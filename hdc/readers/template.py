@@ -59,16 +59,16 @@ class Template:
 
     def __init__(self, template: str) -> None:
         self._template = unicodedata.normalize("NFC", template.removeprefix("./"))
-        # Of all readings of a name, the first fields are longest in one and shortest in the other:
+        # The first fields of a name are longest in one reading and shortest in the other:
         # where these two agree there is no third.
         self._longest = re.compile(self._pattern(_LONGEST))
         self._shortest = re.compile(self._pattern(_SHORTEST))
 
     def read(self, file: str) -> dict[str, str] | None:
-        """What a file's path says, by field; None where it is not as the template.
+        """Texts of a file's path, by field; None where the path does not fit the template.
 
         Raises:
-            SettingError: it can be read in two ways; both are named.
+            SettingError: it has two readings; both are named.
         """
         name = unicodedata.normalize("NFC", file)
         longest = self._longest.fullmatch(name)

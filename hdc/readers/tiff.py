@@ -62,7 +62,7 @@ class Stack:
         if page.extrasamples:
             found.append("alpha left out")
         if page.bitspersample not in (8, 16, 32, 64):
-            found.append(f"{page.bitspersample} bits a pixel")
+            found.append(f"{page.bitspersample} bits per pixel")
         return found
 
     def __getitem__(self, key: Any) -> np.ndarray:
@@ -133,7 +133,7 @@ def image(place: str, data: bytes) -> np.ndarray:
 
 @contextmanager
 def _strict(place: str) -> Iterator[None]:
-    """What tifffile logs or raises becomes a BadFrame: it goes on where pages are lost."""
+    """Turn what tifffile logs or raises into a BadFrame: it goes on where pages are lost."""
     said = _Said()
     logger = logging.getLogger("tifffile")
     logger.addHandler(said)

@@ -247,7 +247,7 @@ def stream_video(
 ) -> Iterator[tuple[float, np.ndarray]]:
     """Time in s and grey frame [H, W] of each frame of a video before ``end`` in s.
 
-    What the file says of its frames is added to ``notes``.
+    Statements of the file on its frames are added to ``notes``.
 
     Raises:
         BadFrame: a frame is damaged, or frames are missing.
@@ -362,7 +362,7 @@ def _pixels(frame: Any, notes: list[str]) -> np.ndarray:
     is_grey = len(frame.format.components) == 1
     if is_grey and frame.format.name.startswith("gray"):
         image = frame.to_ndarray()
-        _note(notes, bits > 8, f"{bits} bits a pixel")
+        _note(notes, bits > 8, f"{bits} bits per pixel")
     elif bits > 8:
         image = frame.to_ndarray(format="gray16le")
         _note(notes, True, f"luminance of {bits} bits, scaled to 16")

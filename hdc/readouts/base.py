@@ -1,4 +1,4 @@
-"""What a read-out is: hypervectors of known classes to scores of queries."""
+"""The base class of read-outs: hypervectors of known classes to scores of queries."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ class HeldOut(NamedTuple):
 class Readout(Parametrised, ABC):
     """Scores of classes from packed hypervectors; an idea is a subclass in a file of its own.
 
-    A subclass writes :meth:`fit` and :meth:`scores`. What it learns are tensors int64 or float64 in
+    A subclass writes :meth:`fit` and :meth:`scores`. Learned tensors are int64 or float64, in
     attributes that end in an underscore: they are what is saved, sized and flipped, unless it
     writes :meth:`state` and :meth:`restore`. Classes are rows 0 … L − 1; which labels they have is
     the model's business.
@@ -119,7 +119,7 @@ class Updatable(Readout):
         """Learn further hypervectors int64 [N, W] of classes rows int64 [N]."""
 
     def settle(self) -> None:
-        """What is to be made once after several :meth:`add`, before scores are asked for."""
+        """Called once after several :meth:`add`, before scores are asked for."""
 
     @abstractmethod
     def arrange(self, places: Sequence[int], n_classes: int) -> None:

@@ -30,7 +30,7 @@ _LEAST = 1e-10  # of the mean of K's diagonal, the least penalty: rounding's sha
 
 
 class Solution(NamedTuple):
-    """What is learned with one penalty.
+    """Discriminants that are learned with one penalty.
 
     Attributes:
         dual: A, float64 [N, L].
@@ -45,7 +45,7 @@ class Solution(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """What does not depend on the penalty; :meth:`of` products and classes.
+    """The part that does not depend on the penalty; :meth:`of` products and classes.
 
     Attributes:
         products: K, float64 [N, N], with a penalty on its diagonal once solved.
@@ -69,7 +69,7 @@ class Problem:
 
     @classmethod
     def of(cls, products: Tensor, rows: Tensor) -> Self:
-        """Of products G, float64 [N, N], which become K; memory for no more is needed.
+        """Make it from products G, float64 [N, N], which become K, to save memory.
 
         `rows` are the classes int64 [N], each of them with a frame.
         """

@@ -5,7 +5,7 @@ of the training hypervectors and their median m over pairs: a Laplacian kernel (
 Vapnik, IEEE Trans. Neural Netw. 10, 1055 (1999)), since H of levels is a sum of absolute
 differences. The penalty is ℓ = λ·tr(K)/N. The factors s and λ are those with the fewest errors on
 training frames scored as if each had not been learnt, in closed form
-(:mod:`hdc.readouts.leave_one_out`); a read-out is told of no groups, so frames of one group decide
+(:mod:`hdc.readouts.leave_one_out`); a read-out knows no groups, so frames of one group decide
 about each other.
 
 Scores are floating-point numbers: with another backend, processor or number of threads they may
@@ -145,7 +145,7 @@ class Kernel(Readout):
         self.offsets_ = torch.where(learnt, mixed, self.offsets_)
 
     def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
-        """Of up to 400 frames of training; None once loaded."""
+        """Scores of up to 400 frames of training; None once loaded."""
         return self._held_out
 
     def scores(self, words: Tensor) -> Tensor:
@@ -225,7 +225,7 @@ def likeness(distances: Tensor, reach: float) -> Tensor:
 
 
 def _length(distances: Tensor, reach: float, dual: Tensor) -> float:
-    """Of discriminants of frames at distances [N, N], in the space of the kernel; 1 of none."""
+    """Length of discriminants of frames at distances [N, N], in the space of the kernel; or 1."""
     products = likeness(distances, reach) @ dual
     return float((dual * products).sum().clamp(min=0).sqrt()) or 1.0
 

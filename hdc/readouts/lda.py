@@ -1,4 +1,4 @@
-"""Shrinkage discriminant analysis of the bits, with weights of four bits a pixel.
+"""Shrinkage discriminant analysis of the bits, with weights of four bits per pixel.
 
 Linear discriminant analysis with a shrunken covariance (Friedman, JASA 84, 165 (1989)), solved
 among the N frames (:mod:`hdc.readouts.discriminant`) with x ∈ {±1}^D and
@@ -157,7 +157,7 @@ class LDA(Readout):
         return (weights - _OFFSET) * self.scales_[:, None].float()
 
     def _length(self) -> float:
-        """Of all weights together; 1 of none."""
+        """Length of all weights together; 1 of none."""
         return float(self._floats().norm()) or 1.0
 
     def _known_offsets(self) -> Tensor:
@@ -166,7 +166,7 @@ class LDA(Readout):
         return torch.where(known, self.offsets_, 0).double()
 
     def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
-        """Of up to 400 frames of training, before weights are rounded; None once loaded."""
+        """Scores of up to 400 frames of training, before weights are rounded; None once loaded."""
         return self._held_out
 
     def _take(
@@ -270,7 +270,7 @@ def _quantised(
 ) -> tuple[Tensor, Tensor, Tensor]:
     """Weights w [L, D] as planes int64 [L, 4, W]; scales and offsets float64 [L].
 
-    A scale keeps the score of the class's mean less that of the mean of means, an offset that of
+    A scale keeps the score of the class's mean minus that of the mean of means, an offset that of
     the mean of means; `offsets` are those of the weights as they are.
     """
     centre = means.mean(0)

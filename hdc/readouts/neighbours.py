@@ -16,7 +16,7 @@ from hdc.readouts.base import HeldOut, Updatable
 class Neighbours(Updatable):
     """The class of most of the k nearest training frames in Hamming distance.
 
-    Of equally near frames that of the first class comes first, so the order of training decides
+    The first class comes first among equally near frames, so the order of training decides
     nothing; of classes with as many votes the one with the nearest frame wins.
 
     Args:

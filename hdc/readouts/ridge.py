@@ -83,7 +83,7 @@ class Ridge(Readout):
         self._held_out = HeldOut(targets - fitted.residuals, rows)
 
     def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
-        """Of all frames of the last training, by its exact residuals; None once loaded."""
+        """Scores of all frames of the last training, by its exact residuals; None once loaded."""
         return self._held_out
 
     def scores(self, words: Tensor) -> Tensor:
@@ -231,7 +231,7 @@ class Linear:
 
 
 class Dual(NamedTuple):
-    """What leave-one-out predictions of other frames need besides the weights.
+    """Needed besides the weights for leave-one-out predictions of other frames.
 
     In double precision: with few frames and a small penalty single precision keeps three digits.
     """
@@ -241,7 +241,7 @@ class Dual(NamedTuple):
 
     @classmethod
     def of(cls, words: Tensor, dimension: int, penalty: float, backend: str) -> Dual:
-        """Of training frames int64 [N, W] and the penalty λ of their fit."""
+        """Make it from training frames int64 [N, W] and the penalty λ of their fit."""
         products = gram(words, words, dimension, backend)
         means = products.mean(1)
         products -= means
@@ -328,7 +328,7 @@ def least_error(
 
     Args:
         spectrum, vectors: eigenvalues [N], not negative, and eigenvectors of the centred K.
-        targets: less their mean, float64 [N, T].
+        targets: minus their mean, float64 [N, T].
         penalties: those to try.
     """
     n = len(spectrum)

@@ -74,7 +74,7 @@ class Trained(Readout):
         self.prototypes_ = bits.pack(signs).to(words.device)
 
     def _corrections(self, words: Tensor, rows: Tensor) -> Tensor:
-        """What each frame is counted by, [N, L]: 1 for its class, −1 for the nearest other one."""
+        """Weight of each frame, [N, L]: 1 for its class, −1 for the nearest other one."""
         distances = -self.scores(words).cpu()
         places = torch.arange(len(rows))
         own = distances[places, rows]

@@ -1,4 +1,4 @@
-"""What a read-out of numbers is, and the mean of the nearest frames."""
+"""The base class of read-outs of numbers, and the mean of the nearest frames."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ _ROWS = 256  # frames that are compared with all others at a time
 
 
 class ValueReadout(Parametrised, ABC):
-    """T numbers a frame from packed hypervectors; an idea is a subclass in a file of its own.
+    """T numbers per frame from packed hypervectors; an idea is a subclass in a file of its own.
 
     A subclass writes :meth:`fit` and :meth:`values`; for intervals also :meth:`without` and
-    `residuals_`. What it learns are tensors in attributes that end in an underscore.
+    `residuals_`. Learned tensors are attributes that end in an underscore.
     """
 
     revision: ClassVar[int] = 1

@@ -43,7 +43,7 @@ class Case:
 
     @cached_property
     def examples(self) -> Tensor:
-        """One frame a class [L, D], to learn or to compare with."""
+        """One frame per class [L, D], to learn or to compare with."""
         return self._made(np.arange(self.l), 2)
 
     @cached_property
@@ -162,7 +162,7 @@ class Case:
 def threshold(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Exactly half of the pixels [D] as ones, and the pixels that equal the median.
 
-    Of those as many become ones as are needed, pixel 64·w + b by the key ((b + h(w)) mod 64, w)
+    As many of those become ones as are needed, pixel 64·w + b by the key ((b + h(w)) mod 64, w)
     with h(w) = (w·0x9E3779B1 mod 2³²) >> 26.
     """
     ones = len(pixels) // 2

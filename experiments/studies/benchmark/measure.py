@@ -1,4 +1,4 @@
-"""The routes of every operation beside one another, on the same bytes, in turns.
+"""The routes of every operation, on the same bytes, in interleaved repetitions.
 
 Each result is compared with a reference before its route is timed; a route with another result is
 not timed, and fails the experiment at its end. The routes of an operation at one size then run in
@@ -89,7 +89,7 @@ def measure(case: Case, budget_s: float) -> list[Row]:
 def _timed(
     samplers: Mapping[str, Callable[[], float]], budget_s: float
 ) -> dict[str, np.ndarray]:
-    """Seconds of each route in turns, so that all meet the same states of the machine: at least
+    """Seconds of each route in interleaved repetitions, so that all meet the same states of the machine: at least
     seven, and up to thirty within the budget."""
     turns: list[list[float]] = []
     deadline = time.perf_counter() + budget_s

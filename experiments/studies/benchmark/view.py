@@ -56,12 +56,12 @@ COLUMNS = {
 def goals(
     rows: pd.DataFrame,
 ) -> pd.DataFrame:
-    """What was to be reached, as far as it was measured."""
+    """Goals, as far as they were measured."""
     single = of_route(rows, "predict", OURS_COMPILED)
     name = "predict one frame: hdc, compiled, ms"
     table = [_goal(name, "≤", 0.12, 1e3 * single["median_s"])]
     for operation, pair, bound, limit in GOALS:
-        # Both were timed in turns with ours.
+        # Both were timed in interleaved repetitions with ours.
         over = of_route(rows, operation, pair[0])["ratio_to_ours"]
         under = of_route(rows, operation, pair[1])["ratio_to_ours"]
         name = f"{operation}: {pair[0]}, × {pair[1]}"

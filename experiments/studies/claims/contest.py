@@ -1,6 +1,6 @@
 """Bits against grey values by rules 3, from the records of ``experiment=recordings_chosen``.
 
-``python -m experiments.studies.claims.contest`` prints the word, or that nothing is measured yet.
+``python -m experiments.studies.claims.contest`` prints the verdict, or that nothing is measured yet.
 """
 
 from __future__ import annotations
@@ -110,7 +110,7 @@ def _compared(scene: str, rows: pd.DataFrame) -> recordings.Compared | None:
 
 
 def verdict(found: dict[str, Measured]) -> Verdict | None:
-    """The word of recordings joined by laboratory; None without one of a known variance."""
+    """The verdict of recordings joined by laboratory; None without one of a known variance."""
     by_laboratory: dict[str, list[Measured]] = {}
     for one in found.values():
         if not np.isnan(one.variance):
@@ -200,7 +200,7 @@ def _right(rows: pd.DataFrame, model: str, n: int, labels: np.ndarray) -> np.nda
 
 
 def lines(frame: pd.DataFrame) -> list[str]:
-    """What rules 3 say of the records, a sentence each."""
+    """Results of rules 3 on the records, a sentence each."""
     found = measured(frame)
     whole = verdict(found)
     if whole is None:

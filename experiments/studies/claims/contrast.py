@@ -34,7 +34,7 @@ def pieces(
 def _piece(
     name: str, claim: Claim, frozen: Rules, rival: str, rows: pd.DataFrame
 ) -> Piece:
-    """The contrast of prototypes less that of the rival, a number a seed."""
+    """The contrast of prototypes minus that of the baseline, a number per seed."""
     of_prototypes, of_rival = (
         _by_seed(rows, kind, claim.samples) for kind in (PROTOTYPE, rival)
     )
@@ -47,7 +47,7 @@ def _piece(
         str(rows.scene.iloc[0]),
         str(shown["family"]),
         str(shown["kind"]),
-        f"contrast of prototypes less that of {rival}, {before} to {after}",
+        f"contrast of prototypes minus that of {rival}, {before} to {after}",
         less,
         unit="1",
         n=f"{len(of_prototypes)} seeds",

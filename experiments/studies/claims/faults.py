@@ -24,7 +24,7 @@ ROUNDED = {"softmax_dual_int8": ("softmax_dual", "bit_flips_int8")}
 
 
 def rival_at(rival: str, level: float) -> str:
-    """A rival at a share of flipped bits, as the tables name it."""
+    """A baseline at a share of flipped bits, as the tables name it."""
     return f"{rival} at {100 * level:g} %"
 
 
@@ -42,7 +42,7 @@ def pieces(
 
 
 def lost(rows: pd.DataFrame, model: str, level: float) -> list[float]:
-    """Accuracy with flipped bits less that without, a number a seed.
+    """Accuracy with flipped bits minus that without, a number per seed.
 
     Of one of :data:`ROUNDED` after its numbers were rounded.
     """
@@ -65,7 +65,7 @@ def _piece(
     rival: str,
     level: float,
 ) -> Iterator[Piece]:
-    """What one model loses on one scene, where it was measured."""
+    """Loss of one model on one scene, where it was measured."""
     change = lost(rows, model, level)
     if not change:
         return

@@ -1,4 +1,4 @@
-"""What was found, in a few sentences for the first screen of README.
+"""Findings in a few sentences, for the first screen of README.
 
 Which words a sentence has follows from the verdict, so that none outlives its numbers; a claim that
 was not measured has no sentence.
@@ -23,7 +23,7 @@ LAST = (
 )
 RAW, STRONGER = rules().rivals  # the second is the stronger one on most recordings
 PUBLISHED, EXTENDED = rules().forms["published"], rules().forms["mended"]
-# What the verdicts against both rivals mean together: no, if one is no; partly, if one is yes.
+# Verdicts against both baselines together: no, if one is no; partly, if one is yes.
 RECOGNISES = {
     YES: "is more accurate than converged softmax",
     NO: "is not more accurate than converged softmax",
@@ -137,7 +137,7 @@ def _unseen(frame: pd.DataFrame) -> Iterator[str]:
 
 
 def _times(found: dict[tuple[str, str], Verdict]) -> Iterator[str]:
-    """How much longer rivals train than HDC that is computed in the same way."""
+    """How much longer baselines train than HDC in the same implementation."""
     parts = []
     for claim, rival, name in (
         ("softmax", "softmax_dual", "converged softmax"),

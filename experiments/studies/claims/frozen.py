@@ -61,7 +61,7 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         rule: name of what turns numbers into a word.
         decide: kinds of frames that decide, or ``times``.
         form: of HDC.
-        sizes: key of the numbers of frames a class.
+        sizes: key of the numbers of frames per class.
         rivals: those with a word; the primary ones, if none are named.
         beside: shown without a word.
         recordings: that enter; all, if none are named.
@@ -111,7 +111,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     runs: Runs
 
     def rivals_of(self, claim: str) -> tuple[str, ...]:
-        """The rivals of a claim that have a word."""
+        """The baselines of a claim that have a verdict."""
         return self.claims[claim].rivals or self.rivals
 
 
@@ -151,7 +151,7 @@ def earlier() -> tuple[Earlier, ...]:
 
 
 def earlier_word(claim: str) -> str:
-    """The word of a claim by the version before; a claim that was one with others then has that
+    """The verdict of a claim by the version before; a claim that was one with others then has that
     claim's, and one that was not judged has none."""
     words = earlier()[-1].words
     if claim in words:

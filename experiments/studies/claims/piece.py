@@ -1,4 +1,4 @@
-"""A piece of evidence: what one recording, scene or way of timing says of a claim and a rival."""
+"""A piece of evidence on a claim and a baseline: from one recording, scene or implementation."""
 
 from __future__ import annotations
 

@@ -41,7 +41,7 @@ class Sizes(Protocol):
 
 
 class Compared(NamedTuple):
-    """HDC minus a rival on one recording.
+    """HDC minus a baseline on one recording.
 
     Attributes:
         by_unit: a difference for each seed or draw, mean over the sizes.

@@ -123,7 +123,7 @@ def refuted(simulated: Iterable[str]) -> str:
 
 
 def much_slower(ratio: Estimate, runs: int, frozen: Rules | None = None) -> str:
-    """Whether a rival trains at least ten times as long as HDC of the same way.
+    """Whether a baseline trains at least ten times as long as HDC in the same implementation.
 
     Args:
         ratio: of the times; bounds are those of the order-statistic interval, or the lowest and the

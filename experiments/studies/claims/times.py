@@ -42,7 +42,7 @@ def pieces(
                 way,
                 "",
                 SIMULATED,
-                f"training time of {display_name(rival)} over that of HDC of the same way",
+                f"training time of {display_name(rival)} relative to HDC, same implementation",
                 ratio,
                 unit="×",
                 n=f"{runs} runs",

@@ -202,7 +202,7 @@ NOTE = (
     "effects), with the interval of the mean and the range for a sensor of another "
     "laboratory; bounds end where the difference does: at ±100 points, and at 0 against the "
     "paper's 100 %. Of one laboratory: the normal interval, and Student's over seeds in the "
-    "table of evidence. ×: training time over that of HDC of the same way, of the way with "
+    "table of evidence. ×: training time relative to HDC, same implementation, of the way with "
     "the least ratio. %: share of the loss by drift that came back. Contrast: of prototypes "
     "less that of what they are held against, of each scene over seeds; its rule joins the "
     "words of scenes and takes no mean. Exploratory unless said otherwise: numbers of these "

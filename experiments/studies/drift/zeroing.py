@@ -32,7 +32,7 @@ from hdc.encoders import RelativeEncoder, make_encoder
 
 @dataclass(frozen=True)
 class Unlabelled:
-    """Which unlabelled frames a model is re-zeroed by.
+    """Unlabelled frames by which a model is re-referenced.
 
     Args:
         sizes: numbers of frames, all classes alike.

@@ -36,7 +36,7 @@ _SIGNS = {LOADED: "loaded", LEFT_OUT: "·", TOO_MUCH: "**not needed**"}
 
 
 def cell(row: Mapping[str, Any], module: str) -> str:
-    """What became of a watched module in a process: left out, loaded, or loaded and not needed."""
+    """State of a watched module in a process: left out, loaded, or loaded and not needed."""
     if module not in str(row["loaded"]).split():
         return LEFT_OUT
     _, failed, modules = str(row["status"]).partition("fails: loads ")
@@ -67,7 +67,7 @@ def picture(
     figure: Figure,
     rows: pd.DataFrame,
 ) -> None:
-    """A row a scene, a column a module."""
+    """A row per scene, a column per module."""
     of_hdc = rows[(rows.model == "hdc") & rows.loaded.notna()]
     table = matrix(of_hdc)
     axes = figure.subplots()

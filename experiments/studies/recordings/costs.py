@@ -1,4 +1,4 @@
-"""What a model of a recording costs, and the errors that it buys."""
+"""Costs of the models of a recording, beside their errors."""
 
 from __future__ import annotations
 
@@ -153,7 +153,7 @@ COLUMNS = {
     "error": Column("Error, %", cell=_or_not("error", percent)),
     "fit_s": Column("Training, s", cell=_of_either("fit", number)),
     "predict_frame_s": Column(
-        "Prediction, ms a frame", cell=_of_either("predict_frame", milliseconds)
+        "Prediction, ms per frame", cell=_of_either("predict_frame", milliseconds)
     ),
     "bytes": Column("Stored", cell=_or_not("bytes", size)),
 }
@@ -214,7 +214,7 @@ def error_against_time(figure: Figure, frame: pd.DataFrame) -> None:
         left.set_ylabel("test error (%)")
         left.set_ylim(bottom=-0.04 * rows.error.max())  # shows a whole marker at zero
     panels[-1, 0].set_xlabel("training (s)")
-    panels[-1, 1].set_xlabel("prediction (ms a frame)")
+    panels[-1, 1].set_xlabel("prediction (ms per frame)")
     handles = [handle(model) for model in table.model.unique()]
     for entry in handles:
         entry.set_linestyle("")
@@ -244,7 +244,7 @@ def _tables() -> Iterator[Table]:
         costs,
         of=OF,
         title="Stored bytes and times, and the errors that they buy",
-        columns={**COLUMNS, "bits": Column("Bits a pixel and class", _two_digits)},
+        columns={**COLUMNS, "bits": Column("Bits per pixel and class", _two_digits)},
         shown=("recording", "n", *SHOWN[1:]),
         note=NOTE,
         key=("recording", "n", "model"),

@@ -49,7 +49,7 @@ NAMES = {"hdc": "HDC, published", "hdc_levels_lda": "HDC, extended (levels, LDA)
 
 
 class Dot(NamedTuple):
-    """A form less the rival on one recording, in one panel."""
+    """A form minus the baseline on one recording, in one panel."""
 
     scene: str
     kind: str
@@ -99,12 +99,12 @@ def _of_scenes(runs: Groups) -> Iterator[Dot]:
 
 
 def forest(figure: Figure, frame: pd.DataFrame) -> None:
-    """Two panels: five frames a class, and the most."""
+    """Two panels: five frames per class, and the most."""
     every = dots(frame)
     rows = _rows(every)
     figure.set_size_inches(WIDTH, 0.95 + 0.22 * len(rows))
     panels = figure.subplots(1, 2, sharey=True, sharex=True)
-    titles = (f"{FEW} frames a class", "the most frames a class")
+    titles = (f"{FEW} frames per class", "the most frames per class")
     for axes, letter, title, few in zip(
         panels, "ab", titles, (True, False), strict=True
     ):

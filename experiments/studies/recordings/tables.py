@@ -1,4 +1,4 @@
-"""Accuracies on recordings as tables, and the forms of HDC beside the rival."""
+"""Accuracies on recordings as tables, and the forms of HDC beside the baseline."""
 
 from __future__ import annotations
 

@@ -26,7 +26,7 @@ RIVALS = (RIVAL, "softmax_dual_standardised")
 """Converged softmax regression, of grey values and of standardised frames."""
 CONFIRMATORY = ("hdc", "hdc_levels_lda")
 """The forms of HDC that the frozen rules name; every other is exploratory."""
-FEW = 5  # frames a class
+FEW = 5  # frames per class
 NOTE = (
     "Split by time, session, group or position, as each recording states, so that near copies of a "
     "test frame do not train. Brackets: Student over seeds (input fields, fibres) for fibres, the "
@@ -70,7 +70,7 @@ class Accuracies:
     """Accuracies on one recording by the split that counts, a row a unit and a column a model.
 
     Attributes:
-        sizes: frames a class at which some model was asked, increasing.
+        sizes: frames per class at which some model was asked, increasing.
         models: names, in the order of the rows.
         seeds: whether units are seeds, not draws of one recording.
     """
@@ -87,7 +87,7 @@ class Accuracies:
             self._table = every.pivot(index=index, columns="model", values="accuracy")
 
     def ends(self) -> list[int]:
-        """The fewest frames a class, five, and the most."""
+        """The fewest frames per class, five, and the most."""
         if not self.sizes:
             return []
         middle = [n for n in self.sizes if n == FEW]
@@ -124,11 +124,11 @@ def accuracies_of(found: dict[str, pd.DataFrame]) -> dict[str, Accuracies]:
     return {scene: Accuracies(rows) for scene, rows in found.items()}
 
 
-# Forms of HDC against the rival -------------------------------------------------------------------
+# Forms of HDC against the baseline -------------------------------------------------------------------
 
 
 class Gap(NamedTuple):
-    """How much more accurate a form of HDC is than a rival on one recording."""
+    """How much more accurate a form of HDC is than a baseline on one recording."""
 
     form: str
     rival: str

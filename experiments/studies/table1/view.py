@@ -28,7 +28,7 @@ KEY = ("scene", "model", "n_train", "pixels")
 
 
 def _title(lines: pd.DataFrame) -> str:
-    """What Table I shows, on which frames, on which machine."""
+    """Caption of Table I: its content, frames and machine."""
     data = table1(lines)
     rows = [] if data is None else records(data)
     return rows_of.caption(rows, "Table I, published and measured")

@@ -1,4 +1,4 @@
-"""What one model wins over another on the same test frames, with an interval, and what to do."""
+"""Gain of one model over another on the same test frames, with an interval, and advice."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from hdc.accuracy import wilson
 from hdc.command.messages import printable
 
 RESAMPLES = 2000
-"""Of the test frames, for the interval of a difference of errors."""
+"""Number of the test frames, for the interval of a difference of errors."""
 UNCHOSEN = "nothing was chosen: too few training frames of a class"
 
 
 @dataclass(frozen=True)
 class Gain:
-    """What one model is better by, and its 95 % interval; positive is better."""
+    """Advantage of one model over another, and its 95 % interval; positive is better."""
 
     gain: float
     low: float
@@ -77,7 +77,7 @@ def paired_errors(mine: np.ndarray, theirs: np.ndarray) -> Gain:
 
 
 def of_classes(result: Mapping[str, Any]) -> list[str]:
-    """What to type, what it wins, and whether a rival outside the library is better."""
+    """The line to type, its gain, and whether a baseline outside the library is better."""
     test = result["tests"][-1]
     chosen, published = result["chosen"], result["published"]
     where = f"on {test['tested']} frames of {test['name']}"
@@ -104,7 +104,7 @@ def of_classes(result: Mapping[str, Any]) -> list[str]:
 
 
 def of_values(result: Mapping[str, Any]) -> list[str]:
-    """As :func:`of_classes`, a line of errors for each value."""
+    """Like :func:`of_classes`, with a line of errors for each value."""
     test = result["tests"][-1]
     chosen, published = result["chosen"], result["published"]
     where = f"on {test['tested']} frames of {test['name']}"
@@ -134,7 +134,7 @@ def of_values(result: Mapping[str, Any]) -> list[str]:
 
 
 def of_dither(result: Mapping[str, Any]) -> list[str]:
-    """What one grey level of dither costs, and what to do where it costs much."""
+    """Cost of one grey level of dither, and advice where it is high."""
     found = result["dither"]
     if not found:
         return []
@@ -157,12 +157,10 @@ def of_dither(result: Mapping[str, Any]) -> list[str]:
 
 def _against_rival(over: Mapping[str, float], amount: str) -> str:
     if over["low"] > 0:
-        return f"A rival outside the library is better: {amount}."
+        return f"A baseline outside the library is better: {amount}."
     if over["high"] < 0:
-        return f"The best rival outside the library is worse: {amount}."
-    return (
-        f"The best rival outside the library is not clearly better or worse: {amount}."
-    )
+        return f"The best baseline outside the library is worse: {amount}."
+    return f"The best baseline outside the library is not clearly better or worse: {amount}."
 
 
 def _clear_or_not(gain: Mapping[str, float]) -> str:

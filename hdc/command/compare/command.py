@@ -86,10 +86,10 @@ def compare(
     """Find the encoder and read-out for a RECORDING, and compare with models of grey values.
 
     Encoder and read-out are chosen by cross-validation of the training frames, by session where
-    there are two or more, and so are the settings of the rivals. Frames held out at random, and
+    there are two or more, and so are the settings of the baselines. Frames held out at random, and
     later ones (the other recording, else the last sessions, else the last frames of each class)
     only judge the choice. Each model has its training time, time a frame and size. The last lines
-    say what to type, what that wins, whether a rival outside the library is better, and what one
+    say what to type, what that wins, whether a baseline outside the library is better, and what one
     grey level of rounding costs. Frames are held in memory.
     """
     if every and (encoders or readouts):

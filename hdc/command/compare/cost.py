@@ -1,4 +1,4 @@
-"""What a model costs: time to learn, time a frame, bytes; and which models are on the front."""
+"""Cost of a model: training time, time per frame, bytes; and the models on the front."""
 
 from __future__ import annotations
 

@@ -17,7 +17,7 @@ STEPS = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 """Frames per class; of values frames in all, from 5 on."""
 _NEAR = 0.8
 FORMATS = (".svg", ".pdf", ".png")
-# Okabe and Ito's colours, told apart by the colour-blind; each with a marker of its own.
+# Okabe and Ito's colours, fit for the colour-blind; each with a marker of its own.
 _LOOKS = (("#0072B2", "o", "-"), ("#D55E00", "s", "-"), ("#009E73", "^", "--"))
 _SIZE = (3.4, 3.0)  # inches: the width of a column
 

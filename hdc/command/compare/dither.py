@@ -1,4 +1,4 @@
-"""What one grey level of rounding costs: another camera driver or a lossy file rounds so."""
+"""Cost of one grey level of rounding, as by another camera driver or a lossy file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def with_dither(images: np.ndarray) -> np.ndarray:
 def dithered(
     frames: Frames, method: Method, train: np.ndarray, test: np.ndarray
 ) -> dict[str, Any]:
-    """What a form answers when only the test frames are dithered; nothing of other than 8 bits.
+    """Answers of a form when only the test frames are dithered; nothing of other than 8 bits.
 
     ``before`` and ``after`` are accuracies, or mean errors as shares of a guess's.
     """

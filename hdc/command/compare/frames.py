@@ -22,7 +22,7 @@ from hdc.readers.recording import with_progress
 from hdc.selection import Frames
 
 PIXELS = ("raw", "standardised")
-"""What rivals see: grey values, or those of each frame less its mean over its deviation."""
+"""Input of the baselines: grey values, raw or standardised per frame."""
 _COLUMNS = 2**13  # pixels that are made floats at a time
 
 

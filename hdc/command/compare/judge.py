@@ -62,7 +62,7 @@ def compare(
         say: is given lines while the comparison goes on.
 
     Returns:
-        What ``--json`` writes.
+        The result that ``--json`` writes.
     """
     budget = budget or Budget(None)
     frames = replace(read_frames(recording, other), period=period)
@@ -294,7 +294,7 @@ def _with_intervals(
 
 
 def _less(frames: Frames, mine: np.ndarray, theirs: np.ndarray) -> dict[str, Any]:
-    """By how much one's errors [Q, T] are less than others', for each value."""
+    """Errors of another model minus those of one, [Q, T], for each value."""
     found = {}
     for column, name in enumerate(frames.names):
         gain = paired_errors(mine[:, column], theirs[:, column])

@@ -1,7 +1,7 @@
-"""Rivals outside the library: scikit-learn's models of grey values.
+"""Baselines outside the library: scikit-learn's models of grey values.
 
 A model with an L2 penalty lies in the span of its training frames, and neighbours and kernels need
-distances alone. So each rival learns from coordinates in that span, which inner products give: a
+distances alone. So each baseline learns from coordinates in that span, which inner products give: a
 fit of 120,000 pixels costs no more than one of N coordinates, and is the same.
 """
 
@@ -26,7 +26,7 @@ from hdc.selection import Frames
 
 RIDGE_PENALTIES = np.logspace(-4, 2, 7)
 C_VALUES = (1, 10, 100)
-"""Of softmax and support vectors; the folds of the library's models choose among them."""
+"""Settings of softmax and support vectors; the folds of the library's models choose among them."""
 _NONE = 1e-10  # of the largest eigenvalue: what rounding leaves of none
 
 
@@ -107,7 +107,7 @@ class Rival:
 
 
 def rivals(learns_values: bool) -> list[Rival]:
-    """Every rival on raw and on standardised frames, once a setting."""
+    """Every baseline on raw and on standardised frames, once per setting."""
     found = []
     for pixels in PIXELS:
         if learns_values:
@@ -150,7 +150,7 @@ def _of_values(pixels: str) -> list[Rival]:
     return found
 
 
-# What they learn from ----------------------------------------------------------------------------
+# Their input ----------------------------------------------------------------------------
 
 
 def coordinates(
@@ -178,7 +178,7 @@ def coordinates(
 def _coordinates_once(
     bank: FrameBank, pixels: str, train: np.ndarray, test: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The same, kept for the rivals that follow on the same frames."""
+    """The same, kept for the baselines that follow on the same frames."""
     key = train.tobytes() + b"|" + test.tobytes()
     kept = bank.coordinates.get(pixels)
     if kept is None or kept[0] != key:
@@ -214,4 +214,4 @@ VIEWS: dict[str, View] = {
     "linear": linear_kernel,
     "rbf": rbf_kernel,
 }
-"""What a rival learns from, by name: of training and test frames."""
+"""Input of a baseline, by name: of training and test frames."""

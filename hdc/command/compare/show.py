@@ -22,7 +22,7 @@ _WIDTH = 160
 
 
 def text(result: Mapping[str, Any]) -> str:
-    """What the command prints after the rows of the cross-validation."""
+    """Text that the command prints after the rows of the cross-validation."""
     parts = []
     if result["given_up"]:
         parts.append("* given up after the first fold, far behind the best so far")
@@ -39,7 +39,7 @@ def text(result: Mapping[str, Any]) -> str:
 
 
 def head(result: Mapping[str, Any]) -> str:
-    """What is compared, how it is chosen, and what it is tested on."""
+    """Lines on the models compared, the choice, and the test frames."""
     if "values" in result:
         learnt = f"values of {', '.join(map(printable, result['values']))}"
     else:

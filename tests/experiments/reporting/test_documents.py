@@ -20,13 +20,15 @@ def test_marked_blocks_are_filled_and_all_else_stays():
     assert documents.fill(made, {"one": lambda: "new\nlines"}) == made
 
 
-def test_a_verdict_has_the_name_of_its_claim_and_this_version_alone():
+def test_a_claim_stands_once_with_its_names_and_this_version_alone():
     rows = [
         "| Claim | By version 1 | Command |",
         "| --- | --- | --- |",
         "| Fast | no | run --claim times |",
+        "| Fast | yes | run --claim times |",
     ]
     shown = ["| Claim | Name |", "| --- | --- |", "| Fast | `times` |"]
+    shown.append("| | `times` |")
     assert documents.named("\n".join(rows)).splitlines() == shown
     assert documents.named(documents.NOT_MEASURED) == documents.NOT_MEASURED
 

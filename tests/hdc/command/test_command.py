@@ -307,14 +307,14 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["encoder"] == "Median(ties='spread')"
     assert found["readout"] == "Majority(ties='zero', balance=False, seed=0)"
     assert found["encoder in words"].endswith(".")
-    assert found["bits a pixel and class"] == pytest.approx(1, abs=0.2)
+    assert found["bits per pixel and class"] == pytest.approx(1, abs=0.2)
     words = ("--encoder", "levels", "--readout", "lda")
     hdc("train", folder, "-o", path, *words)
     found = json.loads("".join(hdc("info", path)[1]))
     assert "quantiles" in found["encoder in words"]
     assert found["readout in words"].startswith("Shrinkage discriminant analysis")
     # Seven levels, four planes of weights, besides what a frame's last word and scales need.
-    assert 28 <= found["bits a pixel and class"] < 29
+    assert 28 <= found["bits per pixel and class"] < 29
 
 
 def test_sets_of_classes_and_their_coverage(hdc, model, folder, frames):

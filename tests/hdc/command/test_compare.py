@@ -892,10 +892,12 @@ def test_advice_follows_the_numbers():
     assert "90.0% on 200 frames of the last sessions" in lines[1]
     assert "+30.0 points (95 % interval +23" in lines[1]
     assert lines[2].startswith("That is a clear gain")
-    assert lines[3].startswith("The best rival outside the library is worse: 1-NN")
+    assert lines[3].startswith("The best baseline outside the library is worse: 1-NN")
     assert said(0.6, 0.9, 0.5)[2].startswith("That is a loss")
     assert said(0.61, 0.6, 0.6)[2].startswith("That is no clear gain")
-    assert said(0.6, 0.6, 0.95)[3].startswith("A rival outside the library is better")
+    assert said(0.6, 0.6, 0.95)[3].startswith(
+        "A baseline outside the library is better"
+    )
     assert "not clearly better or worse" in said(0.9, 0.6, 0.9)[3]
     none = said(0.1, 0.6, 0.5, chosen="median, majority")
     assert none[1].startswith("No combination was better than the published form")

@@ -254,7 +254,7 @@ def test_advice_says_what_is_a_loss():
     }
     assert advice.of_classes(result)[2:] == [
         "That is a loss: the choice does not carry over to these frames.",
-        "A rival outside the library is better: 1-NN, raw greys has 65.0%, "
+        "A baseline outside the library is better: 1-NN, raw greys has 65.0%, "
         "+10.0 points (95 % interval +1.0 to +20.0).",
     ]
 

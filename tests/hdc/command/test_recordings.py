@@ -528,7 +528,7 @@ def test_intervals_of_numbers_and_their_coverage(hdc, tmp_path):
     assert out[1].split("\t")[2:] == ["-inf", "inf"]
     info = json.loads("".join(hdc("info", "m")[1]))
     size = (tmp_path / "m").stat().st_size
-    assert info["bits a pixel and value"] == pytest.approx(8 * size / 288, abs=0.01)
+    assert info["bits per pixel and value"] == pytest.approx(8 * size / 288, abs=0.01)
 
 
 def test_axes_that_two_readings_fit_are_named_on_the_command_line(hdc, tmp_path):

@@ -222,7 +222,7 @@ def test_grey_of_more_bits_comes_as_it_was_written(tmp_path, pixels, bits):
     scene = open_recording(path)
     assert np.array_equal(scene[:], frames[[1, 4]])
     assert scene.dtype == np.uint16
-    assert scene.notes == (f"{bits} bits a pixel",)
+    assert scene.notes == (f"{bits} bits per pixel",)
 
 
 def turned(path, degrees):

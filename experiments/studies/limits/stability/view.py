@@ -83,7 +83,7 @@ def at_their_limits(
 
 
 def families(rows: pd.DataFrame) -> pd.Series:
-    """What cases have in common: their part, and of hypervectors the many of one kind."""
+    """Families of cases: their part, and of hypervectors the many of one kind."""
     names = rows.part.copy()
     names[rows.case.str.startswith("definition ")] = "bits of a frame"
     names[rows.case.str.startswith("tail bits ")] = "last word of bits"

@@ -106,7 +106,7 @@ class Ended(Exception):
 
 @dataclass
 class Watch:
-    """What a method evaluates, and when: the clock stands still while a point is judged.
+    """Points that a method evaluates, and when: the clock stands still while a point is judged.
 
     Args:
         problem: what the method minimises.

@@ -1,4 +1,4 @@
-"""Five ways to the optimum, each a function of a problem and of what it calls with its weights.
+"""Five methods for the optimum, each a function of a problem and of what it calls with its weights.
 
 Every method starts at zero weights and asks ``evaluate`` for the loss and its gradient. It ends
 where it can go no further; ``evaluate`` ends it earlier by an exception.

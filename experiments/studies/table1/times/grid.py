@@ -1,4 +1,4 @@
-"""The grid of times: each model by each way, over HDC by the same way; from ``times_grid``."""
+"""The grid of times: each model relative to HDC in each implementation; from ``times_grid``."""
 
 from __future__ import annotations
 

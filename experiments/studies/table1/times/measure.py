@@ -1,4 +1,4 @@
-"""The grid of times: every model by every way of computing it, timed in turns in one process.
+"""The grid of times: every model in every implementation, timed in interleaved repetitions in one process.
 
 A way is compared with itself alone: HDC by standard libraries with networks by standard libraries,
 the harness's own with its own, tuned with tuned. Within a way the models train in turns, with HDC
@@ -111,7 +111,7 @@ class Samples:
 
 @dataclass
 class Trained:
-    """What came of one training.
+    """Result of one training.
 
     Attributes:
         seconds: until the target; infinite where it was not reached.

@@ -1,4 +1,4 @@
-"""The grid of times as a table and a figure: every model over HDC by the same way."""
+"""The grid of times as a table and a figure: every model relative to HDC."""
 
 from __future__ import annotations
 
