@@ -19,15 +19,17 @@ from experiments.reporting.text import interval, number
 
 TITLE = "Published numbers and ours"
 HOW = (
-    "The paper has one sensor. A number of it is judged by the interval in which the number of one "
-    "more sensor of ours lies with 95 %: Student's, over sensors. A ratio of times has the interval"
-    " of its median over turns instead. A number differs if it is outside and further off than the "
-    "margin; where the interval reaches further than the margin, it is uninformative. The margin, "
-    "stated before, is half of the smallest difference from which the paper concludes anything, for"
-    " ratios of times a factor of 2, for numbers of samples half. Not comparable: seconds of "
-    "another machine, and what depends on what the paper does not say. Fitted: it chose a parameter"
-    " of the simulated sensor; watched: the calibration looked at it and it chose none. n: of test "
-    "samples (of training accuracies: training samples; of times: runs), all seeds together."
+    "The paper has one sensor. A number of it is judged by the interval in which the "
+    "number of one more sensor of ours lies with 95 %: Student's, over sensors. A ratio "
+    "of times has the interval of its median over repetitions instead. A number differs "
+    "if it is outside and further off than the margin; it is uninformative if the "
+    "interval reaches further than the margin. The margin, stated before, is half of the "
+    "smallest difference from which the paper draws a conclusion; for ratios of times it "
+    "is a factor of 2, for numbers of samples a half. Not comparable: seconds of another "
+    "machine, and what depends on what the paper does not say. Fitted: it chose a "
+    "parameter of the simulated sensor; watched: known during the calibration, and chose "
+    "none. n: of test samples (of training accuracies: training samples; of times: runs), "
+    "all seeds together."
 )
 COLUMNS = (
     *("experiment", "quantity", "condition", "unit", "published", "published_low"),

@@ -17,11 +17,11 @@ from experiments.studies.benchmark.names import OPERATIONS, OURS_COMPILED
 from experiments.studies.benchmark.table import HEADLINE, of_route
 
 NOTE = (
-    "The routes of a size ran in turns in one process; × hdc is the median over the turns. "
-    "Results were compared before any timing with a reference in plain NumPy: “yes, ties aside” "
-    "means that only bits differ which the median or the majority leaves open, “same labels” that "
-    "frames not learnt were recognised. Frames: speckle in uint8. "
-    '“hdc, compiled” is HDCClassifier(backend="compiled").'
+    "The routes of a size ran in interleaved repetitions in one process; × hdc is the "
+    "median over the repetitions. Results were compared before any timing with a "
+    "reference in plain NumPy: “yes, ties aside”: only bits differ that the median or the "
+    "majority leaves open; “same labels”: new frames were recognised. Frames: speckle in "
+    'uint8. “hdc, compiled” is HDCClassifier(backend="compiled").'
 )
 GOALS: tuple[tuple[str, tuple[str, str], str, float], ...] = (
     # operation, (numerator, denominator), bound, limit

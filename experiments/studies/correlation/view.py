@@ -209,8 +209,8 @@ def _has_pictures(rows: pd.DataFrame) -> bool:
 STUDY = Study(
     "correlation",
     "Correlations",
-    "How much more alike are the speckles, hypervectors and prototypes of one touch than of two? "
-    "Eqs. 4 to 6, Fig. 4.",
+    "How much more alike are speckles, hypervectors and prototypes within a touch than "
+    "between touches? Eqs. 4 to 6, Fig. 4.",
     4,
     figures=[
         Plot(

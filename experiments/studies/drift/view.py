@@ -120,8 +120,8 @@ _INTERVALS = "Intervals: Student, 95 %, over seeds."
 STUDY = Study(
     "drift",
     "Drift and recalibration",
-    "The sensor has drifted. How many new samples restore its accuracy, with labels and without, "
-    "what is forgotten of the old session, and do the old samples add anything to the new?",
+    "How many new samples, with or without labels, restore the accuracy after drift? How much "
+    "is forgotten of the old session, and do its samples still help?",
     5,
     tables=[
         Table(

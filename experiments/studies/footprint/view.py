@@ -97,7 +97,7 @@ def picture(
 STUDY = Study(
     "footprint",
     "Footprint",
-    "How much memory does each scene and model take, and is what it does not need left out?",
+    "How much memory does each scene and model take, and does it load only what it needs?",
     order=13,
     tables=[
         Table(
@@ -116,7 +116,7 @@ STUDY = Study(
             left_out,
             of="footprint",
             key=("scene", "model"),
-            title="What each scene and model leaves out",
+            title="Modules that each scene and model leaves out",
             columns={
                 module: Column(module, lambda found: _SIGNS[found])
                 for module in WATCHED
@@ -132,7 +132,8 @@ STUDY = Study(
             of="footprint",
             size=(3.4, 3.2),
             caption="Modules that one process loads to learn a scene and predict with HDC. "
-            "A column is a module that some part of the project needs. Right: peak memory.",
+            "Columns: modules that some part of the project needs. Right: peak "
+            "memory.",
             needs=lambda rows: bool(
                 ((rows.model == "hdc") & rows.loaded.notna()).any()
             ),

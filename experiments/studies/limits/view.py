@@ -8,8 +8,8 @@ from experiments.studies.limits.stiffness import view as stiffness
 STUDY = Study(
     "limits",
     "Numbers at their limits",
-    "Where do the obvious formulas lose their digits, and do ours keep them? What would another "
-    "digit cost? Which method of training survives a stiff problem?",
+    "Where do the obvious formulas lose digits, and do ours keep them? How much time does "
+    "another digit cost? Which training method survives a stiff problem?",
     order=9,
     tables=[*stability.TABLES, *numerics.TABLES, *stiffness.TABLES],
     figures=[*stability.FIGURES, *numerics.FIGURES, *stiffness.FIGURES],

@@ -6,8 +6,8 @@ from experiments.studies.promises.values import view as values
 STUDY = Study(
     "promises",
     "Promises",
-    "How near do the same hypervectors come in mm, µm or refractive index? How often do the "
-    "library's intervals, label sets, rejection and probabilities hold what they promise?",
+    "How accurate are predicted numbers, in mm, µm or refractive index? How often do "
+    "intervals, label sets, rejection and probabilities keep their promise?",
     order=2.8,
     tables=values.TABLES,
     figures=values.FIGURES,

@@ -159,11 +159,11 @@ COLUMNS = {
 }
 SHOWN = ("recording", "model", *list(COLUMNS)[4:])
 NOTE = (
-    "Stored: all that a prediction needs. Times: one process, frames in memory and nothing "
-    "computed of them before, the least of several interleaved repetitions; by NumPy, and by the "
-    "compiled kernels where the model has them; prediction in batches of 100 frames. Training of "
-    "a chosen form includes the choice. Error: by the split that counts; the chosen forms have "
-    "fewer draws."
+    "Stored: all that a prediction needs. Times: one process, frames in memory and "
+    "nothing computed of them before, the least of several interleaved repetitions; by "
+    "NumPy, and by the compiled kernels where the model has them; prediction in batches "
+    "of 100 frames. Training of a chosen form includes the choice. Error: by the split "
+    "that counts; the chosen forms have fewer resamples."
 )
 _BEST = " The last model of each recording is the usual baseline of least error, which favours it."
 
@@ -274,9 +274,10 @@ FIGURES = [
         "recordings_error_vs_time",
         error_against_time,
         of=OF,
-        caption="Test error against training time, and against time per frame, at the most frames "
-        "per class, a row a recording. By the compiled kernels where they are faster. Grey: the "
-        "front, where no other model has less of both. Vermilion: forms of HDC.",
+        caption="Test error against training time, and against time per frame, at the "
+        "most frames per class, one row per recording, with compiled kernels if "
+        "they are faster. Grey: the front, where no other model has less of both. "
+        "Vermilion: forms of HDC.",
         size=(7.0, 3.4),
         needs=lambda frame: len(_shown(frame)) > 0,
     )

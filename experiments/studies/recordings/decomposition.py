@@ -161,10 +161,10 @@ FIGURES = [
         "decomposition",
         waterfall,
         of="recordings",
-        caption="Where HDC loses its points, at the most frames per class: accuracy from ridge "
-        "regression of grey values to HDC as published, one change of the model a row, and one "
-        "step aside (hatched). Vermilion: points lost; blue: points won. Bars of error: the "
-        "interval of a change.",
+        caption="Where HDC loses its points, at the most frames per class: accuracy from "
+        "ridge regression of grey values to HDC as published, one change of the "
+        "model per row, one alternative hatched. Vermilion: points lost; blue: "
+        "points won. Error bars: interval of a change.",
         size=(7.0, 4.2),
         needs=lambda frame: len(decomposition(frame)) > 0,
     )

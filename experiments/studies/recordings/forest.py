@@ -208,13 +208,13 @@ FIGURES = [
         "forest",
         forest,
         of=("recordings", RUNS),
-        caption=f"Accuracy of HDC minus that of {display_name(RIVAL).lower()} on test frames, in "
-        "points, a row a recording: as published (circles) and with levels and lda (diamonds). "
-        "The rival learns of grey values or of standardised frames, whichever is better there, "
-        f"which favours it. Band: ±{MARGIN:g} points. Bars: 95 %, Student over input fields or "
-        "seeds, the central 95 % of draws for cameras. Captured: by a camera; computed: from "
-        "measured matrices of a fibre; simulated: after all training frames, and without a "
-        "diamond where that form was not run; * fitted to the accuracy of HDC.",
+        caption=f"Accuracy of HDC minus that of {display_name(RIVAL).lower()} on test "
+        "frames, in points, one row per recording. Circles: as published; "
+        "diamonds: extended (levels and LDA). The baseline gets raw or "
+        f"standardised grey values, whichever suits it better. Band: ±{MARGIN:g} "
+        "points. Bars: 95 %, Student over input fields or seeds, the central 95 % "
+        "of resamples for cameras. Simulated: after all training frames; * fitted "
+        "to the accuracy of HDC.",
         size=(WIDTH, 3.8),
         needs=lambda frame: bool(dots(frame)),
         commands=[f"{RUN}recordings", f"{RUN}all_scenes"],

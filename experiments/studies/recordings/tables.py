@@ -131,7 +131,7 @@ def _columns_of_forms(data: pd.DataFrame) -> dict[str, Column]:
     about = {
         "recording": COLUMNS["recording"],
         "n": COLUMNS["n"],
-        "rival": Column("Rival", display_name),
+        "rival": Column("Baseline", display_name),
     }
     known = forms_of([name for name in values_of(data) if name not in about])
     return about | {form: Column(_form_head(form), points) for form in known}

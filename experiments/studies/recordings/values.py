@@ -28,12 +28,12 @@ CONFIRMATORY = ("hdc", "hdc_levels_lda")
 """The forms of HDC that the frozen rules name; every other is exploratory."""
 FEW = 5  # frames per class
 NOTE = (
-    "Split by time, session, group or position, as each recording states, so that near copies of a "
-    "test frame do not train. Brackets: Student over seeds (input fields, fibres) for fibres, the "
-    "central 95 % of draws for cameras, each of which is one sensor; none of fewer than ten draws. "
-    "Standardised: each frame with mean 0 and deviation 1. Captured: by a camera; computed: from "
-    f"measured matrices of a fibre, with an assumed noise. Primary rivals: {display_name(RIVAL)}, "
-    "on raw and on standardised frames."
+    "Split by time, session, group or position, as each recording states, so that near "
+    "copies of a test frame do not train. Brackets: Student over seeds (input fields, "
+    "fibres) for fibres, the central 95 % of at least ten resamples for cameras, each of "
+    "which is one sensor. Standardised: each frame with mean 0 and deviation 1. Captured: "
+    "by a camera; computed: from measured matrices of a fibre, with an assumed noise. "
+    f"Primary baselines: {display_name(RIVAL)}, on raw and on standardised frames."
 )
 
 

@@ -11,8 +11,8 @@ from experiments.studies.recordings import (
 STUDY = Study(
     "recordings",
     "Public recordings",
-    "On frames of optical sensors of several kinds, captured or computed by others: does HDC "
-    "recognise better than its rivals, and what wins back what it loses?",
+    "Is HDC more accurate than the baselines on public frames of several optical sensors, and "
+    "which changes win back its losses?",
     0.5,
     front=True,
     tables=[

@@ -177,8 +177,8 @@ def _axis(axes: Axes, kind: str) -> None:
 STUDY = Study(
     "robustness",
     "Robustness",
-    "How much accuracy is left when the frames are disturbed after training, or bits of the stored "
-    "model flip? Does hyperdimensional computing tolerate the faults it is said to tolerate?",
+    "How much accuracy remains when frames are disturbed after training, or bits of the "
+    "stored model flip?",
     9.5,
     tables=[
         Table(

@@ -191,8 +191,7 @@ def _has_spatial(lines: pd.DataFrame) -> bool:
 STUDY = Study(
     "scenes",
     "Models by scene",
-    "Is HDC the most accurate model where not every model is right, and how do the models do on "
-    "every scene that was run, own recordings included?",
+    "How accurate is each model on every scene, own recordings included?",
     order=2.2,
     tables=[
         Table(

@@ -133,7 +133,7 @@ def _cheaper(lines: pd.DataFrame) -> Iterator[str]:
     cheaper = [_with_pixels(line) for line in others if line["time"] < shortest]
     if cheaper:
         ours = "; ".join(map(_with_pixels, of_hdc))
-        yield f"As accurate as HDC in less time: {'; '.join(cheaper)}. {ours}."
+        yield f"Models as accurate as HDC in less time: {'; '.join(cheaper)}. {ours}."
 
 
 def _with_pixels(line: Cells) -> str:

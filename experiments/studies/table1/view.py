@@ -146,7 +146,7 @@ OF = (RUNS, grid.NAME)  # the runs of Table I, and the grid of times beside them
 STUDY = Study(
     "table1",
     "Table I",
-    "Does HDC recognise touches better than softmax regression and convolutional networks, and "
+    "Is HDC more accurate than softmax regression and convolutional networks, and does it "
     "train in a hundredth of their time? Five labels, N = 400.",
     order=1,
     front=True,
@@ -197,9 +197,9 @@ STUDY = Study(
             "error_vs_time",
             figure.error_vs_time,
             of=RUNS,
-            caption="Test error against training time over that of HDC (Table I): one curve per "
-            "model and seed, with its marker where training accuracy passed 90 %. Bars: 95 %, "
-            "after full training. Stars: the paper's, over the time of its HDC.",
+            caption="Test error against training time relative to HDC (Table I): one curve "
+            "per model and seed, with a marker where training accuracy exceeds 90 %. "
+            "Bars: 95 %, after full training. Stars: the paper.",
             size=(3.4, 3.9),
             needs=lambda lines: bool(
                 Groups.of(lines).group(models.scene(), "hdc").runs

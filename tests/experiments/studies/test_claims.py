@@ -427,7 +427,7 @@ def judged(tmp_path):
 @pytest.fixture
 def record(write_measurement):
     """record(scene, hdc, rival): a recording with these percent of 10,000 right, in 20 draws,
-    at 1 and 5 frames a class."""
+    at 1 and 5 frames per class."""
 
     def write(scene, hdc, rival, models=("hdc", RAW), split=None, **more):
         of = {"split": "counts", "seed": 0, "n_test": 10_000, "n": [1, 5]}
@@ -749,7 +749,7 @@ def test_the_whole_row_of_a_contrast(tmp_path, write_measurement, row_of, judged
     assert row_of("contrast", "speckle", "touch") == equals(
         claim="contrast", rival="speckle", evidence="touch", status="exploratory",
         laboratory="simulated touch sensor", frames="simulated",
-        quantity="contrast of prototypes less that of speckle, 0.100 to 0.310",
+        quantity="contrast of prototypes minus that of speckle, 0.100 to 0.310",
         value=0.21, value_low=0.21 - half, value_high=0.21 + half, standard_error=NAN,
         unit="1", n="2 seeds", word=YES, enters="yes", remark="",
         command="python -m experiments.run experiment=correlation", **where,
@@ -1002,7 +1002,7 @@ def test_the_whole_row_of_a_way_of_timing(write_measurement, row_of):
     assert row_of("networks_one_layer", "cnn1", "default") == equals(
         claim="networks_one_layer", rival="cnn1", evidence="default", laboratory="",
         frames="simulated", status="exploratory", unit="×", value=52, value_low=50,
-        quantity="training time of CNN, 1 layer over that of HDC of the same way",
+        quantity="training time of CNN, 1 layer relative to HDC, same implementation",
         value_high=54, standard_error=NAN, n="3 runs", word=YES, enters="yes",
         remark="too few runs for an interval: lowest and highest",
         command="python -m experiments.run experiment=times_grid",

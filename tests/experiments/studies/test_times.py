@@ -48,7 +48,7 @@ def test_hdc_by_libraries_has_the_prototypes_of_ours_but_for_ties(
     expected = bits.unpack(ours.prototypes_, 144).numpy()
     assert (
         theirs.prototypes_ != expected
-    ).mean() < 0.1  # 20 frames a class tie at times
+    ).mean() < 0.1  # 20 frames per class tie at times
     assert (theirs.predict(samples.frames) == samples.labels).all()
 
 

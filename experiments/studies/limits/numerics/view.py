@@ -124,9 +124,10 @@ FIGURES = [
         error_against_time,
         of="numerics",
         caption="Error against CPU time, one thread: a frame by the phases of its paths "
-        "(float32, float64, or mixed: reduced modulo 2π in float64), and the mean correlation of "
-        "a class (Eq. 4) for two kinds of frames. Dashed: the tolerable error, the camera's read "
-        "noise and half of the last digit that the paper prints.",
+        "(float32, float64, or mixed: reduced modulo 2π in float64), and the mean "
+        "correlation of a class (Eq. 4) for two kinds of frames. Dashed: the "
+        "tolerable error, the camera's read noise and half of the paper's last "
+        "digit.",
         size=(3.4, 5.2),
     )
 ]

@@ -114,8 +114,9 @@ FIGURES = [
         at_their_limits,
         of="stability",
         size=(3.4, 3.0),
-        caption="Extreme input, a row a family and its number of cases: error against an exact "
-        "reference in multiples of the tolerance, computed the obvious way and ours. Left "
-        "edge: no error; right edge: no number came out. Ours holds left of the line.",
+        caption="Extreme input, one row per family with its number of cases: error "
+        "against an exact reference in multiples of the tolerance, by the obvious "
+        "method and by ours. Left edge: no error; right edge: no number. Left of "
+        "the line a method holds.",
     )
 ]

@@ -19,12 +19,12 @@ from experiments.reporting.text import number, percent
 from experiments.studies.table1.times import grid
 
 NOTE = (
-    "Until training accuracy exceeds 90 %; ridge regression and converged softmax until they "
-    "are solved. Within a way the models trained in turns in one process, HDC before and after "
-    "each. × HDC: median over turns of the ratio to HDC by the same way, between order statistics "
-    "that hold the median with the coverage shown, whatever the law of the errors. Standard "
-    "libraries: the fastest of several routes, PyTorch at its defaults. Tuned: compiled kernels, "
-    "products of bytes, bfloat16."
+    "Until training accuracy exceeds 90 %; ridge regression and converged softmax until "
+    "they are solved. The models of an implementation trained in interleaved repetitions "
+    "in one process, HDC before and after each. × HDC: median over repetitions of the "
+    "ratio to HDC in the same implementation, between order statistics that contain the "
+    "median with the coverage shown. Standard libraries: the fastest of several routes, "
+    "PyTorch at its defaults. Tuned: compiled kernels, products of bytes, bfloat16."
 )
 
 
@@ -55,7 +55,7 @@ def draw(figure: Figure, frame: pd.DataFrame) -> None:
     names = [grid.WAYS.get(way, way) for way in ways]
     axes.set_xticks(range(len(ways)), names)
     axes.set_xlim(-0.6, len(ways) - 0.4)
-    head(figure, "Training time over that of HDC by the same way", [])
+    head(figure, "Training time relative to HDC, same implementation", [])
     handles = [handle(model) for model in models]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
 
@@ -75,15 +75,15 @@ TABLES = [
         grid.NAME,
         times_grid,
         of=grid.NAME,
-        title="Training times over that of HDC by the same way, {frames}. {machine}",
+        title="Training times relative to HDC in the same implementation, {frames}. {machine}",
         note=NOTE,
         key=("way", "model"),
         columns={
-            "way": Column("Way", lambda way: grid.WAYS.get(way, way)),
+            "way": Column("Implementation", lambda way: grid.WAYS.get(way, way)),
             "model": Column("Model", display_name),
             "seconds": Column("Time, s", _seconds),
             "ratio": Column("× HDC [interval]"),
-            "turns": Column("Turns"),
+            "turns": Column("Repetitions"),
             "coverage": Column("Coverage, %", percent),
             "train_accuracy": Column("Training accuracy reached, %", percent),
             "test_accuracy": Column("Test, %, there", percent),
@@ -96,8 +96,9 @@ FIGURES = [
         grid.NAME,
         draw,
         of=grid.NAME,
-        caption="Training time over that of HDC by the same way, {frames}: median over turns and "
-        "its interval; the line marks HDC.",
+        caption="Training time relative to HDC in the same implementation, {frames}: "
+        "median over interleaved repetitions and its interval; the line marks "
+        "HDC.",
         size=(3.4, 2.6),
     )
 ]
