@@ -220,8 +220,8 @@ STUDY = Study(
             needs=_has_pictures,
             size=(3.4, 2.5),
             kind="webp",
-            caption="Speckle, hypervector and prototype of each class, on the scene of the paper "
-            "(Fig. 4(a)): the same part of a frame in each row, white 1, black 0.",
+            caption="Speckle, hypervector and prototype of each class, on the paper's scene (Fig. "
+            "4(a)). Each row shows the same part of a frame: white 1, black 0.",
         ),
         Plot(
             "method",
@@ -230,19 +230,19 @@ STUDY = Study(
             needs=_has_pictures,
             size=(7.0, 1.75),
             kind="webp",
-            caption="The method in four pictures, on the scene of the paper, a part of a frame: "
-            "a touch makes a speckle; the pixels above the median of the frame are its "
-            "hypervector; the majority of a class's hypervectors is its prototype; the nearest "
-            "prototype names the touch.",
+            caption="The method in four pictures, on part of a frame of the paper's scene: a "
+            "touch makes a speckle; the pixels above the median are its hypervector; the "
+            "majority of a class's hypervectors is its prototype; the nearest prototype "
+            "is the answer.",
         ),
         Plot(
             "fig4_correlations",
             fig4,
             of="correlation",
             size=(3.4, 3.9),
-            caption="Correlations within and between classes, on the scene of the paper, mean "
-            "over seeds (Fig. 4(b) to (e)); (d) prototypes (rows) with held-out samples "
-            "(columns); (e) 95 % intervals over seeds.",
+            caption="Correlations within and between classes, on the paper's scene, mean over "
+            "seeds (Fig. 4(b) to (e)). (d): prototypes (rows) with held-out samples "
+            "(columns). (e): 95 % intervals over seeds.",
             needs=lambda rows: set(SYMBOLS) == set(own_frames(rows).kind.dropna()),
         ),
     ],

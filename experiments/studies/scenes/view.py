@@ -223,8 +223,8 @@ STUDY = Study(
             confusions,
             of=RUNS,
             caption="Confusion of the classes by HDC, in percent of the true label (rows), test "
-            "samples of all seeds together (Figs. 5(a), 6(b) and 9(d)); less than 0.5 % is left "
-            "blank.",
+            "samples of all seeds together (Figs. 5(a), 6(b) and 9(d)). Cells below 0.5 % "
+            "are blank.",
             needs=lambda lines: bool(confused(Groups.of(lines))),
             commands=[f"{RUN}{EXPERIMENT}"],
         ),
