@@ -37,17 +37,16 @@ _UNEQUAL = 0.2  # share of more frames of a class that is warned of
 class HDCClassifier(Estimator):
     """Classifier on packed hypervectors (Kitagawa et al., Opt. Express 32, 3209 (2024)).
 
-    An encoder makes a hypervector of each frame, a read-out scores the classes. As published, a
-    frame is thresholded at its own median, a class prototype is the bitwise majority of its
-    hypervectors (Eq. 1), and a query belongs to the class whose prototype is nearest in Hamming
-    distance (Eqs. 2, 3), the first of equally near ones. With a read-out that counts, :meth:`fit`
-    needs memory for a chunk of packed hypervectors, counters, and up to 19 hypervectors per class,
-    however many frames are given; with others, all hypervectors are held.
+    An encoder makes a hypervector of each frame, and a read-out scores the classes. The published
+    form thresholds a frame at its own median. The prototype of a class is the bitwise majority of
+    its hypervectors (Eq. 1). A query belongs to the class whose prototype is nearest in Hamming
+    distance (Eqs. 2, 3), the first of equally near ones.
 
-    Frames are [N, H, W] or [N, D]; a model of images also takes flattened ones and a single one,
-    [H, W]; the columns of a data frame are those of training, in their order. Several threads may
-    ask a model at once; while one trains it, no other may use it. Start processes by ``spawn``:
-    torch may hang in a forked one.
+    Frames are [N, H, W] or [N, D]. A model of images also takes flattened ones and a single one,
+    [H, W]. The columns of a data frame are those of training, in their order. Several threads may
+    predict at once; while one trains the model, no other may use it. Start processes by ``spawn``:
+    torch may hang in a forked one. With a read-out that counts, :meth:`fit` holds counters and up
+    to 19 hypervectors per class, however many frames are given; others hold all hypervectors.
 
     Args:
         encoder: ``"median"`` as published, ``"quantile"``, ``"levels"``, ``"reference"``,

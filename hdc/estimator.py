@@ -206,7 +206,7 @@ class Estimator(Parametrised, ABC):
         # Not the backend: the best one depends on the machine, and the model does not.
         parameters: dict[str, Any] = {"device": str(self.device)}
         for name in self.parts:
-            # What was trained: the object that was given may have been changed since.
+            # The trained part: the object that was given may have been changed since.
             trained = getattr(self, f"{name}_")
             parameters[name] = describe(trained, self._known[name])
         header, tensors = self._stored()

@@ -258,7 +258,7 @@ def is_number(value: Any) -> bool:
 def describe(part: Parametrised, known: Named) -> dict[str, Any]:
     """Class and parameters of a part, and of its own parts, as JSON.
 
-    What is no JSON is None, or what the part says in `stand_ins`.
+    A parameter that is no JSON is None, or the value in the part's `stand_ins`.
     """
     parameters = part.get_params(deep=False)
     for name, value in parameters.items():

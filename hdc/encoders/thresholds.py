@@ -1,8 +1,8 @@
 """The threshold of a frame, and the pixels that become ones: three implementations, equal bits.
 
-Small frames and floats are partially ordered, many at once. Of large frames of integers each is
-compared with single values: one pass over the frame counts the pixels above a value and so says on
-which side the threshold lies. The threshold of the frame before is tried first, then a sample says
+Small frames and floats are partially ordered, many at once. Large frames of integers are compared
+with single values: one pass over a frame counts the pixels above a value, which shows on which side
+the threshold lies. The threshold of the frame before is tried first, then a sample says
 about where to look (Floyd and Rivest, Commun. ACM 18, 165 (1975)). Two or three passes leave the
 pixels of one grey level of 8 bits. The counts of all pixels decide, so neither changes a bit.
 """

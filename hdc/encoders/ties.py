@@ -6,9 +6,9 @@ would differ. ``spread`` takes pixel j = 64·w + b by the key
 
     ((b + h(w)) mod 64, w),    h(w) = (w·0x9E3779B1 mod 2³²) >> 26,
 
-64 rounds of one bit a word. The order serves every threshold, so that a frame's code of several
+64 rounds of one bit per word. The order serves every threshold, so that a frame's code of several
 thresholds stays a thermometer. The chosen pixels lie all over the frame; how evenly depends on its
-size. Of one half of 500 × 500 pixels a row has 48 to 52 %, but of 100 × 150 it has 37 to 66 %: a
+size. A row has 48 to 52 % of one half of 500 × 500 pixels, but 37 to 66 % of one of 100 × 150: a
 deviation (RMS) 1.9 times that of a random choice. Columns are more even than at random in both.
 
 ``raster`` takes the first pixels of the frame: those at its top, where a large area of equal pixels

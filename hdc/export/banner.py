@@ -84,7 +84,7 @@ def _bit_order(plan: Plan) -> str:
     if sizes.has_lit:
         order += f" Pixels are counted among those of {plan.name}_lit."
     if every == 1:
-        return f"{order} What is left of the last word is 0."
+        return f"{order} The rest of the last word is 0."
     return (
         f"{order} Only the words 0, {every}, {2 * every} ... are kept and compared, "
         f"{sizes.compared} bits; the ranks of pixels are those in the whole frame."

@@ -32,7 +32,7 @@ TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # + : BigTIFF
 """How these files begin."""
 _SCAN, _END = b"\xff\xda", b"\xff\xd9"
 _USUAL_CODES = bytes([0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125])
-"""Of JPEG's usual table for luminance: with it no scan has a long run of zeros."""
+"""JPEG's usual table for luminance: with it no scan has a long run of zeros."""
 _SECTOR = bytes(512)
 _MOST_PIXELS = 2**28
 AHEAD = 16
