@@ -165,10 +165,10 @@ STUDY = Study(
             fig8,
             of="drift",
             size=(7.0, 2.6),
-            caption="Recalibration with labelled samples of the new session (Fig. 8(b)): (a) "
-            "accuracy in the new session and (b) in the old one, HDC with a share p of its bits "
-            "replaced; (c) new session, the best update of each model on these test frames after "
-            f"{N_NEW} samples, which favours it. Bars: 95 % over seeds.",
+            caption="Recalibration with labelled samples of the new session (Fig. 8(b)), HDC with "
+            "a share p of its bits replaced. (a): accuracy in the new session. (b): in "
+            "the old one. (c): in the new session, the best update of each model on these "
+            f"test frames after {N_NEW} samples, which favours it. Bars: 95 % over seeds.",
         ),
         Plot(
             "drift_unlabelled",

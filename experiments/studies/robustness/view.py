@@ -200,10 +200,11 @@ STUDY = Study(
             "robustness",
             curves,
             of="robustness",
-            caption="Accuracy that is left, a row a scene on which not every model is right: (a) "
-            "after dither of the test frames, (b) after the camera has moved, (c) after flips of "
-            "bits of the query and (d) of the stored model, whose weights have 8 bits. Left: "
-            "undisturbed. Bars: lowest to highest seed of flips, else 95 % intervals.",
+            caption="Accuracy that remains, one row per scene on which not every model is right. "
+            "(a): dither of the test frames. (b): the camera has moved. (c): flips of "
+            "bits of the query. (d): flips of bits of the stored model, whose weights "
+            "have 8 bits. Left: undisturbed. Bars: lowest to highest seed of flips, else "
+            "95 % intervals.",
         )
     ],
 )
