@@ -36,12 +36,6 @@ KEEPS_UP = {
     PARTLY: "keeps up with converged softmax on {frames} frames",
     UNDECIDED: "may or may not keep up with converged softmax (undecided)",
 }
-SLOWER = {
-    YES: "at least ten in every implementation",
-    NO: "below ten in every implementation",
-    PARTLY: "at least ten in some implementations",
-    UNDECIDED: "undecided whether at least ten",
-}
 # Test accuracies closer than this are called equal, in points.
 EQUAL = 0.5
 
@@ -147,11 +141,11 @@ def _times(found: dict[tuple[str, str], Verdict]) -> Iterator[str]:
         verdict = found.get((claim, rival))
         if verdict is not None:
             least = number(verdict.pooled.mean.value, 2)
-            parts.append(f"{name} ×{least} ({SLOWER[verdict.word]})")
+            parts.append(f"{name} ×{least}, *{verdict.word}*")
     if parts:
         yield (
             "**Training time relative to published HDC**, in the implementation that favours the "
-            f"other model most: {', '.join(parts)}."
+            f"other model most: {'; '.join(parts)} (*yes*: at least ten in every implementation)."
         )
 
 
