@@ -43,8 +43,8 @@ def why_random(recording: Recording) -> str:
     """Why no session was held out."""
     if recording.session is None:
         return (
-            "no sessions are known ({session} in a template, or a column session, tells them), and "
-            "frames beside those trained on may be nearly the same"
+            "no sessions are known ({session} in a template, or a column session); "
+            "frames recorded together are nearly alike"
         )
     if len(np.unique(recording.session)) < 2:
         return "all frames are of one session"

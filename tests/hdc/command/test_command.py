@@ -113,7 +113,7 @@ def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
         "--choose would try, besides median, majority: levels, lda; reference_levels, lda; "
         "deviation, lda; levels, kernel; median, neighbours",
         "held out at random because no sessions are known ({session} in a template, or a column "
-        "session, tells them), and frames beside those trained on may be nearly the same",
+        "session); frames recorded together are nearly alike",
     ]
     first = HDCClassifier.load(path)
     assert first.counts_.tolist() == [9, 9, 9]
