@@ -56,7 +56,7 @@ def _scene_of(rows: pd.DataFrame) -> dict[str, Any]:
 
 
 def models_of(rows: pd.DataFrame) -> list[str]:
-    """The models of some rows: HDC first, then the primary baseline, others in the order of rows."""
+    """The models of some rows: HDC first, then the primary baseline, then others in their order."""
     first = ("hdc", RIVAL)
     models = [str(model) for model in rows["model"].unique()]
     front = [model for model in first if model in models]

@@ -89,8 +89,8 @@ def measure(case: Case, budget_s: float) -> list[Row]:
 def _timed(
     samplers: Mapping[str, Callable[[], float]], budget_s: float
 ) -> dict[str, np.ndarray]:
-    """Seconds of each route in interleaved repetitions, so that all meet the same states of the machine: at least
-    seven, and up to thirty within the budget."""
+    """Seconds of each route in interleaved repetitions: at least seven, and up to thirty within
+    the budget. All routes so meet the same states of the machine."""
     turns: list[list[float]] = []
     deadline = time.perf_counter() + budget_s
     while len(turns) < 30:

@@ -1,6 +1,6 @@
 """Bits against grey values by rules 3, from the records of ``experiment=recordings_chosen``.
 
-``python -m experiments.studies.claims.contest`` prints the verdict, or that nothing is measured yet.
+``python -m experiments.studies.claims.contest`` prints the verdict, or that none is measured.
 """
 
 from __future__ import annotations

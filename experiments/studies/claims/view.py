@@ -198,16 +198,17 @@ SHOWN = (
     *("mean", "predicted", "frames", "command"),
 )
 NOTE = (
-    "Points: accuracy of HDC minus that of the rival, mean over laboratories (random "
+    "Points: accuracy of HDC minus that of the baseline, mean over laboratories (random "
     "effects), with the interval of the mean and the range for a sensor of another "
-    "laboratory; bounds end where the difference does: at ±100 points, and at 0 against the "
-    "paper's 100 %. Of one laboratory: the normal interval, and Student's over seeds in the "
-    "table of evidence. ×: training time relative to HDC, same implementation, of the way with "
-    "the least ratio. %: share of the loss by drift that came back. Contrast: of prototypes "
-    "less that of what they are held against, of each scene over seeds; its rule joins the "
-    "words of scenes and takes no mean. Exploratory unless said otherwise: numbers of these "
-    "recordings were known when the rules were written. Rules: docs/claims.md, version "
-    "{version} of {dated}, digest {digest}{commit}."
+    "laboratory; bounds end where the difference does: at ±100 points, and at 0 against "
+    "the paper's 100 %. Of one laboratory: the normal interval, and Student's over seeds "
+    "in the table of evidence. ×: training time relative to HDC, same implementation, of "
+    "the way with the least ratio. %: share of the loss by drift that came back. "
+    "Contrast: of prototypes less that of what they are held against, of each scene over "
+    "seeds; its rule joins the words of scenes and takes no mean. Verdicts are "
+    "exploratory unless marked: numbers of these recordings were known when the rules "
+    "were written. Rules: docs/claims.md, version {version} of {dated}, digest "
+    "{digest}{commit}."
 )
 
 
@@ -301,7 +302,7 @@ STUDY = Study(
             ),
             columns={
                 "rival": COLUMNS["rival"],
-                "evidence": Column("Recording, scene or way", scene_name),
+                "evidence": Column("Recording, scene or implementation", scene_name),
                 "value": Column(
                     "Number [of this sensor]", cell=lambda r: _with_unit(r, "value")
                 ),

@@ -124,7 +124,7 @@ def accuracies_of(found: dict[str, pd.DataFrame]) -> dict[str, Accuracies]:
     return {scene: Accuracies(rows) for scene, rows in found.items()}
 
 
-# Forms of HDC against the baseline -------------------------------------------------------------------
+# Forms of HDC against the baseline ----------------------------------------------------------------
 
 
 class Gap(NamedTuple):

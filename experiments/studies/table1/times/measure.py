@@ -1,4 +1,4 @@
-"""The grid of times: every model in every implementation, timed in interleaved repetitions in one process.
+"""The grid of times: every model in every implementation, timed alternately in one process.
 
 A way is compared with itself alone: HDC by standard libraries with networks by standard libraries,
 the harness's own with its own, tuned with tuned. Within a way the models train in turns, with HDC
