@@ -249,15 +249,15 @@ def _about(answers: Answers) -> str:
     environments = [record.environment for record in records]
     machines = {(env.cpu, env.threads) for env in environments}
     where = [f"{cpu}, {counted(n, 'thread')}" for cpu, n in sorted(machines)]
-    counts = f"{len(results.runs)} runs and {len(results.measurements)} measurements"
+    runs = counted(len(results.runs), "run")
+    counts = f"{runs} and {counted(len(results.measurements), 'measurement')}"
     text = f"{counts} on {'; '.join(where)}"
     old = [record for record in records if record.outdated]
     if not old:
         return f"{text}, all by this code"
     changed = sorted({name for record in old for name in record.outdated})
-    return (
-        f"{text}; {len(old)} by other versions of {len(changed)} parts: {changed[0]} …"
-    )
+    parts = counted(len(changed), "part")
+    return f"{text}; {len(old)} by other versions of {parts}, first {changed[0]}"
 
 
 def _texts_of(table: Table, tex: bool) -> dict[str, str]:

@@ -213,6 +213,8 @@ def test_tables_become_latex_when_it_is_asked_for(tmp_path, write_run, alone):
     report.write(tmp_path, console, tex=True)
     text = (tmp_path / "tables" / "table1.tex").read_text(encoding="utf-8")
     assert text.startswith("\\begin{table}")
+    # As docs/extend.md says.
+    assert {"\\toprule", "\\label{tab:table1}"} <= set(text.split())
     assert "Training time to 90 \\% (s)" in text
 
 
