@@ -167,15 +167,12 @@ def write(
     sets = answers_of(folder) if sets is None else sets
     first = sets[0]
     cells = against.compare(*(a.every_table() for a in sets)) if len(sets) > 1 else []
-    differing = against.differing(cells)
-    if differing:
-        first.tables["against"] = [against.table(cells)]
     if first.name == MINE or tex:
         first.write(folder, tex)
     path = folder / "report.html"
     problems = [f"{a.name}: {text}" for a in sets for text in a.results.problems]
     parts = list(_parts(sets, folder))
-    write_atomically(path, page.render(parts, differing, problems))
+    write_atomically(path, page.render(parts, against.differing(cells), problems))
     _show(console, sets, cells, brief)
     print_problems(console, sets)
     own = first.table("table1") if first.name == MINE else None
@@ -229,7 +226,6 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
 def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
     """Tables and figures of each study besides those shown already, and those of no study."""
     asked = [
-        ("against", "Your results beside the reference", ""),
         *((study.name, study.title, study.question) for study in answers.questions),
         ("comparison", "Every published number", ""),
         ("runs", "Every run", ""),

@@ -13,14 +13,13 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from experiments.reporting.columns import Column
 from experiments.reporting.measured import ENDS
-from experiments.reporting.table import Table, frame, records
+from experiments.reporting.table import Table, records
 from experiments.reporting.text import counted, number
 
 EQUAL, WITHIN, OUTSIDE = "equal", "within its interval", "outside"
 SAME = 1e-5  # relative: tables have six digits
-MOST = 5  # differences that the terminal names; the table has all
+MOST = 5  # differences that the terminal names; the page has all
 SECONDS = ("_s", "_s_per_frame", "time", "seconds")  # ends of names of columns
 RATIO = "training_time_over_hdc"  # until 90 % in training, whatever ends it later
 SENTENCES = {
@@ -115,38 +114,7 @@ def lines(cells: Sequence[Cell]) -> Iterator[str]:
     for cell in found[:MOST]:
         yield f"{cell.table.name}: {cell}"
     if len(found) > MOST:
-        yield f"{len(found) - MOST} more: tables/against_reference.csv"
-
-
-def table(cells: Sequence[Cell]) -> Table:
-    """A row for each number that differs."""
-    columns = {
-        "table": Column("Table"),
-        "row": Column("Row"),
-        "column": Column("Column"),
-        "own": Column("Yours"),
-        "reference": Column("Reference"),
-    }
-    rows = []
-    for cell in differing(cells):
-        head = cell.table.column(cell.column).head
-        values = [cell.table.name, cell.who, head, cell.own[0], *cell.reference]
-        rows.append(values)
-    names = [*columns, "reference_low", "reference_high"]
-    data = frame([dict(zip(names, row, strict=True)) for row in rows], names)
-    note = (
-        "A number differs where its interval lies outside the interval of the reference. A single "
-        "seed often differs. Trainings that another stopping rule ended are not compared, and no "
-        "times in seconds."
-    )
-    return Table(
-        "against_reference",
-        title=summary(cells),
-        note=note,
-        columns=columns,
-        shown=tuple(columns),
-        data=data,
-    )
+        yield f"{len(found) - MOST} more on the page"
 
 
 def _cells(own: Table, reference: Table) -> Iterator[Cell]:

@@ -87,7 +87,11 @@ def render(
         (cell.table.name, cell.place, cell.column): cell.bounds for cell in differing
     }
     return environment.get_template("page.html").render(
-        parts=parts, problems=problems, beside=beside, most_rows=ROWS
+        parts=parts,
+        differing=differing,
+        problems=problems,
+        beside=beside,
+        most_rows=ROWS,
     )
 
 

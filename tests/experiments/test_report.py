@@ -14,7 +14,6 @@ from rich.console import Console
 
 from experiments import report, studies
 from experiments.records.files import REFERENCE, ROOT
-from experiments.records.groups import Groups
 from experiments.records.results import RUNS, Results
 from experiments.report import Answers
 from experiments.reporting.study import Plot, Study
@@ -60,11 +59,6 @@ def test_the_committed_tables_are_those_of_the_committed_records():
     }
     assert set(made) == set(committed)
     assert [name for name in made if made[name] != committed[name]] == []
-
-
-@pytest.mark.parametrize("model", ["hdc", "softmax", "softmax_dual", "cnn1", "cnn3"])
-def test_rows_of_the_committed_table_1_have_three_seeds(model):
-    assert len(Groups(Results(REFERENCE).runs).group("touch", model).runs) >= 3
 
 
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
@@ -251,14 +245,10 @@ def test_own_numbers_outside_the_reference_are_named_and_table_1_stands_once(
     text, files = written(tmp_path)
     assert text.count("Table I,") == 1
     assert "table1: HDC has a test accuracy of 50 % (reference: 99.2 to 100)." in text
-    rows = rows_of(files["against_reference.csv"])
-    own = {row["column"]: row["own"] for row in rows if row["table"] == "table1"}
-    assert own == {
-        "Test accuracy, % [95 %]": "0.5",
-        "Test accuracy at the paper's training accuracy (%)": "0.5",
-    }
     page = files["report.html"].decode()
     assert page.index("<h2>Your results</h2>") < page.index(
         "<h2>Reference results</h2>"
     )
     assert page.count('id="table1"') == 1  # one's own
+    assert "of your numbers lie outside the interval of the reference" in page
+    assert page.count('<li><a href="#table1">table1</a>: ') == 2

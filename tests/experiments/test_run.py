@@ -132,24 +132,6 @@ def test_a_finished_run_is_one_line_and_not_made_again(results, recording, said)
     assert re.search(r"finished before .*, by numpy 1\.0 \(here [\d.]+\)", line)
 
 
-def test_a_run_by_other_revisions_is_made_again_and_that_is_said(
-    results, recording, said
-):
-    words = ("scene=recorded", f"scene.path={recording()}")
-    said(*words)
-    path = results / store.FILE
-    path.write_text(re.sub('("experiments":)1', r"\g<1>0", path.read_text()))
-    code, lines = said(*words)
-    assert code == 0
-    assert (
-        "made again, finished by other code: experiments (revision 0, now 1)"
-        in lines[0]
-    )
-    assert "test accuracy" in "".join(lines[1:])
-    (entry,) = entries(results)
-    assert entry.revisions["experiments"] == 1
-
-
 def test_a_sweep_says_how_far_it_is_and_repeats_no_warning(results, recording, said):
     path = recording()
     with np.load(path) as held:

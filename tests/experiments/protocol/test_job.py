@@ -312,10 +312,6 @@ def test_values_that_are_not_those_of_the_files_are_in_the_record(
     assert on_gpu == {**expected, "model.device": "cuda:1"}  # its times do not compare
 
 
-OF_CALL = ("schema", "id", "status", "command", "choices", "experiment", "overrides", "display",
-         "scene_display", "config", "changed", "data", "scene")  # fmt: skip
-
-
 def test_a_line_says_which_run_it_was_and_how_it_was_called(
     composed_run, results, one_thread, monkeypatch
 ):
@@ -324,7 +320,7 @@ def test_a_line_says_which_run_it_was_and_how_it_was_called(
     monkeypatch.setattr(
         job, "changed_keys", lambda *given: seen.append(given) or {"a": "1"}
     )
-    cfg = composed_run("exclusive=false", "seed.run=2")
+    whole = composed_run("exclusive=false", "seed.run=2")
     choices = {
         "scene": "recorded",
         "model": "hdc",
@@ -332,41 +328,24 @@ def test_a_line_says_which_run_it_was_and_how_it_was_called(
         "experiment": "table1",
     }
     words = ["seed.run=2", "exclusive=false"]
-    entry, repeated = job.run(cfg, choices, words, Console(quiet=True))
-    assert not repeated
-    held = msgspec.json.decode((results / store.FILE).read_bytes())
-    asked = {key: value for key, value in held.items() if key in OF_CALL}
-    config = cfg
-    display, scene_display = config["display"], config["scene_display"]
-    assert display["name"] == "HDC"
-    assert scene_display["name"] == "Own recording"
+    job.run(whole, choices, words, Console(quiet=True))
+    entry = the_record(results)
     carried = ("force", "cache", "exclusive", "task", "display", "scene_display")
-    config = {key: value for key, value in config.items() if key not in carried}
-    assert asked == {
-        "schema": 5,
-        "id": entry.id,
-        "command": "python -m experiments.run model=hdc 'a=[1, 2]'",
-        "choices": {"scene": "recorded", "model": "hdc", "stop": "custom"},
-        "experiment": "table1",
-        "overrides": words,
-        "display": display,
-        "scene_display": scene_display,
-        "config": config,
-        "changed": {"a": "1"},
-        "data": asked["data"],
-        "scene": {
-            "name": "recorded",
-            "origin": "recorded",
-            "classes": asked["scene"]["classes"],
-            "shape": [16, 16],
-            "n": 50,
-            "saturated": "",
-        },
-    }
+    config = {key: value for key, value in whole.items() if key not in carried}
     assert seen == [(config, choices, words)]
-    assert len(asked["scene"]["classes"]) == 5
-    assert entry.id == record.name_of("recorded-hdc", config, asked["data"])
-    known = environment("cpu", 1)
-    assert held["environment"] == msgspec.to_builtins(
-        msgspec.structs.replace(known, exclusive=False)
+    assert entry.id == record.name_of("recorded-hdc", config, entry.data)
+    assert entry.command == "python -m experiments.run model=hdc 'a=[1, 2]'"
+    assert msgspec.to_builtins(entry.choices) == {
+        "scene": "recorded",
+        "model": "hdc",
+        "stop": "custom",
+    }
+    assert (entry.experiment, entry.overrides) == ("table1", words)
+    assert (entry.config, entry.changed) == (config, {"a": "1"})
+    assert (entry.display["name"], entry.scene_display["name"]) == (
+        "HDC",
+        "Own recording",
     )
+    assert (entry.scene.n, len(entry.scene.classes)) == (50, 5)
+    here = msgspec.structs.replace(environment("cpu", 1), exclusive=False)
+    assert entry.environment == here

@@ -67,17 +67,15 @@ def test_runs_that_fit_run_side_by_side_and_others_wait(four_cores):
         ({"n_jobs": -1}, 1),
         ({"n_jobs": 4}, 2),
         ({"cpus_per_task": 3}, 3),
+        ({"n_jobs": 9}, 1),
+        ({"cpus_per_task": 9}, 8),
+        ({"n_jobs": None}, 8),
     ],
 )
 def test_a_worker_has_its_share_of_the_cores(monkeypatch, launcher, threads):
     monkeypatch.setattr(machine, "available", lambda: list(range(8)))
     assert machine.threads(None, launcher) == threads
     assert [machine.threads(n, launcher) for n in (1, 5, 8)] == [1, 5, 8]
-
-
-def test_no_worker_has_more_threads_than_cores_or_none(four_cores):
-    launchers = [{"n_jobs": 9}, {"n_jobs": 3}, {"cpus_per_task": 7}, {"n_jobs": None}]
-    assert [machine.threads(None, launcher) for launcher in launchers] == [1, 1, 4, 4]
 
 
 def test_cores_are_those_that_the_process_may_use(monkeypatch):

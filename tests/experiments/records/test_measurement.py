@@ -2,7 +2,6 @@
 
 import io
 import json
-import sys
 import time
 
 import msgspec
@@ -55,13 +54,6 @@ def test_rows_keep_their_types(results):
     assert made.config == {"base": 2, "most": 3, "fail_at": None}
 
 
-def test_a_measurement_is_made_once_unless_forced(results):
-    for force in (False, False, True):
-        powers(base=2, force=force)
-    assert CALLS == [2, 2]
-    assert powers(base=3).id != powers(base=2).id
-
-
 def test_a_failure_leaves_what_was_finished(results):
     made, before = powers(base=2), (results / store.FILE).read_bytes()
 
@@ -74,12 +66,6 @@ def test_a_failure_leaves_what_was_finished(results):
         Run("powers", config, force=True).measure(broken, {})
     assert (results / store.FILE).read_bytes() == before
     assert store.find(results, made.id) == made
-
-
-@pytest.mark.parametrize("arguments", [{}, {"base": 2, "mots": 3}])
-def test_a_wrong_key_is_named(results, arguments):
-    with pytest.raises(ValueError, match="expected the keys base, most, fail_at"):
-        powers(**arguments)
 
 
 def test_finished_parts_are_not_computed_again(results):
@@ -192,13 +178,6 @@ def test_made_or_found_a_measurement_belongs_to_the_step(results, monkeypatch):
 )
 def test_other_frames_are_another_scene_or_split(results, changed, other):
     assert sums(changed=changed)[0].of_other_frames is other
-
-
-def test_what_computes_without_torch_has_one_thread(results, monkeypatch):
-    monkeypatch.setattr(torch, "get_num_threads", lambda: 7)
-    assert sums()[0].environment.threads == 7
-    monkeypatch.setitem(sys.modules, "torch", None)
-    assert sums(force=True)[0].environment.threads == 1
 
 
 def test_ids_of_measurements_are_those_of_older_versions(results):

@@ -56,21 +56,22 @@ def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(
     assert group.others == 3
 
 
-def test_a_run_timed_alone_comes_before_more_that_were_not(tmp_path, write_run):
-    curve, beside = [{"training_s": 1.0, "loss": 1.0}], {"exclusive": False}
-    write_run("softmax", seed=0, stop="quick", curve=curve)
-    for seed in (1, 2, 3):
-        write_run("softmax", seed=seed, curve=curve, environment=beside)
-    (run,) = Groups(Results(tmp_path).runs).group("touch", "softmax").runs
-    assert (run.seed, run.environment.exclusive) == (0, True)
-
-
-def test_todays_revisions_come_before_the_stopping_rule(tmp_path, write_run):
+@pytest.mark.parametrize(
+    ("first", "others"),
+    [  # timed alone; by the code of today
+        ({"stop": "quick"}, {"environment": {"exclusive": False}}),
+        ({"stop": "reached"}, {"made_by": OTHER}),
+    ],
+)
+def test_a_run_timed_alone_or_of_today_comes_before_the_rule_and_before_more(
+    tmp_path, write_run, first, others
+):
     curve = [{"training_s": 1.0, "loss": 1.0}]
-    write_run("softmax", seed=0, stop="reached", curve=curve)
-    write_run("softmax", seed=1, stop="paper", curve=curve, made_by=OTHER)
+    write_run("softmax", seed=0, curve=curve, **first)
+    for seed in (1, 2, 3):
+        write_run("softmax", seed=seed, curve=curve, **others)
     (run,) = Groups(Results(tmp_path).runs).group("touch", "softmax").runs
-    assert run.choices.stop == "reached"
+    assert run.seed == 0
 
 
 def test_what_learns_in_one_pass_ends_by_itself_whatever_the_rule(tmp_path, write_run):
