@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import base64
 import io
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 import pandas as pd
@@ -30,7 +29,7 @@ from experiments.studies.correlation.pairs import contrast
 
 PICTURES = ("speckle", "hypervector", "prototype")
 # Pixels of the pictures that are lit evenly: elsewhere the lamp's edge is the clearest pattern.
-EVEN = (slice(30, 90), slice(32, 92))
+EVEN = (slice(48, 88), slice(32, 72))
 SYMBOLS = {"speckle": "$C^s$", "hypervector": "$C^b$", "prototype": "$C^p$"}
 
 
@@ -75,44 +74,32 @@ def quantities(
         )
 
 
-def images(
-    figure: Figure,
-    rows: pd.DataFrame,
-) -> None:
+def images(figure: Figure, rows: pd.DataFrame) -> None:
     """The same part of a frame, its hypervector and the prototype, a column a class."""
-    rows = own_frames(rows).dropna(subset="png")
-    pictures = list(rows.picture.unique())
-    classes = list(rows["class"].unique())
-    figure.set_layout_engine(
-        "constrained",
-        w_pad=0.01,
-        h_pad=0.01,
-        wspace=0,
-        hspace=0,
-    )
-    axes = figure.subplots(len(pictures), len(classes), squeeze=False)
-    for row in _lines(rows):
-        line, column = pictures.index(row["picture"]), classes.index(row["class"])
-        _show(axes[line, column], _image(row), row["picture"])
+    seen = _pictures(rows)
+    classes = list(dict.fromkeys(name for name, _ in seen))
+    figure.set_layout_engine("constrained", w_pad=0.01, h_pad=0.01)
+    axes = figure.subplots(len(PICTURES), len(classes), squeeze=False)
+    for line, picture in zip(axes, PICTURES, strict=True):
+        for place, name in zip(line, classes, strict=True):
+            _show(place, seen[name, picture], picture)
+        line[0].set_ylabel(picture)
     for place, name in zip(axes[0], classes, strict=True):
-        place.set_title(name, fontsize=7, pad=2)
-    for place, name in zip(axes[:, 0], pictures, strict=True):
-        place.set_ylabel(name, fontsize=6)
+        place.set_title(name, pad=2)
 
 
-def method(
-    figure: Figure,
-    rows: pd.DataFrame,
-) -> None:
+def method(figure: Figure, rows: pd.DataFrame) -> None:
     """Speckle, hypervector and prototype of the first class, and how far that hypervector is from
     the prototype of each class."""
-    rows = own_frames(rows).dropna(subset="png")
-    pictures = {(row["class"], row["picture"]): _image(row) for row in _lines(rows)}
-    seen = {key: image[EVEN] for key, image in pictures.items()}
-    classes = list(rows["class"].unique())
+    seen = _pictures(rows)
+    classes = list(dict.fromkeys(name for name, _ in seen))
     first = classes[0]
     panels = figure.subplots(1, 4)
-    titles = ("1  speckle", "2  above its median", "3  majority of its class")
+    titles = (
+        f"1  speckle, touch {first}",
+        "2  above its median",
+        "3  majority of its class",
+    )
     for axes, picture, text in zip(panels, PICTURES, titles, strict=False):
         _show(axes, seen[first, picture], picture)
         axes.set_title(text, fontsize=8, loc="left")
@@ -126,18 +113,19 @@ def method(
     axes.barh(classes, distances, color=colours)
     axes.invert_yaxis()
     axes.axvline(50, color="0.4", lw=0.7, ls="--")
-    axes.set_xlabel("bits that differ, % (50: unrelated)", fontsize=7)
-    axes.tick_params(labelsize=7)
+    axes.set_xlabel("bits that differ (%); 50: unrelated")
     axes.set_title("4  nearest prototype", fontsize=8, loc="left")
 
 
-def _lines(rows: pd.DataFrame) -> list[dict[Any, Any]]:
-    return rows.to_dict("records")
-
-
-def _image(row: Mapping[Any, Any]) -> NDArray[np.float64]:
-    """The picture of a row, from 0 to 1."""
-    return plt.imread(io.BytesIO(base64.b64decode(row["png"])))
+def _pictures(rows: pd.DataFrame) -> dict[tuple[str, str], NDArray[np.float64]]:
+    """The evenly lit part, from 0 to 1, by class and picture."""
+    shown = own_frames(rows).dropna(subset="png")
+    pictures = {}
+    for name, picture, png in zip(
+        shown["class"], shown.picture, shown.png, strict=True
+    ):
+        pictures[name, picture] = plt.imread(io.BytesIO(base64.b64decode(png)))[EVEN]
+    return pictures
 
 
 def _show(axes: Axes, image: NDArray[np.float64], picture: str) -> None:
