@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 
 from experiments.records import configs
 from experiments.records.rows import Row
-from experiments.reporting.columns import display_name
+from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.text import frames_of, printable
 
 plt.switch_backend("Agg")  # without a display
@@ -126,7 +126,9 @@ def title(
         count = "–".join(map(str, ends))
         count += " seed" if seeds[-1] == 1 else " seeds"
         strip = ", grey: no error" if axes.get_yscale() == "log" else ""
-        details.append(f"{frames_of(rows)}, {count}, 95 % intervals{strip}")
+        scenes = ", ".join(dict.fromkeys(scene_name(line["scene"]) for line in rows))
+        frames = f"{literal(scenes)}, {frames_of(rows)}"
+        details.append(f"{frames}, {count}, 95 % intervals{strip}")
     # Lines break between names, not within one.
     missing = [model for model in dict.fromkeys(wanted) if model not in shown]
     if missing:

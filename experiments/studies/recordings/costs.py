@@ -11,6 +11,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from experiments.records.results import of_scenes
 from experiments.reporting.columns import (
@@ -20,7 +21,7 @@ from experiments.reporting.columns import (
     scene_name,
 )
 from experiments.reporting.curves import plain_decades
-from experiments.reporting.plot import LETTERS, handle, literal, look_of, panel
+from experiments.reporting.plot import LETTERS, head, literal, panel
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
 from experiments.reporting.text import number, percent, size
@@ -215,23 +216,44 @@ def error_against_time(figure: Figure, frame: pd.DataFrame) -> None:
         left.set_ylim(bottom=-0.04 * rows.error.max())  # shows a whole marker at zero
     panels[-1, 0].set_xlabel("training (s)")
     panels[-1, 1].set_xlabel("prediction (ms per frame)")
-    handles = [handle(model) for model in table.model.unique()]
-    for entry in handles:
-        entry.set_linestyle("")
-    where: Any = {"loc": "outside lower center", "ncols": 4}
-    figure.legend(handles=handles, **where)
+    handles = [Line2D([], [], ls="", **look) for look in _LOOKS.values()]
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    head(figure, "Test error against run time, by recording", ["named: the front"])
+
+
+# What the figure tells apart; points on the front have their names.
+_LOOKS: dict[str, dict[str, Any]] = {
+    "hdc": {"marker": "o", "color": "#D55E00", "label": "HDC, published"},
+    "forms": {"marker": "D", "color": "#E69F00", "label": "HDC, other forms"},
+    "softmax_dual": {
+        "marker": "s",
+        "color": "#0072B2",
+        "label": display_name("softmax_dual"),
+    },
+    "others": {"marker": "^", "color": "0.6", "label": "other models"},
+}
+
+
+def _kind_of(model: str) -> str:
+    """The entry of the legend that a model has."""
+    if model in _LOOKS:
+        return model
+    return "forms" if model.startswith(("hdc", "bits")) else "others"
 
 
 def _points(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-    """A marker a model; those on the front are joined."""
+    """A marker a model; those on the front are joined and named."""
     for row in rows.to_dict("records"):
-        look = {**look_of(row["model"]), "ls": "", "ms": 5}
-        axes.plot(row[key], row["error"], **look)
+        axes.plot(row[key], row["error"], ls="", ms=4, **_LOOKS[_kind_of(row["model"])])
     front = rows[is_on_front(rows[key].tolist(), rows.error.tolist())]
     front = front.sort_values(key)
     axes.step(
         front[key], front.error, where="post", color="0.6", lw=1.0, zorder=0, marker=""
     )
+    for row in front.to_dict("records"):
+        name = literal(display_name(row["model"]))
+        near: Any = {"textcoords": "offset points", "fontsize": 5, "rotation": 20}
+        axes.annotate(name, (row[key], row["error"]), (3, 3), **near)
     axes.set_xscale("log")
     plain_decades(axes)
     axes.grid(color="0.92", lw=0.5)
@@ -276,8 +298,7 @@ FIGURES = [
         of=OF,
         caption="Test error against training time, and against time per frame, at the "
         "most frames per class, one row per recording, with compiled kernels if "
-        "they are faster. Grey: the front, where no other model has less of both. "
-        "Vermilion: forms of HDC.",
+        "they are faster. Grey: the front, where no other model has less of both.",
         size=(7.0, 3.4),
         needs=lambda frame: len(_shown(frame)) > 0,
     )

@@ -32,7 +32,7 @@ from experiments.studies.recordings.values import (
     unsaturated,
 )
 
-WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
+WIDTH = 7.0  # in, two columns of a journal
 MARGIN = 3  # points, within which two models count as equally good
 SATURATED = 0.995  # accuracy of both models from which frames cannot tell them apart
 HEADINGS = {

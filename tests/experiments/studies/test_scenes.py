@@ -52,15 +52,17 @@ def test_figures_fit_and_name_every_scene(everything, write_scene, drawn):
     write_scene("tactile", {0: 1})
     words = drawn(STUDY)
     assert set(words) == {"confusions", "fig7_spatial", "own_error_vs_time"}
-    for scene in ("Touch", "Finger", "Fibre 1, positions", "Objects"):
+    for scene in ("Finger", "Fibre 1, positions", "Objects"):
         assert scene in words["confusions"]
+    assert "Touch" not in words["confusions"]  # every frame is right
     assert "83.3 %" in words["confusions"]
     assert "mean 0.21 mm" in words["fig7_spatial"]
 
 
 def test_names_of_ones_own_are_no_formulas(write_run, drawn):
     classes = ["L1", "L2", "R1", "R2", "$x_{$"]
-    write_run("hdc", choices={"scene": "mine"}, origin="recorded", classes=classes)
+    more = {"choices": {"scene": "mine"}, "origin": "recorded", "wrong": [0]}
+    write_run("hdc", classes=classes, **more)
     assert "$x_{$" in drawn(STUDY)["confusions"]
 
 
@@ -90,7 +92,7 @@ def test_runs_started_by_hand_have_figures_of_their_own(
 
 
 def test_runs_of_an_experiment_are_not_started_by_hand(tmp_path, write_scene):
-    write_scene("finger", {})
+    write_scene("finger", {0: 1})
     path = tmp_path / "records.jsonl"
     text = path.read_text()
     assert '"experiment":' not in text
