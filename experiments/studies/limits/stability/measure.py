@@ -8,14 +8,15 @@ from experiments.protocol.experiment import Row, Run, experiment
 from experiments.studies.limits.stability.case import CASES
 from experiments.studies.limits.stability.cases import (  # noqa: F401  (their cases register themselves)
     correlations,
-    hypervectors,
-    parts,
+    counting,
+    encoders,
+    readouts,
     sensor,
     training,
 )
 
 
-@experiment(revision=2)
+@experiment(revision=3)
 def stability(run: Run) -> Iterator[Row]:
     """One row: a case, with the errors of both computations."""
     for case in CASES:

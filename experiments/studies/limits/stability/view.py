@@ -19,23 +19,15 @@ def error(value: float) -> str:
 
 
 COLUMNS = {
-    "part": Column("Part"),
+    "part": Column("Family"),
     "case": Column("Case"),
     "extreme": Column("Why it is extreme"),
     "naive": Column("Obvious computation"),
-    "ours": Column("Ours"),
     "unit": Column("Error in"),
     "error_naive": Column("Error, obvious", error, note="A dash: no number came out."),
     "error_ours": Column("Error, ours", error),
     "tolerance": Column("Tolerance", error),
 }
-
-
-def stability(
-    rows: pd.DataFrame,
-) -> pd.DataFrame:
-    """One row per case."""
-    return own_columns(rows)
 
 
 def _title(rows: pd.DataFrame) -> str:
@@ -47,14 +39,10 @@ def _title(rows: pd.DataFrame) -> str:
 NONE, LOST = 1e-19, 1e19
 
 
-def at_their_limits(
-    figure: Figure,
-    rows: pd.DataFrame,
-) -> None:
+def at_their_limits(figure: Figure, rows: pd.DataFrame) -> None:
     """Both errors of each case, on a logarithmic axis, a row a family."""
     axes = figure.subplots()
-    names = families(rows)
-    places, known = pd.factorize(names)
+    places, known = pd.factorize(rows.part)
     for column, colour, marker, name in (
         ("error_naive", "#E69F00", "o", "the obvious way"),
         ("error_ours", "#0072B2", "s", "ours"),
@@ -70,7 +58,7 @@ def at_their_limits(
         [NONE, 1e-9, 1, 1e9, LOST],
         ["no\nerror", "$10^{-9}$", "1", "$10^9$", "no\nnumber"],
     )
-    sizes = names.value_counts()
+    sizes = rows.part.value_counts()
     heads = [f"{name} ({sizes[name]})" for name in known]
     axes.set_yticks(range(len(known)), heads)
     axes.minorticks_off()
@@ -80,14 +68,6 @@ def at_their_limits(
     figure.legend(loc="outside lower center", ncols=2)
     holding = (rows.verdict == "holds").sum()
     head(figure, f"Extreme input: {holding} of {len(rows)} cases hold", [])
-
-
-def families(rows: pd.DataFrame) -> pd.Series:
-    """Families of cases: their part, and of hypervectors the many of one kind."""
-    names = rows.part.copy()
-    names[rows.case.str.startswith("definition ")] = "bits of a frame"
-    names[rows.case.str.startswith("tail bits ")] = "last word of bits"
-    return names
 
 
 def _of_tolerance(errors: pd.Series, tolerances: pd.Series) -> pd.Series:
@@ -100,10 +80,21 @@ def _of_tolerance(errors: pd.Series, tolerances: pd.Series) -> pd.Series:
 TABLES = [
     Table(
         "stability",
-        stability,
+        own_columns,
         of="stability",
         title=_title,
         columns=COLUMNS,
+        shown=(
+            "part",
+            "case",
+            "extreme",
+            "naive",
+            "unit",
+            "error_naive",
+            "error_ours",
+            "tolerance",
+        ),
+        folded=True,
         note="The same input, computed the obvious way and ours, against an exact reference. A "
         "case holds if our error is within the tolerance.",
     )

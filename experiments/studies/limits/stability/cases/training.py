@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-import mpmath
 import numpy as np
 import torch
 from scipy.optimize import minimize
@@ -32,28 +31,6 @@ MODELS: tuple[Any, ...] = (
 
 
 training_case = partial(case, "training")
-
-
-def halves(n: int = 1) -> tuple[Tensor, np.ndarray]:
-    """Two frames of four pixels, one half bright each, n times; and their labels."""
-    pixels = [[255, 255, 0, 0], [0, 0, 255, 255]]
-    frames = torch.tensor(pixels, dtype=torch.uint8)[:, None]
-    return frames.repeat(n, 1, 1), np.tile([0, 1], n)
-
-
-@training_case(
-    "250,000 products of −128 and −128: an int32 sum wraps at 2^31",
-    "int32 matrix product",
-    "integer_product",
-    "relative",
-    error=relative,
-)
-def integer_overflow(d: int = 250_000) -> Any:
-    x = torch.full((1, d), -128, dtype=torch.int8)
-    wide = x.int()
-    naive = partial(torch.matmul, wide, wide.T)
-    ours = partial(integer_product, x, x.T)
-    return naive, ours, 128 * 128 * d
 
 
 @training_case(
@@ -93,47 +70,6 @@ def logits_of_ten_thousand() -> Any:
         return list(model.train(frames, labels))[1]["loss"]  # before the second step
 
     return naive, ours, rate * 255**2 / 16
-
-
-@training_case(
-    "two frames, each 50 times: with a Gram matrix of rank one, Newton's step is singular",
-    "Newton's method, dense Hessian K·S·K + K",
-    "DualSoftmaxRegression",
-    "relative",
-    error=relative,
-    tolerance=1e-6,
-)
-def duplicated_samples(m: int = 50, c: float = 1.0) -> Any:
-    frames, labels = halves(m)
-
-    # Centred, the frames are ±d with k = d·d = 1. With W_0 = −W_1 = β·d the objective is
-    # 2mC·log(1 + e^{−2βk}) + β²k.
-    def slope(b: Any) -> Any:
-        return b - 2 * m * c / (1 + mpmath.exp(2 * b))
-
-    beta = mpmath.findroot(slope, 1.0)
-
-    def naive() -> float:
-        x = frames.flatten(1).double() / 255
-        y = torch.from_numpy(1.0 - labels)
-        x -= x.mean(0)
-        gram = x @ x.T
-        a = torch.zeros(2 * m, dtype=torch.float64)
-        # On the difference of the classes' weights, whose penalty is |v|²/4.
-        for _ in range(20):
-            p = (gram @ a).sigmoid()
-            curvature = torch.diag(2 * c * p * (1 - p))
-            hessian = gram @ curvature @ gram + gram
-            gradient = gram @ (2 * c * (p - y) + a)
-            a -= torch.linalg.solve(hessian, gradient)
-        return float((gram @ a)[0])
-
-    def ours() -> float:
-        model = DualSoftmaxRegression(C=c, tol=1e-14)
-        scores = model.fit(frames, labels).scores(frames[:1])[0]
-        return float(scores[0] - scores[1])
-
-    return naive, ours, float(2 * beta)
 
 
 @training_case(
@@ -215,21 +151,3 @@ def a_class_without_training_samples(n: int = 10, side: int = 16) -> Any:
         return wrong
 
     return naive, ours, 0
-
-
-@training_case(
-    "a frame without contrast is asked: its correlation is 0/0; zero is expected",
-    "numpy.corrcoef",
-    "CorrelationClassifier",
-    "correlation",
-)
-def a_constant_frame_is_asked() -> Any:
-    frames, labels = halves()
-    constant = torch.full((1, 1, 4), 128, dtype=torch.uint8)
-    rows = torch.cat([constant, frames]).flatten(1).numpy()
-    model = CorrelationClassifier().fit(frames, labels)
-
-    def naive() -> np.ndarray:
-        return np.corrcoef(rows)[0, 1:]
-
-    return naive, partial(model.scores, constant), 0
