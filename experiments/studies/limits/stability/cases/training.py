@@ -13,7 +13,6 @@ from torch import Tensor
 
 from baselines.correlation import CorrelationClassifier
 from baselines.nearest_neighbour import NearestNeighbour
-from baselines.products import integer_product
 from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
