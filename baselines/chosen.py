@@ -68,7 +68,7 @@ class Chosen(Classifier):
 
     @abstractmethod
     def prepared(self, bank: Bank, smooth: int) -> tuple[Bank, Callable[[str], Any]]:
-        """What makes untrained models of the read-outs, and the bank that they are asked on.
+        """Functions that make untrained models of the read-outs, and the bank of their frames.
 
         All that does not depend on the fold is computed here, once for all folds and read-outs.
         """

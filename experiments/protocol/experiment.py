@@ -125,7 +125,7 @@ class Run:
         changed: Mapping[str, str] | None = None,
         console: Console | None = None,
     ) -> Measurement:
-        """The record of a config in a folder; a console is told of it."""
+        """The record of a config in a folder; a console prints its place."""
         identity = self._id(config)
         known = store.made_before(folder, identity, self.force, console)
         if isinstance(known, Measurement):

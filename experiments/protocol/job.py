@@ -148,7 +148,7 @@ def changed_keys(
 ) -> dict[str, str]:
     """Values of scene, split, model and stopping rule that are not those of the files chosen.
 
-    By dotted key, as JSON, but for seeds. Of a scene or a model that is in no file, those that the
+    Values by dotted key, as JSON, but for seeds. A scene or a model in no file has those that the
     command line has.
 
     Args:

@@ -173,7 +173,7 @@ def _digests(trained: Samples, tested: Samples) -> Digests:
 
 
 def _read(trial: Trial, target: float) -> dict[str, float | None]:
-    """What the curve of a trial says: times and accuracies where an accuracy first exceeds the
+    """Summary of the curve of a trial: times and accuracies where an accuracy first exceeds the
     target, and the largest accuracies."""
 
     def first(key: str, value: str) -> float | None:

@@ -63,7 +63,7 @@ class Group:
 
     @property
     def commands(self) -> list[str]:
-        """What made the runs, each once."""
+        """Code that made the runs, each once."""
         return list(dict.fromkeys(run.command for run in self.runs))
 
     @property

@@ -1,6 +1,6 @@
 """Revisions: by which state of the code a record was made, as far as its numbers depend on it.
 
-Whatever a config names by ``_target_`` (an encoder, a read-out, a rival, a scene, a study) may have
+A part that a config names by ``_target_`` (encoder, read-out, baseline, scene, study) may have
 an attribute ``revision``, an integer that is raised by hand in the commit that changes its numbers;
 without one it is 1. A part that is made of further ones says so by ``components(**parameters)``,
 which returns their classes, or dotted names of them. A package may have one ``REVISION`` more, for

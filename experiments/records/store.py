@@ -93,7 +93,7 @@ def made_before(
         folder: of the records.
         name: the id.
         force: find none.
-        console: is told why one of other code does not count.
+        console: prints why one of other code does not count.
     """
     known = None if force else find(folder, name)
     if known is None:

@@ -1,7 +1,7 @@
 """From the phases of the paths to eight bits; docs/sensor.md has the equations.
 
 Each pixel of the pupil and each polarisation is one path. The lens turns the pupil's field into the
-speckle field, one Fourier transform a polarisation, and the sensor adds their intensities.
+speckle field, one Fourier transform per polarisation, and the sensor adds their intensities.
 
 With a read noise of many electrons the sum of the Poisson number and the Gaussian has no visible
 steps and a small skewness γ: it is drawn as one Gaussian variate z, pushed through the first

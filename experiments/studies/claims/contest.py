@@ -67,7 +67,7 @@ def rules() -> Rules:
 
 
 class Measured(NamedTuple):
-    """Bits less greys on one recording: mean and its variance, which is NaN of a single draw."""
+    """Bits minus greys on one recording: mean and its variance, which is NaN of a single draw."""
 
     laboratory: str
     value: float

@@ -24,7 +24,7 @@ OWN_LOSS = "its own loss"  # what the update is held against
 def pieces(
     name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
 ) -> Iterator[Piece]:
-    """Of each scene the share of the loss that HDC regains; beside it every model's best update."""
+    """Share of the loss in each scene that HDC regains; beside it every model's best update."""
     for rows in of_scenes(frame, claim.experiment).values():
         every = accuracies(rows)
         assert claim.update is not None
@@ -104,7 +104,7 @@ def _variance(shares: pd.Series) -> float:
 def _best_updates(
     name: str, claim: Claim, rows: pd.DataFrame, in_order: pd.DataFrame
 ) -> Iterator[Piece]:
-    """Of each model the update that is best in the new session, with the same new frames."""
+    """The update of each model that is best in the new session, with the same new frames."""
     update = claim.update
     assert update is not None
     shown = configs.scene_display(rows.scene.iloc[0])

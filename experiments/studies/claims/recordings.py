@@ -26,7 +26,7 @@ from experiments.studies.claims.piece import (
 )
 from experiments.studies.claims.rules import rule_of
 
-PUBLISHED = "published"  # a rival that is a number of the paper
+PUBLISHED = "published"  # a baseline that is a number of the paper
 _OBJECTS = "tactile/test_accuracy"
 
 
@@ -59,7 +59,7 @@ class Compared(NamedTuple):
 def pieces(
     name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
 ) -> Iterator[Piece]:
-    """A piece for each rival and recording that is listed, or is a listed fibre through more
+    """A piece for each baseline and recording that is listed, or is a listed fibre through more
     input fields; then simulated scenes."""
     found = of_scenes(frame, claim.experiment)
     runs = Groups.of(frame)
@@ -79,7 +79,7 @@ def _place(scene: str) -> tuple[float, str]:
 
 
 def listed(scene: str, frozen: Rules) -> Recording | None:
-    """What the rules say of a recording; None of one that is not listed."""
+    """Entry of a recording in the rules; None of one that is not listed."""
     return frozen.recordings.get(scene)
 
 
@@ -90,7 +90,7 @@ def _piece(
     rival: str,
     rows: pd.DataFrame,
 ) -> Piece | None:
-    """What one recording says; None where it says nothing."""
+    """Evidence of one recording; None where there is none."""
     scene = str(rows.scene.iloc[0])
     recording = listed(scene, frozen)
     if recording is None and fields_of(rows) == frozen.input_fields:
@@ -154,8 +154,8 @@ def is_split(rows: pd.DataFrame, recording: Recording) -> bool:
 def compare(
     rows: pd.DataFrame, form: str, rival: str, claim: Claim, frozen: Sizes
 ) -> Compared | None:
-    """HDC minus its rival by the split that counts, at the sizes of a claim; None where one of the
-    two was not measured, where the sizes cannot be filled, and where both are saturated."""
+    """HDC minus its baseline by the split that counts, at the sizes of a claim; None where one of
+    them was not measured, where the sizes cannot be filled, and where both are saturated."""
     models = [form] if rival == PUBLISHED else [form, rival]
     if not set(models) <= set(rows.model):
         return None
@@ -202,7 +202,7 @@ def _largest_open(
 
 
 def _less(units: pd.DataFrame, models: Sequence[str], n: int) -> np.ndarray:
-    """HDC minus its rival, or minus the paper's accuracy, a number a unit."""
+    """HDC minus its baseline, or minus the paper's accuracy, a number per unit."""
     of_hdc = units[models[0], n].to_numpy(float)
     if len(models) == 1:
         return of_hdc - _of_the_paper()
@@ -217,7 +217,7 @@ def _of_the_paper() -> float:
 def _simulated(
     name: str, claim: Claim, frozen: Rules, rival: str, runs: Groups
 ) -> Iterator[Piece]:
-    """HDC minus its rival on simulated scenes, on the same test samples; they enter nothing."""
+    """HDC minus its baseline on simulated scenes, on the same test samples; they enter nothing."""
     form = frozen.forms[claim.form]
     scenes = {group.scene for group in runs}
     for scene in sorted(scenes, key=_place):

@@ -14,11 +14,11 @@ from experiments.studies.claims.random_effects import Pooled
 YES, NO, PARTLY, UNDECIDED = "yes", "no", "partly", "undecided"
 
 
-# Of one sensor, and of an interval wherever it comes from -----------------------------------------
+# One sensor, and an interval from anywhere --------------------------------------------------
 
 
 def more_accurate(difference: Estimate, margin: float) -> str:
-    """Whether HDC is more accurate than its rival, whose accuracy was subtracted from its own.
+    """Whether HDC is more accurate than its baseline, whose accuracy was subtracted from its own.
 
     Yes: the difference is at least the margin and its interval lies above zero. No: the interval
     lies below the margin. Undecided otherwise.
@@ -31,7 +31,7 @@ def more_accurate(difference: Estimate, margin: float) -> str:
 
 
 def at_least_as_accurate(difference: Estimate, margin: float) -> str:
-    """Whether HDC is less accurate than its rival by no more than the margin.
+    """Whether HDC is less accurate than its baseline by no more than the margin.
 
     Yes: the interval lies above −margin. No: the difference is at most −margin and its interval
     lies below zero. Undecided otherwise.
@@ -105,7 +105,7 @@ def rule_of(name: str, frozen: Rules | None = None, share: float = 0.0) -> Rule:
     return known[name]
 
 
-# Of several ------------------------------------------------------------------------------------
+# Several --------------------------------------------------------------------------------------
 
 
 def shared(words: Iterable[str]) -> str:
@@ -117,7 +117,7 @@ def shared(words: Iterable[str]) -> str:
 
 
 def refuted(simulated: Iterable[str]) -> str:
-    """What simulated scenes alone say: no, if each of them says so."""
+    """Verdict of simulated scenes alone: no, if each of them says so."""
     found = set(simulated)
     return NO if found == {NO} else UNDECIDED
 

@@ -19,7 +19,7 @@ from experiments.studies.table1.times.grid import grid
 def pieces(
     name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
 ) -> Iterator[Piece]:
-    """A piece for each rival and way that was measured, as the grid of times has it."""
+    """A piece for each baseline and implementation in the grid of times."""
     own = frame[~frame.elsewhere.astype(bool)]
     found = list(of_scenes(own, claim.experiment).values())
     if not found:

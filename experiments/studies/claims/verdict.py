@@ -1,4 +1,4 @@
-"""From pieces of evidence to the word of a claim against a rival."""
+"""From pieces of evidence to the verdict of a claim against a baseline."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ _NOTHING = Pooled(Estimate(math.nan), math.nan, math.nan, math.nan, 0)
 
 
 class Verdict(NamedTuple):
-    """The word of a claim against a rival.
+    """The verdict of a claim against a baseline.
 
     Attributes:
         word: one of four.
@@ -94,7 +94,7 @@ def settled(piece: Piece, claim: Claim) -> Piece:
 
 
 def verdict(claim: Claim, pieces: Sequence[Piece], frozen: Rules) -> Verdict | None:
-    """The verdict on the pieces of one claim and rival; None where there is no evidence."""
+    """The verdict on the pieces of one claim and baseline; None where there is no evidence."""
     entering = [piece for piece in pieces if piece.enters]
     if claim.rule == "much_slower":
         return _of_times(entering, frozen)
@@ -111,7 +111,7 @@ def verdict(claim: Claim, pieces: Sequence[Piece], frozen: Rules) -> Verdict | N
 
 
 def of_one_sensor(piece: Piece) -> Verdict:
-    """What one recording says of its sensor, by its own interval."""
+    """Verdict of one recording on its sensor, by its own interval."""
     alone = Pooled(piece.estimate, math.nan, math.nan, 0.0, 1)
     return Verdict(piece.word, "of this sensor", alone, piece.frames, [piece])
 
@@ -133,7 +133,7 @@ def pooled_over(pieces: Sequence[Piece]) -> Pooled:
 
 
 def _across_sensors(claim: Claim, entering: Sequence[Piece], frozen: Rules) -> Verdict:
-    """By the rule on the interval of the mean over laboratories."""
+    """Verdict by the rule on the interval of the mean over laboratories."""
     pooled = pooled_over(entering)
     rule = rule_of(claim.rule, frozen, claim.share)
     frames = ", ".join(dict.fromkeys(piece.frames for piece in entering))
@@ -168,7 +168,7 @@ def _limit(limit: float, unit: str) -> str:
 
 
 def _of_times(entering: Sequence[Piece], frozen: Rules) -> Verdict | None:
-    """By the words of all ways; no verdict before all were measured."""
+    """Verdict by those of all implementations; none before all were measured."""
     if {piece.evidence for piece in entering} != set(frozen.ways):
         return None
     words = [piece.word for piece in entering]
@@ -179,7 +179,7 @@ def _of_times(entering: Sequence[Piece], frozen: Rules) -> Verdict | None:
 
 
 def _of_scenes(entering: Sequence[Piece]) -> Verdict | None:
-    """By the words of all scenes; a contrast has no mean over scenes."""
+    """Verdict by those of all scenes; a contrast has no mean over scenes."""
     if not entering:
         return None
     words = [piece.word for piece in entering]

@@ -216,7 +216,7 @@ def zeroings(
     frames: Unlabelled,
     no_touch: int | None,
 ) -> Iterator[tuple[Row, np.ndarray]]:
-    """The stored model, re-zeroed without labels, and trained on new samples alone."""
+    """The stored model, re-referenced without labels, and trained on new samples alone."""
     yield from zeroed(model, bank, choice.old, choice.pool, choice.asked, frames)
     for n, new in subsets(choice, bank.labels, n_alone, "time", seed).items():
         yield {"method": "new", "n_new": n}, evaluate(model, bank, new, choice.asked)
@@ -235,7 +235,7 @@ def ways(
     p: Sequence[float],
     seed: int,
 ) -> Iterator[Update]:
-    """What updates of a model say of the samples asked, each from the same old and new ones."""
+    """Answers of updates of a model to the samples asked, each from the same old and new ones."""
     pooled = np.concatenate([old, new])
     yield "new", None, evaluate(model, bank, new, asked)
     if isinstance(model, HDCClassifier) and _adapts(model):
@@ -250,7 +250,7 @@ def ways(
 
 
 def _adapts(model: HDCClassifier) -> bool:
-    """Whether it is recalibrated; discriminants are fitted to both sessions, as rival models."""
+    """Whether it is recalibrated; discriminants are fitted to both sessions, as baselines."""
     readout = make_readout(model.readout)
     return hasattr(readout, "adapt") and not isinstance(readout, LDA | Kernel)
 

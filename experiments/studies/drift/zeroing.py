@@ -1,4 +1,4 @@
-"""Re-zeroing: updates that need new frames and no labels of them.
+"""Re-referencing: updates that need new frames and no labels of them.
 
 Frames are standardised and a reference frame is subtracted from each (:class:`hdc.encoders.
 Reference`): of the training, the mean of its frames. After the drift another reference is
@@ -10,7 +10,7 @@ subtracted from the queries, and nothing else changes. By ``method``:
   training is then the mean of such frames of the first session.
 
 Every mean is of standardised frames. HDC does it by the reference of its encoder and its own
-``rezero``, a rival by ``predict_zeroed``: the same frames, alike.
+``rezero``, a baseline by ``predict_zeroed``: the same frames, alike.
 """
 
 from __future__ import annotations
@@ -105,8 +105,8 @@ def zeroed(
     asked: np.ndarray,
     frames: Unlabelled,
 ) -> Iterator[tuple[Row, np.ndarray]]:
-    """Rows of a stored model and of that model re-zeroed by each choice of unlabelled frames; and
-    what they predict."""
+    """Rows of a stored model and of that model re-referenced by each choice of unlabelled frames;
+    and what they predict."""
     choices = list(frames.choices(pool, bank.labels, bank.n_classes))
     afters = [chosen for _, _, chosen in choices]
     stored, *found = rezeroed(model, bank, old, asked, old, [None, *afters])
@@ -146,7 +146,7 @@ def rezeroed(
     the frames asked are less the mean of each of `afters`, or (None) of the same.
 
     Raises:
-        TypeError: for a model that cannot be re-zeroed.
+        TypeError: for a model that cannot be re-referenced.
     """
     if isinstance(model, HDCClassifier):
         yield from _of_hdc(model, bank, train, asked, before, afters)

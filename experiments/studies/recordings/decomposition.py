@@ -42,7 +42,7 @@ STEPS = (
     Step("aside: prototype to nearest frame", "hdc", "nearest_neighbour"),
 )
 """From ridge regression of grey values to HDC as published, and one step aside."""
-# Blue for what wins, vermilion for what loses: told apart in any colour vision.
+# Blue for what wins, vermilion for losses: distinct in any colour vision.
 GAIN, LOSS = "#0072B2", "#D55E00"
 
 

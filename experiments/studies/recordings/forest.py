@@ -40,7 +40,7 @@ HEADINGS = {
     COMPUTED: "computed",
     SIMULATED: "simulated",
 }
-# Look of each form: told apart by marker and fill as well as by colour.
+# Look of each form: distinct by marker and fill as well as by colour.
 LOOKS: dict[str, dict[str, Any]] = {
     "hdc": {"color": "#D55E00", "marker": "o", "mfc": "white"},
     "hdc_levels_lda": {"color": "#0072B2", "marker": "D"},
@@ -82,7 +82,7 @@ def _is_simulated(scene: str) -> bool:
 
 
 def _of_scenes(runs: Groups) -> Iterator[Dot]:
-    """Of simulated scenes after all training frames, where not every model is right."""
+    """Dots of simulated scenes after all training frames, where not every model is right."""
     for scene in filter(_is_simulated, sorted({run.scene_label for run in runs.runs})):
         rivals = [runs.group(scene, rival) for rival in RIVALS]
         known = [group for group in rivals if group.runs]

@@ -136,7 +136,7 @@ def _asked(
 
 
 def _group(splits: Mapping[str, Split]) -> str | None:
-    """What frames share that a split keeps together, if one of them does."""
+    """Property shared by frames that a split keeps together, if one of them does."""
     for wanted in splits.values():
         if wanted.kind == "grouped":
             return wanted.group

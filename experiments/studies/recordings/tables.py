@@ -113,7 +113,7 @@ def _columns(data: pd.DataFrame) -> dict[str, Column]:
 
 
 def forms(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each recording, 5 and the most frames per class, and rival."""
+    """A row for each recording, 5 and the most frames per class, and baseline."""
     table = []
     for scene, every in accuracies_of(of_scenes(frame, "recordings")).items():
         known = forms_of(every.models)

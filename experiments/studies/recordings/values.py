@@ -139,7 +139,7 @@ class Gap(NamedTuple):
 def gaps(
     every: Accuracies, n: int, forms: Sequence[str], rivals: Sequence[str]
 ) -> Iterator[Gap]:
-    """Each form less the stronger of some rivals at n; nothing where either was not asked."""
+    """Each form minus the stronger of some baselines at n; nothing where either was not asked."""
     rival = every.stronger(rivals, n)
     if rival is None:
         return

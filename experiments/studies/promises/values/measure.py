@@ -146,7 +146,7 @@ def sets(
 
 
 def probabilities(model: HDCClassifier, queries: Any, labels: np.ndarray) -> Row:
-    """What a model answers to queries [Q], how sure it is, and how often it is right, by bins."""
+    """Answers of a model to queries [Q], how sure it is, and how often it is right, by bins."""
     shares = model.predict_proba(queries)
     right = model.classes_[shares.argmax(axis=1)] == labels
     sure = shares.max(axis=1)

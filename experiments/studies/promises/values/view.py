@@ -143,7 +143,7 @@ def promises(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 
 def promise(model: str, n: int) -> str:
-    """What :mod:`hdc.conformal` promises of the same session at alpha 0.1."""
+    """Promise of :mod:`hdc.conformal` for the same session at alpha 0.1."""
     if n < 4:
         return "all labels"
     return "at least 90 %" if model in COUNTING and n >= PROVEN_FROM else "about 90 %"
