@@ -49,8 +49,7 @@ def reduced(runs, measurements):
     """The committed results with these runs and measurements alone."""
     results = copy.copy(RESULTS)
     results.__dict__ |= {"runs": runs, "measurements": measurements}
-    for name in ("groups", "_frames"):
-        results.__dict__.pop(name, None)
+    results.__dict__.pop("_frames", None)
     return results
 
 

@@ -77,17 +77,16 @@ def test_a_committed_number_is_made_again(request, one_thread):
         request.getfixturevalue("measured_data")
     except pytest.skip.Exception:
         place = "touch"  # half a minute of simulated frames
-    known = min(
-        (x for x in Groups(Results(REFERENCE).runs).group(place, "ridge").runs),
-        key=lambda r: r.training_s,
-    )
+    runs = Groups(Results(REFERENCE).runs).group(place, "ridge").runs
+    known = min(runs, key=lambda run: run.training_s)
     carried = {"cache": False, "exclusive": False, "force": False}
     settings = settings_of({**known.config, **carried})
     scene = instantiate(settings.scene, "scene")
-    *_, again = train_and_test(settings, scene, "ridge", None, Console(quiet=True))
-    right = int((again.predicted == again.test_labels).sum())
-    same_frames = again.data_sha256["test"] == known.data_sha256.test
-    assert again.n_test == known.n_test
+    *_, trial = train_and_test(settings, scene, "ridge", None, Console(quiet=True))
+    again = trial.results
+    right = int((again["predicted"] == again["test_labels"]).sum())
+    same_frames = again["data_sha256"].test == known.data_sha256.test
+    assert again["n_test"] == known.n_test
     if same_frames:
         assert right == int(known.right.sum())
     else:  # another processor rounds a few grey values otherwise
