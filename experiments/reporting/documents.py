@@ -50,20 +50,18 @@ def fill(text: str, contents: Mapping[str, Callable[[], str]]) -> str:
 
 
 def named(rows: str) -> str:
-    """Rows of claims: names in place of commands, the verdict of this version, each claim once."""
+    """Rows of claims: names in place of commands, each claim once."""
     cells = [line.strip("|").split("|") for line in rows.splitlines()]
     heads = [head.strip() for head in cells[0]]
     if "Command" not in heads:
         return rows
-    kept = [k for k, head in enumerate(heads) if head != "By version 1"]
     command = heads.index("Command")
     before = ""
     for line in cells[2:]:
         line[command] = f" `{line[command].split()[-1]}` "
         before, line[0] = line[0], " " if line[0] == before else line[0]
     cells[0][command] = " Name "
-    lines = ("|".join(line[k] for k in kept) for line in cells)
-    return "\n".join(f"|{line}|" for line in lines)
+    return "\n".join(f"|{'|'.join(line)}|" for line in cells)
 
 
 def costs(table: pd.DataFrame | None) -> str:

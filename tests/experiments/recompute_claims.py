@@ -38,7 +38,7 @@ from tests.experiments.recompute_records import (
 
 RULES = ROOT / "experiments" / "studies" / "claims" / "rules.yaml"
 PUBLISHED = ROOT / "results" / "published.csv"
-FROZEN, EARLIER = RULES.with_name("frozen.yaml"), RULES.with_name("earlier.yaml")
+FROZEN = RULES.with_name("frozen.yaml")
 UNITS = {"much_slower": "×", "sharper": "1", "restored": "%"}  # of others: points
 TOLERANCE = 2e-5  # the table has six digits
 CHECKED = ("mean", "mean_low", "mean_high", "predicted_low", "predicted_high")
@@ -373,21 +373,11 @@ def of_the_rules(name: str, rules: dict) -> dict[str, str]:
         "says": claim.get("paper") or claim["ours"],
         "by": "the paper" if claim.get("paper") else "this repository",
         "unit": UNITS.get(claim["rule"], "points"),
-        "earlier": word_before(name, claim),
         "command": f"python -m experiments.reproduce --full --claim {name}",
         "rules": str(rules["version"]),
         "frozen": frozen["commit"][:12] if frozen["digest"] == digest else "",
         "digest": digest,
     }
-
-
-def word_before(name: str, claim: dict) -> str:
-    """The word by the version before, of the claim that this one was a part of."""
-    words = yaml.safe_load(EARLIER.read_text("utf-8"))[-1]["words"]
-    if name in words:
-        return words[name]
-    wider = [words[each] for each in words if name.startswith(f"{each}_")]
-    return wider[0] if wider and "ours" not in claim else ""
 
 
 def of_scenes(text: str) -> Iterator[tuple[float, ...]]:
@@ -405,7 +395,7 @@ def main() -> int:
         print(line)
     if not wrong:
         table = folder / "tables" / "claims.csv"
-        print(f"{table}: every cell recomputed but `because` and `record`")
+        print(f"{table}: every cell recomputed but `record`")
     return 1 if wrong else 0
 
 

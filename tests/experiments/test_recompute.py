@@ -179,7 +179,6 @@ CHANGES = [
     ("contrast", "word", "undecided"),
     ("contrast", "by_scene", "Touch: 1 [0.5, 1.5]; Fibre 1: 2 [1, 3]"),
     ("recalibration", "frames", "simulated"),
-    ("networks_one_layer", "earlier", "yes"),
     ("faults", "by", "this repository"),
 ]
 

@@ -33,6 +33,8 @@ def cells(text):
 def as_it_became(name, old):
     """The old table with the rows, columns and terms of today."""
     models = MAP["models_left"]
+    for column, text in MAP["rows_left"].get(name, {}).items():
+        old = old[old[column] != text]
     for column in {"model", "rival"} & set(old.columns):
         old = old[~old[column].isin(models)]
     ends = ("", "_low", "_high")

@@ -1,11 +1,9 @@
-"""Bits against grey values by rules 3, from the records of ``experiment=recordings_chosen``.
-
-``python -m experiments.studies.claims.contest`` prints the verdict, or that none is measured.
-"""
+"""Bits against grey values by rules 3, from the records of ``experiment=recordings_chosen``."""
 
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import msgspec
@@ -13,14 +11,18 @@ import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
-from experiments.records.files import results_dir
-from experiments.records.results import Results, of_scenes
+from experiments.records.results import RUNS
 from experiments.records.rows import unpack_labels
+from experiments.reporting.columns import Column, Row, display_name
 from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.measured import fields_of
+from experiments.reporting.study import RUN
+from experiments.reporting.table import Table
+from experiments.reporting.text import points
 from experiments.studies.claims import recordings
-from experiments.studies.claims.frozen import PATH, Claim, Recording
-from experiments.studies.claims.piece import CONFIRMATORY, variance_of
+from experiments.studies.claims.evidence import Evidence
+from experiments.studies.claims.frozen import PATH, Recording, digest
+from experiments.studies.claims.piece import CONFIRMATORY
 from experiments.studies.claims.random_effects import (
     of_laboratory,
     random_effects,
@@ -67,11 +69,13 @@ def rules() -> Rules:
 
 
 class Measured(NamedTuple):
-    """Bits minus greys on one recording: mean and its variance, which is NaN of a single draw."""
+    """Bits minus greys on one recording after n frames of each class: mean and its variance, which
+    is NaN of a single draw."""
 
     laboratory: str
     value: float
     variance: float
+    n: int
 
 
 class Verdict(NamedTuple):
@@ -83,30 +87,47 @@ class Verdict(NamedTuple):
     units: int
 
 
-def measured(frame: pd.DataFrame) -> dict[str, Measured]:
-    """Each recording of the rules that was measured by their split, by name."""
+def entering(evidence: Evidence) -> dict[str, pd.DataFrame]:
+    """The rows of each recording of the rules that was measured by their split."""
     frozen = rules()
     found = {}
-    for scene, rows in of_scenes(frame, frozen.experiment).items():
-        compared = _compared(scene, rows)
-        if compared is None:
-            continue
-        variance = variance_of(compared.by_unit, compared.n_test, compared.seeds)
-        mean = float(np.mean(compared.by_unit))
-        laboratory = frozen.recordings[scene].laboratory
-        found[scene] = Measured(laboratory, mean, variance)
+    for scene, rows in evidence.scenes(frozen.experiment).items():
+        listed = frozen.recordings.get(scene)
+        known = listed is not None and recordings.is_split(rows, listed)
+        if known and fields_of(rows) == frozen.input_fields:
+            found[scene] = rows
     return found
 
 
-def _compared(scene: str, rows: pd.DataFrame) -> recordings.Compared | None:
+def measured(evidence: Evidence, model: str = "") -> dict[str, Measured]:
+    """A model, by default the bits, minus the greys on each recording, by name."""
     frozen = rules()
-    listed = frozen.recordings.get(scene)
-    if listed is None or fields_of(rows) != frozen.input_fields:
-        return None
-    if not recordings.is_split(rows, listed):
-        return None
-    claim = Claim(frozen.experiment, "", (), sizes="full")
-    return recordings.compare(rows, frozen.bits, frozen.greys, claim, frozen)
+    found = {}
+    for scene in entering(evidence):
+        every = evidence.accuracies(frozen.experiment)[scene]
+        form = model or frozen.bits
+        compared = recordings.compare(every, form, frozen.greys, "full", frozen)
+        if compared is not None:
+            laboratory = frozen.recordings[scene].laboratory
+            mean = float(np.mean(compared.by_unit))
+            (n,) = compared.sizes
+            found[scene] = Measured(laboratory, mean, compared.variance, n)
+    return found
+
+
+def confirmed(evidence: Evidence) -> dict[str, Estimate]:
+    """Bits minus greys on each confirmatory recording, with the interval over its test objects."""
+    rows = entering(evidence)
+    return {
+        scene: over_objects(_by_object(rows[scene], one.n))
+        for scene, one in measured(evidence).items()
+        if rules().recordings[scene].status == CONFIRMATORY
+    }
+
+
+def _beside() -> list[str]:
+    """Models that are shown without a word."""
+    return [model for models in rules().beside.values() for model in models]
 
 
 def verdict(found: dict[str, Measured]) -> Verdict | None:
@@ -133,27 +154,6 @@ def word_of(*intervals: Estimate) -> str:
     if all(each.low > limit for each in intervals):
         return YES
     return NO if all(each.high < limit for each in intervals) else UNDECIDED
-
-
-def leave_one_out(found: dict[str, Measured]) -> dict[str, Verdict | None]:
-    """The verdict without each laboratory in turn."""
-    laboratories = dict.fromkeys(one.laboratory for one in found.values())
-    return {
-        name: verdict({k: v for k, v in found.items() if v.laboratory != name})
-        for name in laboratories
-    }
-
-
-def confirmed(frame: pd.DataFrame) -> dict[str, Estimate]:
-    """Bits less greys on each confirmatory recording, with the interval over its test objects."""
-    frozen = rules()
-    found = {}
-    for scene, rows in of_scenes(frame, frozen.experiment).items():
-        compared = _compared(scene, rows)
-        if compared is None or frozen.recordings[scene].status != CONFIRMATORY:
-            continue
-        found[scene] = over_objects(_by_object(rows, compared.sizes[0]))
-    return found
 
 
 def over_objects(counts: np.ndarray) -> Estimate:
@@ -199,35 +199,97 @@ def _right(rows: pd.DataFrame, model: str, n: int, labels: np.ndarray) -> np.nda
     return (predicted == labels).astype(float)
 
 
-def lines(frame: pd.DataFrame) -> list[str]:
-    """Results of rules 3 on the records, a sentence each."""
-    found = measured(frame)
+# As a table ---------------------------------------------------------------------------------------
+
+
+def contest(frame: pd.DataFrame) -> pd.DataFrame:
+    """The verdict, without each laboratory, of each alone, of other models; measured or not."""
+    evidence = Evidence(frame)
+    bits = measured(evidence)
+    listed = rules().recordings
+    rows = [_row("bits", "all laboratories", bits, judged=True)]
+    for name in dict.fromkeys(each.laboratory for each in listed.values()):
+        own = {scene: one for scene, one in bits.items() if one.laboratory == name}
+        others = {scene: one for scene, one in bits.items() if scene not in own}
+        rows.append(_row("bits", f"without {name}", others, judged=True))
+        rows.append(_row("bits", f"{name} alone", own))
+    by_objects = confirmed(evidence)
+    for scene, each in listed.items():
+        if each.status == CONFIRMATORY:
+            rows.append(_by_objects(scene, by_objects.get(scene)))
+    rows += [
+        _row(model, "all laboratories", measured(evidence, model))
+        for model in _beside()
+    ]
+    return pd.DataFrame(rows)
+
+
+def _row(
+    model: str, what: str, found: dict[str, Measured], judged: bool = False
+) -> dict[str, Any]:
+    """A model minus the greys over the laboratories of some recordings."""
+    row: dict[str, Any] = {"model": model, "what": what}
     whole = verdict(found)
     if whole is None:
-        return [f"{rules().claim}: {NOT_MEASURED}"]
-    said = [f"{rules().claim}: {_said(whole)}"]
-    for name, without in leave_one_out(found).items():
-        said.append(f"without {name}: {_said(without)}")
-    for scene, difference in confirmed(frame).items():
-        said.append(
-            f"{scene}, confirmatory: {word_of(difference)}, {_points(difference)}"
-        )
-    return said
+        return row
+    row |= {"laboratories": whole.units, **whole.equal.columns("equal")}
+    row |= whole.random.columns("random")
+    return {**row, "word": whole.word} if judged else row
 
 
-def _said(found: Verdict | None) -> str:
-    if found is None:
-        return NOT_MEASURED
-    both = (
-        f"equal weights {_points(found.equal)}, random effects {_points(found.random)}"
+def _by_objects(scene: str, difference: Estimate | None) -> dict[str, Any]:
+    """The word of a confirmatory recording, by its own interval."""
+    row: dict[str, Any] = {"model": "bits", "what": f"{scene}, by test objects"}
+    if difference is not None:
+        row |= difference.columns("equal") | {"word": word_of(difference)}
+    return row
+
+
+def _name(model: str) -> str:
+    return display_name(rules().bits if model == "bits" else model)
+
+
+def _points(name: str) -> Callable[[Row], str]:
+    def cell(row: Row) -> str:
+        if row.get("equal") is None:
+            return NOT_MEASURED
+        return Column("", points).text(name, row)
+
+    return cell
+
+
+def _note(_: pd.DataFrame) -> str:
+    frozen = rules()
+    return (
+        f"“{frozen.claim}”: yes where the lower ends of both intervals over laboratories lie above "
+        f"{points(-frozen.margin)} points, no where both upper ends lie below. Equal weights: a "
+        "laboratory is one value, Student. Without one laboratory: decides nothing. By test "
+        "objects: a recording that no model had classified, the central 95 % of resampled objects. "
+        f"Other models have no verdict. Rules: {RULES_3.name}, version {frozen.version} of "
+        f"{frozen.dated}, digest {digest(RULES_3)}."
     )
-    return f"{found.word}, {both}, {found.units} laboratories"
 
 
-def _points(difference: Estimate) -> str:
-    value, low, high = (100 * each for each in difference)
-    return f"{value:+.1f} points [{low:+.1f}, {high:+.1f}]".replace("-", "−")
+def _is_measured(frame: pd.DataFrame) -> bool:
+    """Whether the records are of recordings of the rules; on others there is no contest."""
+    return len(frame) > 0 and not set(rules().recordings).isdisjoint(frame.scene)
 
 
-if __name__ == "__main__":
-    print("\n".join(lines(Results(results_dir()).frame(rules().experiment))))
+TABLE = Table(
+    "contest",
+    lambda frame: contest(frame) if _is_measured(frame) else None,
+    of=("recordings_chosen", "recordings", RUNS),
+    title="Bits against grey values, each family choosing its form: accuracy of bits minus greys",
+    shown=("model", "what", "equal", "random", "laboratories", "word"),
+    columns={
+        "model": Column("Model", _name),
+        "what": Column("Recordings"),
+        "equal": Column("Equal weights, points [95 %]", cell=_points("equal")),
+        "random": Column("Random effects, points [95 %]", cell=_points("random")),
+        "laboratories": Column("Laboratories", "{:.0f}".format),
+        "word": Column("Verdict"),
+    },
+    note=_note,
+    key=("model", "what"),
+    commands=[f"{RUN}recordings_chosen"],
+)

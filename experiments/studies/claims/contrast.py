@@ -7,13 +7,12 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from experiments.records import configs
-from experiments.records.results import of_scenes
 from experiments.reporting.estimates import mean_interval
 from experiments.reporting.measured import matrices
 from experiments.reporting.text import number
+from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import Claim, Rules
-from experiments.studies.claims.piece import Piece, place_of
+from experiments.studies.claims.piece import Piece, piece_of
 from experiments.studies.claims.rules import rule_of
 from experiments.studies.correlation.pairs import contrast
 
@@ -21,10 +20,10 @@ PROTOTYPE = "prototype"
 
 
 def pieces(
-    name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
+    name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
     """A piece for each scene and for each of what prototypes are held against."""
-    for rows in of_scenes(frame, claim.experiment).values():
+    for rows in evidence.scenes(claim.experiment).values():
         kinds = set(rows.kind)
         for rival in frozen.rivals_of(name):
             if {PROTOTYPE, rival} <= kinds:
@@ -39,21 +38,16 @@ def _piece(
         _by_seed(rows, kind, claim.samples) for kind in (PROTOTYPE, rival)
     )
     less = mean_interval((of_prototypes - of_rival).tolist())
-    shown = configs.scene_display(rows.scene.iloc[0])
     before, after = (number(each.mean()) for each in (of_rival, of_prototypes))
-    return Piece(
+    return piece_of(
+        rows,
         name,
         rival,
-        str(rows.scene.iloc[0]),
-        str(shown["family"]),
-        str(shown["kind"]),
         f"contrast of prototypes minus that of {rival}, {before} to {after}",
         less,
         unit="1",
         n=f"{len(of_prototypes)} seeds",
         word=rule_of(claim.rule, frozen).of_one(less),
-        command=rows.command.iloc[0],
-        record=place_of(rows),
     )
 
 

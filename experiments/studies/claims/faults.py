@@ -6,14 +6,13 @@ from collections.abc import Iterator
 
 import pandas as pd
 
-from experiments.records import configs
-from experiments.records.results import of_scenes
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import mean_difference
+from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import (
     Piece,
-    place_of,
+    piece_of,
     variance_of,
 )
 from experiments.studies.claims.rules import rule_of
@@ -29,10 +28,10 @@ def rival_at(rival: str, level: float) -> str:
 
 
 def pieces(
-    name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
+    name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
     """A piece for each scene and level; then what other models lose by the same flips."""
-    for rows in of_scenes(frame, claim.experiment).values():
+    for rows in evidence.scenes(claim.experiment).values():
         for level in claim.levels:
             (rival,) = frozen.rivals_of(name)
             of_hdc = frozen.forms[claim.form]
@@ -69,26 +68,21 @@ def _piece(
     change = lost(rows, model, level)
     if not change:
         return
-    shown = configs.scene_display(rows.scene.iloc[0])
     n_test = float(rows.n_test.iloc[0])
     value = mean_difference(change, n_test)
     is_hdc = model == frozen.forms[claim.form]
     remark = "" if is_hdc else "beside, without a word"
-    yield Piece(
+    yield piece_of(
+        rows,
         name,
         rival_at(rival, level),
-        str(rows.scene.iloc[0]),
-        str(shown["family"]),
-        str(shown["kind"]),
         f"{_shown(model)}: change by {100 * level:g} % flipped bits",
         value,
-        variance_of(change, n_test, seeds=True),
+        variance=variance_of(change, n_test, seeds=True),
         n=f"{len(change)} seeds",
         word=rule_of(claim.rule, frozen).of_one(value) if is_hdc else "",
         enters=not remark,
         remark=remark,
-        command=rows.command.iloc[0],
-        record=place_of(rows),
     )
 
 

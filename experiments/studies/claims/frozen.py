@@ -14,7 +14,6 @@ from experiments.records.files import ROOT
 
 PATH = ROOT / "experiments" / "studies" / "claims" / "rules.yaml"
 FROZEN = PATH.with_name("frozen.yaml")
-EARLIER = PATH.with_name("earlier.yaml")
 
 Frames = Literal["captured", "computed", "simulated"]
 Status = Literal["exploratory", "confirmatory"]
@@ -115,13 +114,6 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         return self.claims[claim].rivals or self.rivals
 
 
-class Earlier(msgspec.Struct, frozen=True):
-    """The words of an earlier version."""
-
-    version: int
-    words: dict[str, str]
-
-
 @functools.cache
 def rules(path: Path = PATH) -> Rules:
     """The rules.
@@ -142,23 +134,6 @@ def claim_as_written(name: str) -> dict[str, Any]:
 
 def _written(path: Path) -> Any:
     return OmegaConf.to_container(OmegaConf.load(path))
-
-
-@functools.cache
-def earlier() -> tuple[Earlier, ...]:
-    """The words of earlier versions, the oldest first."""
-    return msgspec.convert(_written(EARLIER), tuple[Earlier, ...])
-
-
-def earlier_word(claim: str) -> str:
-    """The verdict of a claim by the version before; a claim that was one with others then has that
-    claim's, and one that was not judged has none."""
-    words = earlier()[-1].words
-    if claim in words:
-        return words[claim]
-    wider = [name for name in words if claim.startswith(f"{name}_")]
-    of_ours = rules().claims[claim].ours
-    return words[wider[0]] if wider and not of_ours else ""
 
 
 def digest(path: Path = PATH) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from experiments.records import configs
 from experiments.reporting.estimates import Estimate
 
 EXPLORATORY, CONFIRMATORY = "exploratory", "confirmatory"
@@ -104,6 +105,24 @@ def variance_of(values: Sequence[float], n_test: float, seeds: bool) -> float:
     return variance / len(values) if seeds else variance
 
 
-def place_of(rows: pd.DataFrame) -> str:
-    """Where the rows of one record are, within the folder of results."""
-    return str(rows.record.iloc[0])
+def piece_of(
+    rows: pd.DataFrame,
+    claim: str,
+    rival: str,
+    quantity: str,
+    estimate: Estimate,
+    **more: Any,
+) -> Piece:
+    """A piece of evidence on the scene of some rows of one record, with what its config and the
+    record say of it; `more` are other attributes."""
+    scene = str(rows.scene.iloc[0])
+    shown = configs.scene_display(scene)
+    of_scene = {
+        "evidence": scene,
+        "laboratory": str(shown["family"]),
+        "frames": str(shown["kind"]),
+        "command": str(rows.command.iloc[0]),
+        "record": str(rows.record.iloc[0]),
+    }
+    attributes: dict[str, Any] = {**of_scene, **more}
+    return Piece(claim, rival, quantity=quantity, estimate=estimate, **attributes)

@@ -8,12 +8,10 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from experiments.records import configs
-from experiments.records.results import of_scenes
-from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import mean_interval
+from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import Claim, Rules, Update
-from experiments.studies.claims.piece import Piece, place_of
+from experiments.studies.claims.piece import Piece, piece_of
 from experiments.studies.claims.rules import rule_of
 from experiments.studies.drift.sessions import accuracies
 
@@ -22,10 +20,10 @@ OWN_LOSS = "its own loss"  # what the update is held against
 
 
 def pieces(
-    name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
+    name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
-    """Share of the loss in each scene that HDC regains; beside it every model's best update."""
-    for rows in of_scenes(frame, claim.experiment).values():
+    """Of each scene the share of the loss that HDC regains."""
+    for rows in evidence.scenes(claim.experiment).values():
         every = accuracies(rows)
         assert claim.update is not None
         in_order = every[every.order == claim.update.order]
@@ -34,7 +32,6 @@ def pieces(
         if of_hdc is None:
             continue
         yield _judged(name, claim, frozen, rows, of_hdc)
-        yield from _best_updates(name, claim, rows, in_order)
 
 
 def shares_regained(
@@ -63,7 +60,6 @@ def _judged(
     name: str, claim: Claim, frozen: Rules, rows: pd.DataFrame, of_hdc: pd.DataFrame
 ) -> Piece:
     """The share that came back, if enough was lost."""
-    shown = configs.scene_display(rows.scene.iloc[0])
     lost = of_hdc.lost
     share = mean_interval(of_hdc.share.tolist())
     cost = f"drift cost {100 * lost.mean():.1f} points"
@@ -73,23 +69,19 @@ def _judged(
         remark = f"{cost}, less than the {100 * claim.lost:g} to be restored"
     update = claim.update
     assert update is not None
-    return Piece(
+    return piece_of(
+        rows,
         name,
         OWN_LOSS,
-        str(rows.scene.iloc[0]),
-        str(shown["family"]),
-        str(shown["kind"]),
         f"share of the loss regained by bits replaced with p = {update.p:g}, "
         f"{update.n_new} new frames",
         share,
-        _variance(of_hdc.share),
+        variance=_variance(of_hdc.share),
         unit="%",
         n=f"{len(of_hdc)} seeds",
         word=rule_of(claim.rule, frozen, claim.share).of_one(share) if enough else "",
         enters=bool(enough),
         remark=remark,
-        command=rows.command.iloc[0],
-        record=place_of(rows),
     )
 
 
@@ -99,32 +91,3 @@ def _variance(shares: pd.Series) -> float:
     if shares.nunique() < 2:
         return math.nan
     return float(np.var(shares, ddof=1)) / len(shares)
-
-
-def _best_updates(
-    name: str, claim: Claim, rows: pd.DataFrame, in_order: pd.DataFrame
-) -> Iterator[Piece]:
-    """The update of each model that is best in the new session, with the same new frames."""
-    update = claim.update
-    assert update is not None
-    shown = configs.scene_display(rows.scene.iloc[0])
-    at = in_order[(in_order.n_new == update.n_new) & (in_order.method != STORED)]
-    for model, of_model in at.groupby("model", sort=False):
-        means = of_model.groupby("update", sort=False).new.mean()
-        best = means.idxmax()
-        by_seed = of_model[of_model["update"] == best].new
-        yield Piece(
-            name,
-            str(model),
-            f"{rows.scene.iloc[0]}, {display_name(str(model))}",
-            str(shown["family"]),
-            str(shown["kind"]),
-            f"accuracy after its best update: {best}",
-            mean_interval(by_seed.tolist()).within(0, 1),
-            unit="%",
-            n=f"{len(by_seed)} seeds",
-            enters=False,
-            remark="beside: the best on the test frames",
-            command=rows.command.iloc[0],
-            record=place_of(rows),
-        )

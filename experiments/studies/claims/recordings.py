@@ -3,30 +3,31 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import NamedTuple, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.groups import Group, Groups
-from experiments.records.results import of_scenes
+from experiments.records.groups import Groups
 from experiments.reporting import published
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import difference
-from experiments.reporting.measured import accuracies, fields_of, over_units
+from experiments.reporting.measured import fields_of, over_units, place_of
 from experiments.reporting.study import RUN
 from experiments.reporting.text import SIMULATED
+from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import Claim, Recording, Rules
 from experiments.studies.claims.piece import (
     Piece,
     least_variance,
-    place_of,
+    piece_of,
     variance_of,
 )
 from experiments.studies.claims.rules import rule_of
+from experiments.studies.recordings.values import Accuracies
 
-PUBLISHED = "published"  # a baseline that is a number of the paper
+PUBLISHED = "published"  # a rival that is a number of the paper
 _OBJECTS = "tactile/test_accuracy"
 
 
@@ -41,7 +42,7 @@ class Sizes(Protocol):
 
 
 class Compared(NamedTuple):
-    """HDC minus a baseline on one recording.
+    """A model minus another on one recording.
 
     Attributes:
         by_unit: a difference for each seed or draw, mean over the sizes.
@@ -55,32 +56,25 @@ class Compared(NamedTuple):
     n_test: float
     seeds: bool
 
+    @property
+    def variance(self) -> float:
+        """Of their mean."""
+        return variance_of(self.by_unit, self.n_test, self.seeds)
+
 
 def pieces(
-    name: str, claim: Claim, frozen: Rules, frame: pd.DataFrame
+    name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
-    """A piece for each baseline and recording that is listed, or is a listed fibre through more
+    """A piece for each rival and recording that is listed, or is a listed fibre through more
     input fields; then simulated scenes."""
-    found = of_scenes(frame, claim.experiment)
-    runs = Groups.of(frame)
+    every = evidence.accuracies(claim.experiment)
+    found = evidence.scenes(claim.experiment)
     for rival in frozen.rivals_of(name):
-        for scene in sorted(found, key=_place):
-            if claim.recordings and scene not in claim.recordings:
-                continue
-            piece = _piece(name, claim, frozen, rival, found[scene])
-            if piece is not None:
-                yield piece
+        for scene, rows in found.items():
+            if not claim.recordings or scene in claim.recordings:
+                yield from _piece(name, claim, frozen, rival, rows, every[scene])
         if not claim.recordings and claim.sizes == "full":
-            yield from _simulated(name, claim, frozen, rival, runs)
-
-
-def _place(scene: str) -> tuple[float, str]:
-    return float(configs.scene_display(scene)["place"]), scene
-
-
-def listed(scene: str, frozen: Rules) -> Recording | None:
-    """Entry of a recording in the rules; None of one that is not listed."""
-    return frozen.recordings.get(scene)
+            yield from _simulated(name, claim, frozen, rival, evidence.runs)
 
 
 def _piece(
@@ -89,42 +83,40 @@ def _piece(
     frozen: Rules,
     rival: str,
     rows: pd.DataFrame,
-) -> Piece | None:
-    """Evidence of one recording; None where there is none."""
+    every: Accuracies,
+) -> Iterator[Piece]:
+    """What one recording says, if it says something."""
     scene = str(rows.scene.iloc[0])
-    recording = listed(scene, frozen)
+    recording = frozen.recordings.get(scene)
     if recording is None and fields_of(rows) == frozen.input_fields:
-        return None
+        return
     form = frozen.forms[claim.form]
-    compared = compare(rows, form, rival, claim, frozen)
+    compared = compare(every, form, rival, claim.sizes, frozen)
     if compared is None:
-        return None
+        return
     value = over_units(compared.by_unit, compared.seeds)
-    variance = variance_of(compared.by_unit, compared.n_test, compared.seeds)
     remark = _remark(rows, recording, frozen)
-    shown = configs.scene_display(scene)
-    possible = (-1.0, 1.0)
+    more: dict[str, Any] = {}
+    if recording is not None:
+        listed = ("laboratory", "frames", "status")
+        more = {key: getattr(recording, key) for key in listed}
     if rival == PUBLISHED:
-        possible = (-_of_the_paper(), 1 - _of_the_paper())
+        more["possible"] = (-_of_the_paper(), 1 - _of_the_paper())
     of_units = "seeds" if compared.seeds else "draws"
     sizes = " and ".join(map(str, compared.sizes))
-    return Piece(
+    yield piece_of(
+        rows,
         name,
         rival,
-        scene,
-        recording.laboratory if recording else str(shown["family"]),
-        recording.frames if recording else str(shown["kind"]),
         f"{display_name(form)} minus {_rival_name(rival)}",
         value,
-        variance,
-        status=recording.status if recording else "exploratory",
-        possible=possible,
+        variance=compared.variance,
         n=f"{len(compared.by_unit)} {of_units}, {sizes} frames per class",
         word=rule_of(claim.rule, frozen).of_one(value),
         enters=not remark,
         remark=remark,
         command=f"{RUN}{claim.experiment} scene={scene}",
-        record=place_of(rows),
+        **more,
     )
 
 
@@ -152,61 +144,46 @@ def is_split(rows: pd.DataFrame, recording: Recording) -> bool:
 
 
 def compare(
-    rows: pd.DataFrame, form: str, rival: str, claim: Claim, frozen: Sizes
+    every: Accuracies, form: str, rival: str, sizes: str, frozen: Sizes
 ) -> Compared | None:
-    """HDC minus its baseline by the split that counts, at the sizes of a claim; None where one of
-    them was not measured, where the sizes cannot be filled, and where both are saturated."""
+    """A form minus its rival at the sizes of this name; None where one of the two was not measured,
+    where the sizes cannot be filled, and where both are saturated."""
     models = [form] if rival == PUBLISHED else [form, rival]
-    if not set(models) <= set(rows.model):
+    if not set(models) <= set(every.models):
         return None
-    every = accuracies(rows[rows.model.isin(models) | _has_labels(rows)])
-    counts = every[(every.split == "counts") & every.model.isin(models)]
-    by_model = counts.pivot(index="unit", columns=["model", "n"], values="accuracy")
-    units = by_model.dropna(how="all")
-    wanted = frozen.sizes[claim.sizes]
+    wanted = frozen.sizes[sizes]
+    units = every.table[models].unstack("n").dropna(how="all")
     complete = [
         n
         for n in wanted
-        if all(
-            (model, n) in units and units[model, n].notna().all() for model in models
-        )
+        if n in every.sizes and units.xs(n, axis=1, level="n").notna().all(axis=None)
     ]
-    if claim.sizes == "few":
-        sizes = list(wanted) if len(complete) == len(wanted) else []
+    if sizes == "few":
+        chosen = list(wanted) if len(complete) == len(wanted) else []
     else:
-        sizes = _largest_open(units, models, complete, frozen.saturated)
-    if not sizes:
+        chosen = _largest_open(units, complete, frozen.saturated)
+    if not chosen:
         return None
-    less = np.mean([_less(units, models, n) for n in sizes], axis=0)
-    of_test = rows[(rows.model == form) & (rows.split == "counts")].n_test
-    return Compared(
-        less.tolist(), sizes, float(of_test.mean()), rows.seed.nunique() > 1
-    )
-
-
-def _has_labels(rows: pd.DataFrame) -> pd.Series:
-    """The rows that hold the true classes of a draw, whichever model they are of."""
-    if "labels" not in rows:
-        return pd.Series(False, rows.index)
-    return rows.labels.notna()
+    less = np.mean([_less(units, models, n) for n in chosen], axis=0)
+    return Compared(less.tolist(), chosen, every.n_test[form], every.seeds)
 
 
 def _largest_open(
-    units: pd.DataFrame, models: Sequence[str], sizes: Sequence[int], saturated: float
+    units: pd.DataFrame, sizes: Sequence[int], saturated: float
 ) -> list[int]:
     """The largest size at which a model is below the accuracy that counts as saturated."""
     for n in sorted(sizes, reverse=True):
-        if min(float(units[model, n].mean()) for model in models) < saturated:
+        if units.xs(n, axis=1, level="n").mean().min() < saturated:
             return [n]
     return []
 
 
 def _less(units: pd.DataFrame, models: Sequence[str], n: int) -> np.ndarray:
-    """HDC minus its baseline, or minus the paper's accuracy, a number per unit."""
-    of_hdc = units[models[0], n].to_numpy(float)
+    """A form minus its rival, or minus the paper's accuracy, a number a unit."""
+    of_form = units[models[0], n].to_numpy(float)
     if len(models) == 1:
-        return of_hdc - _of_the_paper()
-    return of_hdc - units[models[1], n].to_numpy(float)
+        return of_form - _of_the_paper()
+    return of_form - units[models[1], n].to_numpy(float)
 
 
 def _of_the_paper() -> float:
@@ -217,10 +194,10 @@ def _of_the_paper() -> float:
 def _simulated(
     name: str, claim: Claim, frozen: Rules, rival: str, runs: Groups
 ) -> Iterator[Piece]:
-    """HDC minus its baseline on simulated scenes, on the same test samples; they enter nothing."""
+    """HDC minus its rival on simulated scenes, on the same test samples; they enter nothing."""
     form = frozen.forms[claim.form]
     scenes = {group.scene for group in runs}
-    for scene in sorted(scenes, key=_place):
+    for scene in sorted(scenes, key=lambda scene: (place_of(scene), scene)):
         shown = configs.scene_display(scene)
         groups = [runs.group(scene, model) for model in (form, rival)]
         value = difference(*(group.runs for group in groups))
@@ -229,9 +206,8 @@ def _simulated(
         remark = ""
         if scene in frozen.fitted:
             remark = "fitted to HDC's own accuracy"
-        elif _saturated(groups, frozen):
+        elif all(group.right.mean() >= frozen.saturated for group in groups):
             remark = "saturated"
-        n_test = len(groups[0].right)
         yield Piece(
             name,
             rival,
@@ -240,7 +216,7 @@ def _simulated(
             SIMULATED,
             f"{display_name(form)} minus {display_name(rival)}",
             value,
-            least_variance(value.value, n_test),
+            least_variance(value.value, len(groups[0].right)),
             n=f"{len(groups[0].runs)} seeds",
             word="" if remark else rule_of(claim.rule, frozen).of_one(value),
             enters=not remark,
@@ -248,7 +224,3 @@ def _simulated(
             command=f"{RUN}all_scenes scene={scene}",
             record="records.jsonl",
         )
-
-
-def _saturated(groups: Sequence[Group], frozen: Rules) -> bool:
-    return all(group.right.mean() >= frozen.saturated for group in groups)

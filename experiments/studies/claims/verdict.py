@@ -35,7 +35,6 @@ class Verdict(NamedTuple):
 
     Attributes:
         word: one of four.
-        because: which test of the numbers gave it.
         pooled: the number across sensors; of times that of the way with the least ratio; NaN where
             the rule takes none.
         frames: kinds that decided.
@@ -43,7 +42,6 @@ class Verdict(NamedTuple):
     """
 
     word: str
-    because: str
     pooled: Pooled
     frames: str
     decided_by: Sequence[Piece]
@@ -52,7 +50,6 @@ class Verdict(NamedTuple):
         """The columns of a table, in the unit of a piece and within what it can be."""
         return {
             "word": self.word,
-            "because": self.because,
             **columns_of(self.pooled, piece),
             "laboratories": self.pooled.units or None,
             "frames": self.frames,
@@ -106,14 +103,13 @@ def verdict(claim: Claim, pieces: Sequence[Piece], frozen: Rules) -> Verdict | N
     if not words:
         return None
     word = refuted(words)
-    because = "simulated frames alone"
-    return Verdict(word, because, _NOTHING, SIMULATED, [])
+    return Verdict(word, _NOTHING, SIMULATED, [])
 
 
 def of_one_sensor(piece: Piece) -> Verdict:
     """Verdict of one recording on its sensor, by its own interval."""
     alone = Pooled(piece.estimate, math.nan, math.nan, 0.0, 1)
-    return Verdict(piece.word, "of this sensor", alone, piece.frames, [piece])
+    return Verdict(piece.word, alone, piece.frames, [piece])
 
 
 def pooled_over(pieces: Sequence[Piece]) -> Pooled:
@@ -137,34 +133,10 @@ def _across_sensors(claim: Claim, entering: Sequence[Piece], frozen: Rules) -> V
     pooled = pooled_over(entering)
     rule = rule_of(claim.rule, frozen, claim.share)
     frames = ", ".join(dict.fromkeys(piece.frames for piece in entering))
-    limit = _limit(rule.limit, entering[0].unit)
-    if pooled.units < claim.least_units:
-        needed = f"{pooled.units} of the {claim.least_units} laboratories needed"
-        return Verdict(UNDECIDED, needed, pooled, frames, entering)
-    word = rule.across(pooled, frozen.few_units)
-    mean = pooled.mean
-    least, largest = entering[0].possible
-    is_points = entering[0].unit == "points"
-    if is_points and mean.low <= least and mean.high >= largest:
-        because = (
-            f"{pooled.units} laboratories, no bound: all that is possible is inside"
-        )
-    elif mean.low > rule.limit:
-        because = f"the interval lies above {limit}"
-    elif mean.high < rule.limit:
-        because = f"the interval lies below {limit}"
-    else:
-        because = f"the interval holds {limit}"
-        if word != UNDECIDED:
-            because = f"the interval holds {limit} and not zero"
-    return Verdict(word, because, pooled, frames, entering)
-
-
-def _limit(limit: float, unit: str) -> str:
-    """A limit in a unit, with its sign where it is a difference."""
-    value = FACTORS.get(unit, 1) * limit
-    text = f"{value:+g}" if unit == "points" else f"{value:g}"
-    return f"{text} {unit}".replace("-", "−")
+    word = UNDECIDED
+    if pooled.units >= claim.least_units:
+        word = rule.across(pooled, frozen.few_units)
+    return Verdict(word, pooled, frames, entering)
 
 
 def _of_times(entering: Sequence[Piece], frozen: Rules) -> Verdict | None:
@@ -172,10 +144,9 @@ def _of_times(entering: Sequence[Piece], frozen: Rules) -> Verdict | None:
     if {piece.evidence for piece in entering} != set(frozen.ways):
         return None
     words = [piece.word for piece in entering]
-    said = ", ".join(f"{piece.evidence}: {piece.word}" for piece in entering)
     least = min(entering, key=lambda piece: piece.estimate.value)
     pooled = Pooled(least.estimate, math.nan, math.nan, math.nan, 0)
-    return Verdict(by_all_ways(words), said, pooled, SIMULATED, entering)
+    return Verdict(by_all_ways(words), pooled, SIMULATED, entering)
 
 
 def _of_scenes(entering: Sequence[Piece]) -> Verdict | None:
@@ -183,6 +154,5 @@ def _of_scenes(entering: Sequence[Piece]) -> Verdict | None:
     if not entering:
         return None
     words = [piece.word for piece in entering]
-    said = ", ".join(f"{piece.evidence}: {piece.word}" for piece in entering)
     frames = ", ".join(dict.fromkeys(piece.frames for piece in entering))
-    return Verdict(shared(words), said, _NOTHING, frames, entering)
+    return Verdict(shared(words), _NOTHING, frames, entering)

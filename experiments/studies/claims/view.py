@@ -7,7 +7,7 @@ Each module of this folder reads the records of one study and gives pieces of ev
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import pandas as pd
@@ -19,19 +19,19 @@ from experiments.reporting.table import Table
 from experiments.reporting.table import frame as table_of
 from experiments.reporting.text import number
 from experiments.studies.claims import (
+    contest,
     contrast,
     faults,
     recalibration,
     recordings,
     times,
 )
+from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import (
     Claim,
     Rules,
     commit,
     digest,
-    earlier,
-    earlier_word,
     rules,
 )
 from experiments.studies.claims.piece import (
@@ -49,7 +49,7 @@ from experiments.studies.claims.verdict import (
 JOINED = "all of these"
 COMMAND = "python -m experiments.reproduce --full --claim"
 Row = Mapping[str, Any]
-Read = Callable[[str, Claim, Rules, pd.DataFrame], Iterator[Piece]]
+Read = Callable[[str, Claim, Rules, Evidence], Iterator[Piece]]
 # By the experiment whose records are the evidence.
 READ: Mapping[str, Read] = {
     "recordings": recordings.pieces,
@@ -60,30 +60,21 @@ READ: Mapping[str, Read] = {
 }
 
 
-# The last frame and its evidence: three tables and the findings ask for it, which takes seconds.
-_LAST: list[tuple[pd.DataFrame, tuple[Piece, ...]]] = []
-
-
-def every_piece(frame: pd.DataFrame) -> tuple[Piece, ...]:
-    """All evidence, in the order of the claims; found once a frame, which nobody changes."""
-    if not _LAST or _LAST[0][0] is not frame:
-        _LAST[:] = [(frame, _every_piece(frame))]
-    return _LAST[0][1]
-
-
-def _every_piece(frame: pd.DataFrame) -> tuple[Piece, ...]:
+def every_piece(frame: pd.DataFrame) -> list[Piece]:
+    """All evidence, in the order of the claims."""
     frozen = rules()
     found: list[Piece] = []
     if not len(frame):
-        return ()
+        return found
+    evidence = Evidence(frame)
     for name, claim in frozen.claims.items():
-        pieces = READ[claim.experiment](name, claim, frozen, frame)
+        pieces = READ[claim.experiment](name, claim, frozen, evidence)
         found += [settled(piece, claim) for piece in pieces]
-    return tuple(found)
+    return found
 
 
-def by_rival(pieces: Iterator[Piece] | tuple[Piece, ...]) -> dict[Any, list[Piece]]:
-    """Pieces by claim and baseline."""
+def by_rival(pieces: Iterable[Piece]) -> dict[Any, list[Piece]]:
+    """Pieces by claim and rival."""
     found: dict[Any, list[Piece]] = {}
     for piece in pieces:
         found.setdefault((piece.claim, piece.rival), []).append(piece)
@@ -93,7 +84,7 @@ def by_rival(pieces: Iterator[Piece] | tuple[Piece, ...]) -> dict[Any, list[Piec
 def judged(
     frame: pd.DataFrame,
 ) -> Iterator[tuple[str, str, Verdict, list[Piece]]]:
-    """Claim, baseline, verdict and pieces."""
+    """Claim, rival, verdict and pieces."""
     frozen = rules()
     for (name, rival), pieces in by_rival(every_piece(frame)).items():
         found = verdict(frozen.claims[name], pieces, frozen)
@@ -115,7 +106,6 @@ def _row(name: str, rival: str, found: Verdict, pieces: list[Piece]) -> dict[str
         **found.columns(pieces[0]),
         "by_scene": _by_scene(found) if claim.rule == "sharper" else "",
         "status": CONFIRMATORY if statuses == {CONFIRMATORY} else EXPLORATORY,
-        "earlier": earlier_word(name),
         "record": "; ".join(where),
         "command": f"{COMMAND} {name}",
         "rules": rules().version,
@@ -125,7 +115,7 @@ def _row(name: str, rival: str, found: Verdict, pieces: list[Piece]) -> dict[str
 
 
 def _by_scene(found: Verdict) -> str:
-    """Numbers behind a rule on the verdicts of scenes: each scene's number with its interval."""
+    """What a rule on the words of scenes compares: each scene's number with its interval."""
     parts = []
     for piece in found.decided_by:
         shown = _with_unit(piece.row(), "value")
@@ -137,7 +127,7 @@ def _by_scene(found: Verdict) -> str:
 
 
 def rival_name(rival: str) -> str:
-    """The baseline of a claim, in words."""
+    """What a claim is held against, in words."""
     model, at, level = rival.partition(" at ")
     known = {
         "published": "the paper's accuracy",
@@ -188,25 +178,23 @@ COLUMNS = {
     "word": Column("Verdict", lambda word: word[:1].upper() + word[1:]),
     "mean": Column("Number [95 %]", cell=_number),
     "predicted": Column("New sensor, 95 %", cell=_range),
-    "because": Column("Because"),
     "frames": Column("Frames"),
-    "earlier": Column(f"By version {earlier()[-1].version}", lambda word: word or "–"),
     "command": Column("Command"),
 }
 SHOWN = (
-    *("says", "rival", "word", "earlier"),
+    *("says", "rival", "word"),
     *("mean", "predicted", "frames", "command"),
 )
 NOTE = (
     "Points: accuracy of HDC minus that of the baseline, mean over laboratories (random "
     "effects), with the interval of the mean and the range for a sensor of another "
     "laboratory; bounds end where the difference does: at ±100 points, and at 0 against "
-    "the paper's 100 %. One laboratory has the normal interval, and Student's over seeds "
-    "in the table of evidence. ×: training time relative to HDC in the same "
-    "implementation, the one with the least ratio. %: share of the loss by drift that "
-    "came back. Contrast: of prototypes minus that of hypervectors or speckle, for each "
-    "scene over seeds; its rule joins the verdicts of scenes and takes no mean. Verdicts "
-    "are exploratory unless marked: numbers of these recordings were known when the rules "
+    "the paper's 100 %. Of one laboratory: the normal interval, and Student's over seeds "
+    "in the table of evidence. ×: training time relative to HDC, same implementation, of "
+    "the way with the least ratio. %: share of the loss by drift that came back. "
+    "Contrast: of prototypes less that of what they are held against, of each scene over "
+    "seeds; its rule joins the words of scenes and takes no mean. Verdicts are "
+    "exploratory unless marked: numbers of these recordings were known when the rules "
     "were written. Rules: docs/claims.md, version {version} of {dated}, digest "
     "{digest}{commit}."
 )
@@ -222,12 +210,12 @@ def _note(_: pd.DataFrame) -> str:
 
 
 def claims(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row per claim and baseline, of all recordings that the rules list."""
+    """One row a claim and rival, of all recordings that the rules list."""
     return _table([_row(*line) for line in judged(frame)])
 
 
 def confirmatory(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row per claim, baseline and unseen recording, by its own interval; then all joined."""
+    """One row a claim, rival and unseen recording, by its own interval; then all of them joined."""
     frozen = rules()
     rows = []
     for (name, rival), pieces in by_rival(every_piece(frame)).items():
@@ -243,7 +231,7 @@ def confirmatory(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 
 def evidence(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row per claim, baseline and recording, scene or implementation."""
+    """One row a claim, rival and recording, scene or way."""
     return _table([piece.row() for piece in every_piece(frame)])
 
 
@@ -276,7 +264,7 @@ STUDY = Study(
             confirmatory,
             of=OF,
             title="Recordings that no model had classified when the rules were frozen",
-            shown=("says", "rival", "recording", "word", *SHOWN[4:]),
+            shown=("says", "rival", "recording", "word", *SHOWN[3:]),
             columns={**COLUMNS, "recording": Column("Recording", scene_name)},
             key=("claim", "rival", "recording"),
             note=_note,
@@ -316,5 +304,6 @@ STUDY = Study(
             folded=True,
             commands=[COMMAND],
         ),
+        contest.TABLE,
     ],
 )

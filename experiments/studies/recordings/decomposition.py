@@ -16,7 +16,6 @@ from experiments.reporting.plot import LETTERS, panel, wrapped
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
 from experiments.reporting.text import percent, points
-from experiments.studies.recordings.panels import grid
 from experiments.studies.recordings.values import (
     NOTE,
     Accuracies,
@@ -44,6 +43,7 @@ STEPS = (
 """From ridge regression of grey values to HDC as published, and one step aside."""
 # Blue for what wins, vermilion for losses: distinct in any colour vision.
 GAIN, LOSS = "#0072B2", "#D55E00"
+PANELS = 4  # in a row
 
 
 def decomposition(frame: pd.DataFrame) -> pd.DataFrame:
@@ -78,14 +78,19 @@ def waterfall(figure: Figure, frame: pd.DataFrame) -> None:
     """A panel a recording, a bar a step from the accuracy before to that after."""
     table = decomposition(frame)
     scenes = list(table.recording.unique())
-    panels, at_the_left = grid(figure, len(scenes), row=1.9, rest=0.5, sharey=True)
+    down = math.ceil(len(scenes) / PANELS)
+    across = math.ceil(len(scenes) / down)  # rows as even as they can be
+    figure.set_size_inches(7.0, 0.5 + 1.9 * down)
+    panels = figure.subplots(down, across, sharey=True, squeeze=False).ravel()
+    for unused in panels[len(scenes) :]:
+        unused.set_visible(False)
     for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
         rows = table[table.recording == scene]
         _bars(axes, rows)
         n = rows.n.iloc[0]
         panel(axes, letter, f"{wrapped(scene_name(scene), 24)}, n = {n}")
     names = [step.name for step in STEPS]
-    for axes in at_the_left:
+    for axes in panels[::across]:
         axes.set_yticks(range(len(STEPS)), names, fontsize=6)
     panels[0].set_ylim(len(STEPS) - 0.5, -0.5)
 

@@ -13,11 +13,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from experiments.records import configs
-from experiments.records.groups import Groups
-from experiments.records.results import RUNS, of_scenes
 from experiments.reporting.columns import display_name, scene_name
-from experiments.reporting.estimates import Estimate, difference
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import RIVAL, place_of
 from experiments.reporting.plot import literal, panel
 from experiments.reporting.study import RUN, Plot
@@ -29,18 +26,14 @@ from experiments.studies.recordings.values import (
     accuracies_of,
     gaps,
     kind,
+    recordings,
     unsaturated,
 )
 
-WIDTH = 7.0  # in, two columns of a journal
+WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
 MARGIN = 3  # points, within which two models count as equally good
-SATURATED = 0.995  # accuracy of both models from which frames cannot tell them apart
-HEADINGS = {
-    CAPTURED: "captured",
-    COMPUTED: "computed",
-    SIMULATED: "simulated",
-}
-# Look of each form: distinct by marker and fill as well as by colour.
+HEADINGS = (CAPTURED, COMPUTED, SIMULATED)
+# Look of each form: told apart by marker and fill as well as by colour.
 LOOKS: dict[str, dict[str, Any]] = {
     "hdc": {"color": "#D55E00", "marker": "o", "mfc": "white"},
     "hdc_levels_lda": {"color": "#0072B2", "marker": "D"},
@@ -59,12 +52,12 @@ class Dot(NamedTuple):
 
 
 def dots(frame: pd.DataFrame) -> list[Dot]:
-    """Every form and size that was measured, of recordings and simulated scenes."""
-    return [*_of_recordings(frame), *_of_scenes(Groups.of(frame))]
+    """Every form and size that was measured."""
+    return list(_dots(frame))
 
 
-def _of_recordings(frame: pd.DataFrame) -> Iterator[Dot]:
-    found = unsaturated(of_scenes(frame, "recordings"))
+def _dots(frame: pd.DataFrame) -> Iterator[Dot]:
+    found = unsaturated(recordings(frame))
     for scene, every in accuracies_of(found).items():
         of_kind = kind(scene, found[scene])
         if not every.sizes:
@@ -73,29 +66,6 @@ def _of_recordings(frame: pd.DataFrame) -> Iterator[Dot]:
         for n in sorted({FEW, most} & set(every.sizes)):
             for gap in gaps(every, n, CONFIRMATORY, RIVALS):
                 yield Dot(scene, of_kind, gap.form, n < most, gap.difference)
-
-
-def _is_simulated(scene: str) -> bool:
-    """Whether a scene of ``configs/`` is simulated."""
-    known = configs.is_known("scene", scene)
-    return known and configs.scene_display(scene)["kind"] == SIMULATED
-
-
-def _of_scenes(runs: Groups) -> Iterator[Dot]:
-    """Dots of simulated scenes after all training frames, where not every model is right."""
-    for scene in filter(_is_simulated, sorted({run.scene_label for run in runs.runs})):
-        rivals = [runs.group(scene, rival) for rival in RIVALS]
-        known = [group for group in rivals if group.runs]
-        if not known:
-            continue
-        rival = max(known, key=lambda group: float(group.right.mean()))
-        for form in CONFIRMATORY:
-            group = runs.group(scene, form)
-            paired = difference(group.runs, rival.runs)
-            if paired is None:
-                continue
-            if min(group.right.mean(), rival.right.mean()) < SATURATED:
-                yield Dot(scene, SIMULATED, form, False, paired)
 
 
 def forest(figure: Figure, frame: pd.DataFrame) -> None:
@@ -156,10 +126,9 @@ def _label(axes: Axes, rows: list[tuple[str, str]]) -> None:
     names = []
     for of_kind, scene in rows:
         if not scene:
-            names.append(HEADINGS[of_kind])
+            names.append(of_kind)
         else:
-            fitted = configs.scene_display(scene)["fitted"]
-            names.append(literal(scene_name(scene)) + ("*" if fitted else ""))
+            names.append(literal(scene_name(scene)))
     axes.set_yticks(range(len(rows)), names)
     labels = axes.get_yticklabels()
     for label, (_, scene) in zip(labels, rows, strict=True):
@@ -207,16 +176,15 @@ FIGURES = [
     Plot(
         "forest",
         forest,
-        of=("recordings", RUNS),
+        of="recordings",
         caption=f"Accuracy of HDC minus that of {display_name(RIVAL).lower()} on test "
         "frames, in points, one row per recording. Circles: as published; "
         "diamonds: extended (levels and LDA). The baseline gets raw or "
         f"standardised grey values, whichever suits it better. Band: ±{MARGIN:g} "
         "points. Bars: 95 %, Student over input fields or seeds, the central 95 % "
-        "of resamples for cameras. Simulated: after all training frames; * fitted "
-        "to the accuracy of HDC.",
+        "of resamples for cameras.",
         size=(WIDTH, 3.8),
         needs=lambda frame: bool(dots(frame)),
-        commands=[f"{RUN}recordings", f"{RUN}all_scenes"],
+        commands=[f"{RUN}recordings"],
     )
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
@@ -73,6 +73,8 @@ class Accuracies:
         sizes: frames per class at which some model was asked, increasing.
         models: names, in the order of the rows.
         seeds: whether units are seeds, not draws of one recording.
+        n_test: test frames of a unit by model.
+        table: a row for each n and unit; NaN where a model was not asked.
     """
 
     def __init__(self, of_recording: pd.DataFrame) -> None:
@@ -80,11 +82,12 @@ class Accuracies:
         self.models = [str(model) for model in rows.model.unique()]
         self.seeds = bool(rows.seed.nunique() > 1)
         self.sizes: list[int] = []
+        self.n_test: dict[Any, float] = rows.groupby("model").n_test.mean().to_dict()
         if len(rows):
             every = accuracies(rows)
             self.sizes = sorted(every.n.unique().tolist())
             index = ["n", "unit"]
-            self._table = every.pivot(index=index, columns="model", values="accuracy")
+            self.table = every.pivot(index=index, columns="model", values="accuracy")
 
     def ends(self) -> list[int]:
         """The fewest frames per class, five, and the most."""
@@ -97,7 +100,7 @@ class Accuracies:
         """Accuracies by unit; empty where the model was not asked."""
         if model not in self.models or n not in self.sizes:
             return pd.Series(dtype=float)
-        return self._table.loc[n][model].dropna()
+        return self.table.loc[n][model].dropna()
 
     def mean(self, model: str, n: int) -> Estimate:
         """Mean accuracy with its interval; NaN where the model was not asked."""

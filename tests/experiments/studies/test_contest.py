@@ -11,7 +11,8 @@ from experiments.records import configs
 from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.records.rows import pack_labels
-from experiments.studies.claims import contest
+from experiments.studies.claims import contest, view
+from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import FROZEN as FROZEN_YAML
 from experiments.studies.claims.frozen import digest
 from experiments.studies.claims.frozen import rules as rules_2
@@ -61,10 +62,6 @@ def frame(tmp_path, write_measurement):
     return write
 
 
-def test_without_records_nothing_is_said(frame):
-    assert contest.lines(frame()) == [f"{FROZEN.claim}: not measured yet"]
-
-
 def test_the_rules_before_stand_as_they_were_frozen():
     assert (rules_2().version, FROZEN.version) == (2, 3)
     status = {name: each.status for name, each in FROZEN.recordings.items()}
@@ -99,7 +96,7 @@ def test_the_commit_that_is_named_holds_the_rules():
 def test_a_laboratory_counts_once_by_equal_weights(frame):
     """Differences by hand: +10, +10 and 0 (one laboratory), −10 points."""
     data = frame(gelsight=(1, 2), tactip=(1, 2), tactip_edge=(1, 1), diffuser=(2, 1))
-    found = contest.measured(data)
+    found = contest.measured(Evidence(data))
     values = {name: round(one.value, 9) for name, one in found.items()}
     assert values == {
         "gelsight": 0.1,
@@ -114,9 +111,6 @@ def test_a_laboratory_counts_once_by_equal_weights(frame):
         (units.mean(), units.mean() - half, units.mean() + half)
     )
     assert (whole.word, whole.units) == ("undecided", 3)
-    without = contest.leave_one_out(found)
-    assert set(without) == {"Yc1007942", "mattclifford1", "zcshinee"}
-    assert without["zcshinee"].units == 2
 
 
 @pytest.mark.parametrize(
@@ -142,14 +136,17 @@ def test_another_split_and_an_unlisted_recording_enter_nothing(
             "splits": {"counts": {"kind": "random", "test_fraction": 0.5}},
         }
         write_measurement(FROZEN.experiment, rows_of(1, 2), config=config, scene=scene)
-    assert contest.measured(Results(tmp_path).frame(FROZEN.experiment)) == {}
+    data = Results(tmp_path).frame(FROZEN.experiment)
+    assert contest.measured(Evidence(data)) == {}
 
 
 def test_the_confirmatory_interval_resamples_objects_not_frames(frame):
     """Two of ten objects lost by six frames of ten each: wide over objects, narrow over frames."""
     bits = [6, 6, 0, 0, 0, 0, 0, 0, 0, 1]
     greys = [0, 0, 0, 0, 0, 0, 0, 0, 0, 1]
-    ((scene, found),) = contest.confirmed(frame(visuotactile=(bits, greys))).items()
+    ((scene, found),) = contest.confirmed(
+        Evidence(frame(visuotactile=(bits, greys)))
+    ).items()
     assert scene == "visuotactile"
     assert found.value == pytest.approx(-0.12)
     # 40 objects (ten classes, four groups), eight of which lose 0.6
@@ -159,8 +156,39 @@ def test_the_confirmatory_interval_resamples_objects_not_frames(frame):
     )
 
 
-def test_all_that_is_said(frame):
-    said = contest.lines(frame(gelsight=(1, 2), visuotactile=(1, 2)))
-    assert len(said) == 1 + 2 + 1
-    assert said[1].startswith("without Yc1007942: undecided")
-    assert said[-1] == "visuotactile, confirmatory: yes, +10.0 points [+10.0, +10.0]"
+def shown(tmp_path):
+    """The cells of the table by model and recordings; None where there is no table."""
+    results = Results(tmp_path)
+    tables = [each for each in view.STUDY.tables_of(results) if each.name == "contest"]
+    if not tables:
+        return None
+    (table,) = tables
+    return {(row[0], row[1]): row[2:] for row in table.cells()}
+
+
+def test_the_table_has_every_row_before_it_is_measured(
+    tmp_path, write_measurement, frame
+):
+    assert shown(tmp_path) is None
+    row = {"seed": 0, "split": "counts", "draw": 0, "model": "hdc", "n_test": 10}
+    row |= {"n": [5], "right": [5]}
+    write_measurement("recordings", [row], scene="gelsight")
+    cells = shown(tmp_path)
+    assert {value for row in cells.values() for value in row[:2]} == {
+        contest.NOT_MEASURED
+    }
+    frame(gelsight=(1, 2), diffuser=(2, 1), visuotactile=(1, 2))
+    found = shown(tmp_path)
+    assert set(found) == set(cells)
+    bits = "Bits, chosen"
+    assert found[bits, "all laboratories"][0].startswith("+3.3 [")
+    assert found[bits, "all laboratories"][2:] == ["3", "undecided"]
+    assert found[bits, "without Exhor"][0].startswith("0 [")
+    assert found[bits, "Yc1007942 alone"][0] == "+10.0"
+    assert found[bits, "visuotactile, by test objects"] == [
+        "+10.0 [+10.0, +10.0]",
+        "–",
+        "–",
+        "yes",
+    ]
+    assert found["HDC", "all laboratories"][0] == contest.NOT_MEASURED

@@ -15,7 +15,7 @@ def verdict(word, value, units=4):
     pooled = Pooled(
         Estimate(value, value - 0.1, value + 0.1), math.nan, math.nan, 0, units
     )
-    return Verdict(word, "", pooled, "captured", [])
+    return Verdict(word, pooled, "captured", [])
 
 
 @pytest.fixture

@@ -232,7 +232,7 @@ def test_the_forest_takes_the_stronger_rival(results):
     )
     dots = {
         (dot.scene, dot.form, dot.few): dot.difference.value
-        for dot in forest.dots(found.frame("recordings", "runs"))
+        for dot in forest.dots(found.frame("recordings"))
     }
     assert dots["gelsight", "hdc", False] == pytest.approx(-0.05)
     assert dots["gelsight", "hdc_levels_lda", False] == pytest.approx(0.05)

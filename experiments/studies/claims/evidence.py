@@ -1,0 +1,41 @@
+"""What claims are judged from: the lines of their experiments, each read once for all claims."""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import pandas as pd
+
+from experiments.records.groups import Groups
+from experiments.records.results import of_scenes
+from experiments.reporting.measured import place_of
+from experiments.studies.recordings.values import Accuracies, accuracies_of
+
+
+class Evidence:
+    """Lines of experiments, by scene.
+
+    Args:
+        frame: of :meth:`experiments.records.results.Results.frame`.
+    """
+
+    def __init__(self, frame: pd.DataFrame) -> None:
+        self.frame = frame
+        self._accuracies: dict[str, dict[str, Accuracies]] = {}
+
+    def scenes(self, experiment: str) -> dict[str, pd.DataFrame]:
+        """The lines of one experiment, in the order of the scenes' places."""
+        found = of_scenes(self.frame, experiment)
+        ordered = sorted(found, key=lambda scene: (place_of(scene), scene))
+        return {scene: found[scene] for scene in ordered}
+
+    def accuracies(self, experiment: str) -> dict[str, Accuracies]:
+        """Of each recording by the split that counts."""
+        if experiment not in self._accuracies:
+            self._accuracies[experiment] = accuracies_of(self.scenes(experiment))
+        return self._accuracies[experiment]
+
+    @cached_property
+    def runs(self) -> Groups:
+        """Single trainings."""
+        return Groups.of(self.frame)
