@@ -15,45 +15,40 @@ from experiments.records.files import ROOT
 from experiments.studies.footprint import probe
 
 
-@experiment(revision=1, timed=True)
+@experiment(revision=2, timed=True)
 def footprint(
     run: Run,
     scenes: Sequence[str],
     models: Sequence[str],
     frames: int,
-    needed: Mapping[str, Mapping[str, Sequence[str]]] | None = None,
+    needed: Mapping[str, Sequence[str]],
 ) -> Iterator[Row]:
     """One row: a scene and a model in a process of their own (:mod:`…footprint.probe`).
 
     ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``peak_bytes``;
-    the modules ``loaded`` of those watched. ``status``: ``ok``, or which module is loaded that
-    neither the scene nor the model needs. Arguments: configs/experiment/footprint.yaml.
+    the modules ``loaded`` of those watched; ``every_s`` and ``every_bytes`` of a process that loads
+    all of them first. ``status``: ``ok``, or which module is loaded that is not among those
+    ``needed`` by the scene or the model. Arguments: configs/experiment/footprint.yaml.
     """
-    environment = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}
     for scene in scenes:
         for model in models:
             run.note(f"{scene}, {model}")
-            command = [sys.executable, "-m", probe.__name__, scene, model, str(frames)]
-            answer = subprocess.check_output(
-                command, cwd=ROOT, env=environment, text=True
-            )
-            row = json.loads(answer.splitlines()[-1])
-            if too_much := unneeded(row, scene, model, needed or {}):
-                row["status"] = f"fails: loads {', '.join(too_much)}"
+            row = probed(scene, model, str(frames))
+            if "loaded" in row:
+                allowed = {*needed.get(scene, ()), *needed.get(model, ())}
+                others = [name for name in row["loaded"].split() if name not in allowed]
+                if others:
+                    row["status"] = f"fails: loads {', '.join(others)}"
+                every = probed(scene, model, str(frames), *probe.WATCHED)
+                row["every_s"] = every["first_prediction_s"]
+                row["every_bytes"] = every["peak_bytes"]
             yield {"scene": scene, "model": model, "n": frames, **row}
 
 
-def unneeded(
-    row: Row,
-    scene: str,
-    model: str,
-    needed: Mapping[str, Mapping[str, Sequence[str]]],
-) -> list[str]:
-    """Modules that were loaded and that neither the scene nor the model needs, as far as it is
-    said what both need."""
-    of_scene = needed.get("scenes", {}).get(scene)
-    of_model = needed.get("models", {}).get(model)
-    if of_scene is None or of_model is None:
-        return []
-    allowed = {*of_scene, *of_model}
-    return [name for name in row.get("loaded", "").split() if name not in allowed]
+def probed(*arguments: str) -> Row:
+    """What a process says of itself."""
+    environment = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}
+    command = [sys.executable, "-m", probe.__name__, *arguments]
+    answer = subprocess.check_output(command, cwd=ROOT, env=environment, text=True)
+    row: Row = json.loads(answer.splitlines()[-1])
+    return row

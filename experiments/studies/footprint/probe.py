@@ -1,6 +1,7 @@
-"""One scene and one model in a process of their own: ``python -m …probe SCENE MODEL FRAMES``.
+"""One scene and one model in a process of their own.
 
-Nothing but the standard library is imported before the clock runs. The answer is a line of JSON.
+``python -m …probe SCENE MODEL FRAMES [MODULES]``; the modules are loaded first. Nothing but the
+standard library is imported before the clock runs. The answer is a line of JSON.
 """
 
 from __future__ import annotations
@@ -9,7 +10,6 @@ import importlib
 import json
 import sys
 import time
-from typing import Any
 
 # Loaded by some part of the project, needed by few.
 WATCHED = (
@@ -19,6 +19,8 @@ WATCHED = (
     "matplotlib",
     "scipy",
     "scipy.stats",
+    "hdc.encoders.reference",
+    "hdc.readouts.lda",
     "baselines.cnn",
     "scenes.sensor.texture",
     "scenes.fibre",
@@ -26,15 +28,13 @@ WATCHED = (
 )
 
 
-def main(
-    scene_name: str,
-    model_name: str,
-    frames: str,
-) -> None:
-    """Make some frames, learn them, and predict one; print what it took."""
+def main(scene_name: str, model_name: str, frames: str, *modules: str) -> None:
+    """Load modules, make some frames, learn them, and predict one; print what it took."""
     begin = time.perf_counter()
     importlib.import_module("torch")
     torch_s = time.perf_counter() - begin
+    for name in modules:
+        importlib.import_module(name)
 
     import numpy as np
     from hydra import compose, initialize_config_dir
@@ -58,16 +58,14 @@ def main(
     images = scene.frames(indices)
     next(iter(model.train(images, scene.labels[indices])))
     model.predict(images[:1])
-    row: dict[str, Any] = {
+    row = {
         "torch_s": torch_s,
         "first_prediction_s": time.perf_counter() - begin,
-    }
-    row |= {
         "peak_bytes": peak_bytes(),
         "status": "ok",
         "origin": scene.origin,
+        "loaded": " ".join(name for name in WATCHED if name in sys.modules),
     }
-    row["loaded"] = " ".join(name for name in WATCHED if name in sys.modules)
     print(json.dumps(row))
 
 
