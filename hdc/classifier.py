@@ -21,7 +21,7 @@ from hdc.availability import (
 )
 from hdc.bank import Bank
 from hdc.conformal import RATE
-from hdc.encoders import ENCODERS, make_encoder
+from hdc.encoders import ENCODERS, Encoder, make_encoder
 from hdc.estimator import Estimator
 from hdc.inputs import check_share
 from hdc.learned import Learned
@@ -90,8 +90,8 @@ class HDCClassifier(Estimator):
 
     def __init__(
         self,
-        encoder: Any = "median",
-        readout: Any = "majority",
+        encoder: Encoder | str = "median",
+        readout: Readout | str = "majority",
         device: str = "cpu",
         backend: str = "auto",
     ):

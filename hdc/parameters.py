@@ -19,6 +19,7 @@ from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 Method = TypeVar("Method", bound=Callable[..., Any])
+Part = TypeVar("Part")
 
 
 class Parametrised:
@@ -134,7 +135,9 @@ class _Available:
         return self._method.__get__(owner, kind)
 
 
-def make_part(part: Any, what: str, known: Mapping[str, type], base: type) -> Any:
+def make_part(
+    part: Any, what: str, known: Mapping[str, type], base: type[Part]
+) -> Part:
     """A part of a model from what a user gives for it.
 
     Args:

@@ -119,7 +119,7 @@ def greater(counts: Tensor, threshold: int) -> Tensor:
     return mask
 
 
-def _full_adder(a, b, c):
+def _full_adder(a: Any, b: Any, c: Any) -> tuple[Any, Any]:
     """Sum and carry of three bits at every position, for tensors and numpy arrays alike."""
     half = a ^ b
     carry = a & b

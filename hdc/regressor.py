@@ -5,7 +5,7 @@ from __future__ import annotations
 import copy
 from collections.abc import Mapping
 from math import ceil, floor
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Literal, Self, overload
 
 import numpy as np
 import torch
@@ -13,7 +13,7 @@ from torch import Tensor
 
 from hdc import backends, circular, inputs
 from hdc.accuracy import r_squared
-from hdc.encoders import ENCODERS, make_encoder
+from hdc.encoders import ENCODERS, Encoder, make_encoder
 from hdc.estimator import Estimator
 from hdc.inputs import check_share
 from hdc.parameters import is_number
@@ -66,8 +66,8 @@ class HDCRegressor(Estimator):
 
     def __init__(
         self,
-        encoder: Any = "median",
-        readout: Any = "ridge",
+        encoder: Encoder | str = "median",
+        readout: ValueReadout | str = "ridge",
         device: str = "cpu",
         backend: str = "auto",
         period: float | None = None,
@@ -187,9 +187,19 @@ class HDCRegressor(Estimator):
     def residuals_(self) -> np.ndarray:
         return self.readout_.residuals_.numpy()
 
+    @overload
+    def predict(
+        self, frames: Any, return_interval: Literal[False] = False, alpha: float = ...
+    ) -> np.ndarray: ...
+
+    @overload
+    def predict(
+        self, frames: Any, return_interval: Literal[True], alpha: float = ...
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
+
     def predict(
         self, frames: Any, return_interval: bool = False, alpha: float = 0.1
-    ) -> Any:
+    ) -> np.ndarray | tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Numbers [Q] or [Q, T] of frames [Q, H, W] or [Q, D].
 
         Args:

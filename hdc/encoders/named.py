@@ -29,7 +29,7 @@ def make_encoder(part: Any, what: str = "encoder") -> Encoder:
     Raises:
         ValueError, TypeError: as of :func:`hdc.parameters.make_part`.
     """
-    return make_part(part, what, ENCODERS, Encoder)  # type: ignore[return-value]
+    return make_part(part, what, ENCODERS, Encoder)  # type: ignore[type-abstract]
 
 
 def encode_with(

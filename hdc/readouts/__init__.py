@@ -73,9 +73,9 @@ def make_readout(part: Any) -> Readout:
     Raises:
         ValueError, TypeError: as of :func:`hdc.parameters.make_part`.
     """
-    return make_part(part, "readout", READOUTS, Readout)  # type: ignore[return-value]
+    return make_part(part, "readout", READOUTS, Readout)  # type: ignore[type-abstract]
 
 
 def make_value_readout(part: Any) -> ValueReadout:
     """A read-out of numbers, as :func:`make_readout`."""
-    return make_part(part, "readout", VALUE_READOUTS, ValueReadout)  # type: ignore[return-value]
+    return make_part(part, "readout", VALUE_READOUTS, ValueReadout)  # type: ignore[type-abstract]
