@@ -219,7 +219,7 @@ class HDCRegressor(Estimator):
         share = check_share(alpha)
         if return_interval and self.period is not None:
             raise ValueError("return_interval: expected numbers without a period")
-        readout = self.readout_ = with_backend(self.readout_, self._backend())
+        readout = with_backend(self.readout_, self._backend())
         if not return_interval:
             values = [readout.values(words) for words in self._encoded(frames)]
             return self._shaped(values)

@@ -12,33 +12,21 @@ with the least Σ r_i² is taken.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, NamedTuple, Self
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits
 from hdc.parameters import is_number
-from hdc.readouts.arithmetic import check_memory, dot, gram
+from hdc.readouts.arithmetic import check_memory, gram
 from hdc.readouts.base import HeldOut, Readout
+from hdc.readouts.linear import Linear, quantised
 from hdc.readouts.values import RESIDUALS, ValueReadout
 from hdc.tensors import checked
 
 PENALTIES = tuple(10.0**k for k in range(-4, 5))
 """Penalties tried, in units of the mean of K's diagonal."""
-_OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced
-_STEP = 32  # words unpacked at a time: of some hundred frames they stay in the cache
-LINEAR = {
-    "weights": "int64 T 8 W",
-    "scales": "float64 T",
-    "intercepts": "float64 T",
-    "penalty": "float64",
-}
-"""What of linear functions is kept in a file."""
 _LOWEST = -1e300  # intercept of a class without frames
 
 
@@ -113,7 +101,7 @@ class RidgeValues(ValueReadout):
     linear_: Linear
     residuals_: Tensor
     _words: Tensor
-    _dual: Dual | None  # made when intervals are asked for
+    _dual: list[Dual]  # one, made when intervals are asked for; copies share it
 
     def __init__(self, penalty: float | None = None):
         self.penalty = penalty
@@ -135,7 +123,7 @@ class RidgeValues(ValueReadout):
         self.linear_ = fitted.linear
         self.residuals_ = fitted.residuals
         self._words = words
-        self._dual = None
+        self._dual = []
         return self
 
     def values(self, words: Tensor) -> Tensor:
@@ -144,11 +132,11 @@ class RidgeValues(ValueReadout):
     def without(self, words: Tensor) -> tuple[Tensor, Tensor]:
         """f₋ᵢ is the fit to targets of which f₋ᵢ(x_i) replaces y_i: f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
         dimension, penalty = self.linear_.dimension, self.linear_.penalty
-        if self._dual is None:
-            self._dual = Dual.of(self._words, dimension, penalty, self.backend)
+        if not self._dual:
+            self._dual.append(Dual.of(self._words, dimension, penalty, self.backend))
         centre = self.values(words)
         products = gram(words, self._words, dimension, self.backend)
-        smoother = self._dual.smoother(products)
+        smoother = self._dual[0].smoother(products)
         moved = smoother[..., None] * self.residuals_
         return centre, centre[:, None] - moved
 
@@ -184,50 +172,6 @@ def _signs(rows: Tensor, n_classes: int) -> Tensor:
     """1 for the class of each frame and −1 for the others, float64 [N, L]."""
     onehot = torch.eye(n_classes, dtype=torch.float64)[rows]
     return 2 * onehot - 1
-
-
-@dataclass(frozen=True)
-class Linear:
-    """T linear functions of packed bits, with weights of 8 bits each: scale·q_j for pixel j."""
-
-    planes: Tensor  # int64 [T, 8, W], bit-sliced q + 128
-    scales: Tensor  # float64 [T]
-    intercepts: Tensor  # float64 [T]
-    penalty: float  # λ
-    dimension: int
-
-    def values(self, words: Tensor, backend: str = "numpy") -> Tensor:
-        """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
-        n = torch.full((len(self.planes),), 2 * _OFFSET)
-        twice = dot(self.planes, n, words, self.dimension, backend)
-        scales = self.scales.to(words.device)
-        intercepts = self.intercepts.to(words.device)
-        return twice // 2 * scales + intercepts
-
-    def weights(self, start: int, stop: int) -> Tensor:
-        """Weights float64 [T, B] of the bits in words start to stop."""
-        n_bits = (stop - start) * bits.WORD
-        sliced = bits.unpack(self.planes[..., start:stop], n_bits).double().cpu()
-        powers = 2.0 ** torch.arange(_PLANES, dtype=torch.float64)
-        shifted = torch.einsum("p,tpb->tb", powers, sliced)
-        return (shifted - _OFFSET) * self.scales[:, None]
-
-    def tensors(self) -> dict[str, Tensor]:
-        """The tensors of a file."""
-        penalty = torch.tensor(self.penalty, dtype=torch.float64)
-        return {
-            "weights": self.planes,
-            "scales": self.scales,
-            "intercepts": self.intercepts,
-            "penalty": penalty,
-        }
-
-    @classmethod
-    def of(cls, tensors: Mapping[str, Tensor], n: int, dimension: int) -> Linear:
-        """From :meth:`tensors` of n functions; a ValueError for others."""
-        found = checked(tensors, LINEAR, T=n, D=dimension)
-        planes, scales, intercepts, penalty = (found[name] for name in LINEAR)
-        return cls(planes, scales, intercepts, float(penalty), dimension)
 
 
 class Dual(NamedTuple):
@@ -305,7 +249,7 @@ def solve(
     intercepts = mean - means @ dual
     if prior is not None:
         intercepts = intercepts + prior.intercepts
-    planes, scales = _quantised(words, dual, dimension, prior)
+    planes, scales = quantised(words, dual, dimension, prior)
     linear = Linear(planes, scales, intercepts, chosen, dimension)
     return Fit(linear, residuals * unit)
 
@@ -345,48 +289,3 @@ def least_error(
         tried.append((total, penalty, residuals))
     _, penalty, residuals = min(tried, key=lambda found: found[0])
     return penalty, residuals
-
-
-def _quantised(
-    words: Tensor, dual: Tensor, dimension: int, prior: Linear | None
-) -> tuple[Tensor, Tensor]:
-    """Weights Xᵀa, and those of before, rounded to 8 bits; a few words at a time, twice."""
-    width = words.shape[1]
-    starts = range(0, width, _STEP)
-
-    def weights(start: int) -> Tensor:
-        stop = min(start + _STEP, width)
-        total = _weights(dual, words, start, stop)
-        if prior is not None:
-            total = total + prior.weights(start, stop)
-        return total
-
-    largest_each = [weights(start).abs().amax(1) for start in starts]
-    largest = torch.stack(largest_each).amax(0)
-    scales = torch.where(largest > 0, largest / (_OFFSET - 1), 1.0)
-    planes = words.new_zeros(dual.shape[1], _PLANES, width)
-    for start in starts:
-        stop = min(start + _STEP, width)
-        q = (weights(start) / scales[:, None]).round()
-        shifted = q.long() + _OFFSET
-        n_inside = max(0, dimension - start * bits.WORD)
-        shifted[:, n_inside:] = 0
-        for p in range(_PLANES):
-            packed = bits.pack((shifted >> p) & 1 == 1)
-            planes[:, p, start:stop] = packed.to(words.device)
-    return planes, scales
-
-
-def _weights(dual: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
-    """Xᵀa of the bits in words start to stop, float64 [T, B]."""
-    part = words[:, start:stop].cpu().contiguous().numpy()
-    signs = _signs_of_bytes()[part.view(np.uint8)]
-    return dual.T @ torch.from_numpy(signs).flatten(1)
-
-
-@functools.cache
-def _signs_of_bytes() -> np.ndarray:
-    """The bits of each byte in ±1, the lowest first: float64 [256, 8]."""
-    bytes_ = np.arange(256, dtype=np.uint8)[:, None]
-    ones = np.unpackbits(bytes_, axis=1, bitorder="little")
-    return 2.0 * ones - 1.0

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import doctest
-
 import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, HDCRegressor, bank
+from hdc import HDCClassifier, HDCRegressor
 from hdc.bank import Bank
 from hdc.encoders import Median
 from hdc.readouts import Majority
@@ -82,7 +80,3 @@ def test_a_selection_is_a_source_of_frames(frames):
     assert torch.equal(selection[torch.tensor([0, 32])], frames[[20, 22]])
     with pytest.raises(ValueError, match=r"expected D = 8 pixels .* found 135"):
         HDCClassifier().fit(torch.rand(4, 8), [0, 1, 0, 1]).predict(selection)
-
-
-def test_the_example_in_the_docstring():
-    assert doctest.testmod(bank).failed == 0

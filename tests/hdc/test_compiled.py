@@ -18,7 +18,7 @@ from hdc import HDCClassifier, backends, bits
 from hdc.encoders import Levels, Median, Quantile
 from hdc.encoders.ties import TIES
 from hdc.prototypes import Counters
-from hdc.readouts import Counts, Majority
+from hdc.readouts import Majority
 
 needs_numba = pytest.mark.usefixtures("numba")
 NEAR = "ignore:.*constant frame|.*of the pixels of a frame"
@@ -130,26 +130,6 @@ def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
     frames[3, 8999] = 1  # in the pixels that fill no word
     with pytest.warns(UserWarning, match=r"1 constant frame\(s\), at index 39:"):
         encode(frames, backend="compiled")
-
-
-@needs_numba
-@pytest.mark.parametrize("ties", bits.TIES)
-@pytest.mark.parametrize("readout", [Majority, Counts])
-def test_the_same_model(ties: str, readout: type, threads: int) -> None:
-    frames = frames_of(300, 500, spread=60).view(300, 20, 25)
-    labels = np.random.default_rng(0).choice(["c", "a", "b"], 300)
-    models = [
-        HDCClassifier(readout=readout(ties, seed=4), backend=backend).fit(
-            frames, labels
-        )
-        for backend in backends.BACKENDS
-    ]
-    assert torch.equal(models[0].prototypes_, models[1].prototypes_)
-    assert np.array_equal(models[0].predict(frames), models[1].predict(frames))
-    if readout is Majority:
-        for model in models:
-            model.recalibrate(frames[:40], labels[:40], 0.5, seed=1)
-        assert np.array_equal(models[0].distances(frames), models[1].distances(frames))
 
 
 def test_other_backends_and_devices_are_refused() -> None:

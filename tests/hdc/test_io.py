@@ -287,6 +287,7 @@ OTHER_PARTS = {
     ),
     "weights beyond D": ("median", "lda", {"readout.weights": long(3, 4, 1) - 1}),
     "a scale of text": ("median", "lda", {"readout.scales": torch.zeros(3)}),
+    "no reach": ("median", "kernel", {"readout.reach": torch.tensor(0.0).double()}),
     "not finite": (
         "median",
         "lda",

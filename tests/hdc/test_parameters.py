@@ -9,7 +9,7 @@ import pytest
 from sklearn.base import clone
 
 from hdc import HDCClassifier
-from hdc.encoders import ENCODERS, Levels, Median, Quantile, Reference
+from hdc.encoders import ENCODERS, Deviation, Levels, Median, Quantile, Reference
 from hdc.parameters import (
     Parametrised,
     UnavailableError,
@@ -73,6 +73,7 @@ def test_descriptions_rebuild_the_part() -> None:
         Quantile(Fraction(2, 3)),
         Quantile(np.float32(0.25)),
         Levels(np.int64(5), lit=0.5),
+        Deviation((-1, Fraction(1, 3), "0.5")),
         Reference(Reference("levels")),
     ):
         described = describe(part, ENCODERS)

@@ -78,6 +78,16 @@ def test_every_encoder_with_every_read_out(
 
 
 @pytest.mark.parametrize("readout", READOUTS)
+def test_a_class_without_frames_never_wins(readout: str) -> None:
+    words = torch.from_numpy(np.random.default_rng(0).integers(0, 2**60, (20, 4)))
+    rows = 2 * (torch.arange(20) % 2)
+    model = make_readout(readout).fit(words, rows, 4, 256)
+    scores = model.scores(torch.cat((words, ~words & (2**60 - 1))))
+    assert set(scores.argmax(1).tolist()) <= {0, 2}
+    assert not scores.isnan().any()
+
+
+@pytest.mark.parametrize("readout", READOUTS)
 @pytest.mark.parametrize("encoder", [*ENCODERS, *EXTRA_ENCODERS], ids=repr)
 def test_every_combination_goes_on_learning_or_says_why_not(
     encoder, readout: str

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc import HDCClassifier, bits
-from hdc.probability import FOLDS, Temperature, cross_validated, sharpness
+from hdc.probability import Temperature, cross_validated, sharpness
 from hdc.readouts import (
     LDA,
     Counts,
@@ -148,23 +148,6 @@ def test_lda_scores_some_of_many_frames(monkeypatch) -> None:
     assert torch.equal(some.rows, rows[places])
 
 
-def test_five_folds_never_score_a_frame_that_they_learnt() -> None:
-    """The nearest frame to a learnt frame is itself: distance 0 never occurs."""
-    words, rows = drawn([6, 6, 6])
-    found = cross_validated(Neighbours(), words, rows, L, D)
-    assert found.scores.max() < 0
-    learnt = []
-
-    class Spy(Nearest):
-        def fit(self, words, rows, n_classes, dimension):
-            learnt.append(len(rows))
-            return super().fit(words, rows, n_classes, dimension)
-
-    cross_validated(Spy(), words, rows, L, D)
-    assert len(learnt) == FOLDS
-    assert sum(18 - n for n in learnt) == 18
-
-
 def test_each_fold_is_scored_by_what_the_four_others_teach() -> None:
     """The k-th frame of a class is in fold k mod 5; the only one of a class is in none."""
     words, rows = drawn([8, 1, 3])
@@ -214,23 +197,6 @@ def test_all_right_is_not_certain_and_all_wrong_is_no_guess_upside_down() -> Non
     assert wrong.max() < 0.5001
     constant = HeldOut(torch.ones(20, 2).double(), rows)
     assert sharpness(constant) > 0
-
-
-@pytest.mark.parametrize("better", [-3.0, 0.0, 0.5, 8.0])
-def test_what_all_scores_of_a_frame_have_in_common_changes_no_sharpness(
-    better: float,
-) -> None:
-    """Shares of exp(β·s) are those of exp(β·(s + a)), right or wrong as the frames may be."""
-    rng = np.random.default_rng(2)
-    scores = torch.from_numpy(rng.normal(size=(30, 3)))
-    rows = torch.arange(30) % 3
-    scores[torch.arange(30), rows] += better
-    common = torch.from_numpy(rng.normal(0, 100, (30, 1)))
-    expected = sharpness(HeldOut(scores, rows))
-    found = sharpness(HeldOut(scores + common, rows))
-    assert found == pytest.approx(expected, rel=1e-6)
-    if better < 0:  # equal probabilities, nearly: 1e-6 of one over a frame's own spread
-        assert found == pytest.approx(1e-6 / scores.numpy().std(axis=1).mean())
 
 
 def test_scores_that_tell_no_class_from_another_have_the_sharpness_one() -> None:

@@ -167,7 +167,7 @@ def test_a_call_that_is_interrupted_leaves_the_model_of_before(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("hdc.readouts.ridge._quantised", interrupted)
+        patch.setattr("hdc.readouts.ridge.quantised", interrupted)
         with pytest.raises(KeyboardInterrupt):
             getattr(model, call)(*presses(8, 1))
     model.save(tmp_path / "m")
@@ -197,17 +197,6 @@ def test_targets_whose_sums_overflow_are_refused() -> None:
         ValueError, match=r"targets: expected numbers up to 1e300, found 1e\+308"
     ):
         HDCRegressor().fit(frames, np.where(z > 0, 1e308, -1e308))
-
-
-def test_parts_that_were_set_after_training_are_named() -> None:
-    frames, z = presses(10, 0)
-    for change in ({"readout": "neighbours"}, {"encoder__ties": "raster"}):
-        model = HDCRegressor().fit(frames, z).set_params(**change)
-        name = next(iter(change)).partition("__")[0]
-        for call in (model.predict, lambda f, m=model: m.partial_fit(f, z)):
-            with pytest.raises(ValueError, match=f"{name}: changed after training"):
-                call(frames)
-        assert model.fit(frames, z).predict(frames).shape == (10, 2)
 
 
 def test_equal_targets_are_predicted_exactly_or_score_nothing() -> None:

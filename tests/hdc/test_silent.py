@@ -371,3 +371,14 @@ def test_a_question_sets_nothing_of_the_read_out(readout):
     assert (model.decision_function(X) == expected).all()
     model.distances(X)
     assert vars(model.readout_) == before
+
+
+def test_a_question_gives_a_model_of_numbers_no_other_read_out():
+    pytest.importorskip("numba")
+    model = HDCRegressor(backend="numpy").fit(X, np.arange(12.0))
+    expected = model.predict(X, return_interval=True)
+    before = model.readout_
+    model.backend = "compiled"
+    assert np.array_equal(model.predict(X, return_interval=True), expected)
+    assert model.readout_ is before
+    assert before.backend == "numpy"

@@ -8,9 +8,8 @@ from math import floor, isqrt
 import numpy as np
 import pytest
 import torch
-from sklearn.base import clone
 
-from hdc import HDCClassifier, backends, bits
+from hdc import backends, bits
 from hdc.encoders import Deviation
 from hdc.encoders.deviation import deviations_of
 from hdc.encoders.standardised import standardised
@@ -164,40 +163,6 @@ def test_brightness_and_contrast_change_no_bit_but_at_thresholds() -> None:
 def test_other_thresholds_are_refused(thresholds) -> None:
     with pytest.raises(ValueError, match="thresholds: expected a list of rising num"):
         Deviation(thresholds).check()
-
-
-@pytest.mark.parametrize("readout", ["majority", "lda"])
-def test_a_model_is_saved_loaded_cloned_and_set(readout: str, tmp_path) -> None:
-    rng = np.random.default_rng(0)
-    labels = np.arange(24) % 3
-    base = rng.integers(0, 150, (3, 6, 11))
-    frames = (base[labels] + rng.integers(0, 90, (24, 6, 11))).astype(np.uint8)
-    model = HDCClassifier(Deviation((-1, Fraction(1, 3), "0.5")), readout)
-    model.fit(frames, labels)
-    model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    assert loaded.encoder_.fractions() == [-1, Fraction(1, 3), Fraction(1, 2)]
-    assert np.array_equal(
-        loaded.decision_function(frames), model.decision_function(frames)
-    )
-    loaded.save(tmp_path / "again")
-    assert (tmp_path / "again").read_bytes() == (tmp_path / "m").read_bytes()
-    other = clone(model).set_params(encoder__thresholds=[0])
-    other.fit(frames, labels)
-    assert (model.dimension_, other.dimension_) == (3 * 66, 66)
-    by_name = HDCClassifier("deviation", readout).fit(frames, labels)
-    assert by_name.dimension_ == 7 * 66
-    assert by_name.score(frames, labels) == 1
-
-
-def test_new_frames_replace_the_reference_without_labels(hard) -> None:
-    frames, labels = hard(80, 1)
-    moved, truth = hard(80, 2, drift=1.0)
-    model = HDCClassifier("deviation", "lda").fit(frames, labels)
-    learned = Deviation().fit(moved).reference_
-    assert not torch.equal(model.encoder_.reference_, learned)
-    assert model.rezero(moved).score(moved, truth) > 0.9
-    assert torch.equal(model.encoder_.reference_, learned)
 
 
 def test_a_file_with_too_large_a_reference_is_refused() -> None:

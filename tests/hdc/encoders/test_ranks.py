@@ -236,21 +236,6 @@ def test_frames_with_strides_are_read_by_value() -> None:
         assert torch.equal(encode(view), encode(view.contiguous()))
 
 
-@pytest.mark.parametrize("dtype", [torch.uint8, torch.int16])
-def test_large_constant_frames_are_named_and_others_are_not(dtype: torch.dtype) -> None:
-    frames = torch.from_numpy(np.random.default_rng(0).integers(0, 99, (2, 9000))).to(
-        dtype
-    )
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        encode(frames)
-    frames[1] = 7
-    with pytest.warns(
-        UserWarning, match=r"1 constant frame\(s\), at index 1: every pixel is equal"
-    ):
-        encode(frames)
-
-
 def test_constant_frames_are_numbered_from_first() -> None:
     frames = torch.zeros(2, 1, dtype=torch.uint8)
     with pytest.warns(UserWarning, match=r"2 constant frame\(s\), at index 0, 1:"):
@@ -311,23 +296,3 @@ def test_same_bits_on_cuda(dtype: torch.dtype) -> None:
     )
     frames = frames.to(dtype)
     assert torch.equal(encode(frames.cuda()).cpu(), encode(frames))
-
-
-def test_bounds_of_a_threshold_by_hand() -> None:
-    """Pixels 3, 3, 7, 9, 200 of which two are to be ones: those above 7, and none of it."""
-    pixels = np.array([3, 3, 7, 9, 200], np.uint8)
-    between = thresholds._Between(thresholds._Frame(pixels, np.zeros(64, bool)), 2)
-    assert (between.low, between.high, between.done) == (-1, 255, False)
-    assert between.middle == 127
-    for value, nearest in ((-1, 0), (-5, 0), (255, 254), (300, 254)):
-        assert between.next_to(value) == nearest
-    assert between.look(3) == 1  # three are above
-    assert between.look(200) == -2
-    assert between.look(3) == between.look(200) == between.look(250) == 0  # known
-    assert (between.low, between.high) == (3, 200)
-    assert [between.next_to(value) for value in (1, 3, 200, 201)] == [4, 4, 199, 199]
-    assert [between.look(value) for value in (9, 7, 9, 6)] == [-1, 0, 0, 1]
-    assert (between.low, between.high, between.done) == (6, 7, True)
-    found = between.selected()
-    assert (found.threshold, found.n_above, found.n_equal) == (7, 2, 1)
-    assert (found.above.tolist(), found.equal.tolist()) == ([0b11000], [0b00100])

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 import torch
 from scipy.ndimage import gaussian_filter
-from sklearn.base import clone
 
 from hdc import HDCClassifier
 from hdc.bank import Bank
@@ -102,28 +101,6 @@ def test_words_are_those_of_the_base(base, kinds_of_frames) -> None:
     bank = Bank(frames, np.zeros(len(frames), int), 1)
     assert torch.equal(bank.words(encoder), words)
     assert not torch.equal(words, base.unlearned().fit(frames).encode(frames))
-
-
-@pytest.mark.parametrize("readout", ["majority", "lda"])
-@pytest.mark.parametrize("base", BASES, ids=repr)
-def test_a_model_is_saved_loaded_cloned_and_set(base, readout, tmp_path) -> None:
-    rng = np.random.default_rng(0)
-    labels = np.arange(24) % 3
-    fields = np.repeat(np.repeat(rng.integers(0, 150, (3, 4, 5)), 4, 1), 4, 2)
-    frames = (fields[labels] + rng.integers(0, 90, (24, 16, 20))).astype(np.uint8)
-    model = HDCClassifier(Smoothed(base, 1), readout).fit(frames, labels)
-    assert model.score(frames, labels) == 1
-    model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    scores = model.decision_function(frames)
-    assert np.array_equal(loaded.decision_function(frames), scores)
-    assert np.array_equal(loaded.decision_function(frames.reshape(24, -1)), scores)
-    loaded.save(tmp_path / "again")
-    assert (tmp_path / "again").read_bytes() == (tmp_path / "m").read_bytes()
-    other = clone(model).set_params(encoder__smooth=4, encoder__base="median")
-    assert other.fit(frames, labels).dimension_ == 320
-    again = HDCClassifier(Smoothed(base, 1), readout).fit(frames, labels)
-    assert np.array_equal(again.decision_function(frames), scores)
 
 
 def test_what_is_no_image_or_no_deviation_is_refused() -> None:

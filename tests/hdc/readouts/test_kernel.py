@@ -7,9 +7,8 @@ import itertools
 import numpy as np
 import pytest
 import torch
-from sklearn.base import clone
 
-from hdc import HDCClassifier, backends, bits
+from hdc import HDCClassifier, bits
 from hdc.readouts import Kernel
 from hdc.readouts.kernel import median_of_pairs
 
@@ -157,29 +156,6 @@ def test_constant_and_two_valued_and_equal_frames(encoder: str) -> None:
     assert model.score(frames, np.arange(12) // 6) == 1
 
 
-def test_a_class_without_frames_never_wins() -> None:
-    masks, rows = problem(20, 100, 2)
-    model = fitted(masks, 2 * rows, n_classes=4)
-    found = model.scores(bits.pack(torch.from_numpy(masks)))
-    assert found.isfinite().all()
-    assert set(found.argmax(1).tolist()) == {0, 2}
-
-
-def test_routes_agree_on_predictions() -> None:
-    pytest.importorskip("numba")
-    masks, rows = problem(80, 4200, 5, seed=2)
-    asked, _ = problem(200, 4200, 5, seed=4)
-    words = bits.pack(torch.from_numpy(masks))
-    found = []
-    for backend in backends.BACKENDS:
-        model = Kernel()
-        model.backend = backend
-        model.fit(words, torch.from_numpy(rows), 5, 4200)
-        found.append(model.scores(bits.pack(torch.from_numpy(asked))).numpy())
-    np.testing.assert_allclose(*found, atol=1e-10)
-    assert np.array_equal(found[0].argmax(1), found[1].argmax(1))
-
-
 def test_order_of_frames_decides_nothing() -> None:
     masks, rows = problem(60, 500, 3)
     asked = bits.pack(torch.from_numpy(problem(50, 500, 3, seed=1)[0]))
@@ -194,40 +170,6 @@ def frames_of(n: int = 30):
     base = rng.integers(0, 150, (3, 7, 9))
     frames = base[labels] + rng.integers(0, 90, (n, 7, 9))
     return frames.astype(np.uint8), np.array(["a", "b", "c"])[labels]
-
-
-def test_a_model_is_saved_loaded_cloned_and_set(tmp_path) -> None:
-    frames, labels = frames_of()
-    model = HDCClassifier("levels", "kernel").fit(frames, labels)
-    assert model.score(frames, labels) == 1
-    model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    assert np.array_equal(
-        loaded.decision_function(frames), model.decision_function(frames)
-    )
-    assert np.array_equal(loaded.predict_proba(frames), model.predict_proba(frames))
-    loaded.save(tmp_path / "again")
-    assert (tmp_path / "again").read_bytes() == (tmp_path / "m").read_bytes()
-    other = clone(model).set_params(readout__scales=[2], readout__penalties=[0.5])
-    other.fit(frames, labels)
-    assert float(other.readout_.scale_) == 2
-    assert float(other.readout_.penalty_) == 0.5
-    assert not hasattr(model, "partial_fit")
-
-
-def test_tensors_that_do_not_fit_are_refused() -> None:
-    masks, rows = problem(20, 100, 2)
-    stored = fitted(masks, rows).stored()
-    Kernel().restore(stored, 2, 100)
-    changes = {
-        "frames": torch.zeros(20, 3, dtype=torch.int64),
-        "dual": stored["dual"][:, :1],
-        "offsets": stored["offsets"] * torch.nan,
-        "reach": torch.tensor(0.0, dtype=torch.float64),
-    }
-    for name, tensor in changes.items():
-        with pytest.raises(ValueError, match=name):
-            Kernel().restore({**stored, name: tensor}, 2, 100)
 
 
 @pytest.mark.parametrize("values", [[], [0], [-1.0], ["a"], 1, "1", None], ids=repr)

@@ -100,19 +100,6 @@ def test_scores_are_the_stated_function_of_the_stored_integers() -> None:
     assert model.scales_.max() == 2**20
 
 
-def test_both_backends_give_the_same_integers() -> None:
-    pytest.importorskip("numba")
-    _, words, rows = problem(90, 4200, 5, 4)
-    models = []
-    for backend in backends.BACKENDS:
-        model = LDA()
-        model.backend = backend
-        models.append(model.fit(words, rows, 5, 4200))
-    for mine, other in zip(*(m.stored().values() for m in models), strict=True):
-        assert torch.equal(mine, other)
-    assert torch.equal(models[0].scores(words), models[1].scores(words))
-
-
 # Shrinkage ----------------------------------------------------------------------------------------
 
 
@@ -217,16 +204,6 @@ def test_no_shrinkage_of_fewer_frames_than_bits_is_finite() -> None:
     assert (model.scores(words).argmax(1) == rows).all()
 
 
-def test_a_class_without_frames_never_wins() -> None:
-    _, words, rows = problem(40, 130, 3, 10)
-    rows = rows * 2
-    model = LDA().fit(words, rows, 5, 130)
-    scores = model.scores(words)
-    assert set(scores.argmax(1).tolist()) <= {0, 2, 4}
-    dense = LDA().fit(words, rows // 2, 3, 130)
-    assert torch.equal(scores[:, ::2], dense.scores(words))
-
-
 def test_too_many_frames_are_named(monkeypatch) -> None:
     monkeypatch.setattr("hdc.readouts.arithmetic.MOST_FRAMES", 39)
     _, words, rows = problem(40, 130, 3, 10)
@@ -257,20 +234,6 @@ def test_a_flipped_bit_moves_a_score_by_its_weight_alone() -> None:
         queries = words.clone()
         queries[:, word] ^= flip
         assert ((model.scores(queries) - before).abs() <= 14 * model.scales_).all()
-
-
-@pytest.mark.parametrize(("share", "lost"), [(0.01, 0.06), (0.05, 0.2)])
-def test_flips_of_stored_bits_cost_little(share: float, lost: float, hard) -> None:
-    """A flipped plane moves a weight by at most 8 of 15 steps: no flip decides alone."""
-    train, (queries, labels) = hard(80, 0), hard(400, 1)
-    model = HDCClassifier(readout="lda").fit(*train)
-    before = model.score(queries, labels)
-    assert before > 0.8
-    rng = np.random.default_rng(0)
-    planes = model.state_tensors()["weights"]
-    flips = torch.from_numpy(rng.random((*planes.shape[:-1], model.dimension_)) < share)
-    planes ^= bits.pack(flips)
-    assert model.score(queries, labels) > before - lost
 
 
 def test_it_recognises_what_the_majority_does_not(hard) -> None:

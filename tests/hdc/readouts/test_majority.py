@@ -142,19 +142,3 @@ def test_what_is_added_merged_and_arranged_before_settling_is_all_learnt(
     assert torch.equal(model.counters_.counts(), whole.counters_.counts())
     assert torch.equal(model.prototypes_, whole.prototypes_)
     assert torch.equal(model.scores(words), whole.scores(words))
-
-
-def test_settling_makes_the_prototypes_of_all_that_was_added_and_merged() -> None:
-    """Two classes that have changed, one by each way, with sizes that stay as they were."""
-    rng = np.random.default_rng(1)
-    words = bits.pack(torch.from_numpy(rng.random((18, 130)) < 0.5))
-    rows = torch.arange(18) % 2
-    whole = Majority(balance=False).fit(words, rows, 2, 130)
-    model = Majority(balance=False).fit(words[:6], rows[:6], 2, 130)
-    zeros = rows[6:] == 0
-    model.add(words[6:][zeros], rows[6:][zeros])
-    ones = words[6:][~zeros]
-    alone = torch.zeros(len(ones), dtype=torch.int64)
-    model.merge(Majority(balance=False).fit(ones, alone, 1, 130), [1])
-    model.settle()
-    assert torch.equal(model.prototypes_, whole.prototypes_)

@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, bits
-from hdc.encoders import Median
 from hdc.readouts import Neighbours
 
 
@@ -45,31 +44,6 @@ def test_the_vote_by_plain_loops_in_any_order_of_training(k: int, backend: str) 
         assert torch.equal(parts.scores(queries), model.scores(queries))
 
 
-def test_a_class_without_frames_never_wins() -> None:
-    rows = torch.tensor([0, 2])
-    model = Neighbours().fit(torch.tensor([[0], [127]]), rows, 4, 7)
-    scores = model.scores(torch.arange(128)[:, None])
-    assert set(scores.argmax(1).tolist()) == {0, 2}
-    assert (scores[:, [1, 3]] == -8).all()
-
-
-@pytest.mark.parametrize("k", [1, 3, 4])
-def test_neighbours_vote_and_ties_go_to_the_nearest(k: int, hard) -> None:
-    (frames, labels), (queries, _) = hard(40, 0), hard(60, 1)
-    model = HDCClassifier(readout=Neighbours(k)).fit(frames, labels)
-    distances = bits.hamming(
-        *(Median().encode(torch.from_numpy(f)) for f in (queries, frames))
-    ).numpy()
-    expected = []
-    for row in distances:
-        voting = labels[np.lexsort((labels, row))[:k]]  # equal distances by class
-        votes = np.bincount(voting, minlength=4)
-        expected.append(next(c for c in voting if votes[c] == votes.max()))
-    nearest = np.stack([distances[:, labels == c].min(1) for c in range(4)], 1)
-    clear = (np.sort(nearest, 1)[:, 0] < np.sort(nearest, 1)[:, 1]).nonzero()[0]
-    assert (model.predict(queries)[clear] == np.array(expected)[clear]).all()
-
-
 def test_neighbours_are_added_merged_and_replaced(hard) -> None:
     (frames, labels), (queries, _) = hard(40, 0), hard(60, 1)
     whole = HDCClassifier(readout="neighbours").fit(frames, labels)
@@ -94,28 +68,6 @@ def test_numbers_of_neighbours_that_are_none_are_named(k, hard) -> None:
     with pytest.raises(ValueError, match=message):
         HDCClassifier(readout=Neighbours(k)).fit(*hard(8, 0))
     HDCClassifier(readout=Neighbours(np.int64(3))).fit(*hard(8, 0))
-
-
-@pytest.mark.parametrize("k", [1, 3])
-def test_classes_that_come_later_between_the_others_are_as_if_known_at_once(
-    k: int, hard
-) -> None:
-    """By labels of words, whose order is that of rows: d first, then a and c, then b by merging."""
-    (frames, labels), (queries, _) = hard(40, 0), hard(60, 1)
-    names = np.array(["a", "b", "c", "d"])[labels]
-    whole = HDCClassifier(readout=Neighbours(k)).fit(frames, names)
-    parts = HDCClassifier(readout=Neighbours(k))
-    for some in (["d"], ["a", "c"]):
-        chosen = np.isin(names, some)
-        parts.partial_fit(frames[chosen], names[chosen])
-    is_b = names == "b"
-    other = HDCClassifier(readout=Neighbours(k))
-    parts.merge(other.partial_fit(frames[is_b], names[is_b]))
-    assert parts.classes_.tolist() == ["a", "b", "c", "d"]
-    np.testing.assert_array_equal(parts.predict(queries), whole.predict(queries))
-    np.testing.assert_array_equal(
-        parts.decision_function(queries), whole.decision_function(queries)
-    )
 
 
 def test_rows_follow_their_classes_of_which_there_may_be_none() -> None:

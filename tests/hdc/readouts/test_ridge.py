@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from sklearn.linear_model import Ridge as PlainRidge
-from sklearn.model_selection import GridSearchCV
 
-from hdc import HDCClassifier, backends, bits
-from hdc.readouts import Ridge, RidgeValues
-from hdc.readouts import ridge as ridges
+from hdc import HDCClassifier, bits
+from hdc.readouts import Ridge, RidgeValues, linear
 from hdc.readouts.arithmetic import gram
-from hdc.readouts.ridge import PENALTIES, Dual, Linear, solve
+from hdc.readouts.linear import Linear
+from hdc.readouts.ridge import PENALTIES, Dual, solve
 
 
 def plain(x: np.ndarray, y: np.ndarray, penalty: float) -> PlainRidge:
@@ -98,7 +95,7 @@ def test_the_size_of_targets_changes_nothing_but_the_size(size: float) -> None:
 def test_weights_are_those_of_floats_in_any_block(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(ridges, "_STEP", 2)  # words that are rounded at once
+    monkeypatch.setattr(linear, "_STEP", 2)  # words that are rounded at once
     x, words, y = problem(30, 300, 2, 0)
     fitted = solve(words, y, 300).linear
     whole, expected = fitted.weights(0, 5), plain(x, y.numpy(), fitted.penalty).coef_
@@ -189,8 +186,8 @@ def test_ridge_recognises_what_prototypes_do_not_and_recalibrates(hard) -> None:
             getattr(fitted, name)
 
 
-def test_a_given_penalty_is_used_and_searched(hard) -> None:
-    train, test = hard(80, 0), hard(200, 1)
+def test_a_given_penalty_is_used(hard) -> None:
+    train = hard(80, 0)
     for penalty in (1e-3, 1, np.float32(10)):
         model = HDCClassifier(readout=Ridge(penalty)).fit(*train)
         products = gram(*[model.encoder_.encode(torch.from_numpy(train[0]))] * 2, 2000)
@@ -199,30 +196,7 @@ def test_a_given_penalty_is_used_and_searched(hard) -> None:
         )
         unit = float(centred.diagonal().mean())
         assert model.readout_.linear_.penalty == pytest.approx(unit * float(penalty))
-    grid = {"readout__penalty": [1e-4, 1e4], "encoder__ties": ["spread", "below"]}
-    search = GridSearchCV(HDCClassifier(readout="ridge"), grid, cv=3).fit(*train)
-    assert set(search.best_params_) == set(grid)
-    assert (
-        search.best_estimator_.readout.penalty
-        == search.best_params_["readout__penalty"]
-    )
-    assert search.best_estimator_.encoder_.ties == search.best_params_["encoder__ties"]
-    assert search.score(*test) > 0.5
     for penalty in (0, -1, "x", float("nan"), float("inf"), True):
         message = "penalty: expected a number above zero or None, found"
         with pytest.raises(ValueError, match=message):
             HDCClassifier(readout=Ridge(penalty)).fit(*train)
-
-
-def test_both_backends_and_a_file_give_the_same(hard, tmp_path: Path) -> None:
-    pytest.importorskip("numba")
-    train, (queries, _) = hard(80, 0), hard(50, 1)
-    models = [
-        HDCClassifier(readout="ridge", backend=b).fit(*train) for b in backends.BACKENDS
-    ]
-    scores = [model.decision_function(queries) for model in models]
-    assert np.array_equal(*scores)
-    models[0].save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    assert np.array_equal(loaded.decision_function(queries), scores[0])
-    assert isinstance(loaded.readout_.linear_, Linear)

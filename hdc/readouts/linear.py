@@ -1,0 +1,114 @@
+"""Linear functions of packed bits, with weights of 8 bits each."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import bits
+from hdc.readouts.arithmetic import dot
+from hdc.tensors import checked
+
+_OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced
+_STEP = 32  # words unpacked at a time: of some hundred frames they stay in the cache
+LINEAR = {
+    "weights": "int64 T 8 W",
+    "scales": "float64 T",
+    "intercepts": "float64 T",
+    "penalty": "float64",
+}
+"""What of linear functions is kept in a file."""
+
+
+@dataclass(frozen=True)
+class Linear:
+    """T linear functions of packed bits, with weights of 8 bits each: scale·q_j for pixel j."""
+
+    planes: Tensor  # int64 [T, 8, W], bit-sliced q + 128
+    scales: Tensor  # float64 [T]
+    intercepts: Tensor  # float64 [T]
+    penalty: float  # λ
+    dimension: int
+
+    def values(self, words: Tensor, backend: str = "numpy") -> Tensor:
+        """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
+        n = torch.full((len(self.planes),), 2 * _OFFSET)
+        twice = dot(self.planes, n, words, self.dimension, backend)
+        scales = self.scales.to(words.device)
+        intercepts = self.intercepts.to(words.device)
+        return twice // 2 * scales + intercepts
+
+    def weights(self, start: int, stop: int) -> Tensor:
+        """Weights float64 [T, B] of the bits in words start to stop."""
+        n_bits = (stop - start) * bits.WORD
+        sliced = bits.unpack(self.planes[..., start:stop], n_bits).double().cpu()
+        powers = 2.0 ** torch.arange(_PLANES, dtype=torch.float64)
+        shifted = torch.einsum("p,tpb->tb", powers, sliced)
+        return (shifted - _OFFSET) * self.scales[:, None]
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The tensors of a file."""
+        penalty = torch.tensor(self.penalty, dtype=torch.float64)
+        return {
+            "weights": self.planes,
+            "scales": self.scales,
+            "intercepts": self.intercepts,
+            "penalty": penalty,
+        }
+
+    @classmethod
+    def of(cls, tensors: Mapping[str, Tensor], n: int, dimension: int) -> Linear:
+        """From :meth:`tensors` of n functions; a ValueError for others."""
+        found = checked(tensors, LINEAR, T=n, D=dimension)
+        planes, scales, intercepts, penalty = (found[name] for name in LINEAR)
+        return cls(planes, scales, intercepts, float(penalty), dimension)
+
+
+def quantised(
+    words: Tensor, dual: Tensor, dimension: int, prior: Linear | None
+) -> tuple[Tensor, Tensor]:
+    """Weights Xᵀa, and those of before, rounded to 8 bits; a few words at a time, twice."""
+    width = words.shape[1]
+    starts = range(0, width, _STEP)
+
+    def weights(start: int) -> Tensor:
+        stop = min(start + _STEP, width)
+        total = _weights(dual, words, start, stop)
+        if prior is not None:
+            total = total + prior.weights(start, stop)
+        return total
+
+    largest_each = [weights(start).abs().amax(1) for start in starts]
+    largest = torch.stack(largest_each).amax(0)
+    scales = torch.where(largest > 0, largest / (_OFFSET - 1), 1.0)
+    planes = words.new_zeros(dual.shape[1], _PLANES, width)
+    for start in starts:
+        stop = min(start + _STEP, width)
+        q = (weights(start) / scales[:, None]).round()
+        shifted = q.long() + _OFFSET
+        n_inside = max(0, dimension - start * bits.WORD)
+        shifted[:, n_inside:] = 0
+        for p in range(_PLANES):
+            packed = bits.pack((shifted >> p) & 1 == 1)
+            planes[:, p, start:stop] = packed.to(words.device)
+    return planes, scales
+
+
+def _weights(dual: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
+    """Xᵀa of the bits in words start to stop, float64 [T, B]."""
+    part = words[:, start:stop].cpu().contiguous().numpy()
+    signs = _signs_of_bytes()[part.view(np.uint8)]
+    return dual.T @ torch.from_numpy(signs).flatten(1)
+
+
+@functools.cache
+def _signs_of_bytes() -> np.ndarray:
+    """The bits of each byte in ±1, the lowest first: float64 [256, 8]."""
+    bytes_ = np.arange(256, dtype=np.uint8)[:, None]
+    ones = np.unpackbits(bytes_, axis=1, bitorder="little")
+    return 2.0 * ones - 1.0
