@@ -245,19 +245,17 @@ class HDCClassifier(Estimator):
     ) -> Self:
         """Adapt to a changed environment by new frames with labels.
 
-        Prototypes of classes without new frames stay as they are, and a warning says so, as a drift
-        that all classes share then costs them their frames; :meth:`is_known` compares with the new
-        frames; ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression goes
-        from its old weights to those near them that fit the new frames, neighbours take the new
-        frames in place of the kept ones of their classes; neither depends on p. The read-outs lda
-        and kernel mix their old discriminants with those of the new frames. Without labels, see
-        :meth:`rezero`.
+        Classes without new frames keep their prototypes, and a warning lists them: a drift that all
+        classes share costs them accuracy. :meth:`is_known` compares with the new frames.
+        ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression moves its
+        weights to fit the new frames; neighbours exchange the kept frames for the new ones of their
+        classes. Neither depends on p. The read-outs lda and kernel mix their old discriminants with
+        those of the new frames. :meth:`rezero` needs no labels.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
             y: their labels.
-            p: share of the new: probability with which a bit is replaced, share of the votes, or of
-                the new discriminants.
+            p: probability that a bit is replaced, or share of the new votes or discriminants.
             seed: seed of the choice of bits that are replaced.
             method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
                 votes (:func:`hdc.prototypes.merged`), which recovers more.
@@ -284,11 +282,10 @@ class HDCClassifier(Estimator):
     def rezero(self, frames: Any) -> Self:
         """Adapt a model with a reference to a changed environment by new frames without labels.
 
-        The reference becomes the mean of the new standardised frames, and all else stays. The new
-        frames have to show what the frames of the old reference showed: all classes about as often.
-        Frames of one class can spoil the model; a warning says so where the model puts them into
-        few classes. Frames without a touch are no way around it: in the study of drift ten of them
-        improved no model, even where the old reference was without a touch.
+        The reference becomes the mean of the new standardised frames. The new frames have to show
+        all classes about as often as the frames of the old reference. Frames of one class can spoil
+        the model; a warning appears if the model puts them into few classes. Frames without a touch
+        do not help: ten of them improved no model in the study of drift.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
@@ -331,14 +328,14 @@ class HDCClassifier(Estimator):
     def predict_set(self, frames: Any, alpha: float = 0.1) -> list[np.ndarray]:
         """The classes that each of Q frames may be of: Q arrays of labels.
 
-        The set of a frame that is like none of the classes is empty; any other has the label of
-        :meth:`predict`. With majority and counts, a set has the right label of a fresh frame,
-        exchangeable with the training frames of its class, with probability 1 − alpha at least
-        (full conformal prediction): of each class with 1/alpha − 1 training frames or more, of all
-        together with fewer. With other read-outs frames are compared by their scores with training
-        frames that were left out. That covers about 1 − alpha, but is promised for no distribution
-        of frames (:mod:`hdc.conformal`). A class with fewer frames than 1/alpha − 1 and than 4 is
-        in every set. After drift nothing is promised.
+        The set of a frame that is like none of the classes is empty; any other contains the label
+        of :meth:`predict`. With majority and counts, a set contains the right label with
+        probability 1 − alpha at least (full conformal prediction), if the frame is exchangeable
+        with the training frames of its class. This holds for each class with 1/alpha − 1 training
+        frames or more, and for smaller classes together. Other read-outs compare scores with those
+        of training frames that were left out. That covers about 1 − alpha, without a guarantee
+        (:mod:`hdc.conformal`). A class with fewer frames than 1/alpha − 1 and than 4 is in every
+        set. Nothing is promised after drift.
 
         Args:
             frames: the queries.
@@ -362,10 +359,10 @@ class HDCClassifier(Estimator):
     def is_known(self, frames: Any, alpha: float = RATE) -> np.ndarray:
         """Whether frames are like those of some class: bool [Q].
 
-        False where :meth:`predict_set` is empty: for a share `alpha` of fresh frames of known
-        classes at most, if they come as the training frames did, and for noise, a black frame or an
-        object that was not trained, as long as there are 1/alpha training frames, and 4 of each
-        class (or as many of it as 1/alpha − 1).
+        False where :meth:`predict_set` is empty. This refuses a share `alpha` of new frames of
+        known classes at most, if they come as the training frames did. Noise, black frames and
+        objects that were not trained are refused if there are 1/alpha training frames, and 4 of
+        each class (or 1/alpha − 1 of it).
 
         Args:
             frames: the queries.
@@ -421,10 +418,10 @@ class HDCClassifier(Estimator):
         """Probabilities of the classes, float64 [Q, L]: the softmax of the scores.
 
         Its temperature is fitted to training frames scored as if each had not been learnt
-        (:mod:`hdc.probability`): in closed form, of up to 19 frames per class, for majority, counts
-        and neighbours, of all for ridge and of up to 400 for lda and kernel; else by five folds of
-        the training frames, when first asked or saved. New frames, by :meth:`partial_fit` or
-        :meth:`recalibrate`, have it fitted anew.
+        (:mod:`hdc.probability`). Closed forms give these scores: of up to 19 frames per class for
+        majority, counts and neighbours, of all for ridge, of up to 400 for lda and kernel. Other
+        read-outs need five folds of the training frames, when first asked or saved. New frames, by
+        :meth:`partial_fit` or :meth:`recalibrate`, have it fitted anew.
 
         Raises:
             ValueError: for training with one frame of each class, or a model that must be fitted

@@ -1,4 +1,4 @@
-"""Which classes a frame may be of: conformal prediction by what a read-out thinks.
+"""Which classes a frame may be of: conformal prediction by the scores of a read-out.
 
 **Read-outs that count.** A model keeps up to 19 training frames of each class, chosen at random
 (:class:`hdc.sample.Sample`). To ask whether a frame x is of class c, with n training frames and
@@ -13,24 +13,22 @@ decides. The p-value is the share of frames that are as far out as x, x included
     p_c(x) = (1 + #{i: d_i ≥ d}) / (m + 1)        m frames kept.
 
 If x and the training frames of class c are exchangeable, then P(p_c(x) ≤ α) ≤ α for every α, n and
-D, whatever the distribution of frames: full conformal prediction (Vovk, Gammerman, Shafer,
+D, whatever the distribution of frames. This is full conformal prediction (Vovk, Gammerman, Shafer,
 Algorithmic Learning in a Random World, 2005, Prop. 2.3), class by class. It holds on average over
-training sets; after drift it does not hold at all.
+training sets, and not after drift.
 
-**Other read-outs.** Here d is minus the score of class c, and d_i minus the score that training
-frame i of the class has from a read-out that has not learnt it: in closed form, or from four folds
-of five. This is the jackknife. It keeps 1 − α as far as one frame more or less hardly moves the
-scores, and promises nothing for every distribution. The 1 − 2α of the jackknife+ and of CV+
-(Barber et al., Ann. Statist. 49, 486 (2021)) would need, for each query, a model without each
-training frame; a file would hold five models, or all training frames. Scores from four fifths of
-the frames are lower, and their sets cover rather more.
+**Other read-outs.** Here d is minus the score of class c. Training frame i of the class has d_i,
+minus its score from a read-out that has not learnt it: in closed form, or from four folds of five.
+This is the jackknife. It keeps 1 − α if one frame more or less hardly moves the scores, and has no
+guarantee. The 1 − 2α of the jackknife+ and of CV+ (Barber et al., Ann. Statist. 49, 486 (2021))
+would need, for each query, a model without each training frame; a file would hold five models, or
+all training frames. Scores from four fifths of the frames are lower, and their sets cover more.
 
-A p-value is at least 1/(m + 1). Where that is above α, a class of at least 4 frames is compared
-with those of all such classes: their leave-one-out distances less the mean of their class, and
-those of class c less the mean of all m + 1. Coverage is then that of all classes together, not of
-each, and holds as far as their distances spread alike. Distances of fewer frames less their mean
-are too near to zero (those of two frames are zero), so such a class is in every set, and nothing is
-refused.
+A p-value is at least 1/(m + 1). If that is above α, a class of at least 4 frames is compared with
+those of all such classes: their leave-one-out distances minus the mean of their class, and those of
+class c minus the mean of all m + 1. Coverage is then that of all classes together, and holds if
+their distances spread alike. Distances of fewer frames minus their mean are too near to zero (those
+of two frames are zero), so such a class is in every set, and nothing is refused.
 """
 
 from __future__ import annotations

@@ -207,9 +207,10 @@ class HDCRegressor(Estimator):
             return_interval: also return lower and upper ends, of the same shape, of jackknife+
                 intervals (Barber et al., Ann. Stat. 49, 486 (2021)). If queries and training frames
                 are exchangeable, a number lies in its interval with probability 1 − 2·alpha at
-                least, and 1 − alpha in practice (ridge regression: as far as leaving one frame out
-                changes neither the penalty nor the rounding of weights). After drift nothing is
-                guaranteed. Ends are infinite with fewer than 1/alpha − 1 training frames.
+                least, and 1 − alpha in practice. For ridge regression this assumes that leaving one
+                frame out changes neither the penalty nor the rounding of weights. Nothing is
+                guaranteed after drift. Ends are infinite with fewer than 1/alpha − 1 training
+                frames.
             alpha: share of the numbers that may lie outside, each of T numbers for itself.
 
         Raises:
