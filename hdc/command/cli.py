@@ -25,11 +25,16 @@ from hdc.command.use import evaluate, info, predict
 def cli() -> None:
     """Train a hyperdimensional classifier of images, and use it.
 
-    A RECORDING is a folder of images with one sub-folder per class, a manifest.csv (columns file,
-    label), a --template or a table of --values; frames [N, H, W] or [N, D] with labels or values
-    [N] in an .npz, .mat or .h5, or in a TIFF or .npy with a CSV beside it; a .parquet with a column
-    of images; a .csv with a row of numbers and a label per frame; or a video with a CSV table of
-    intervals (columns start_s, end_s, label) beside it. hdc look RECORDING shows how it is read.
+    A RECORDING is one of these; hdc look RECORDING shows how it is read.
+
+    \b
+    a folder         images in a sub-folder per class, or as a manifest.csv
+                     (file, label), a --template or --values say
+    .npz, .mat, .h5  frames [N, H, W] or [N, D] with labels or values [N]
+    .tif, .npy       frames, with a CSV of labels beside it
+    .parquet         a column of images
+    .csv             a row of numbers and a label per frame
+    a video          with a CSV of intervals (start_s, end_s, label) beside it
     """
 
 

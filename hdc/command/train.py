@@ -40,7 +40,7 @@ from hdc.readers import Window
     "--choose",
     is_flag=True,
     help="Take the encoder and the read-out that are best in cross-validation of the training "
-    "frames; by session where there are sessions. Frames are held in memory.",
+    "frames, by session if there are several. Frames are held in memory.",
 )
 def train(
     recording: Path,

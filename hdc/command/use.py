@@ -36,12 +36,12 @@ def predict(
 ) -> None:
     """Classify images, or predict their numbers.
 
-    IMAGES are image files, videos, arrays or tables of frames, or folders, whose images and those
-    of their sub-folders are taken. For each: file and label; with the read-out majority also the
-    margin (how much farther the second nearest class is) and the distance of each class, as shares
-    of the bits: unrelated frames differ in half of them. With --interval also lower and upper ends
-    of each number, or all classes that the frame may be of; none where it is like no class.
-    Probabilities are calibrated by the training frames, and hold for frames that come as these did.
+    IMAGES are image files, videos, arrays or tables of frames, or folders with their sub-folders.
+    Each frame has a line: its file and label. With the read-out majority, the line adds the margin
+    (how much farther the second nearest class is) and the distance of each class. Both are shares
+    of the bits: unrelated frames differ in half of them. --interval adds lower and upper ends of
+    each number, or all classes that the frame may be of, none if it is like no class. Probabilities
+    and intervals hold for frames that come as the training frames did.
     """
     found, window = work.load(model)
     files: list[Path] = []
@@ -78,8 +78,8 @@ def evaluate(
     """Measure accuracy and confusions on a RECORDING, or errors of its numbers.
 
     The interval of the accuracy is Wilson's, for 95 %. With --interval 0.9 the command counts how
-    often the truth lay in intervals or sets that are made to hold it for 90 % of the frames, if
-    these come as the training frames did: the coverage says what that is worth on this RECORDING.
+    often intervals or sets contain the truth on this RECORDING. They are made to contain it for
+    90 % of the frames that come as the training frames did.
     """
     found, window = work.load(model)
     frames = work.frames_for(found, window, recording, source)

@@ -85,12 +85,12 @@ def compare(
 ) -> None:
     """Find the encoder and read-out for a RECORDING, and compare with models of grey values.
 
-    Encoder and read-out are chosen by cross-validation of the training frames, by session where
-    there are two or more, and so are the settings of the baselines. Frames held out at random, and
-    later ones (the other recording, else the last sessions, else the last frames of each class)
-    only judge the choice. Each model has its training time, time a frame and size. The last lines
-    say what to type, what that wins, whether a baseline outside the library is better, and what one
-    grey level of rounding costs. Frames are held in memory.
+    Cross-validation of the training frames chooses encoder, read-out and the settings of the
+    baselines, by session if there are several. The choice is tested on frames held out at random,
+    and on later ones: the other recording, else the last sessions, else the last frames of each
+    class. Each model has its training time, time per frame and size. The last lines have the line
+    to type, its gain, the best baseline, and the cost of one grey level of rounding. Frames are
+    held in memory.
     """
     if every and (encoders or readouts):
         raise click.UsageError("expected --all, or --encoder and --readout")
