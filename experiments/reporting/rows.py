@@ -85,13 +85,10 @@ SHOWN = (
     "scene",
     "model",
     "overrides",
-    "stop_rule",
-    "n_train",
     "seed",
     "status",
     "test_accuracy_final",
     "training_s",
-    "code",
 )
 
 

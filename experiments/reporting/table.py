@@ -20,6 +20,7 @@ from experiments.reporting.text import (
     tex_text,
 )
 
+MOST_COLUMNS = 8  # that are shown; a page has no room for more
 Of = str | Sequence[str]  # one experiment, or several; "runs" for single trainings
 Text = Any  # a str, or a function of the frame that gives one
 Columns = Mapping[str, Column] | Callable[[pd.DataFrame], Mapping[str, Column]]
@@ -72,12 +73,11 @@ class Table:
 
     @property
     def names(self) -> list[str]:
-        """Names of the columns that are shown."""
+        """Names of the columns that are shown; the CSV has all of them."""
         shown = self.shown(self.data) if callable(self.shown) else self.shown
-        if shown:
-            return list(shown)
-        every = [str(name) for name in self.data.columns]
-        return [name for name in every if not name.endswith(("_low", "_high"))]
+        every = map(str, shown or self.data.columns)
+        values = [name for name in every if not name.endswith(("_low", "_high"))]
+        return values[:MOST_COLUMNS]
 
     def column(self, name: str) -> Column:
         """How a column is shown; one named after a model has shares of right samples."""

@@ -204,16 +204,8 @@ STUDY = Study(
             note="Fitted: parameters of the scene were chosen by the accuracy of HDC on it. Each "
             "model on all pixels of a scene and the most training samples that it was given.",
             shown=(
-                *(
-                    "scene",
-                    "origin",
-                    "model",
-                    "seeds",
-                    "test_accuracy_final",
-                    "over_hdc",
-                ),
-                *("training_time_s", "training_time_over_hdc", "predict_single_s"),
-                *("model_bytes", "status"),
+                *("scene", "origin", "model", "test_accuracy_final", "over_hdc"),
+                *("training_time_s", "predict_single_s", "model_bytes"),
             ),
             commands=[f"{RUN}{EXPERIMENT}"],
         )

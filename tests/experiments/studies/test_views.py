@@ -8,6 +8,7 @@ from matplotlib import pyplot as plt
 
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import Results
+from experiments.reporting.table import MOST_COLUMNS
 
 STUDIES = (
     "limits", "benchmark", "robustness", "correlation", "drift", "footprint",
@@ -28,6 +29,7 @@ def test_committed_tables_and_figures_follow_from_the_committed_rows(study, resu
             encoding="utf-8"
         )
         assert table.csv() == committed
+        assert len(table.heads) <= MOST_COLUMNS
     for plot in module.STUDY.plots_of(results):
         figure = plot.draw()
         figure.draw_without_rendering()
