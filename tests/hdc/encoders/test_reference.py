@@ -213,18 +213,6 @@ def test_a_frame_that_is_the_reference_is_named_by_its_number() -> None:
     ]
 
 
-def test_levels_of_differences_have_a_name() -> None:
-    """The same words as a reference before levels, by a name for the command and for files."""
-    frames = np.random.default_rng(0).integers(0, 255, (8, 6, 6), dtype=np.uint8)
-    named = HDCClassifier(encoder="reference_levels").fit(frames, [0, 1] * 4)
-    spelled = HDCClassifier(encoder=Reference("levels")).fit(frames, [0, 1] * 4)
-    assert named.dimension_ == 7 * 36
-    np.testing.assert_array_equal(named.distances(frames), spelled.distances(frames))
-    assert (
-        HDCClassifier("reference_levels").get_params()["encoder__base__thresholds"] == 7
-    )
-
-
 def test_a_base_that_is_set_after_use_is_the_one_that_is_asked() -> None:
     frames = np.random.default_rng(0).integers(0, 256, (5, 9, 7), np.uint8)
     encoder = Reference().fit(torch.from_numpy(frames))
