@@ -218,9 +218,9 @@ STUDY = Study(
             needs=_has_pictures,
             size=(7.0, 1.75),
             kind="webp",
-            caption="The method in four pictures, on part of a frame of the paper's scene: a "
-            "touch makes a speckle; the pixels above the median are its hypervector; the "
-            "majority of a class's hypervectors is its prototype; the nearest prototype "
+            caption="The method in four pictures, on part of a frame of the paper's scene. A "
+            "touch makes a speckle. The pixels above the median are its hypervector. The "
+            "majority of a class's hypervectors is its prototype. The nearest prototype "
             "is the answer.",
         ),
         Plot(

@@ -76,8 +76,8 @@ STUDY = Study(
             of="footprint",
             size=(3.4, 2.4),
             caption="Peak memory of a process that learns ten frames of a scene with HDC, and its "
-            "time to the first prediction: with the modules that it needs, and with every module "
-            "that some part of the project needs. The numbers are what it saves.",
+            "time to the first prediction. Two processes: one loads the modules that it "
+            "needs, the other every module that some part of the project needs.",
             needs=lambda rows: bool(len(ran(rows))),
         )
     ],
