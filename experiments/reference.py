@@ -3,7 +3,7 @@
 What finished steps of the reproduction left in the folder of own results replaces what
 ``results/reference`` has of these steps; other steps stay as they are, so that a reproduction can
 be taken over step by step. Tables and figures are made again, and the marked parts of README.md and
-of the docs are filled from them; tables that rest on records of older revisions are named.
+of the docs are filled from them; tables that rest on records of older code are named.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def _tell_older(answers: report.Answers, console: Console) -> int:
         console.print(f"{name}: {n} records are of another", soft_wrap=True)
     older = answers.older_tables()
     if older:
-        text = f"tables with records of an older revision: {', '.join(older)}"
+        text = f"tables with records of older code: {', '.join(older)}"
         console.print(text, soft_wrap=True)
     return 1 if changed else 0
 

@@ -20,8 +20,8 @@ from rich.text import Text
 
 from experiments import studies
 from experiments.records.files import REFERENCE, results_dir
-from experiments.records.results import Results
-from experiments.reporting import against, comparison, listing, page
+from experiments.records.results import RUNS, Results
+from experiments.reporting import against, comparison, page
 from experiments.reporting.against import Cell
 from experiments.reporting.page import Part, Section
 from experiments.reporting.rows import runs_table
@@ -76,15 +76,19 @@ class Answers:
         return next((one for one in self.every_table() if one.name == name), None)
 
     def older_tables(self) -> list[str]:
-        """Names of the tables that rest on records of older revisions."""
-        return listing.older_tables(self.every_table(), self.results)
+        """Names of the tables that take an experiment with records of older code."""
+        older = {one.name for one in self.results.measurements if one.outdated}
+        if any(run.outdated for run in self.results.runs):
+            older.add(RUNS)
+        tables = self.every_table()
+        found = (t.name for t in tables if not older.isdisjoint(experiments_of(t.of)))
+        return sorted(found)
 
     def write(self, folder: Path, tex: bool = False) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
         texts: dict[str, str] = {}
         for table in self.every_table():
             texts |= _texts_of(table, tex)
-        texts[listing.README] = listing.readme(self.every_table(), self.older_tables())
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]

@@ -104,7 +104,7 @@ def results_page(
     tables: Mapping[str, Sequence[Table]],
     plots: Mapping[str, Sequence[Plot]],
 ) -> str:
-    """Every figure with its caption, the tables of its study, and the commands.
+    """Every figure with its caption, the tables of each study, and the commands.
 
     Args:
         studies: in the order of the page.
@@ -112,17 +112,16 @@ def results_page(
     """
     parts = []
     for study in studies:
-        shown = plots.get(study.name)
-        if not shown:
+        shown, written = plots.get(study.name, ()), tables.get(study.name, ())
+        if not shown and not written:
             continue
         parts.append(f"## {study.title}\n\n{study.question}")
         parts += [_figure(plot) for plot in shown]
-        links = [
-            f"[{table.name}]({_RESULTS}/tables/{table.name}.csv)"
-            for table in tables.get(study.name, ())
-        ]
-        parts.append("Tables: " + ", ".join(links) + "." if links else "")
-        commands = dict.fromkeys(_bare(c) for plot in shown for c in plot.commands)
+        links = [f"[{t.name}]({_RESULTS}/tables/{t.name}.csv)" for t in written]
+        parts.append(f"Tables: {', '.join(links)}." if links else "")
+        made_by = [command for one in shown for command in one.commands]
+        made_by += [command for one in written for command in one.commands]
+        commands = dict.fromkeys(map(_bare, made_by))
         parts.append("\n".join(f"    {command}" for command in commands))
     return "\n\n".join(filter(None, parts))
 

@@ -188,16 +188,24 @@ def test_what_is_of_no_commit_or_of_other_revisions_stays_outside(
     assert not Results(target)
 
 
-def test_records_of_other_revisions_are_named(target, tmp_path, write_run, capsys):
+def test_records_of_older_code_and_their_tables_are_named(
+    target, tmp_path, write_run, write_measurement, capsys
+):
     reference.README.write_text("")
     write_run("hdc", made_by=OLD)
+    row = {"input": "a", "method": "m", "number": "mixed", "verdict": "holds"}
+    numbers = {"error": 1e-3, "tolerance": 1e-2, "time_s": 0.1}
+    write_measurement("numerics", [row | numbers])
     shutil.move(tmp_path / "records.jsonl", target / "records.jsonl")
     assert reference.main(["--tables"]) == 1
     said = capsys.readouterr().out
     assert "experiments (revision 0, now 1): 1 records are of another" in said
+    (line,) = (x for x in said.splitlines() if x.startswith("tables with records of"))
+    assert "table1" in line
+    assert "numerics" not in line
 
 
-def test_it_adopts_writes_the_tables_and_fills_the_readme(
+def test_it_adopts_writes_the_tables_and_fills_readme_and_docs(
     target, tmp_path, write_run, in_step
 ):
     in_step("table1")
@@ -205,8 +213,13 @@ def test_it_adopts_writes_the_tables_and_fills_the_readme(
     reference.README.write_text(
         "# A title\n<!-- begin table1 -->\nold\n<!-- end table1 -->\nend\n"
     )
+    reference.DOCS.mkdir()
+    page = reference.DOCS / "results.md"
+    page.write_text("# Results\n<!-- begin results -->\n<!-- end results -->\n")
     write_run("hdc", wrong=range(2))
     assert reference.main([]) == 0
+    assert "/figures/" in page.read_text()
+    assert "    python -m experiments." in page.read_text()
     lines = (target / "tables" / "table1.md").read_text().splitlines()
     table = "\n".join(line for line in lines if line.startswith("|"))
     assert "98 [93" in table
@@ -250,17 +263,3 @@ def test_every_part_that_fills_the_docs_stands_in_one_of_them(target):
     answers = report.Answers("reference", Results(target), [])
     for name in reference.docs_parts(answers):
         assert sum(f"<!-- begin {name} -->" in page for page in pages) == 1, name
-
-
-def test_parts_of_the_docs_are_filled_too(target, write_run, tmp_path, in_step):
-    in_step("table1")
-    a_step(tmp_path, "table1")
-    reference.README.write_text("")
-    reference.DOCS.mkdir()
-    page = reference.DOCS / "results.md"
-    page.write_text("# Results\n<!-- begin results -->\n<!-- end results -->\n")
-    write_run("hdc", wrong=range(2))
-    assert reference.main([]) == 0
-    text = page.read_text()
-    assert "/figures/" in text
-    assert "    python -m experiments." in text

@@ -220,24 +220,6 @@ def test_nothing_unmeasured_stands_under_mine(tmp_path, write_run, alone):
     assert all(row["measured"] for row in rows)
 
 
-def test_the_list_of_tables_has_a_line_each_and_marks_older_revisions(
-    tmp_path, write_run, write_measurement, alone
-):
-    write_run("hdc")
-    row = {"input": "a", "method": "m", "number": "mixed", "verdict": "holds"}
-    numbers = {"error": 1e-3, "tolerance": 1e-2, "time_s": 0.1}
-    write_measurement("numerics", [row | numbers], revisions={"experiments": 0})
-    _, files = written(tmp_path)
-    text = files["README.md"].decode()
-    listed = re.findall(r"^- \[(\w+)\.csv\]\(\1\.csv\): \S", text, re.MULTILINE)
-    assert [f"{name}.csv" for name in listed] == sorted(
-        name for name in files if name.endswith(".csv")
-    )
-    (line,) = (line for line in text.splitlines() if "[numerics" in line)
-    assert line.endswith("*(with records of an older revision)*")
-    assert text.count("older revision") == 1
-
-
 def test_own_numbers_outside_the_reference_are_named_and_table_1_stands_once(
     tmp_path, write_run
 ):
