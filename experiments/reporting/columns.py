@@ -17,7 +17,7 @@ import numpy as np
 
 from experiments.records import configs
 from experiments.records.groups import Group
-from experiments.reporting import estimates, published
+from experiments.reporting import estimates
 from experiments.reporting.text import kind_of, number, percent, points, size
 
 Row = Mapping[str, Any]
@@ -139,16 +139,6 @@ def _difference(group: Group, hdc: Group) -> estimates.Estimate | None:
     return estimates.difference(group.runs, hdc.runs)
 
 
-def _published(quantity: str) -> Callable[[Group, Group], float | None]:
-    return lambda group, _: published.value(f"table1/{group.model}_{quantity}")
-
-
-def _published_ratio(group: Group, _: Group) -> float | None:
-    time = published.value(f"table1/{group.model}_training_time")
-    hdc = published.value("table1/hdc_training_time")
-    return time / hdc if time and hdc else None
-
-
 def _kind(group: Group, _: Group) -> str:
     """The kind of the frames; of a scene whose parameters were chosen by HDC's own accuracy, so."""
     kind = same(kind_of(run.scene.origin) for run in group.runs)
@@ -205,11 +195,6 @@ COLUMNS: dict[str, Column] = {
     "cpu": Column("Processor", of=_same(lambda record: record.environment.cpu)),
     "threads": Column("Threads", of=_same(lambda record: record.environment.threads)),
     "code": Column("Code", of=lambda group, _: group.runs[0].environment.short_commit),
-    # Of the paper; only Table I asks for them.
-    "published_training_time_s": Column("Training time, s, paper", of=_published("training_time")),
-    "published_training_time_over_hdc": Column("× HDC, paper", of=_published_ratio),
-    "published_test_accuracy": Column("Test accuracy, %, paper", percent,
-        of=_published("test_accuracy")),
     # Of measurements.
     "accuracy": Column("Accuracy, %", percent),
     "test_accuracy": Column("Test accuracy, %", percent),

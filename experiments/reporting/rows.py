@@ -17,30 +17,21 @@ from experiments.reporting.table import Table, frame
 from experiments.reporting.text import counted, frames_of, number
 
 
-def row(
-    group: Group,
-    hdc: Group,
-    paper: bool = False,
-) -> Row:
+def row(group: Group, hdc: Group) -> Row:
     """Values of every column of :data:`COLUMNS` that follows from runs, `hdc` of HDC on the same
-    frames; a group without runs has its scene, model, place in the sweep and status. The numbers of
-    the paper's Table I are added if `paper`."""
-    values: Row = {}
+    frames; a group without runs has its scene, model, place in the sweep and status."""
     if not group.runs:
-        values = {
+        return {
             "scene": group.scene,
             "model": group.model,
             "n_train": group.n_train,
-        }
-        values |= {
             "pixels": group.pixels,
             "seeds": 0,
             "status": group.status,
         }
+    values: Row = {}
     for name, column in COLUMNS.items():
-        if column.of is not None and (
-            paper if name.startswith("published_") else group.runs
-        ):
+        if column.of is not None:
             value = column.of(group, hdc)
             values |= (
                 value.columns(name) if isinstance(value, Estimate) else {name: value}

@@ -40,7 +40,7 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
             at = [line["total_time_s"] / hdc_s]
             error_bars(axes, line["model"], at, [line], floor, marker=False)
     for model in models.PAPER:
-        known = row(runs.group(models.scene(), model), groups[0], paper=True)
+        known = models.papers_numbers(model)
         error = max(1 - known["published_test_accuracy"], floor)
         ratio = known["published_training_time_over_hdc"]
         published_point(axes, model, ratio, error, 9)

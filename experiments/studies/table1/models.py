@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from experiments.records import configs
 from experiments.reporting import published
 from experiments.reporting.measured import RIVAL
@@ -21,6 +23,19 @@ def scene() -> str:
 def papers_row(model: str) -> str:
     """The row of the paper's Table I that a model repeats: its own, or that of its recipe."""
     return _PAPERS_ROW.get(model, model)
+
+
+def papers_numbers(model: str) -> dict[str, Any]:
+    """Training time, absolute and relative to HDC, and test accuracy in the row of the paper's
+    Table I; None where it has none."""
+    row = f"table1/{papers_row(model)}"
+    time = published.value(f"{row}_training_time")
+    hdc = published.value("table1/hdc_training_time")
+    return {
+        "published_training_time_s": time,
+        "published_training_time_over_hdc": time / hdc if time and hdc else None,
+        "published_test_accuracy": published.value(f"{row}_test_accuracy"),
+    }
 
 
 def papers_training_accuracy(model: str) -> float | None:

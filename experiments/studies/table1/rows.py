@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,6 @@ import pandas as pd
 from experiments.records.groups import Group, Groups
 from experiments.records.run import Finished
 from experiments.reporting import estimates
-from experiments.reporting.columns import COLUMNS
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.rows import row
 from experiments.reporting.table import frame
@@ -60,15 +58,11 @@ def rows_of_table(
 
 
 def _row(group: Group, hdc: Group, paper: bool) -> dict[str, Any]:
-    line = row(group, hdc, paper=paper)
-    line |= relative_time(group, hdc)
+    line, relative = row(group, hdc), relative_time(group, hdc)
     if not paper:
-        return line
-    published = replace(group, model=models.papers_row(group.model))
-    for name, column in COLUMNS.items():
-        if name.startswith("published_") and column.of is not None:
-            line[name] = column.of(published, hdc)
-    return line | at_papers_accuracy(group)
+        return line | relative
+    papers = models.papers_numbers(group.model)
+    return line | papers | relative | at_papers_accuracy(group)
 
 
 def ratios_of_seeds(group: Group, hdc: Group) -> list[float]:

@@ -32,6 +32,8 @@ def test_the_papers_models_have_a_row_each_whatever_was_run(tmp_path, a_full_set
     ]  # not run
     assert rows["cnn3"]["status"] == "missing"  # it failed
     assert rows["softmax"]["published_training_time_s"] == 170
+    relative = rows["softmax"]["published_training_time_over_hdc"]
+    assert relative == pytest.approx(170 / 1.24)
     assert {len(cells) for cells in made.cells()} == {len(made.heads)}
 
 
