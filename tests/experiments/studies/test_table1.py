@@ -216,7 +216,7 @@ def test_the_note_names_what_is_as_accurate_as_hdc_in_less_time(tmp_path, write_
     write_run("hdc_compiled", curve=[{"training_s": 0.008}])
     note = table(tmp_path)[1].note
     assert note.endswith(
-        "As accurate as HDC in less time: Ridge on 3,000 pixels 4.5 ms. "
+        "Models as accurate as HDC in less time: Ridge on 3,000 pixels 4.5 ms. "
         "HDC on all pixels 40 ms."
     )
 
