@@ -126,7 +126,7 @@ def confirmed(evidence: Evidence) -> dict[str, Estimate]:
 
 
 def _beside() -> list[str]:
-    """Models that are shown without a word."""
+    """Models that are shown without a verdict."""
     return [model for models in rules().beside.values() for model in models]
 
 
@@ -238,7 +238,7 @@ def _row(
 
 
 def _by_objects(scene: str, difference: Estimate | None) -> dict[str, Any]:
-    """The word of a confirmatory recording, by its own interval."""
+    """The verdict on a confirmatory recording, by its own interval."""
     row: dict[str, Any] = {"model": "bits", "what": f"{scene}, by test objects"}
     if difference is not None:
         row |= difference.columns("equal") | {"word": word_of(difference)}

@@ -1,4 +1,4 @@
-"""What claims are judged from: the lines of their experiments, each read once for all claims."""
+"""Lines of the experiments that claims are judged by, each read once for all claims."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Evidence:
         return {scene: found[scene] for scene in ordered}
 
     def accuracies(self, experiment: str) -> dict[str, Accuracies]:
-        """Of each recording by the split that counts."""
+        """Accuracies on each recording by the split that counts."""
         if experiment not in self._accuracies:
             self._accuracies[experiment] = accuracies_of(self.scenes(experiment))
         return self._accuracies[experiment]

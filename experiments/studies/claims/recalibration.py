@@ -22,7 +22,7 @@ OWN_LOSS = "its own loss"  # what the update is held against
 def pieces(
     name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
-    """Of each scene the share of the loss that HDC regains."""
+    """Share of the loss in each scene that HDC regains."""
     for rows in evidence.scenes(claim.experiment).values():
         every = accuracies(rows)
         assert claim.update is not None

@@ -27,7 +27,7 @@ from experiments.studies.claims.piece import (
 from experiments.studies.claims.rules import rule_of
 from experiments.studies.recordings.values import Accuracies
 
-PUBLISHED = "published"  # a rival that is a number of the paper
+PUBLISHED = "published"  # a baseline that is a number of the paper
 _OBJECTS = "tactile/test_accuracy"
 
 
@@ -65,7 +65,7 @@ class Compared(NamedTuple):
 def pieces(
     name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
-    """A piece for each rival and recording that is listed, or is a listed fibre through more
+    """A piece for each baseline and recording that is listed, or is a listed fibre through more
     input fields; then simulated scenes."""
     every = evidence.accuracies(claim.experiment)
     found = evidence.scenes(claim.experiment)
@@ -85,7 +85,7 @@ def _piece(
     rows: pd.DataFrame,
     every: Accuracies,
 ) -> Iterator[Piece]:
-    """What one recording says, if it says something."""
+    """Evidence of one recording, if there is any."""
     scene = str(rows.scene.iloc[0])
     recording = frozen.recordings.get(scene)
     if recording is None and fields_of(rows) == frozen.input_fields:
@@ -146,7 +146,7 @@ def is_split(rows: pd.DataFrame, recording: Recording) -> bool:
 def compare(
     every: Accuracies, form: str, rival: str, sizes: str, frozen: Sizes
 ) -> Compared | None:
-    """A form minus its rival at the sizes of this name; None where one of the two was not measured,
+    """A form minus its baseline at the sizes of this name; None where one of them was not measured,
     where the sizes cannot be filled, and where both are saturated."""
     models = [form] if rival == PUBLISHED else [form, rival]
     if not set(models) <= set(every.models):
@@ -179,7 +179,7 @@ def _largest_open(
 
 
 def _less(units: pd.DataFrame, models: Sequence[str], n: int) -> np.ndarray:
-    """A form minus its rival, or minus the paper's accuracy, a number a unit."""
+    """A form minus its baseline, or minus the paper's accuracy, a number per unit."""
     of_form = units[models[0], n].to_numpy(float)
     if len(models) == 1:
         return of_form - _of_the_paper()
@@ -194,7 +194,7 @@ def _of_the_paper() -> float:
 def _simulated(
     name: str, claim: Claim, frozen: Rules, rival: str, runs: Groups
 ) -> Iterator[Piece]:
-    """HDC minus its rival on simulated scenes, on the same test samples; they enter nothing."""
+    """HDC minus its baseline on simulated scenes, on the same test samples; they enter nothing."""
     form = frozen.forms[claim.form]
     scenes = {group.scene for group in runs}
     for scene in sorted(scenes, key=lambda scene: (place_of(scene), scene)):

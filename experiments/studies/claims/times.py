@@ -17,7 +17,7 @@ from experiments.studies.table1.times.grid import grid
 def pieces(
     name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
-    """A piece for each rival and way that was measured, as the grid of times has it."""
+    """A piece for each baseline and implementation in the grid of times."""
     every = evidence.scenes(claim.experiment).values()
     own = [rows for rows in every if not rows.elsewhere.iloc[0]]
     if not own:

@@ -74,7 +74,7 @@ def every_piece(frame: pd.DataFrame) -> list[Piece]:
 
 
 def by_rival(pieces: Iterable[Piece]) -> dict[Any, list[Piece]]:
-    """Pieces by claim and rival."""
+    """Pieces by claim and baseline."""
     found: dict[Any, list[Piece]] = {}
     for piece in pieces:
         found.setdefault((piece.claim, piece.rival), []).append(piece)
@@ -84,7 +84,7 @@ def by_rival(pieces: Iterable[Piece]) -> dict[Any, list[Piece]]:
 def judged(
     frame: pd.DataFrame,
 ) -> Iterator[tuple[str, str, Verdict, list[Piece]]]:
-    """Claim, rival, verdict and pieces."""
+    """Claim, baseline, verdict and pieces."""
     frozen = rules()
     for (name, rival), pieces in by_rival(every_piece(frame)).items():
         found = verdict(frozen.claims[name], pieces, frozen)
@@ -115,7 +115,7 @@ def _row(name: str, rival: str, found: Verdict, pieces: list[Piece]) -> dict[str
 
 
 def _by_scene(found: Verdict) -> str:
-    """What a rule on the words of scenes compares: each scene's number with its interval."""
+    """Numbers behind a rule on the verdicts of scenes: each scene's number with its interval."""
     parts = []
     for piece in found.decided_by:
         shown = _with_unit(piece.row(), "value")
@@ -127,7 +127,7 @@ def _by_scene(found: Verdict) -> str:
 
 
 def rival_name(rival: str) -> str:
-    """What a claim is held against, in words."""
+    """The baseline of a claim, in words."""
     model, at, level = rival.partition(" at ")
     known = {
         "published": "the paper's accuracy",
@@ -189,12 +189,12 @@ NOTE = (
     "Points: accuracy of HDC minus that of the baseline, mean over laboratories (random "
     "effects), with the interval of the mean and the range for a sensor of another "
     "laboratory; bounds end where the difference does: at ±100 points, and at 0 against "
-    "the paper's 100 %. Of one laboratory: the normal interval, and Student's over seeds "
-    "in the table of evidence. ×: training time relative to HDC, same implementation, of "
-    "the way with the least ratio. %: share of the loss by drift that came back. "
-    "Contrast: of prototypes less that of what they are held against, of each scene over "
-    "seeds; its rule joins the words of scenes and takes no mean. Verdicts are "
-    "exploratory unless marked: numbers of these recordings were known when the rules "
+    "the paper's 100 %. One laboratory has the normal interval, and Student's over seeds "
+    "in the table of evidence. ×: training time relative to HDC in the same "
+    "implementation, the one with the least ratio. %: share of the loss by drift that "
+    "came back. Contrast: of prototypes minus that of hypervectors or speckle, for each "
+    "scene over seeds; its rule joins the verdicts of scenes and takes no mean. Verdicts "
+    "are exploratory unless marked: numbers of these recordings were known when the rules "
     "were written. Rules: docs/claims.md, version {version} of {dated}, digest "
     "{digest}{commit}."
 )
@@ -210,12 +210,12 @@ def _note(_: pd.DataFrame) -> str:
 
 
 def claims(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row a claim and rival, of all recordings that the rules list."""
+    """One row per claim and baseline, of all recordings that the rules list."""
     return _table([_row(*line) for line in judged(frame)])
 
 
 def confirmatory(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row a claim, rival and unseen recording, by its own interval; then all of them joined."""
+    """One row per claim, baseline and unseen recording, by its own interval; then all joined."""
     frozen = rules()
     rows = []
     for (name, rival), pieces in by_rival(every_piece(frame)).items():
@@ -231,7 +231,7 @@ def confirmatory(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 
 def evidence(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row a claim, rival and recording, scene or way."""
+    """One row per claim, baseline and recording, scene or implementation."""
     return _table([piece.row() for piece in every_piece(frame)])
 
 

@@ -1,7 +1,6 @@
 """The paper's claims: the frozen rules, words of numbers whose answer is known and of records."""
 
 import math
-import re
 import subprocess
 
 import msgspec
@@ -557,19 +556,6 @@ def drifted(write_measurement, updated, stored=30, old=90, seeds=3):
     write_measurement("drift", rows, config={"scene": scene}, scene="fibres_exchanged")
 
 
-@pytest.mark.parametrize(
-    ("updated", "expected"), [(85, YES), (40, NO), (60, UNDECIDED)]
-)
-def test_recalibration_is_the_share_of_the_loss_that_comes_back(
-    write_measurement, judged, updated, expected
-):
-    drifted(write_measurement, updated)
-    row = judged("recalibration", "its own loss")
-    assert row["word"] == expected
-    shares = [100 * (updated - 30) / (90 - 30 - seed) for seed in range(3)]
-    assert row["mean"] == pytest.approx(np.mean(shares))
-
-
 def test_what_drift_has_not_cost_cannot_be_restored(
     tmp_path, write_measurement, judged
 ):
@@ -578,57 +564,6 @@ def test_what_drift_has_not_cost_cannot_be_restored(
     evidence = view.evidence(Results(tmp_path).frame(*view.OF))
     remark = evidence[evidence.rival == "its own loss"].remark.iloc[0]
     assert remark == "drift cost 9.0 points, less than the 20 to be restored"
-
-
-@pytest.mark.parametrize(("prototype", "expected"), [(0.3, YES), (0.02, NO)])
-def test_contrast_is_held_against_that_of_hypervectors_and_of_the_speckle(
-    write_measurement, judged, prototype, expected
-):
-    gains = {"speckle": 0.1, "hypervector": 0.15, "prototype": prototype}
-    rows = [
-        {"origin": "simulated", "seed": seed, "kind": kind, "samples": "held-out", "class_i": i,
-         "class_j": j, "value": 0.2 + (gain + seed / 1000 * gain) * (i == j), "n": 80}
-        for seed in range(3) for kind, gain in gains.items()
-        for i in "AB" for j in "AB"
-    ]  # fmt: skip
-    write_measurement("correlation", rows, scene="touch")
-    for rival in ("hypervector", "speckle"):
-        row = judged("contrast", rival)
-        assert row["word"] == expected
-        assert math.isnan(row["mean"])
-        less = prototype - gains[rival]
-        steps = 1 + np.array([0, 0.001, 0.002])
-        half = 4.30265 * less * np.std(steps, ddof=1) / math.sqrt(3)
-        low, high = sorted([less * 1.001 - half, less * 1.001 + half])
-        numbers = [
-            float(text)
-            for text in re.findall(r"[-\d.]+\d", row["by_scene"].replace("−", "-"))
-        ]
-        assert numbers == pytest.approx([less * 1.001, low, high], rel=0.03)
-        assert view._number(row) == row["by_scene"]
-
-
-@pytest.mark.parametrize(("flipped", "expected"), [(100, YES), (50, NO)])
-def test_flipped_bits_cost_accuracy_or_do_not(
-    tmp_path, write_measurement, judged, flipped, expected
-):
-    levels = RULES.claims["faults"].levels
-    rows = [
-        {"origin": "computed", "model": model, "seed": seed, "disturbance": kind, "level": level,
-         "draw": 0, "n_test": 1000, "right": right * 10, "n_classes": 5, "model_bytes": 1}
-        for seed in range(5) for model in ("hdc", RAW)
-        for kind, level, right in (("none", 0.0, 100), *(("bit_flips", x, flipped) for x in levels))
-    ]  # fmt: skip
-    scene = configs.part("scene", "fibre")["scene"]
-    write_measurement("robustness", rows, config={"scene": scene}, scene="fibre")
-    for level in levels:
-        row = judged("faults", f"unflipped at {100 * level:g} %")
-        assert row["word"] == expected
-        assert row["mean"] == pytest.approx(flipped - 100)
-    assert judged("faults", f"{RAW} at 1 %") is None  # beside, without a word
-    assert f"{RAW} at 1 %" in set(
-        view.evidence(Results(tmp_path).frame(*view.OF)).rival
-    )
 
 
 def test_a_claim_on_times_waits_for_every_way(tmp_path, write_measurement, judged):
@@ -849,22 +784,6 @@ def test_the_whole_row_of_a_recording(record, row_of, judged):
     )  # fmt: skip
 
 
-def test_a_recording_that_is_not_listed_has_the_laboratory_of_its_file(record, row_of):
-    scene = "fibre_4_fields"
-    record(scene, 80, 60, n_fields=4)
-    row = row_of("accuracy", RAW, scene)
-    assert (row["laboratory"], row["frames"]) == ("wavefrontshaping", "computed")
-    assert (row["status"], row["enters"]) == ("exploratory", "no")
-    assert row["remark"] == "seen through 4 input fields"
-    assert row["word"] == YES
-
-
-def test_recordings_that_were_unseen_are_of_their_status(record, row_of):
-    record("rgb_fibres", 80, 60)
-    row = row_of("accuracy", RAW, "rgb_fibres")
-    assert (row["laboratory"], row["status"]) == ("baimukashev", CONFIRMATORY)
-
-
 def test_the_largest_size_that_is_open_counts():
     """At 50 frames of each class both models are saturated."""
     of = {("hdc", 5): 0.6, ("hdc", 20): 0.9, ("hdc", 50): 0.995,
@@ -936,26 +855,6 @@ def test_the_whole_row_of_a_simulated_scene(
     assert remark or row["word"]
 
 
-def test_the_whole_row_of_a_way_of_timing(write_measurement, row_of):
-    rows = [
-        {"origin": "simulated", "seed": 0, "way": "default", "route": "torch",
-         "turn": turn, "model": model, "seconds": seconds, "hdc_seconds": 0.5,
-         "status": "ok", "train_accuracy": 1.0, "test_accuracy": 1.0}
-        for turn in range(3)
-        for model, seconds in (("hdc", 0.5), ("cnn1", 25 + turn))
-    ]  # fmt: skip
-    entry = write_measurement("times_grid", rows, scene="touch")
-    assert row_of("networks_one_layer", "cnn1", "default") == equals(
-        claim="networks_one_layer", rival="cnn1", evidence="default", laboratory="",
-        frames="simulated", status="exploratory", unit="×", value=52, value_low=50,
-        quantity="training time of CNN, 1 layer relative to HDC, same implementation",
-        value_high=54, standard_error=NAN, n="3 runs", word=YES, enters="yes",
-        remark="too few runs for an interval: lowest and highest",
-        command="python -m experiments.run experiment=times_grid",
-        record=entry["id"],
-    )  # fmt: skip
-
-
 def test_evidence_is_judged_by_the_rules_that_are_given(
     tmp_path, record, write_measurement
 ):
@@ -983,24 +882,6 @@ def test_evidence_is_judged_by_the_rules_that_are_given(
             assert found.word == word
         judged = verdict.verdict(claim_of("more_accurate"), [piece(0.2)], given)
         assert judged.word == word
-
-
-def test_the_whole_row_of_a_recording_that_was_unseen(tmp_path, record):
-    """By its own interval; of one alone nothing is joined."""
-    record("gelsight_billets", 80, 50)
-    table = view.confirmatory(Results(tmp_path).frame(*view.OF))
-    table = table[table.claim == "accuracy"]
-    (row,) = table.to_dict("records")
-    assert row == equals(
-        recording="gelsight_billets", claim="accuracy", rival=RAW, by="the paper",
-        says=RULES.claims["accuracy"].paper, word=YES,
-        unit="points", mean=30, mean_low=30, mean_high=30, predicted_low=NAN,
-        predicted_high=NAN, laboratories=1, frames="captured", by_scene="",
-        status=CONFIRMATORY, rules=RULES.version, record=row["record"],
-        frozen=frozen.commit(), digest=frozen.digest(),
-        command="python -m experiments.reproduce --full --claim accuracy",
-    )  # fmt: skip
-    assert row["record"].startswith("recordings-")
 
 
 # Cells --------------------------------------------------------------------------------------------
