@@ -210,7 +210,7 @@ def contest(frame: pd.DataFrame) -> pd.DataFrame:
     rows = [_row("bits", "all laboratories", bits, judged=True)]
     for name in dict.fromkeys(each.laboratory for each in listed.values()):
         own = {scene: one for scene, one in bits.items() if one.laboratory == name}
-        others = {scene: one for scene, one in bits.items() if scene not in own}
+        others = {scene: bits[scene] for scene in bits if own and scene not in own}
         rows.append(_row("bits", f"without {name}", others, judged=True))
         rows.append(_row("bits", f"{name} alone", own))
     by_objects = confirmed(evidence)
