@@ -36,6 +36,7 @@ from experiments.protocol.settings import Split
 from experiments.protocol.splits import nested, resample_split
 from experiments.protocol.stop import StopRule
 from experiments.records.rows import pack_labels
+from hdc.backends import compile_kernels
 
 
 class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -290,6 +291,7 @@ def _by_backend(model: Any) -> dict[str, Timed]:
         return {"": Timed(model)}
     backends = {"": "numpy"}
     if importlib.util.find_spec("numba") is not None:
+        compile_kernels()  # before any of them is timed
         backends["_compiled"] = "compiled"
     found = {}
     for column, backend in backends.items():
