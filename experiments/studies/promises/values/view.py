@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import Any
 
 import numpy as np
@@ -23,6 +24,16 @@ COUNTING = ("hdc", "hdc_integer")
 PROVEN_FROM = 9
 OF_BINS = ["answers", "right", "sure", "spread"]
 SHARES = ("covered", "inside", "refused", "unknown_refused", "accuracy", "calibration")
+# Okabe and Ito's: all models are HDC, and of one colour elsewhere.
+COLOURS = (
+    "#D55E00",
+    "#0072B2",
+    "#E69F00",
+    "#009E73",
+    "#56B4E9",
+    "#CC79A7",
+    "black",
+)
 SESSIONS = {"random": "same", "counts": "next"}
 COLUMNS = {
     "recording": Column("Frames", scene_name),
@@ -153,7 +164,7 @@ def draw(figure: Figure, frame: pd.DataFrame) -> None:
     """A panel a session and scene, a line a model."""
     scenes = dict(list(frame.groupby("scene", sort=False)))
     sessions = list(frame.split.unique())
-    looks = {model: _look(model, k) for k, model in enumerate(models_of(frame))}
+    looks = dict(zip(models_of(frame), itertools.cycle(COLOURS)))
     panels = figure.subplots(
         len(sessions), len(scenes), sharex=True, sharey=True, squeeze=False
     )
@@ -165,26 +176,16 @@ def draw(figure: Figure, frame: pd.DataFrame) -> None:
             most = rows[(rows.n == rows.n.max()) & (rows.split == session)]
             axes.plot([0, 100], [0, 100], color="0.6", lw=0.8)
             for model, own in most.groupby("model", sort=False):
-                axes.plot(*reliability(own), **looks[str(model)])
+                look = {"color": looks[str(model)], "marker": style_of(str(model))[1]}
+                axes.plot(*reliability(own), **look, ms=3, lw=0.8)
             axes.set(xlim=(0, 103), ylim=(0, 103))
     for axes in panels[-1]:
         axes.set_xlabel("probability (%)")
     handles = [
-        Line2D([], [], label=literal(display_name(model)), **look)
-        for model, look in looks.items()
+        Line2D([], [], color=colour, label=literal(display_name(model)))
+        for model, colour in looks.items()
     ]
     figure.legend(handles=handles, loc="outside lower center", ncols=4)
-
-
-# Okabe and Ito's.
-_COLOURS = ("#D55E00", "#0072B2", "#E69F00", "#009E73", "#56B4E9", "#CC79A7", "black")
-
-
-def _look(model: str, place: int) -> dict[str, Any]:
-    """All models are HDC, and of one colour elsewhere: here each has a colour of its own."""
-    _, marker, _ = style_of(model)
-    colour = _COLOURS[place % len(_COLOURS)]
-    return {"color": colour, "marker": marker, "ms": 3, "lw": 0.8}
 
 
 def reliability(rows: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:

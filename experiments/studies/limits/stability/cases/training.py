@@ -11,23 +11,9 @@ from scipy.optimize import minimize
 from scipy.special import expit
 from torch import Tensor
 
-from baselines.correlation import CorrelationClassifier
-from baselines.nearest_neighbour import NearestNeighbour
-from baselines.ridge import RidgeReadout
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.studies.limits.stability.case import case, relative
-from hdc import HDCClassifier
-
-MODELS: tuple[Any, ...] = (
-    HDCClassifier,
-    SoftmaxRegression,
-    DualSoftmaxRegression,
-    RidgeReadout,
-    CorrelationClassifier,
-    NearestNeighbour,
-)
-
 
 training_case = partial(case, "training")
 
@@ -122,31 +108,3 @@ def steps_that_overshoot(c: float = 1e6) -> Any:
         options={"gtol": 1e-3, "maxiter": 5000},
     )
     return naive, ours, exact.fun
-
-
-@training_case(
-    "samples of classes 0 and 2 of three: the mean of no sample is NaN, nearest to all",
-    "nearest of three class means",
-    "six models",
-    "wrong labels",
-)
-def a_class_without_training_samples(n: int = 10, side: int = 16) -> Any:
-    random = np.random.default_rng(0)
-    noise = random.integers(0, 256, (n, side, side), dtype=np.uint8)
-    frames = torch.from_numpy(noise)
-    labels = np.arange(n) % 2 * 2
-
-    def naive() -> int:
-        x = frames.flatten(1).numpy().astype(float)
-        means = np.array([x[labels == c].mean(0) for c in range(3)])
-        distances = ((x[:, None] - means) ** 2).sum(2)
-        return (distances.argmin(1) != labels).sum()
-
-    def ours() -> list[int]:
-        wrong = []
-        for model in MODELS:
-            predicted = model().fit(frames, labels).predict(frames)
-            wrong.append((predicted != labels).sum())
-        return wrong
-
-    return naive, ours, 0
