@@ -41,6 +41,7 @@ class HDCRegressor(Estimator):
         encoder_, readout_: the parts, trained.
         residuals_: exact leave-one-out errors of the training frames, float64 [N, T]; with a period
             of their cosines and then of their sines.
+        mean_: of the numbers of the frames that are kept, float64 [T].
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
@@ -186,6 +187,13 @@ class HDCRegressor(Estimator):
     @property
     def residuals_(self) -> np.ndarray:
         return self.readout_.residuals_.numpy()
+
+    @property
+    def mean_(self) -> np.ndarray:
+        mean = self._values.mean(dim=0, keepdim=True).numpy()
+        if self.period is not None:
+            mean = circular.from_plane(mean, self.period, self._is_signed)
+        return mean[0]
 
     @overload
     def predict(

@@ -53,23 +53,14 @@ def ask(
         ValueError: `proba` of a regressor, or of a model that has no probabilities.
     """
     wanted = Wanted(reject, interval, proba)
-    images = []
-    arrays = []
-    videos = []
-    for file in files:
-        suffix = readers.split_name(file)[0].suffix.lower()
-        if suffix in VIDEO_SUFFIXES:
-            videos.append(file)
-        elif suffix in FRAMES:
-            arrays.append(file)
-        else:
-            images.append(file)
+    suffixes = {file: readers.split_name(file)[0].suffix.lower() for file in files}
+    images = [f for f in files if suffixes[f] not in (*FRAMES, *VIDEO_SUFFIXES)]
     stills = zip(images, stream_files(images, window), strict=True)
     yield from _answers(model, stills, wanted)
-    for array in arrays:
+    for array in [f for f in files if suffixes[f] in FRAMES]:
         frames = _of_array(model, array, window, axes)
         yield from _answers(model, frames, wanted)
-    for video in videos:
+    for video in [f for f in files if suffixes[f] in VIDEO_SUFFIXES]:
         # All before the first is given: at its end a video may turn out to be cut off.
         frames = _of_video(video, window)
         yield from list(_answers(model, frames, wanted))
@@ -108,68 +99,62 @@ def _answers(
 
 
 def _of_batch(model: Any, batch: np.ndarray, wanted: Wanted) -> list[dict[str, Any]]:
-    """Values of each frame, or its label with what belongs to it."""
+    """Values of each frame, or its label, with what belongs to it."""
     if hasattr(model, "classes_"):
-        return _labels_of_batch(model, batch, wanted)
-    if wanted.proba:
-        raise ValueError(
-            f"--proba: expected a model of classes, found {type(model).__name__}"
-        )
-    return _values_of_batch(model, batch, wanted.interval)
+        columns = _label_columns(model, batch, wanted)
+    elif wanted.proba:
+        found = type(model).__name__
+        raise ValueError(f"--proba: expected a model of classes, found {found}")
+    else:
+        columns = _value_columns(model, batch, wanted.interval)
+    rows = zip(*columns.values(), strict=True)
+    return [dict(zip(columns, row, strict=True)) for row in rows]
 
 
-def _labels_of_batch(
+def _label_columns(
     model: Any, batch: np.ndarray, wanted: Wanted
-) -> list[dict[str, Any]]:
-    """The label of each frame, with margin and distances where classes have prototypes."""
-    classes = [str(c) for c in model.classes_]
+) -> dict[str, Sequence[Any]]:
+    """Labels; margins and distances where classes have prototypes; and what is wanted."""
     labels = model.predict(batch).tolist()
     if wanted.reject:
         known = model.is_known(batch, wanted.reject)
-        labels = [
-            label if like else None for label, like in zip(labels, known, strict=True)
-        ]
-    answers: list[dict[str, Any]] = [{"label": label} for label in labels]
+        pairs = zip(labels, known, strict=True)
+        labels = [label if like else None for label, like in pairs]
+    columns: dict[str, Sequence[Any]] = {"label": labels}
     if wanted.interval is not None:
         sets = model.predict_set(batch, outside(wanted.interval))
-        for answer, possible in zip(answers, sets, strict=True):
-            answer["set"] = possible.tolist()
+        columns["set"] = [possible.tolist() for possible in sets]
     if wanted.proba:
-        shares = model.predict_proba(batch).tolist()
-        for answer, row in zip(answers, shares, strict=True):
-            answer["probability"] = max(row)
-            answer["probabilities"] = dict(zip(classes, row, strict=True))
-    # Imported late: torch takes seconds, and is there by now.
-    from hdc.readouts import Majority
+        shares = model.predict_proba(batch)
+        columns["probability"] = shares.max(1).tolist()
+        columns["probabilities"] = _by_name(model.classes_, shares)
+    from hdc.readouts import Majority  # late: torch takes seconds, and is there by now
 
-    if not isinstance(model.readout_, Majority):
-        return answers
-    shares = (model.distances(batch) / model.dimension_).tolist()
-    for answer, row in zip(answers, shares, strict=True):
-        answer["margin"] = _margin(row)
-        answer["distances"] = dict(zip(classes, row, strict=True))
-    return answers
+    if isinstance(model.readout_, Majority):
+        shares = model.distances(batch) / model.dimension_
+        columns["margin"] = [_margin(row) for row in shares.tolist()]
+        columns["distances"] = _by_name(model.classes_, shares)
+    return columns
 
 
-def _values_of_batch(
+def _value_columns(
     model: Any, batch: np.ndarray, interval: float | None
-) -> list[dict[str, Any]]:
+) -> dict[str, Sequence[Any]]:
+    """Values by name, and the ends of their intervals if there is a share to hold."""
     names = value_names(model)
     if interval is None:
-        rows = model.predict(batch).reshape(len(batch), -1).tolist()
-        return [{"values": dict(zip(names, row, strict=True))} for row in rows]
-    found = with_ends(model, batch, interval)
-    answers = []
-    for row, low, high in zip(*found, strict=True):
-        ends = np.stack([low, high], axis=1).tolist()
-        pairs = [[finite(low), finite(high)] for low, high in ends]
-        answers.append(
-            {
-                "values": dict(zip(names, row.tolist(), strict=True)),
-                "intervals": dict(zip(names, pairs, strict=True)),
-            }
-        )
-    return answers
+        values = model.predict(batch).reshape(len(batch), -1)
+        return {"values": _by_name(names, values)}
+    values, low, high = with_ends(model, batch, interval)
+    ends = np.stack([low, high], axis=2).astype(object)
+    ends[np.isinf(ends.astype(float))] = None
+    return {"values": _by_name(names, values), "intervals": _by_name(names, ends)}
+
+
+def _by_name(names: Iterable[Any], rows: np.ndarray) -> list[dict[str, Any]]:
+    """Rows [N, k, …] as a dictionary each."""
+    keys = [str(name) for name in names]
+    return [dict(zip(keys, row, strict=True)) for row in rows.tolist()]
 
 
 def with_ends(
@@ -184,10 +169,6 @@ def with_ends(
 def outside(interval: float) -> float:
     """The share that may lie outside: 1 − 0.9 is 0.1, not a bit less."""
     return round(1 - interval, 12)
-
-
-def finite(end: float) -> float | None:
-    return end if np.isfinite(end) else None
 
 
 def _margin(distances: list[float]) -> float | None:
@@ -242,6 +223,7 @@ def _cell(item: Any) -> str:
 
 
 def batched(items: Iterable[Any]) -> Iterator[list[Any]]:
+    """Lists of so many at a time."""
     waiting = iter(items)
     while some := list(itertools.islice(waiting, BATCH)):
         yield some

@@ -8,18 +8,16 @@ from typing import Any
 
 import click
 
-from hdc.command import messages, work
+from hdc.command import messages, options, work
 from hdc.io import write_atomically
-
-_FILE = click.Path(path_type=Path)
 
 
 @click.command(short_help="Write a model as a C99 header.")
-@click.argument("model", type=_FILE)
+@click.argument("model", type=options.FILE)
 @click.option(
     "-o",
     "--output",
-    type=_FILE,
+    type=options.FILE,
     required=True,
     help="Header to write, such as touch.h.",
 )

@@ -10,15 +10,15 @@ UNSEEN_GROUPS = "in groups that training has not seen"
 
 
 def hold_out(
-    recording: Recording, fraction: float | None
+    recording: Recording, fraction: float | None, by_order: bool = False
 ) -> tuple[np.ndarray, np.ndarray, str]:
     """Indices to train on and to hold out, increasing, and how these were chosen.
 
     The last sessions where there are several, else whole groups where they are known, else the
-    same share of each class at random, or of all where numbers are learnt.
+    same share of each class, or of all where numbers are learnt: at random, or `by_order` the last.
 
     Raises:
-        ValueError: no group can be held out.
+        ValueError: no group can be held out, or a class has one frame.
     """
     every = np.arange(len(recording))
     if fraction is None:
@@ -26,17 +26,19 @@ def hold_out(
     last = last_sessions(recording, fraction)
     if last is not None:
         return every[~last], every[last], "in the last sessions"
-    labels = learnt_labels(recording)
-    if labels is None:
-        labels = np.zeros(len(recording), int)
+    labels = labels_or_zeros(recording)
     if recording.group is not None:
         return *split_groups(labels, recording.group, fraction, 0), UNSEEN_GROUPS
+    if by_order:
+        return *split(labels, fraction, 0, recording.order), "in the last frames"
     return *split(labels, fraction, 0), "at random"
 
 
-def learnt_labels(recording: Recording) -> np.ndarray | None:
-    """Labels [N] that a model learns; None where it learns numbers, labels or not."""
-    return recording.labels if recording.values is None else None
+def labels_or_zeros(recording: Recording) -> np.ndarray:
+    """Labels [N] that a model learns; zeros where it learns numbers, labels or not."""
+    if recording.labels is None or recording.values is not None:
+        return np.zeros(len(recording), np.int64)
+    return recording.labels
 
 
 def why_random(recording: Recording) -> str:
@@ -61,8 +63,8 @@ def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
         return None
     count = min(max(1, round(fraction * len(known))), len(known) - 1)
     last = np.isin(recording.session, known[-count:])
-    labels = learnt_labels(recording)
-    if labels is not None and set(labels) - set(labels[~last]):
+    labels = labels_or_zeros(recording)
+    if set(labels) - set(labels[~last]):
         return None
     group = recording.group
     if group is not None and set(group[last].tolist()) & set(group[~last].tolist()):

@@ -7,6 +7,7 @@ from pathlib import Path
 import click
 
 from hdc.command import options, work
+from hdc.command.source import pixels
 from hdc.readers import Window
 
 
@@ -21,7 +22,7 @@ from hdc.readers import Window
 @click.option(
     "--video", type=options.FILE, metavar="FILE", help="Play this, without labels."
 )
-@options.pixels
+@pixels
 @click.option(
     "--host",
     metavar="ADDRESS",
@@ -33,8 +34,7 @@ def live(
     camera: int | None,
     folder: Path | None,
     video: Path | None,
-    crop: tuple[int, ...] | None,
-    subsample: int,
+    window: Window,
     host: str | None,
     port: int,
 ) -> None:
@@ -45,13 +45,12 @@ def live(
     """
     if sum(given is not None for given in (camera, folder, video)) != 1:
         raise click.UsageError("expected one of --camera, --folder and --video")
-    if model is not None and (crop is not None or subsample != 1):
+    if model is not None and window != Window():
         raise click.UsageError("expected no --crop or --subsample with a MODEL")
     from hdc.live import open_source
     from hdc.live.page import serve
 
     trained = None
-    window = Window(crop, subsample)
     if model is not None:
         trained, window = work.load(model)
     source = open_source(window, folder, video, camera or 0)

@@ -6,12 +6,12 @@ import shlex
 from collections import Counter
 from contextlib import suppress
 from pathlib import Path, PurePath
-from typing import Any
 
 import click
 
 from hdc import readers
-from hdc.command import messages, options, work
+from hdc.command import messages
+from hdc.command.source import Source, opened, recording
 from hdc.readers import Recording, Window, stores
 from hdc.readers.files import Ambiguous, columns_of
 from hdc.readers.listing import all_files
@@ -21,21 +21,18 @@ MOST = 12
 
 
 @click.command(short_help="Show how a recording is read.")
-@options.recording
-def look(recording: Path, **source: Any) -> None:
+@recording
+def look(source: Source) -> None:
     """Show what a RECORDING holds, and the line to type for hdc train.
 
-    A RECORDING with several readings has a line for each.
+    A RECORDING that can be read in several ways has a line for each.
     """
-    file, _ = readers.split_name(recording)
+    file, _ = readers.split_name(source.path)
     if file.exists():
         for line in _shortened(contents(file)):
             click.echo(line)
-    words = messages.recording_words(recording, Window(), source)
-    for taken, frames in _readings(words)[:MOST]:
-        click.echo()
-        for line in _described(taken, frames):
-            click.echo(line)
+    for taken, frames in _readings(source.words(Window()))[:MOST]:
+        click.echo("\n" + "\n".join(_described(taken, frames)))
 
 
 def _shortened(lines: list[str]) -> list[str]:
@@ -98,12 +95,6 @@ def _video(path: Path) -> list[str]:
 # How it can be read ------------------------------------------------------------------------------
 
 
-@click.command()
-@options.recording
-def _opened(recording: Path, **source: Any) -> Recording:
-    return work.open_frames(recording, Window(), **source)
-
-
 def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
     """Each way in which the words of a command line can be read: with what is added, and opened.
 
@@ -111,7 +102,7 @@ def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
         ValueError: there is none.
     """
     try:
-        return [(words, _opened.main(words, standalone_mode=False))]
+        return [(words, opened.main(words, standalone_mode=False))]
     except Ambiguous as error:
         found = []
         for choice in error.choices[:MOST]:

@@ -1,9 +1,8 @@
-"""Lines that the commands print of a recording and of a model, with the line to type."""
+"""Lines that the commands print of a recording and of a model."""
 
 from __future__ import annotations
 
 import re
-import shlex
 from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,11 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from hdc import circular
-from hdc.command.holdout import learnt_labels
-from hdc.readers import Recording, Window, natural_key
+from hdc.readers import Recording, natural_key
 
-_SKIPS = ("skip_damaged", "skip_missing")
 TURN = 360
 """Degrees; values that span this share of them look like angles of a whole turn."""
 _WHOLE = 0.9
@@ -28,33 +24,6 @@ def class_line(recording: Recording, index: np.ndarray) -> str:
     """The classes of some frames, and how many each has."""
     names = np.array(recording.names)[index].tolist()
     return f"classes: {_counted(names, recording.classes)}"
-
-
-def guess_line(
-    recording: Recording,
-    training: np.ndarray,
-    test: np.ndarray,
-    period: float | None = None,
-) -> str:
-    """Accuracy or error of a guess: the largest class, or the mean."""
-    labels = learnt_labels(recording)
-    if labels is not None:
-        largest = np.bincount(labels[training]).argmax()
-        share = (labels[test] == largest).mean()
-        name = printable(recording.classes[largest])
-        return f"a guess of {name}, the largest class: accuracy {share:.1%}"
-    values = recording.values
-    assert values is not None
-    mean = values[training].mean(axis=0)
-    if period is not None:
-        plane = circular.to_plane(values[training], period).mean(axis=0)[None]
-        mean = circular.from_plane(plane, period, True)[0]
-    errors = circular.errors(values[test], mean, period).mean(axis=0).tolist()
-    units = recording.value_units or ("",) * len(errors)
-    parts = []
-    for name, unit, error in zip(recording.value_names, units, errors, strict=True):
-        parts.append(f"{printable(name)} {error:.4g} {unit}".rstrip())
-    return f"a guess of the mean: mean absolute error {', '.join(parts)}"
 
 
 def circular_lines(recording: Recording) -> list[str]:
@@ -158,44 +127,3 @@ def _in_words(part: object) -> str:
     """The first paragraph of what a part of a model says of itself."""
     text = type(part).__doc__ or ""
     return " ".join(text.strip().partition("\n\n")[0].split())
-
-
-def command_line(
-    recording: Path,
-    window: Window,
-    source: dict[str, Any],
-    encoder: str,
-    readout: str,
-    period: float | None = None,
-) -> str:
-    """The line to type to train such a model of a recording that was opened so."""
-    words = ["hdc", "train", *recording_words(recording, window, source)]
-    if period is not None:
-        words += ["--circular", f"{period:.12g}"]
-    words += ["--encoder", encoder, "--readout", readout, "-o", "model.safetensors"]
-    return shlex.join(words)
-
-
-def recording_words(
-    recording: Path, window: Window, source: dict[str, Any]
-) -> list[str]:
-    """The words to type to open a recording so: its path, and options."""
-    words = [str(recording)]
-    if source["template"]:
-        words += ["--template", source["template"]]
-    if source["table"]:
-        words += ["--values", str(source["table"])]
-    for column in source["value_columns"]:
-        words += ["--column", column]
-    if source["image_column"] != "image":
-        words += ["--image-column", source["image_column"]]
-    if source["labels"]:
-        words += ["--labels", source["labels"]]
-    if source["axes"]:
-        words += ["--axes", ",".join(source["axes"])]
-    words += [f"--{name.replace('_', '-')}" for name in _SKIPS if source[name]]
-    if window.crop is not None:
-        words += ["--crop", *map(str, window.crop)]
-    if window.subsample != 1:
-        words += ["--subsample", str(window.subsample)]
-    return words

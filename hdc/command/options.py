@@ -1,4 +1,4 @@
-"""Options that several commands share."""
+"""Options that several commands share; :mod:`hdc.command.source` has those of a recording."""
 
 from __future__ import annotations
 
@@ -14,20 +14,16 @@ FILE = click.Path(path_type=Path)
 SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 
-def together(*options: Callable[..., Any]) -> Callable[..., Any]:
-    """One decorator of several options, in the order of the help."""
-
-    def decorate(command: Any) -> Any:
-        for option in reversed(options):
-            command = option(command)
-        return command
-
-    return decorate
-
-
 def _names(_: Any, __: Any, text: str | None) -> tuple[str, ...] | None:
     """Words between commas."""
     return None if text is None else tuple(text.replace(" ", "").split(","))
+
+
+def _file(_: Any, __: Any, path: Path | None) -> Path | None:
+    """A file, and no dash: nothing is written to the output."""
+    if path == Path("-"):
+        raise click.BadParameter("expected the name of a file, found -")
+    return path
 
 
 axes = click.option(
@@ -35,64 +31,6 @@ axes = click.option(
     metavar="NAMES",
     callback=_names,
     help="Axes of an array, such as height,width,frame.",
-)
-recording = together(
-    click.argument("recording", type=FILE),
-    click.option(
-        "--template",
-        metavar="PATTERN",
-        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'.",
-    ),
-    click.option(
-        "--values",
-        "table",
-        type=FILE,
-        metavar="CSV",
-        help="Table of numbers to learn or compare with, a row per image or frame.",
-    ),
-    click.option(
-        "--column",
-        "value_columns",
-        multiple=True,
-        metavar="NAME",
-        help="Column of numbers; may be repeated. [default: all numeric ones]",
-    ),
-    click.option(
-        "--image-column",
-        default="image",
-        metavar="NAME",
-        help="Column of the table that names the image, or that holds it.",
-    ),
-    click.option(
-        "--labels",
-        metavar="NAME",
-        help="Array or column of labels, or a CSV with a row per frame.",
-    ),
-    axes,
-    click.option(
-        "--skip-damaged", is_flag=True, help="Leave damaged images out, and count them."
-    ),
-    click.option(
-        "--skip-missing",
-        is_flag=True,
-        help="Leave rows of a table out whose image is missing, and count them.",
-    ),
-)
-pixels = together(
-    click.option(
-        "--crop",
-        type=click.IntRange(0),
-        nargs=4,
-        metavar="X Y WIDTH HEIGHT",
-        help="Pixels to keep, from the top left corner. [default: all]",
-    ),
-    click.option(
-        "--subsample",
-        type=click.IntRange(1),
-        default=1,
-        metavar="N",
-        help="Keep every N-th pixel on both axes.",
-    ),
 )
 circular = click.option(
     "--circular",
@@ -103,7 +41,12 @@ circular = click.option(
     "sine and cosine, and errors are taken the shorter way round.",
 )
 output = click.option(
-    "-o", "--output", type=FILE, required=True, help="File to write the model to."
+    "-o",
+    "--output",
+    type=FILE,
+    required=True,
+    callback=_file,
+    help="File to write the model to.",
 )
 TRUSTED = "hdc.trusted"
 """Where the names of ``--trusted`` are kept in the context of a command."""
@@ -113,17 +56,19 @@ def _keep_trusted(context: click.Context, _: object, names: tuple[str, ...]) -> 
     context.meta[TRUSTED] = names
 
 
-model = together(
-    click.argument("model", type=FILE),
-    click.option(
+def model(command: Callable[..., Any]) -> Callable[..., Any]:
+    """The argument MODEL, and the classes that it may import."""
+    trusted = click.option(
         "--trusted",
         multiple=True,
         expose_value=False,
         callback=_keep_trusted,
         metavar="MODULE.CLASS",
         help="Import this class of your own, which the model names; may be repeated.",
-    ),
-)
+    )
+    return click.argument("model", type=FILE)(trusted(command))
+
+
 json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
 reject = click.option(
     "--reject",
@@ -141,7 +86,4 @@ interval = click.option(
     metavar="SHARE",
     help="Answer with intervals of values, or sets of classes, that are to hold the truth for this "
     "share of the frames, such as 0.9.",
-)
-fraction = click.option(
-    "--test-fraction", type=SHARE, default=0.2, help="Share of frames to hold out."
 )

@@ -8,7 +8,10 @@ from typing import Any
 import click
 import numpy as np
 
-from hdc.command import messages, options, work
+from hdc.command import options
+from hdc.command.messages import learnt
+from hdc.command.source import Source, recording
+from hdc.command.work import frames_for, load
 from hdc.io import check_replaceable
 from hdc.readers import Recording
 from hdc.readers.batches import Batches
@@ -16,7 +19,7 @@ from hdc.readers.batches import Batches
 
 @click.command(short_help="Adapt a model to a changed sensor.")
 @options.model
-@options.recording
+@recording
 @options.output
 @click.option(
     "--p",
@@ -27,24 +30,23 @@ from hdc.readers.batches import Batches
 @click.option(
     "--method",
     type=click.Choice(["replace", "merge"]),
-    help="Replace bits with probability p, as published, or merge votes, the "
-    "only way of a model with the read-out counts. [default: replace]",
+    help="Replace bits with probability p, as published, or merge votes. [default: replace; "
+    "merge for the read-out counts]",
 )
 @click.option(
     "--seed", type=click.IntRange(0), help="Choice of the bits replaced. [default: 0]"
 )
 def recalibrate(
     model: Path,
-    recording: Path,
+    source: Source,
     output: Path,
     p: float | None,
     method: str | None,
     seed: int | None,
-    **source: Any,
 ) -> None:
-    """Adapt a model to a changed sensor.
+    """Adapt a MODEL to a changed sensor.
 
-    The new RECORDING is of some or all of the classes of the model, or of its numbers. A model
+    The new RECORDING is of some or all of the classes of the model, or has its numbers. A model
     with the read-out trained does not adapt by labels: train it anew.
 
     A model with --encoder reference can do without labels: the RECORDING is then a folder of images
@@ -54,51 +56,71 @@ def recalibrate(
     frames into few classes.
     """
     check_replaceable(output)
-    found, window = work.load(model)
-    given = not (p is None and method is None and seed is None)
-    if not hasattr(found, "classes_"):
-        if given:
-            raise click.UsageError(
-                "expected no --p, --method or --seed for a model of numbers"
+    found, window = load(model)
+    frames = frames_for(found, window, source, fewest_classes=0)
+    given = {"p": p, "method": method, "seed": seed}
+    options = {name: value for name, value in given.items() if value is not None}
+    if frames.labels is None and frames.values is None:
+        _refuse(options, (), "frames without labels")
+        if not hasattr(found, "rezero"):
+            raise ValueError(
+                f"{source.path}: expected labels, or a model with an encoder such as reference, "
+                "which adapts without"
             )
-        frames = work.frames_for(found, window, recording, source)
-        line = _by_values(found, frames)
-    elif (
-        unlabelled := work.unlabelled_frames(found, window, recording, source)
-    ) is not None:
-        if given:
-            raise click.UsageError(
-                "expected no --p, --method or --seed for frames without labels"
-            )
-        found.rezero(unlabelled)
-        line = f"re-referenced by {len(unlabelled)} new frames without labels"
+        found.rezero(frames)
+        line = f"re-referenced by {len(frames)} new frames without labels"
+    elif hasattr(found, "classes_"):
+        line = _by_labels(found, frames, options)
     else:
-        frames = work.frames_for(found, window, recording, source)
-        share = 0.5 if p is None else p
-        line = _by_labels(found, frames, share, method or "replace", seed or 0)
+        _refuse(options, (), "numbers")
+        found.recalibrate(_batches(frames), frames.values)
+        line = f"{len(frames)} new frames, {learnt(frames)}"
     found.save(output)
     click.echo(f"{output}: {line}")
 
 
-def _by_values(model: Any, frames: Recording) -> str:
-    """Adapt a model of numbers to new frames with theirs, and say to how many."""
-    if frames.values is None:
-        raise ValueError("--values: expected a table of the new numbers, found none")
-    model.recalibrate(Batches(frames, np.arange(len(frames))), frames.values)
-    return f"{len(frames)} new frames with {messages.learnt(frames)}"
-
-
-def _by_labels(
-    model: Any, frames: Recording, share: float, method: str, seed: int
-) -> str:
-    """Adapt a classifier to new labelled frames, and say to which."""
+def _by_labels(model: Any, frames: Recording, options: dict[str, Any]) -> str:
+    """Recalibrate a classifier; a line on what by."""
+    if not hasattr(model, "recalibrate"):
+        raise ValueError(
+            "recalibrate: expected the read-out majority, counts, ridge, neighbours, lda or "
+            f"kernel, found {model.readout_!r}; hdc train on the new frames"
+        )
+    used = _used_by(model.readout_)
+    _refuse(options, used, f"the read-out {type(model.readout_).__name__}")
+    if used == ("p", "method"):  # counts have no bits to replace
+        options.setdefault("method", "merge")
     by_name = {str(c): c for c in model.classes_.tolist()}
     labels = [by_name[name] for name in frames.names]
-    model.recalibrate(
-        Batches(frames, np.arange(len(frames))), labels, share, seed, method
-    )
+    model.recalibrate(_batches(frames), labels, **options)
     names, counts = np.unique(frames.names, return_counts=True)
     line = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
-    line += f", {method}, p = {share:g}"
-    others = sorted({*by_name} - {*names})
-    return f"{line}\nnot recalibrated: {', '.join(others)}" if others else line
+    if "method" in used:
+        line += f", {options.get('method', 'replace')}"
+    return f"{line}, p = {options.get('p', 0.5):g}" if "p" in used else line
+
+
+def _used_by(readout: Any) -> tuple[str, ...]:
+    """Names of the options that a read-out uses; all of one's own."""
+    from hdc import readouts  # late: torch takes seconds
+
+    options = {
+        readouts.Counts: ("p", "method"),
+        readouts.LDA: ("p",),
+        readouts.Kernel: ("p",),
+        readouts.Ridge: (),
+        readouts.Neighbours: (),
+    }
+    kinds = [names for kind, names in options.items() if isinstance(readout, kind)]
+    return kinds[0] if kinds else ("p", "method", "seed")
+
+
+def _refuse(options: dict[str, Any], used: tuple[str, ...], what: str) -> None:
+    """Raise a UsageError for an option that changes nothing."""
+    wrong = [f"--{name}" for name in options if name not in used]
+    if wrong:
+        raise click.UsageError(f"expected no {' or '.join(wrong)} for {what}")
+
+
+def _batches(frames: Recording) -> Batches:
+    return Batches(frames, np.arange(len(frames)))

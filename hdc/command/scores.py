@@ -9,7 +9,7 @@ import numpy as np
 
 from hdc import circular
 from hdc.accuracy import accuracy, confusion, r_squared, wilson
-from hdc.command.answers import batched, finite, outside, with_ends
+from hdc.command.answers import batched, outside, with_ends
 from hdc.command.messages import printable
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
@@ -22,7 +22,7 @@ def score(
     reject: float | None = None,
     interval: float | None = None,
 ) -> dict[str, Any]:
-    """Accuracy, confusions and wrong frames (or mean absolute errors), with lines for people.
+    """Accuracy, confusions and wrong frames (or errors of values), and ``text``: lines for people.
 
     With an `interval`, also how often the truth was in the intervals or sets.
     """
@@ -36,17 +36,18 @@ def score(
             known.append(model.is_known(batch, reject))
         if interval is not None:
             sets += model.predict_set(batch, outside(interval))
+    truth = np.array(recording.names)[index]
     result = _accuracy(model, recording, np.concatenate(predicted), index)
-    if interval is not None:
-        truth = np.array(recording.names)[index]
-        covered, line = _coverage_of_sets(sets, truth, interval)
-        result["coverage"] = covered
-        result["text"].insert(1, line)
+    lines = result["text"]
     if reject:
         refused = int((~np.concatenate(known)).sum())
-        line = f"--reject {reject:g} refuses {refused} of them as none of the classes"
         result["refused"] = refused
-        result["text"].insert(1, line)
+        lines.append(
+            f"--reject {reject:g} refuses {refused} of them as none of the classes"
+        )
+    if interval is not None:
+        result["coverage"], line = _coverage_of_sets(sets, truth, interval)
+        lines.append(line)
     return result
 
 
@@ -87,14 +88,13 @@ def _coverage_line(found: dict[str, Any], what: str) -> str:
 def _accuracy(
     model: Any, recording: Recording, predicted: np.ndarray, index: np.ndarray
 ) -> dict[str, Any]:
-    """Accuracy with its interval, confusions, and the frames that are wrong."""
+    """Accuracy with its interval and that of a guess, confusions, and the frames that are wrong."""
     names = [str(c) for c in model.classes_]
     row = {name: k for k, name in enumerate(names)}
     truth = np.array(recording.names)[index].tolist()
     found = [str(c) for c in predicted]
     true = np.array([row[name] for name in truth])
     read = np.array([row[name] for name in found])
-    counts = confusion(read, true, len(names))
     right = int((read == true).sum())
     share = accuracy(read, true)
     low, high = wilson(right, len(index))
@@ -103,27 +103,29 @@ def _accuracy(
         for i, a, b in zip(index, truth, found, strict=True)
         if a != b
     ]
+    largest = int(model.counts_.argmax())
+    guess = float((true == largest).mean())
     interval = f"95 % interval {low:.1%} to {high:.1%}"
-    line = f"accuracy {share:.1%} ({interval}), {right} of {len(index)} frames"
     return {
         "frames": len(index),
         "accuracy": share,
         "interval": [low, high],
+        "guess": guess,
         "classes": names,
-        "confusion": counts.tolist(),
+        "confusion": confusion(read, true, len(names)).tolist(),
         "wrong": wrong,
-        "text": [line, *confusions(names, counts)],
+        "text": [
+            f"accuracy {share:.1%} ({interval}), {right} of {len(index)} frames",
+            f"a guess of {printable(names[largest])}, the largest class: accuracy {guess:.1%}",
+        ],
     }
 
 
 def _score_of_values(
     model: Any, recording: Recording, index: np.ndarray, interval: float | None
 ) -> dict[str, Any]:
-    """Mean absolute error of each value; coverage and width of its intervals, if asked for."""
-    if recording.values is None:
-        raise ValueError(
-            "--values: expected a table of the numbers to compare with, found none"
-        )
+    """Errors and R² of each value; coverage and width of its intervals, if asked for."""
+    assert recording.values is not None
     parts: list[tuple[np.ndarray, ...]] = []
     for batch in _evaluated(recording, index):
         if interval is None:
@@ -132,20 +134,25 @@ def _score_of_values(
             parts.append(with_ends(model, batch, interval))
     predicted, *ends = (np.concatenate(part) for part in zip(*parts, strict=True))
     truth = recording.values[index]
-    means = circular.errors(predicted, truth, model.period).mean(axis=0).tolist()
-    units = recording.value_units or ("",) * len(means)
+    errors = circular.errors(predicted, truth, model.period).mean(axis=0).tolist()
+    mean = model.mean_
+    guesses = circular.errors(truth, mean, model.period).mean(axis=0).tolist()
+    units = recording.value_units or ("",) * len(errors)
     rows: dict[str, Any] = {}
     text = []
-    shares = _explained(truth, predicted, model.period)
-    for name, unit, mean, share in zip(
-        recording.value_names, units, means, shares, strict=True
-    ):
-        rows[name] = {"mean_absolute_error": mean, "r_squared": share}
+    for k, (name, unit) in enumerate(zip(recording.value_names, units, strict=True)):
+        share = _explained(truth[:, k], predicted[:, k], model.period)
+        rows[name] = {
+            "mean_absolute_error": errors[k],
+            "guess": guesses[k],
+            "r_squared": share,
+        }
         if unit:
             rows[name]["unit"] = unit
-        amount = f"{mean:.4g} {unit}".rstrip()
+        amounts = [f"{amount[k]:.4g} {unit}".rstrip() for amount in (errors, guesses)]
         text.append(
-            f"{name}: mean absolute error {amount}, R² {share:.3f}, {len(index)} frames"
+            f"{printable(name)}: mean absolute error {amounts[0]} (a guess of the mean "
+            f"{amounts[1]}), R² {share:.3f}, {len(index)} frames"
         )
     if interval is not None:
         low, high = ends
@@ -155,27 +162,27 @@ def _score_of_values(
             covered = _coverage(inside[k], len(index), interval)
             width = f"{widths[k]:.4g} {unit}".rstrip()
             line = _coverage_line(covered, "intervals")
-            text.append(f"{name}: {line}; mean width {width}")
-            covered["mean_width"] = finite(widths[k])
+            text.append(f"{printable(name)}: {line}; mean width {width}")
+            covered["mean_width"] = widths[k] if np.isfinite(widths[k]) else None
             rows[name]["coverage"] = covered
     return {"frames": len(index), "errors": rows, "text": text}
 
 
-def _explained(
-    truth: np.ndarray, predicted: np.ndarray, period: float | None
-) -> list[float]:
-    """R² of each value; of circular ones the mean of those of cosine and sine."""
-    if period is None:
-        return [r_squared(*pair) for pair in zip(truth.T, predicted.T, strict=True)]
-    planes = [circular.to_plane(values, period).T for values in (truth, predicted)]
-    shares = [r_squared(*pair) for pair in zip(*planes, strict=True)]
-    n = truth.shape[1]
-    return [(shares[k] + shares[n + k]) / 2 for k in range(n)]
+def _explained(truth: np.ndarray, predicted: np.ndarray, period: float | None) -> float:
+    """R² of one value [N]; of a circular one the mean of those of cosine and sine."""
+    pairs = [(truth, predicted)]
+    if period is not None:
+        planes = [circular.to_plane(v[:, None], period) for v in (truth, predicted)]
+        pairs = list(zip(planes[0].T, planes[1].T, strict=True))
+    return float(np.mean([r_squared(*pair) for pair in pairs]))
 
 
-def confusions(names: Sequence[str], counts: np.ndarray) -> list[str]:
-    """Lines of a table of counts [L, L], a row a true class."""
-    names = [printable(name) for name in names]
+def confusions(result: dict[str, Any]) -> list[str]:
+    """Lines of the table of a score's confusions, a row a true class; none of values."""
+    if "classes" not in result:
+        return []
+    counts = np.array(result["confusion"])
+    names = [printable(name) for name in result["classes"]]
     heads = [name[:12] for name in names]
     numbers = [str(n) for n in counts.ravel()]
     width = max(len(name) for name in names)

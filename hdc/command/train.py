@@ -1,23 +1,29 @@
-"""``hdc train``: a model of a recording."""
+"""``hdc train``: a model of a recording, of named parts or of those that are chosen."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 import hdc
-from hdc.command import holdout, messages, options, scores, work
+from hdc.command import messages, options
+from hdc.command.holdout import hold_out, why_random
+from hdc.command.source import Source, pixels, recording
+from hdc.command.work import check_circular
 from hdc.io import check_replaceable
-from hdc.readers import Window
+from hdc.readers import Recording, Window
+from hdc.readers.batches import Batches
 
 
 @click.command(short_help="Train a model on labelled images.")
-@options.recording
+@recording
 @options.output
-@options.pixels
+@pixels
 @click.option(
     "--test-fraction",
     type=options.SHARE,
@@ -43,28 +49,46 @@ from hdc.readers import Window
     "frames, by session if there are several. Frames are held in memory.",
 )
 def train(
-    recording: Path,
+    source: Source,
+    window: Window,
     output: Path,
-    crop: tuple[int, ...] | None,
-    subsample: int,
     test_fraction: float | None,
     encoder: str | None,
     readout: str | None,
     choose: bool,
     period: float | None,
-    **source: Any,
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values."""
     if choose and (encoder or readout):
         raise click.UsageError("expected --choose, or --encoder and --readout")
-    from hdc.command.learn import learn, would_try  # late: torch takes seconds
+    from hdc.command.scores import score  # late: torch takes seconds
 
-    window = Window(crop, subsample)
-    frames = work.open_frames(recording, window, **source)
-    work.check_circular(frames, period)
+    frames = source.open(window)
+    check_circular(frames, period)
     check_replaceable(output)
-    training, test, how = holdout.hold_out(frames, test_fraction)
+    training, test, how = hold_out(frames, test_fraction)
     model, chosen_line = learn(frames, training, encoder, readout, choose, period)
+    model.save(output, metadata=_metadata(frames, window))
+    size = messages.size(frames.frame_shape)
+    lines = [f"{output}: {len(training)} frames, {messages.learnt(frames)}, {size}"]
+    lines += chosen_line
+    if frames.values is None:
+        lines.append(messages.class_line(frames, training))
+    lines.append(messages.session_line(frames))
+    if len(test):
+        first, *others = score(model, frames, test)["text"]
+        lines += [f"held out {how}: {first}", *others]
+        if not (encoder or readout or choose):
+            lines.append(would_try(frames.values is not None))
+    if how == "at random":
+        lines.append(f"held out at random because {why_random(frames)}")
+    lines += messages.reading_line(frames)
+    lines += messages.circular_lines(frames) if period is None else []
+    click.echo("\n".join(lines))
+
+
+def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
+    """What is kept with a model of a recording."""
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if frames.values is not None:
         metadata["values"] = list(frames.value_names)
@@ -72,23 +96,58 @@ def train(
         metadata["units"] = list(frames.value_units)
     metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
     metadata["version"] = hdc.__version__
-    model.save(output, metadata=metadata)
-    click.echo(
-        f"{output}: {len(training)} frames, {messages.learnt(frames)}, "
-        f"{messages.size(frames.frame_shape)}"
-    )
-    if chosen_line:
-        click.echo(chosen_line)
-    if frames.values is None:
-        click.echo(messages.class_line(frames, training))
-    click.echo(messages.session_line(frames))
-    if len(test):
-        click.echo(f"held out {how}: {scores.score(model, frames, test)['text'][0]}")
-        click.echo(messages.guess_line(frames, training, test, period))
-        if not (encoder or readout or choose):
-            click.echo(would_try(frames.values is not None))
-    if how == "at random":
-        click.echo(f"held out at random because {holdout.why_random(frames)}")
-    hints = messages.circular_lines(frames) if period is None else []
-    for line in [*messages.reading_line(frames), *hints]:
-        click.echo(line)
+    return metadata
+
+
+def learn(
+    recording: Recording,
+    rows: np.ndarray,
+    encoder: str | None,
+    readout: str | None,
+    chosen: bool,
+    period: float | None = None,
+) -> tuple[Any, list[str]]:
+    """A model trained on the frames `rows`, and a line on how it was chosen, if it was.
+
+    Args:
+        recording: of classes, or of values.
+        rows: indices of the training frames.
+        encoder, readout: names; None is that of a model without a choice.
+        chosen: whether to choose both by cross-validation instead.
+        period: of values that go round; None for those that do not.
+    """
+    from hdc.command.compare.frames import read_frames
+    from hdc.encoders import make_encoder
+
+    lines: list[str] = []
+    images: Any
+    if chosen:
+        from hdc.command.compare.choose import choose
+
+        frames = replace(read_frames(recording, rows=rows), period=period)
+        combination, line = choose(frames)
+        lines.append(line)
+        encoder, readout = combination.encoder, combination.readout
+        images = frames.bank.frames
+    elif make_encoder(encoder or "median").learns:  # it reads all frames twice
+        images = read_frames(recording, rows=rows).bank.frames
+    else:
+        images = Batches(recording, rows)
+    model: Any
+    if recording.values is not None:
+        model = hdc.HDCRegressor(encoder or "median", readout or "ridge", period=period)
+        model.fit(images, recording.values[rows])
+    else:
+        model = hdc.HDCClassifier(encoder or "median", readout or "majority")
+        model.fit(images, np.array(recording.names)[rows])
+    model._columns = list(recording.features) or None
+    return model, lines
+
+
+def would_try(learns_values: bool) -> str:
+    """A line on the forms that ``--choose`` tries after the one without a choice."""
+    from hdc.selection import combinations
+
+    first, *others = combinations((), (), learns_values)
+    listed = "; ".join(form.name for form in others)
+    return f"--choose would try, besides {first.name}: {listed}"

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
-from typing import Any
 
 import click
 import numpy as np
 
 from hdc.command import answers, messages, options, scores, work
+from hdc.command.source import Source, recording
 from hdc.readers.listing import image_files
 
 
@@ -46,10 +46,7 @@ def predict(
     found, window = work.load(model)
     files: list[Path] = []
     for path in images:
-        if path.is_dir():
-            files += image_files(path)
-        else:
-            files.append(path)
+        files += image_files(path) if path.is_dir() else [path]
     for number, answer in enumerate(
         answers.ask(found, window, files, reject, interval, proba, axes)
     ):
@@ -63,32 +60,32 @@ def predict(
 
 @click.command(short_help="Test a model on new labelled images.")
 @options.model
-@options.recording
+@recording
 @options.reject
 @options.interval
 @options.json
 def evaluate(
     model: Path,
-    recording: Path,
+    source: Source,
     reject: float | None,
     interval: float | None,
     as_json: bool,
-    **source: Any,
 ) -> None:
     """Measure accuracy and confusions on a RECORDING, or errors of its numbers.
 
-    The interval of the accuracy is Wilson's, for 95 %. With --interval 0.9 the command counts how
-    often intervals or sets contain the truth on this RECORDING. They are made to contain it for
-    90 % of the frames that come as the training frames did.
+    The interval of the accuracy is Wilson's, for 95 %. R² is the share of the variance that is
+    predicted. With --interval 0.9 the command counts how often intervals or sets contain the truth
+    on this RECORDING. They are made to contain it for 90 % of the frames that come as the training
+    frames did.
     """
     found, window = work.load(model)
-    frames = work.frames_for(found, window, recording, source)
+    frames = work.frames_for(found, window, source)
     result = scores.score(found, frames, np.arange(len(frames)), reject, interval)
     lines = result.pop("text")
     if as_json:
         click.echo(json.dumps(result, ensure_ascii=False))
     else:
-        click.echo("\n".join(lines))
+        click.echo("\n".join([*lines, *scores.confusions(result)]))
 
 
 @click.command(short_help="Describe a saved model.")

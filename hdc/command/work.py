@@ -1,39 +1,23 @@
-"""Shared by the commands: opening recordings and models, and whether they fit together."""
+"""Shared by the commands: a saved model, and the recordings that fit it."""
 
 from __future__ import annotations
 
 import math
-import warnings
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
 import click
-import numpy as np
 
 import hdc
-from hdc import io, readers
+from hdc import io
 from hdc.command.messages import size
 from hdc.command.options import TRUSTED
+from hdc.command.source import Source
 from hdc.readers import BadFrame, Recording, Window, natural_key
-from hdc.readers.images import stream_files
-from hdc.readers.listing import MANIFEST, image_files
-from hdc.readers.recording import with_progress
 
 KINDS = ("HDCClassifier", "HDCRegressor")
 """Models that the commands know."""
-
-
-def open_frames(
-    recording: Path, window: Window, fewest_classes: int = 2, **source: Any
-) -> Recording:
-    """Open a recording as the options of the command line say; images are decoded when needed."""
-    frames = readers.open_recording(
-        recording, window=window, check=False, fewest_classes=fewest_classes, **source
-    )
-    if line := frames.left_out():
-        warnings.warn(line, stacklevel=2)
-    return frames
 
 
 def load(path: Path) -> tuple[Any, Window]:
@@ -63,62 +47,28 @@ def load(path: Path) -> tuple[Any, Window]:
 
 
 def frames_for(
-    model: Any, window: Window, recording: Path, source: dict[str, Any]
+    model: Any, window: Window, source: Source, fewest_classes: int = 1
 ) -> Recording:
-    """A recording of classes that the model knows (one of them, or more), or of its values."""
-    names = value_names(model)
-    has_columns = source["table"] or recording.suffix.lower() in (".npz", ".csv")
-    if names and has_columns and not source["value_columns"]:
-        source = source | {"value_columns": names}
-    frames = open_frames(recording, window, 1, **source)
+    """A recording of classes that the model knows (one of them, or more), or of its values.
+
+    With no `fewest_classes` it may have neither labels nor values.
+    """
+    frames = source.with_values(value_names(model)).open(window, fewest_classes)
     check_fits(model, frames)
     if not hasattr(model, "classes_"):
+        if frames.values is None:
+            wanted = "a table of the numbers to compare with"
+            raise ValueError(f"--values: expected {wanted}, found none")
         return frames
     known = [str(c) for c in model.classes_]
-    unknown = sorted(set(frames.names) - set(known), key=natural_key)
+    names = set() if frames.labels is None else set(frames.names)
+    unknown = sorted(names - set(known), key=natural_key)
     if unknown:
         raise ValueError(
-            f"{recording}: expected classes among {', '.join(known)}, found "
+            f"{source.path}: expected classes among {', '.join(known)}, found "
             f"{unknown[0]!r} (to add a class: hdc train on all of them, or partial_fit in Python)"
         )
     return frames
-
-
-def unlabelled_frames(
-    model: Any, window: Window, recording: Path, source: dict[str, Any]
-) -> np.ndarray | None:
-    """Frames [N, H, W] or [N, D] of a recording without labels; None where it has labels.
-
-    Such are the images of a folder without sub-folders of images, a table or a template, and an
-    array or a table of frames alone.
-    """
-    if any(source.get(name) for name in ("table", "template", "labels")):
-        return None
-    if recording.is_dir():
-        if (recording / MANIFEST).exists():
-            return None
-        files = image_files(recording)
-        if any(file.parent != recording for file in files):
-            return None
-        placed = zip(files, stream_files(files, window), strict=True)
-        stream: Any = (_checked(model, place, frame) for place, frame in placed)
-        total = len(files)
-    elif readers.split_name(recording)[0].suffix.lower() in readers.FRAMES:
-        found = readers.open_recording(
-            recording, window=window, axes=source.get("axes"), fewest_classes=0
-        )
-        if found.labels is not None:
-            return None
-        check_fits(model, found)
-        stream, total = found.stream(), len(found)
-    else:
-        return None
-    return np.stack(list(with_progress(stream, total, "Reading")))
-
-
-def _checked(model: Any, place: Path, frame: np.ndarray) -> np.ndarray:
-    check_size(model, frame.shape, place)
-    return frame
 
 
 def value_names(model: Any) -> tuple[str, ...]:

@@ -18,7 +18,6 @@ from starlette.responses import PlainTextResponse, RedirectResponse, Response
 
 from hdc import HDCClassifier, HDCRegressor
 from hdc.live.pad import Pad, colour, slider
-from hdc.live.scale import drawing
 from hdc.live.session import ALPHA, READOUTS, RECENT, Answer, Session
 from hdc.live.sources import Pressable, Recorded, Source
 from hdc.live.worker import FASTEST, View, Worker
@@ -161,7 +160,6 @@ class Page:
         self._answer = ui.label().classes("answer")
         self._beside = _small()
         self._numbers = _small()
-        self._scale = ui.html(sanitize=False).classes("w-full")
         self._accuracy = ui.label()
         if self._session.is_taught:
             tested = "samples, each predicted before it is learnt"
@@ -298,7 +296,6 @@ class Page:
             self._answer.style("color: #777")
             self._beside.set_text("")
             self._numbers.set_text("")
-            self._scale.set_content("")
             return
         unit = " mm" if self._pressable else ""
         text, beside = _in_words(answer, unit)
@@ -307,11 +304,6 @@ class Page:
         self._answer.style(f"color: {look}")
         self._beside.set_text(beside)
         self._numbers.set_text(_in_numbers(answer, view.seconds))
-        drawn = ""
-        if answer.distances:
-            names = list(self._session.counts)
-            drawn = drawing(answer.distances, answer.margin, names)
-        self._scale.set_content(drawn)
         for name, distance in answer.distances.items():
             if name in self._rows:
                 label, bar = self._rows[name]

@@ -73,6 +73,11 @@ def open_source(
     return Camera(camera, window)
 
 
+def _kept(window: readers.Window) -> dict[str, Any]:
+    """What is kept with a saved model of frames cut so."""
+    return {"crop": window.crop, "subsample": window.subsample}
+
+
 class Camera:
     """A connected camera; its samples are the next frames.
 
@@ -85,10 +90,7 @@ class Camera:
     def __init__(self, index: int, window: readers.Window) -> None:
         self._frames = readers.camera(index, window.crop, window.subsample)
         self.title = f"Camera {index}"
-        self.metadata: dict[str, Any] = {
-            "crop": window.crop,
-            "subsample": window.subsample,
-        }
+        self.metadata = _kept(window)
         height, width = next(self._frames).shape
         self.shape = (height, width)
 
@@ -120,10 +122,7 @@ class Recorded:
             path, None, window.crop, window.subsample
         )
         self.title = f"Recording {path.name}"
-        self.metadata: dict[str, Any] = {
-            "crop": window.crop,
-            "subsample": window.subsample,
-        }
+        self.metadata = _kept(window)
         if len(recording.frame_shape) != 2 or recording.labels is None:
             found = f"frames {recording.frame_shape}, classes {recording.classes}"
             raise ValueError(f"{path}: expected images with labels, found {found}")
@@ -181,10 +180,7 @@ class Film:
         self._path, self._window = path, window
         self._frames = self._start()
         self.title = f"Video {path.name}"
-        self.metadata: dict[str, Any] = {
-            "crop": window.crop,
-            "subsample": window.subsample,
-        }
+        self.metadata = _kept(window)
         height, width = self.frame().shape
         self.shape = (height, width)
 

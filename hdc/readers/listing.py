@@ -91,7 +91,7 @@ def list_folder(
     else:
         wanted = f"a table with the columns {', '.join(names)}"
         require(not names, "table", None, wanted)
-        rows = _rows_of_files(root, pattern)
+        rows = _rows_of_files(root, pattern, fewest_classes)
         value_columns = None
     notes: list[str] = []
     if where != root:
@@ -191,16 +191,22 @@ def _rows_of_manifest(manifest: Path, value_columns: Sequence[str]) -> _Rows:
 # Folders -----------------------------------------------------------------------------------------
 
 
-def _rows_of_files(root: Path, pattern: Template | None) -> _Rows:
-    """Images of a folder as the template says, or by sub-folders."""
+def _rows_of_files(root: Path, pattern: Template | None, fewest_classes: int) -> _Rows:
+    """Images of a folder as the template says, or by sub-folders.
+
+    Where no class is needed, images that all lie in the folder itself have none.
+    """
     rows = _Rows.none()
     files = all_files(root)
+    images = [file for file in files if is_image(file)]
+    read: Callable[[str], dict[str, str] | None]
+    read = _label if pattern is None else pattern.read
     if pattern is None:
-        _check_depth(root, [file for file in files if is_image(file)])
+        _check_depth(root, images)
+        if fewest_classes == 0 and not any("/" in file for file in images):
+            read = _no_label
     for file in files:
-        fields = None
-        if is_image(file):
-            fields = _label(file) if pattern is None else pattern.read(file)
+        fields = read(file) if is_image(file) else None
         if fields is None:
             rows.other_files.append(file)
             continue
@@ -212,6 +218,10 @@ def _label(file: str) -> dict[str, str] | None:
     """The first folder is the class."""
     label, slash, _ = file.partition("/")
     return {"label": label} if slash else None
+
+
+def _no_label(_: str) -> dict[str, str]:
+    return {}
 
 
 def _check_depth(root: Path, images: Sequence[str]) -> None:

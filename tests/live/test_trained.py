@@ -1,9 +1,7 @@
 """A page that shows a model trained before: classes with their distances, or values."""
 
 import asyncio
-import re
 from concurrent.futures import ThreadPoolExecutor
-from xml.etree import ElementTree
 
 import cv2
 import numpy as np
@@ -20,8 +18,6 @@ from nicegui.testing import user_simulation
 
 from hdc.live import Film, Recorded
 from hdc.live import page as pages
-from hdc.live.pad import colour
-from hdc.live.scale import drawing
 from hdc.live.session import Answer, Session
 from hdc.live.worker import Worker
 from hdc.readers import Window
@@ -101,21 +97,6 @@ def test_values_of_a_trained_regressor_are_shown(film, regressor):
     answer = Answer("a", ("a",), {"a": 0.25, "b": 0.4})
     assert pages._in_numbers(answer, 0.002) == "distance 0.250 · margin 0.150 · 2.0 ms"
     assert Answer("a", ("a",), {"a": 0.25}).margin is None
-
-
-def test_the_margin_is_drawn_to_scale():
-    """0 to 0.5 is 200 wide: ticks at the distances, a bar from the nearest to the next."""
-    svg = drawing({"a<b": 0.4, "c": 0.25, "d": 0.7}, 0.15, ["c", "a<b", "d"])
-    ElementTree.fromstring(svg)
-    assert 'x="100.00" width="60.00"' in svg
-    ticks = re.findall(r'd="M([\d.]+) 5V12" stroke="(#\w+)"', svg)
-    assert [float(place) for place, _ in ticks] == [160, 100, 200]
-    names = ["c", "a<b", "d"]
-    assert [look for _, look in ticks] == [
-        colour(names, name) for name in ("a<b", "c", "d")
-    ]
-    assert 'aria-label="margin 0.150 on a scale from 0 to 0.5"' in svg
-    assert "rect" not in drawing({"a": 0.3}, None, ["a"])
 
 
 def shown(source, trained, words):

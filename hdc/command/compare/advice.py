@@ -76,61 +76,64 @@ def paired_errors(mine: np.ndarray, theirs: np.ndarray) -> Gain:
 # Sentences ---------------------------------------------------------------------------------------
 
 
-def of_classes(result: Mapping[str, Any]) -> list[str]:
+def sentences(result: Mapping[str, Any]) -> list[str]:
     """The line to type, its gain, and whether a baseline outside the library is better."""
     test = result["tests"][-1]
-    chosen, published = result["chosen"], result["published"]
-    where = f"on {test['tested']} frames of {test['name']}"
-    mine = test["methods"][chosen]["accuracy"]
     lines = [f"Use: {result['command']}"]
+    for value in result.get("values", (None,)):
+        lines += _of_one(result, test, value)
+    return lines
+
+
+def _of_one(
+    result: Mapping[str, Any], test: Mapping[str, Any], value: str | None
+) -> list[str]:
+    """Sentences on the accuracy, or on one value."""
+    chosen, published, rival = (result[k] for k in ("chosen", "published", "rival"))
+
+    def amount(name: str) -> str:
+        return _amount(test["methods"][name], value, result)
+
+    unit = "" if value is None else result["units"].get(value, "")
+    gain, over = (
+        found if value is None else found.get(value, {})
+        for found in (test["gain"], test.get("rival_gain", {}))
+    )
+    subject = "It" if value is None else f"The error of {printable(value)}"
+    verb = "has" if value is None else "is"
+    where = f"on {test['tested']} frames of {test['name']}"
+    own = f"{subject} {verb} {amount(chosen)} {where}"
     if chosen == published:
-        why = f"No combination was better than the published form by {result['chosen_by']}"
-        if not result["chosen_by"]:
-            why = UNCHOSEN.capitalize()
-        lines.append(f"{why}; the published form has {mine:.1%} {where}.")
+        why = f"no other form was better by {result['chosen_by']}"
+        lines = [f"{own}; {why if result['chosen_by'] else UNCHOSEN}."]
     else:
-        gain = test["gain"]
-        lines.append(
-            f"It has {mine:.1%} {where}, the published form "
-            f"{test['methods'][published]['accuracy']:.1%}: {_points(gain)}."
-        )
+        won = _won(gain, value, unit)
+        other = f"that of {published}" if value else "the published form"
+        lines = [f"{own}, {other} {amount(published)}: {won}."]
         lines.append(_clear_or_not(gain))
-    if result["rival"]:
-        over = test["rival_gain"]
-        share = test["methods"][result["rival"]]["accuracy"]
-        amount = f"{result['rival']} has {share:.1%}, {_points(over)}"
-        lines.append(_against_rival(over, amount))
+    if rival:
+        won = f"{rival} has {amount(rival)}, {_won(over, value, unit)}"
+        lines.append(_against_rival(over, won))
     return lines
 
 
-def of_values(result: Mapping[str, Any]) -> list[str]:
-    """Like :func:`of_classes`, with a line of errors for each value."""
-    test = result["tests"][-1]
-    chosen, published = result["chosen"], result["published"]
-    where = f"on {test['tested']} frames of {test['name']}"
-    lines = [f"Use: {result['command']}"]
-    for name, gain in test["gain"].items():
-        unit = f" {result['units'][name]}" if result["units"].get(name) else ""
-        mine = test["methods"][chosen]["errors"][name]
-        own = f"{printable(name)}: mean absolute error {mine:.4g}{unit} {where}"
-        if chosen == published:
-            why = f"no combination was better by {result['chosen_by']}"
-            if not result["chosen_by"]:
-                why = UNCHOSEN
-            lines.append(f"{own}; {why}.")
-        else:
-            theirs = test["methods"][published]["errors"][name]
-            less = f"{_interval(gain)}{unit} less"
-            lines.append(f"{own}, {published} {theirs:.4g}{unit}: {less}.")
-            lines.append(_clear_or_not(gain))
-        if result["rival"]:
-            over = test["rival_gain"][name]
-            error = test["methods"][result["rival"]]["errors"][name]
-            amount = (
-                f"{result['rival']} has {error:.4g}{unit}, {_interval(over)}{unit} less"
-            )
-            lines.append(_against_rival(over, amount))
-    return lines
+def _amount(
+    found: Mapping[str, Any], value: str | None, result: Mapping[str, Any]
+) -> str:
+    """An accuracy, or the error of a value with its unit."""
+    if value is None:
+        return f"{found['accuracy']:.1%}"
+    unit = result["units"].get(value, "")
+    return f"{found['errors'][value]:.4g} {unit}".rstrip()
+
+
+def _won(gain: Mapping[str, float], value: str | None, unit: str) -> str:
+    """A difference with its interval: points of accuracy, or how much less an error is."""
+    if value is not None:
+        ends = f"{gain['low']:.4g} to {gain['high']:.4g}"
+        return f"{gain['gain']:.4g} {unit}".rstrip() + f" less (95 % interval {ends})"
+    low, high = 100 * gain["low"], 100 * gain["high"]
+    return f"{100 * gain['gain']:+.1f} points (95 % interval {low:+.1f} to {high:+.1f})"
 
 
 def of_dither(result: Mapping[str, Any]) -> list[str]:
@@ -169,12 +172,3 @@ def _clear_or_not(gain: Mapping[str, float]) -> str:
     if gain["high"] < 0:
         return "That is a loss: the choice does not carry over to these frames."
     return "That is no clear gain: the interval holds zero."
-
-
-def _points(gain: Mapping[str, float]) -> str:
-    low, high = 100 * gain["low"], 100 * gain["high"]
-    return f"{100 * gain['gain']:+.1f} points (95 % interval {low:+.1f} to {high:+.1f})"
-
-
-def _interval(gain: Mapping[str, float]) -> str:
-    return f"{gain['gain']:.4g} (95 % interval {gain['low']:.4g} to {gain['high']:.4g})"

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import click
 
 from hdc.command import messages, options, work
+from hdc.command.source import Source, pixels, recording
 from hdc.readers import Window
 
 
 @click.command(short_help="Choose a model for your images.")
-@options.recording
+@recording
 @click.option(
     "--test",
     "other",
@@ -49,8 +50,13 @@ from hdc.readers import Window
     "[default: as long as it takes]",
 )
 @options.circular
-@options.pixels
-@options.fraction
+@pixels
+@click.option(
+    "--test-fraction",
+    type=options.SHARE,
+    default=0.2,
+    help="Share of frames to hold out.",
+)
 @click.option(
     "--draws",
     type=click.IntRange(1, 100),
@@ -68,20 +74,18 @@ from hdc.readers import Window
 )
 @options.json
 def compare(
-    recording: Path,
+    source: Source,
+    window: Window,
     other: Path | None,
     encoders: tuple[str, ...],
     readouts: tuple[str, ...],
     every: bool,
     budget: float | None,
     period: float | None,
-    crop: tuple[int, ...] | None,
-    subsample: int,
     test_fraction: float,
     draws: int,
     figure: Path | None,
     as_json: bool,
-    **source: Any,
 ) -> None:
     """Find the encoder and read-out for a RECORDING, and compare with models of grey values.
 
@@ -99,15 +103,12 @@ def compare(
 
     if figure is not None:
         curve.check_figure(figure)
-    window = Window(crop, subsample)
-    frames = work.open_frames(recording, window, **source)
+    frames = source.open(window)
     work.check_circular(frames, period)
     if period is None and not as_json:
         for line in messages.circular_lines(frames):
             click.echo(line)
-    tests = None
-    if other is not None:
-        tests = work.open_frames(other, window, **source)
+    tests = None if other is None else replace(source, path=other).open(window)
     result = judge.compare(
         frames,
         tests,
@@ -120,14 +121,18 @@ def compare(
         period,
         (lambda _: None) if as_json else click.echo,
     )
-    chosen = result["chosen"].split(", ")
-    result["recording"] = str(recording)
-    result["command"] = messages.command_line(
-        recording, window, source, chosen[0], chosen[1], period
-    )
+    result["recording"] = str(source.path)
+    result["command"] = source.training_line(window, *_parts(result["chosen"], period))
     if figure is not None:
         curve.draw(result, figure)
     if as_json:
         click.echo(json.dumps(result, ensure_ascii=False))
     else:
         click.echo("\n" + show.text(result))
+
+
+def _parts(chosen: str, period: float | None) -> list[str]:
+    """Options of the parts that were chosen."""
+    encoder, readout = chosen.split(", ")
+    around = [] if period is None else ["--circular", f"{period:.12g}"]
+    return [*around, "--encoder", encoder, "--readout", readout]

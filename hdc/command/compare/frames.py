@@ -10,13 +10,7 @@ import numpy as np
 import torch
 
 from hdc.bank import Bank
-from hdc.command.holdout import (
-    UNSEEN_GROUPS,
-    last_sessions,
-    learnt_labels,
-    split,
-    split_groups,
-)
+from hdc.command.holdout import hold_out, labels_or_zeros, split, split_groups
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
 from hdc.selection import Frames
@@ -195,24 +189,14 @@ def part(recording: Recording, other: Recording | None, fraction: float) -> Part
     Raises:
         ValueError: a class has too few frames.
     """
-    n = len(recording)
-    labels = learnt_labels(recording)
-    if labels is None:
-        labels = np.zeros(n, np.int64)
-    last = last_sessions(recording, fraction)
+    labels = labels_or_zeros(recording)
     if other is not None:
-        earlier = np.arange(n)
-        later = np.arange(n, n + len(other))
+        n = len(recording)
+        earlier, later = np.arange(n), np.arange(n, n + len(other))
         name = "the other recording"
-    elif last is not None:
-        earlier, later = np.flatnonzero(~last), np.flatnonzero(last)
-        name = "the last sessions"
-    elif recording.group is not None:
-        earlier, later = split_groups(labels, recording.group, fraction, 0)
-        name = UNSEEN_GROUPS.removeprefix("in ")
     else:
-        earlier, later = split(labels, fraction, 0, recording.order)
-        name = "the last frames"
+        earlier, later, how = hold_out(recording, fraction, by_order=True)
+        name = how.removeprefix("in ")
     if recording.group is not None:
         group = recording.group[earlier]
         inner, held_out = split_groups(labels[earlier], group, fraction, 1)

@@ -32,9 +32,6 @@ from hdc.selection import (
     folds,
 )
 
-ALPHA = 0.1
-"""Share of the values that may lie outside the intervals whose coverage is counted."""
-
 
 def compare(
     recording: Recording,
@@ -103,9 +100,8 @@ def compare(
         "left_out": scores.reasons,
         "not_tried": scores.not_tried,
     }
-    judge = _test_of_values if learns_values else _test_of_classes
     for head, test in zip(result["tests"], tests, strict=True):
-        head |= judge(frames, judged, budget, *test)
+        head |= _tested(frames, judged, budget, *test)
     _, train, later = tests[-1]
     _add_costs(result, frames, judged, train, later)
     result["dither"] = dithered(frames, judged.chosen, train, later)
@@ -203,7 +199,7 @@ def _head(
     return found
 
 
-def _test_of_classes(
+def _tested(
     frames: Frames,
     judged: Judged,
     budget: Budget,
@@ -211,95 +207,40 @@ def _test_of_classes(
     train: np.ndarray,
     test: np.ndarray,
 ) -> dict[str, Any]:
-    """Accuracies on one set of test frames, and what the choice wins there."""
-    right: dict[str, np.ndarray] = {}
+    """Accuracies, or mean absolute errors by value, on test frames; what the choice wins there."""
+    errors: dict[str, np.ndarray] = {}
     for method in judged.tested(budget, f"Testing {name}"):
         answers = method.answers(frames, train, test)
-        right[method.name] = answers == frames.labels[test]
-    methods = {}
-    for method_name, found in right.items():
-        low, high = wilson(int(found.sum()), len(found))
-        methods[method_name] = {
-            "accuracy": float(found.mean()),
-            "low": low,
-            "high": high,
-        }
-    mine = right[judged.chosen.name]
-    gain = paired_accuracies(mine, right[judged.published.name]).as_json()
-    result = {
-        "methods": methods,
-        "gain": gain,
-    }
-    if judged.rival is not None:
-        over = paired_accuracies(right[judged.rival.name], mine)
-        result["rival_gain"] = over.as_json()
-    return result
-
-
-def _test_of_values(
-    frames: Frames,
-    judged: Judged,
-    budget: Budget,
-    name: str,
-    train: np.ndarray,
-    test: np.ndarray,
-) -> dict[str, Any]:
-    """Mean absolute errors, coverage and width of intervals, and what the choice wins."""
-    assert frames.values is not None
-    errors: dict[str, np.ndarray] = {}
-    methods: dict[str, Any] = {}
-    for method in judged.tested(budget, f"Testing {name}"):
-        if isinstance(method, Combination):
-            answers, intervals = _with_intervals(frames, method, train, test)
+        if frames.values is None:
+            errors[method.name] = frames.losses(answers, test)
         else:
-            answers, intervals = method.answers(frames, train, test), {}
-        errors[method.name] = frames.errors(answers, test)
-        means = errors[method.name].mean(axis=0).tolist()
-        own = {"errors": dict(zip(frames.names, means, strict=True)), **intervals}
-        methods[method.name] = own
+            errors[method.name] = frames.errors(answers, test)
     mine = errors[judged.chosen.name]
     result = {
-        "methods": methods,
-        "gain": _less(frames, mine, errors[judged.published.name]),
+        "methods": {name: _score(frames, own) for name, own in errors.items()},
+        "gain": _gain(frames, mine, errors[judged.published.name]),
     }
     if judged.rival is not None:
-        result["rival_gain"] = _less(frames, errors[judged.rival.name], mine)
+        result["rival_gain"] = _gain(frames, errors[judged.rival.name], mine)
     return result
 
 
-def _with_intervals(
-    frames: Frames, method: Combination, train: np.ndarray, test: np.ndarray
-) -> tuple[np.ndarray, dict[str, Any]]:
-    """Values [Q, T]; coverage and mean width of 90 % intervals by value, if there are any."""
-    assert frames.values is not None
-    model = frames.regressor(frames.encoder(method.encoder), method.readout)
-    model.fit(frames.bank.at(train), frames.values[train])
-    try:
-        answers, low, high = model.predict(
-            frames.bank.at(test), return_interval=True, alpha=ALPHA
-        )
-    except ValueError:  # a read-out of one's own may have none
-        return model.predict(frames.bank.at(test)), {}
-    truth = frames.values[test]
-    inside = ((low <= truth) & (truth <= high)).sum(axis=0).tolist()
-    widths = (high - low).mean(axis=0).tolist()
-    coverage = {}
-    for name, count in zip(frames.names, inside, strict=True):
-        ends = wilson(count, len(test))
-        coverage[name] = {"share": count / len(test), "low": ends[0], "high": ends[1]}
-    return answers, {
-        "coverage": coverage,
-        "width": dict(zip(frames.names, widths, strict=True)),
-    }
+def _score(frames: Frames, errors: np.ndarray) -> dict[str, Any]:
+    """The accuracy of losses [Q] with its interval, or the mean of errors [Q, T] by value."""
+    if frames.values is not None:
+        means = errors.mean(axis=0).tolist()
+        return {"errors": dict(zip(frames.names, means, strict=True))}
+    right = int((errors == 0).sum())
+    low, high = wilson(right, len(errors))
+    return {"accuracy": right / len(errors), "low": low, "high": high}
 
 
-def _less(frames: Frames, mine: np.ndarray, theirs: np.ndarray) -> dict[str, Any]:
-    """Errors of another model minus those of one, [Q, T], for each value."""
-    found = {}
-    for column, name in enumerate(frames.names):
-        gain = paired_errors(mine[:, column], theirs[:, column])
-        found[name] = gain.as_json()
-    return found
+def _gain(frames: Frames, mine: np.ndarray, theirs: np.ndarray) -> dict[str, Any]:
+    """What one model wins over another, from the errors of both; of values by name."""
+    if frames.values is None:
+        return paired_accuracies(mine == 0, theirs == 0).as_json()
+    pairs = zip(frames.names, mine.T, theirs.T, strict=True)
+    return {name: paired_errors(own, other).as_json() for name, own, other in pairs}
 
 
 # Time --------------------------------------------------------------------------------------------

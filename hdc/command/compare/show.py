@@ -29,12 +29,11 @@ def text(result: Mapping[str, Any]) -> str:
     if result["not_tried"]:
         parts.append(f"Not tried in the time given: {'; '.join(result['not_tried'])}.")
     parts += [f"left out: {name}: {why}" for name, why in result["left_out"].items()]
-    tables = _tests_of_values(result) if "values" in result else [_tests(result)]
-    parts += [_of_table(table) for table in tables]
+    parts += [_of_table(_tests(result, value)) for value in result.get("values", [""])]
     parts.append(FRONT)
     parts.append(_of_table(_curve(result)))
-    lines = advice.of_values if "values" in result else advice.of_classes
-    parts.append("\n".join([*lines(result), *advice.of_dither(result)]))
+    lines = [*advice.sentences(result), *advice.of_dither(result)]
+    parts.append("\n".join(lines))
     return "\n\n".join(parts)
 
 
@@ -78,21 +77,28 @@ def _score(score: float, name: str, result: Mapping[str, Any]) -> str:
     return f"{text}*" if name in result["given_up"] else text
 
 
-def _tests(result: Mapping[str, Any]) -> Table:
-    heads = [f"{_on(test['name'])} [95 %]" for test in result["tests"]]
-    table = Table("accuracy", "folds", *heads, *COSTS, box=None)
+def _tests(result: Mapping[str, Any], value: str) -> Table:
+    """Accuracies, or errors of one value, in folds and tests; and costs."""
+    heads = [_on(test["name"]) for test in result["tests"]]
+    unit = result.get("units", {}).get(value)
+    title = f"error of {printable(value)}" + (f" [{unit}]" if unit else "")
+    if not value:
+        title, heads = "accuracy", [f"{head} [95 %]" for head in heads]
+    table = Table(title, "folds", *heads, *COSTS, box=None)
     for name, last in result["tests"][-1]["methods"].items():
         tested = [test["methods"].get(name) for test in result["tests"]]
-        cells = [_accuracy(found) for found in tested]
+        cells = [_tested(found, value) for found in tested]
         inner = result["cross_validation"].get(name)
         first = "–" if inner is None else _score(inner, name, result)
         table.add_row(_named(name, result), first, *cells, *_cost(last))
     return table
 
 
-def _accuracy(found: Mapping[str, float] | None) -> str:
+def _tested(found: Mapping[str, Any] | None, value: str) -> str:
     if found is None:
         return "–"
+    if value:
+        return f"{found['errors'][value]:.4g}"
     low, high = 100 * found["low"], 100 * found["high"]
     return f"{found['accuracy']:.1%} [{low:.0f}, {high:.0f}]"
 
@@ -111,34 +117,6 @@ def _bytes(n: int) -> str:
             return f"{n:.3g} {unit}"
         n /= 1000  # type: ignore[assignment]
     return f"{n:.3g} GB"
-
-
-def _tests_of_values(result: Mapping[str, Any]) -> list[Table]:
-    """A table for each value: errors, and coverage and width of the intervals of 90 %."""
-    tables = []
-    for value in result["values"]:
-        unit = f" [{result['units'][value]}]" if result["units"].get(value) else ""
-        heads = []
-        for test in result["tests"]:
-            heads += [_on(test["name"]), "90 % cover", "width"]
-        table = Table(f"error of {printable(value)}{unit}", *heads, *COSTS, box=None)
-        for name, last in result["tests"][-1]["methods"].items():
-            cells = []
-            for test in result["tests"]:
-                cells += _cells_of_value(test["methods"].get(name), value)
-            table.add_row(_named(name, result), *cells, *_cost(last))
-        tables.append(table)
-    return tables
-
-
-def _cells_of_value(found: Mapping[str, Any] | None, value: str) -> list[str]:
-    if found is None:
-        return ["–"] * 3
-    error = f"{found['errors'][value]:.4g}"
-    if "coverage" not in found:
-        return [error, "–", "–"]
-    cover = f"{found['coverage'][value]['share']:.0%}"
-    return [error, cover, f"{found['width'][value]:.4g}"]
 
 
 def _curve(result: Mapping[str, Any]) -> Table:

@@ -19,6 +19,8 @@ class Nearest:
     dimension_ = 100
     readout_ = Majority()
 
+    counts_ = np.array([1, 3, 2])
+
     def __init__(self):
         self.asked = []
 
@@ -46,7 +48,7 @@ class Read:
     """
 
     period = None
-
+    mean_ = np.array([4.0, 8.0])
     frame_shape_ = (1, 3)
 
     def __init__(self):
@@ -199,6 +201,7 @@ def test_a_score_of_classes_is_complete(classes):
         "frames": 4,
         "accuracy": 0.75,
         "interval": pytest.approx([0.3006, 0.9544], abs=1e-4),
+        "guess": 0.25,
         "classes": ["a", "b", "c"],
         "confusion": [[1, 1, 0], [0, 1, 0], [0, 0, 1]],
         "wrong": [{"file": f"{classes}, frame 1", "label": "a", "predicted": "b"}],
@@ -211,14 +214,10 @@ def test_a_score_of_classes_is_complete(classes):
         "refused": 1,
         "text": [
             "accuracy 75.0% (95 % interval 30.1% to 95.4%), 3 of 4 frames",
+            "a guess of b, the largest class: accuracy 25.0%",
             "--reject 0.4 refuses 1 of them as none of the classes",
             "sets for 0.8 hold the truth for 50.0% of these frames (95 % interval 15.0% to "
             "85.0%); 1.00 classes a set",
-            "rows are the true classes, columns the predicted ones",
-            "  a b c",
-            "a 1 1 0",
-            "b 0 1 0",
-            "c 0 0 1",
         ],
     }
     found = scores.score(Nearest(), recording, np.array([0, 3]))
@@ -242,17 +241,19 @@ def test_a_score_of_values_is_complete(tmp_path):
         "errors": {
             "force": {
                 "mean_absolute_error": pytest.approx(4 / 3),
+                "guess": 2.0,  # of 4 for 6, 3 and 1
                 "r_squared": pytest.approx(1 - 10 / (38 / 3)),
                 "unit": "N",
             },
             "x": {
                 "mean_absolute_error": pytest.approx(0.5 / 3),
+                "guess": 2.5,
                 "r_squared": pytest.approx(1 - 0.25 / 24.5),
             },
         },
         "text": [
-            "force: mean absolute error 1.333 N, R² 0.211, 3 frames",
-            "x: mean absolute error 0.1667, R² 0.990, 3 frames",
+            "force: mean absolute error 1.333 N (a guess of the mean 2 N), R² 0.211, 3 frames",
+            "x: mean absolute error 0.1667 (a guess of the mean 2.5), R² 0.990, 3 frames",
         ],
     }
     found = scores.score(Read(), recording, index, interval=0.8)
@@ -278,21 +279,11 @@ def test_a_score_of_values_is_complete(tmp_path):
     assert found["text"][3].endswith("mean width inf")
 
 
-def test_values_are_scored_by_a_table_of_them(classes):
-    with pytest.raises(ValueError, match=r"--values: expected a table .* found none"):
-        scores.score(Read(), open_recording(classes), np.arange(4))
-
-
 def test_the_columns_of_confusions_are_as_wide_as_what_they_hold():
-    counts = np.array([[10, 2], [0, 7]])
-    assert scores.confusions(["a\tb", "polystyrene foam"], counts) == [
+    result = {"classes": ["a\tb", "polystyrene foam"], "confusion": [[10, 2], [0, 7]]}
+    assert scores.confusions(result) == [
         "rows are the true classes, columns the predicted ones",
         "                         a\\tb polystyrene ",
         "a\\tb                       10            2",
         "polystyrene foam            0            7",
-    ]
-    assert scores.confusions(["a", "b"], 1000 * counts)[1:] == [
-        "      a     b",
-        "a 10000  2000",
-        "b     0  7000",
     ]

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from hdc import HDCClassifier, HDCRegressor, command
-from hdc.accuracy import wilson
 from hdc.command import main
 from hdc.command.holdout import split
 
@@ -138,8 +137,8 @@ def test_a_guess_stands_beside_what_is_held_out(hdc, tmp_path):
     np.savez(tmp_path / "v.npz", frames=frames, session=session, **kept)
     out = hdc("train", tmp_path / "v.npz", "-o", path, "--test-fraction", 0.5)[1]
     x, y = np.abs(values[10:] - values[:10].mean(axis=0)).mean(axis=0)
-    expected = f"mean absolute error x {x:.4g} mm, y {y:.4g} N"
-    assert out[3] == f"a guess of the mean: {expected}"
+    assert f" (a guess of the mean {x:.4g} mm), R² " in out[2]
+    assert f" (a guess of the mean {y:.4g} N), R² " in out[3]
     assert out[4].startswith(
         "--choose would try, besides median, ridge: levels, ridge;"
     )
@@ -204,7 +203,7 @@ def test_an_evaluation_tells_accuracy_and_confusions(
     status, out, err = hdc("evaluate", model, folder)
     assert (status, err) == (0, [])
     assert out[0] == "accuracy 97.2% (95 % interval 85.8% to 99.5%), 35 of 36 frames"
-    assert [line.split() for line in out[2:]] == [
+    assert [line.split() for line in out[3:]] == [
         ["a", "b", "c"], ["a", "11", "0", "0"], ["b", "0", "12", "0"], ["c", "1", "0", "12"],
     ]  # fmt: skip
     result = json.loads(
@@ -247,13 +246,80 @@ def test_recalibration_is_that_of_the_classifier(hdc, model, frames, tmp_path, m
         f"{path}: 36 new frames of 3 classes, at least 12 of each, {method}, p = 0.7"
     ]
     some = write(tmp_path / "some", changed[:1, :1], "a")
-    out = hdc("recalibrate", model, some, "-o", tmp_path / "some.safetensors")[1]
-    assert out[1:] == ["not recalibrated: b, c"]
+    (line,) = hdc("recalibrate", model, some, "-o", tmp_path / "some.safetensors")[2]
+    assert line.startswith("warning: recalibrate: no new frames of 'b', 'c'; ")
     expected = HDCClassifier.load(model).recalibrate(
         changed.reshape(-1, SIDE, SIDE), np.repeat(list("abc"), 12), 0.7, 3, method
     )
     assert (HDCClassifier.load(path).prototypes_ == expected.prototypes_).all()
     assert model.read_bytes() == before
+
+
+def test_intervals_hold_the_truth_and_probabilities_are_of_classes(
+    hdc, model, folder, frames, tmp_path
+):
+    """Those of the model, in the answers of one frame; a model of numbers has no probabilities."""
+    found = HDCClassifier.load(model)
+    words = (
+        "predict",
+        model,
+        folder / "b" / "3.png",
+        "--interval",
+        0.8,
+        "--proba",
+        "--json",
+    )
+    answer = json.loads(hdc(*words)[1][0])
+    (expected,) = found.predict_proba(frames[1, 3:4])
+    assert answer["probabilities"] == pytest.approx(
+        dict(zip("abc", expected, strict=True))
+    )
+    assert answer["set"] == found.predict_set(frames[1, 3:4], 0.2)[0].tolist()
+    numbers = HDCRegressor().fit(frames[0], np.arange(12.0))
+    numbers.save(tmp_path / "n.safetensors", metadata={"values": ["depth"]})
+    words = ("predict", tmp_path / "n.safetensors", folder / "a" / "3.png")
+    _, low, high = numbers.predict(frames[0, 3:4], return_interval=True, alpha=0.2)
+    ends = json.loads(hdc(*words, "--interval", 0.8, "--json")[1][0])["intervals"][
+        "depth"
+    ]
+    assert ends == pytest.approx([low[0], high[0]])
+    line = "error: --proba: expected a model of classes, found HDCRegressor"
+    assert hdc(*words, "--proba")[::2] == (1, [line])
+
+
+def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
+    depth = np.arange(12.0)
+    np.savez(tmp_path / "old.npz", frames=frames[0], values=depth)
+    np.savez(tmp_path / "new.npz", frames=frames[1], values=depth)
+    path, new = tmp_path / "m.safetensors", tmp_path / "n.safetensors"
+    assert hdc("train", tmp_path / "old.npz", "-o", path)[0] == 0
+    words = ("recalibrate", path, tmp_path / "new.npz", "-o", new)
+    assert hdc(*words)[1:] == ([f"{new}: 12 new frames, values of value"], [])
+    expected = HDCRegressor.load(path).recalibrate(frames[1], depth[:, None])
+    found = HDCRegressor.load(new)
+    assert np.array_equal(found.predict(frames[2]), expected.predict(frames[2]))
+    assert hdc(*words, "--p", 0.2)[::2] == (2, ["error: expected no --p for numbers"])
+
+
+@pytest.mark.parametrize(
+    ("readout", "words", "status", "said"),
+    [
+        ("counts", (), 0, "at least 12 of each, merge, p = 0.5"),
+        ("lda", ("--p", 0.2), 0, "at least 12 of each, p = 0.2"),
+        ("ridge", (), 0, "36 new frames of 3 classes, at least 12 of each"),
+        ("ridge", ("--p", 0.2), 2, "error: expected no --p for the read-out Ridge"),
+        ("lda", ("--seed", 1), 2, "error: expected no --seed for the read-out LDA"),
+        ("trained", (), 1, "hdc train on the new frames"),
+    ],
+)
+def test_a_readout_is_recalibrated_by_what_it_uses(
+    hdc, folder, tmp_path, readout, words, status, said
+):
+    path = tmp_path / "m.safetensors"
+    assert hdc("train", folder, "-o", path, "--readout", readout)[0] == 0
+    found = hdc("recalibrate", path, folder, "-o", tmp_path / "n", *words)
+    assert found[0] == status
+    assert (found[1] + found[2])[0].endswith(said)
 
 
 def test_models_made_in_python_are_taken_as_well(hdc, frames, tmp_path):
@@ -317,79 +383,6 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert 28 <= found["bits per pixel and class"] < 29
 
 
-def test_sets_of_classes_and_their_coverage(hdc, model, folder, frames):
-    """The numbers are those of predict_set; the interval of the coverage is Wilson's."""
-    found = HDCClassifier.load(model)
-    flat = frames.reshape(-1, SIDE, SIDE)
-    sets = [own.tolist() for own in found.predict_set(flat, 0.2)]
-    out = hdc("predict", model, folder, "--interval", "0.8", "--json")[1]
-    assert [json.loads(line)["set"] for line in out] == sets
-    out = hdc("predict", model, folder, "--interval", "0.8")[1]
-    assert out[0].split("\t")[:3] == ["file", "label", "set"]
-    expected = [", ".join(own) or "(none of these)" for own in sets]
-    assert [line.split("\t")[2] for line in out[1:]] == expected
-    words = ("evaluate", model, folder, "--interval", "0.8")
-    truth = np.repeat(list("abc"), 12)
-    inside = sum(name in own for name, own in zip(truth, sets, strict=True))
-    low, high = wilson(inside, 36)
-    result = json.loads(hdc(*words, "--json")[1][0])["coverage"]
-    assert result == {
-        "asked": 0.8,
-        "share": inside / 36,
-        "interval": [low, high],
-        "mean_size": pytest.approx(np.mean([len(own) for own in sets])),
-    }
-    assert hdc(*words)[1][1].startswith(
-        f"sets for 0.8 hold the truth for {inside / 36:.1%} of these frames (95 % interval "
-        f"{low:.1%} to {high:.1%}); "
-    )
-    assert hdc(*words[:-1], "1.5")[0] == 2
-
-
-def test_probabilities_are_those_of_the_model(hdc, model, folder, frames, tmp_path):
-    found = HDCClassifier.load(model)
-    expected = found.predict_proba(frames.reshape(-1, SIDE, SIDE))
-    out = hdc("predict", model, folder, "--proba", "--json")[1]
-    answers = [json.loads(line) for line in out]
-    assert [list(answer["probabilities"]) for answer in answers] == [list("abc")] * 36
-    shown = [list(answer["probabilities"].values()) for answer in answers]
-    np.testing.assert_allclose(shown, expected)
-    out = hdc("predict", model, folder, "--proba")[1]
-    assert out[0].split("\t")[:4] == ["file", "label", "probability", "margin"]
-    assert [line.split("\t")[2] for line in out[1:]] == [
-        f"{share:.4f}" for share in expected.max(1)
-    ]
-    numbers = HDCRegressor().fit(frames[0], np.arange(12.0))
-    numbers.save(tmp_path / "n.safetensors")
-    status, _, errors = hdc("predict", tmp_path / "n.safetensors", folder, "--proba")
-    assert (status, errors) == (
-        1,
-        ["error: --proba: expected a model of classes, found HDCRegressor"],
-    )
-
-
-def test_a_model_of_numbers_adapts_to_new_frames_with_theirs(
-    hdc, folder, frames, tmp_path
-):
-    paths = {name: tmp_path / f"{name}.npz" for name in ("old", "new")}
-    forces = np.arange(12.0)
-    np.savez(paths["old"], frames=frames[0], values=forces)
-    np.savez(paths["new"], frames=frames[0, :6], values=forces[:6] + 3)
-    path, new = tmp_path / "m", tmp_path / "n"
-    assert hdc("train", paths["old"], "-o", path)[0] == 0
-    status, out, err = hdc("recalibrate", path, paths["new"], "-o", new)
-    assert (status, err) == (0, [])
-    assert out == [f"{new}: 6 new frames with values of value"]
-    expected = HDCRegressor.load(path).recalibrate(frames[0, :6], forces[:6] + 3)
-    found = HDCRegressor.load(new).predict(frames[0])
-    assert np.array_equal(found, expected.predict(frames[0]))
-    wanted = "expected no --p, --method or --seed for a model of numbers"
-    words = ("recalibrate", path, paths["new"], "-o", new, "--p", 0.3)
-    assert hdc(*words)[2] == [f"error: {wanted}"]
-    (error,) = hdc("recalibrate", path, folder, "-o", new)[2]
-    assert "expected a table of the new numbers, found none" in error
-
-
 def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path):
     rng = np.random.default_rng(3)
     drift = rng.integers(0, 60, (SIDE, SIDE)).astype(np.uint8)
@@ -421,13 +414,14 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path
     assert status == 0
     words = ("recalibrate", path, tmp_path / "today", "-o", new)
     assert hdc(*words, "--p", 0.3)[2] == [
-        "error: expected no --p, --method or --seed for frames without labels"
+        "error: expected no --p for frames without labels"
     ]
     plain = tmp_path / "plain.safetensors"
     hdc("train", old, "-o", plain)
     status, _, (line,) = hdc("recalibrate", plain, tmp_path / "today", "-o", new)
     assert status == 1
-    assert "rezero: expected an encoder with a reference, such as 'reference'" in line
+    assert line.endswith("today: expected labels, or a model with an encoder such as reference, "
+                         "which adapts without")  # fmt: skip
     wide = tmp_path / "wide"
     wide.mkdir()
     assert cv2.imwrite(str(wide / "x.png"), np.zeros((9, 9), np.uint8))
@@ -483,6 +477,7 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, tmp_path)
         ),
         (("predict", tmp_path / "no", "x.png"), f"{tmp_path}/no"),
         (("predict", folder / "a" / "0.png", model), f"{folder}/a/0.png: expected"),
+        (("evaluate", folder, model), "found a folder (the MODEL comes first)"),
         (
             ("predict", model, "no\n.png"),
             "no .png: expected a readable file, found none",
@@ -550,6 +545,11 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
             "'--test-fraction': 1.0 is not in",
         ),
         (["predict", "m"], "Missing argument 'IMAGES...'"),
+        (["train", folder, "-o", "-"], "expected the name of a file, found -"),
+        (
+            ["compare", folder, "--all", "--encoder", "levels"],
+            "expected --all, or --enc",
+        ),
         (
             ["predict", "m", "x", "--reject", "0.9"],
             "'--reject': 0.9 is not in the range",

@@ -103,13 +103,6 @@ def test_a_short_list_is_tried_and_all_when_asked():
     assert len(set(every)) == len(every) == len(COMPARED) * len(READOUTS)
 
 
-def test_all_goes_without_names(archive, capsys):
-    with pytest.raises(SystemExit) as caught:
-        main(["compare", str(archive), "--all", "--encoder", "median"])
-    assert caught.value.code == 2
-    assert "expected --all, or --encoder and --readout" in capsys.readouterr().err
-
-
 def test_a_budget_ends_the_choice_with_what_is_done():
     """The clock goes on by a second for each question; 60 % of the minute are for the choice."""
     frames = np.random.default_rng(0).integers(0, 255, (12, 5, 5)).astype(np.uint8)

@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from hdc.command.compare import advice, curve, show
@@ -124,14 +123,7 @@ def errors(depth, force):
 
 
 def of_values():
-    """Two tests of two values, one without a unit; the chosen read-out has no intervals."""
-    intervals = {
-        "coverage": {
-            "depth": {"share": 0.85, "low": 0.7, "high": 0.95},
-            "tab\there": {"share": 0.9, "low": 0.8, "high": 0.97},
-        },
-        "width": {"depth": 3.25, "tab\there": 0.0625},
-    }
+    """Two tests of two values, one without a unit."""
     gains = {"depth": gain(0.75, 0.5, 1.0), "tab\there": gain(0.0, -0.125, 0.25)}
     over = {"depth": gain(-0.25, -0.5, -0.125), "tab\there": gain(0.25, 0.125, 0.5)}
     none = {"depth": gain(0.0, 0.0, 0.0), "tab\there": gain(0.0, 0.0, 0.0)}
@@ -160,7 +152,7 @@ def of_values():
                 "learnt": 32,
                 "tested": 8,
                 "methods": {
-                    "median, ridge": errors(1.0, 2.0) | intervals,
+                    "median, ridge": errors(1.0, 2.0),
                     "levels, neighbours": errors(3.0, 4.0),
                     "SVR (C = 10), raw greys": errors(5.0, 6.0),
                 },
@@ -173,7 +165,7 @@ def of_values():
                 "tested": 20,
                 "methods": with_costs(
                     {
-                        "median, ridge": errors(1.25, 0.5) | intervals,
+                        "median, ridge": errors(1.25, 0.5),
                         "levels, neighbours": errors(0.5, 0.5),
                         "SVR (C = 10), raw greys": errors(0.75, 0.25),
                     }
@@ -214,11 +206,8 @@ def test_all_that_is_printed_of_values():
     assert all_of(of_values()) == printed("values")
 
 
-@pytest.mark.parametrize(
-    ("of_either", "name"), [(of_classes, "classes"), (of_values, "values")]
-)
-def test_all_that_is_printed_where_nothing_could_be_chosen_by(of_either, name):
-    result = of_either() | {
+def test_all_that_is_printed_where_nothing_could_be_chosen_by():
+    result = of_classes() | {
         "chosen_by": "",
         "rival": "",
         "cross_validation": {},
@@ -233,7 +222,7 @@ def test_all_that_is_printed_where_nothing_could_be_chosen_by(of_either, name):
             del test["methods"][other]
     for other in list(result["curve"])[1:]:
         del result["curve"][other]
-    assert all_of(result) == printed(f"{name}_without_folds")
+    assert all_of(result) == printed("classes_without_folds")
 
 
 def test_advice_where_an_interval_ends_at_zero_is_of_no_clear_difference():
@@ -241,7 +230,7 @@ def test_advice_where_an_interval_ends_at_zero_is_of_no_clear_difference():
         result = of_classes()
         edge = {"gain": gain(0.0, low, high), "rival_gain": gain(0.0, low, high)}
         result["tests"][-1] |= edge
-        clear, rival = advice.of_classes(result)[2:]
+        clear, rival = advice.sentences(result)[2:]
         assert clear == "That is no clear gain: the interval holds zero."
         assert "is not clearly better or worse: 1-NN, raw greys has 65.0%" in rival
 
@@ -252,7 +241,7 @@ def test_advice_says_what_is_a_loss():
         "gain": gain(-0.1, -0.2, -0.01),
         "rival_gain": gain(0.1, 0.01, 0.2),
     }
-    assert advice.of_classes(result)[2:] == [
+    assert advice.sentences(result)[2:] == [
         "That is a loss: the choice does not carry over to these frames.",
         "A baseline outside the library is better: 1-NN, raw greys has 65.0%, "
         "+10.0 points (95 % interval +1.0 to +20.0).",
@@ -264,36 +253,17 @@ def test_advice_says_what_is_a_loss():
 
 @pytest.fixture
 def drawn(monkeypatch, tmp_path):
-    """The figure of a result, as it is when saved."""
+    """The axes and the legend of a result's figure, as it is when saved."""
 
     def draw(result):
         kept = []
         monkeypatch.setattr(Figure, "savefig", lambda self, *_, **__: kept.append(self))
         curve.draw(result, tmp_path / "curve.svg")
         (figure,) = kept
-        figure.draw_without_rendering()
-        return figure
+        (axes,), (legend,) = figure.axes, figure.legends
+        return axes, [text.get_text() for text in legend.get_texts()]
 
     return draw
-
-
-def check_layout(figure):
-    """The width of a column, and the legend in one column below the axes."""
-    assert figure.get_size_inches().tolist() == [3.4, 3.0]
-    (axes,), (legend,) = figure.axes, figure.legends
-    assert legend.get_window_extent().y1 <= axes.get_tightbbox().y0
-    starts = [text.get_window_extent().p0 for text in legend.get_texts()]
-    assert len({x for x, _ in starts}) == 1
-    assert not legend.get_frame_on()
-    assert axes.get_xscale() == "log"
-    assert len(axes.get_xticks(minor=True)) == 0
-    for side in ("top", "right"):
-        assert not axes.spines[side].get_visible()
-    texts = [*legend.get_texts(), *axes.get_xticklabels(), axes.title]
-    assert {text.get_fontsize() for text in texts} == {8}
-    looks = [(line.get_marker(), line.get_color()) for line in axes.lines[:-1]]
-    assert all(len(set(look)) == 3 for look in zip(*looks, strict=True))
-    assert "None" not in {marker for marker, _ in looks}
 
 
 def points(line):
@@ -301,16 +271,10 @@ def points(line):
 
 
 def test_the_figure_of_classes_has_every_curve_with_its_interval(drawn):
-    figure = drawn(of_classes())
-    check_layout(figure)
-    (axes,), (legend,) = figure.axes, figure.legends
+    axes, legend = drawn(of_classes())
     assert axes.get_title() == "Tested on the last sessions"
-    assert axes.get_xlabel() == "training frames per class"
     assert axes.get_ylabel() == "accuracy (%)"
-    assert axes.get_ylim() == (0, 102)
-    assert axes.get_xticks().tolist() == [1, 12.5]
-    assert [text.get_text() for text in axes.get_xticklabels()] == ["1", "12.5"]
-    assert [text.get_text() for text in legend.get_texts()] == [
+    assert legend == [
         "median, majority (published)",
         "levels, lda (chosen)",
         "1-NN, raw greys",
@@ -323,71 +287,22 @@ def test_the_figure_of_classes_has_every_curve_with_its_interval(drawn):
         [[1, 35], [12.5, 65]],
     ]
     assert guess.get_ydata() == [25, 25]
-    assert guess.get_linestyle() == ":"
-    bands = [
-        {tuple(corner) for corner in band.get_paths()[0].vertices.round(9).tolist()}
-        for band in axes.collections
-    ]
-    assert bands == [
-        {(1, 20), (1, 40), (12.5, 30), (12.5, 50)},
-        {(1, 15), (1, 35), (12.5, 50), (12.5, 70)},
-        {(1, 25), (1, 45), (12.5, 55), (12.5, 75)},
-    ]
-    shades = [band.get_facecolor()[0] for band in axes.collections]
-    for shade, line in zip(shades, curves, strict=True):
-        assert shade[:3] == pytest.approx(to_rgb(line.get_color()))
-        assert 0 < shade[3] < 0.5  # the curves below are seen through it
+    corners = axes.collections[0].get_paths()[0].vertices.round(9).tolist()
+    assert {tuple(c) for c in corners} == {(1, 20), (1, 40), (12.5, 30), (12.5, 50)}
 
 
 def test_the_figure_of_values_has_errors_as_shares_of_a_guess(drawn):
-    result = of_values()
-    result["curve"]["median, ridge"].insert(1, {"frames": 1234, "error": 0.5})
-    figure = drawn(result)
-    check_layout(figure)
-    (axes,), (legend,) = figure.axes, figure.legends
-    assert axes.get_title() == "Tested on the last frames"
-    assert axes.get_xlabel() == "training frames"
+    axes, legend = drawn(of_values())
     assert axes.get_ylabel() == "mean error / that of a guess"
-    assert axes.get_ylim()[0] == 0
-    assert axes.get_ylim()[1] > 1.25
-    assert axes.get_xticks().tolist() == [5, 40, 1234]
-    assert [text.get_text() for text in legend.get_texts()] == [
-        "median, ridge (default)",
-        "levels, neighbours (chosen)",
-        "SVR (C = 10), raw greys",
-        "guess of the middle value",
-    ]
+    assert legend[-1] == "guess of the middle value"
     *curves, guess = axes.lines
     assert points(curves[1]) == [[5, 1.25], [40, 0.125]]
     assert guess.get_ydata() == [1, 1]
     assert len(axes.collections) == 0
 
 
-def test_a_default_that_is_chosen_is_labelled_once(drawn):
-    for of_either, label in (
-        (of_classes, "median, majority (published)"),
-        (of_values, "median, ridge (default)"),
-    ):
-        result = of_either()
-        result["chosen"] = result["published"]
-        (legend,) = drawn(result).legends
-        assert legend.get_texts()[0].get_text() == label
-
-
-def test_figures_are_the_same_from_day_to_day_and_sharp_in_print(tmp_path):
-    vector, pixels = tmp_path / "curve.SVG", tmp_path / "curve.png"
-    curve.draw(of_classes(), vector)
-    assert "<dc:date>" not in vector.read_text()
-    assert "<text" not in vector.read_text()  # outlines: no font is needed to read it
-    curve.draw(of_classes(), pixels)
-    width, height = np.frombuffer(pixels.read_bytes()[16:24], ">u4")
-    assert (width, height) == (680, 600)  # 200 to the inch
-
-
 def test_a_figure_is_a_file_in_a_folder(tmp_path):
     curve.check_figure(tmp_path / "curve.PDF")
-    (tmp_path / "kept.png").write_bytes(b"an older figure")
-    curve.check_figure(tmp_path / "kept.png")
     (tmp_path / "folder.svg").mkdir()
     with pytest.raises(ValueError, match=r"-o: expected a regular file .*folder\.svg"):
         curve.check_figure(tmp_path / "folder.svg")

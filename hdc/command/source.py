@@ -1,0 +1,184 @@
+"""The RECORDING of a command line: its options, how it is opened, and what to type for it."""
+
+from __future__ import annotations
+
+import functools
+import shlex
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import click
+
+from hdc import readers
+from hdc.command.options import FILE, axes
+from hdc.readers import Recording, Window
+
+_OPTIONS = (
+    click.argument("recording", type=FILE),
+    click.option(
+        "--template",
+        metavar="PATTERN",
+        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'.",
+    ),
+    click.option(
+        "--values",
+        "table",
+        type=FILE,
+        metavar="CSV",
+        help="Table of numbers to learn or compare with, a row per image or frame.",
+    ),
+    click.option(
+        "--column",
+        "value_columns",
+        multiple=True,
+        metavar="NAME",
+        help="Column of numbers; may be repeated. [default: all numeric ones]",
+    ),
+    click.option(
+        "--image-column",
+        default="image",
+        metavar="NAME",
+        help="Column of the table that names the image, or that holds it.",
+    ),
+    click.option(
+        "--labels",
+        metavar="NAME",
+        help="Array or column of labels, or a CSV with a row per frame.",
+    ),
+    axes,
+    click.option(
+        "--skip-damaged", is_flag=True, help="Leave damaged images out, and count them."
+    ),
+    click.option(
+        "--skip-missing",
+        is_flag=True,
+        help="Leave rows of a table out whose image is missing, and count them.",
+    ),
+)
+_PIXELS = (
+    click.option(
+        "--crop",
+        type=click.IntRange(0),
+        nargs=4,
+        metavar="X Y WIDTH HEIGHT",
+        help="Pixels to keep, from the top left corner. [default: all]",
+    ),
+    click.option(
+        "--subsample",
+        type=click.IntRange(1),
+        default=1,
+        metavar="N",
+        help="Keep every N-th pixel on both axes.",
+    ),
+)
+
+
+@dataclass(frozen=True)
+class Source:
+    """A recording as it was given: its path, and settings of :func:`hdc.readers.open_recording`."""
+
+    path: Path
+    settings: Mapping[str, Any] = field(default_factory=dict)
+
+    def open(self, window: Window, fewest_classes: int = 2) -> Recording:
+        """The recording; images are decoded when needed."""
+        frames = readers.open_recording(
+            self.path,
+            window=window,
+            check=False,
+            fewest_classes=fewest_classes,
+            **self.settings,
+        )
+        if line := frames.left_out():
+            warnings.warn(line, stacklevel=2)
+        return frames
+
+    def with_values(self, names: Sequence[str]) -> Source:
+        """The same with these columns as values, unless others were given or it has none."""
+        has_columns = self.settings.get("table") or not self.path.is_dir()
+        if not names or not has_columns or self.settings.get("value_columns"):
+            return self
+        return Source(self.path, {**self.settings, "value_columns": tuple(names)})
+
+    def words(self, window: Window) -> list[str]:
+        """What to type to open it so."""
+        given = dict(self.settings)
+        given |= {"crop": window.crop, "subsample": window.subsample}
+        words = [str(self.path)]
+        for option in opened.params:
+            value = given.get(option.name or "")
+            if isinstance(option, click.Option) and value != option.default:
+                words += _typed(option, value)
+        return words
+
+    def training_line(self, window: Window, *options: str) -> str:
+        """The line that trains a model of it."""
+        words = ["hdc", "train", *self.words(window), *options]
+        return shlex.join([*words, "-o", "model.safetensors"])
+
+
+def _typed(option: click.Option, value: Any) -> list[str]:
+    """An option as it is typed."""
+    name = option.opts[0]
+    if not value:
+        return []
+    if option.is_flag:
+        return [name]
+    if option.multiple:
+        return [word for part in value for word in (name, part)]
+    if option.nargs > 1:
+        return [name, *map(str, value)]
+    return [name, ",".join(value) if isinstance(value, tuple) else str(value)]
+
+
+def recording(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the argument RECORDING and its options, as a Source."""
+
+    @functools.wraps(command)
+    def with_source(recording: Path, **given: Any) -> Any:
+        names = [name for name in given if name in _SETTINGS]
+        settings = {name: given.pop(name) for name in names}
+        return command(source=Source(recording, settings), **given)
+
+    return _with(with_source, _OPTIONS)
+
+
+def pixels(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of the pixels that are kept, as a Window."""
+
+    @functools.wraps(command)
+    def with_window(crop: Any, subsample: int, **given: Any) -> Any:
+        return command(window=Window(crop, subsample), **given)
+
+    return _with(with_window, _PIXELS)
+
+
+def _with(
+    command: Callable[..., Any], options: Sequence[Callable[..., Any]]
+) -> Callable[..., Any]:
+    for option in reversed(options):
+        command = option(command)
+    return command
+
+
+_SETTINGS = (
+    "template",
+    "table",
+    "value_columns",
+    "image_column",
+    "labels",
+    "axes",
+    "skip_damaged",
+    "skip_missing",
+)
+
+
+@click.command()
+@recording
+@pixels
+def opened(source: Source, window: Window) -> Recording:
+    """A recording opened as a line of words says."""
+    return source.open(window)
