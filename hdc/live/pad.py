@@ -9,7 +9,7 @@ from typing import Any
 
 from nicegui import events, ui
 
-from hdc.live.session import Interval, Session
+from hdc.live.session import Session
 from hdc.live.sources import Pressable, Touch
 
 NEAR = 2e-3
@@ -29,8 +29,6 @@ _PLACE = """<g transform="translate({:.2f} {:.2f})" stroke="{c}" fill="{c}">
 <circle r="2" fill="none" stroke-width=".6"/>
 <text y="-2.8" text-anchor="middle" font-size="3" stroke="none">{name}</text></g>"""
 _TOUCH = '<circle cx="{:.2f}" cy="{:.2f}" r="{:.2f}" fill="#222" fill-opacity=".55"/>'
-_CROSS = """<path transform="translate({:.2f} {:.2f})" stroke="#000" stroke-width=".5"
- d="M-3 0H3M0-3V3"/>"""
 
 
 def colour(names: Sequence[str], name: str | None) -> str:
@@ -70,14 +68,14 @@ class Pad:
         ).classes("pad")
         ui.label(
             f"The silicone from above, {size[0]:.0f} × {size[1]:.0f} mm: press it. Near the ring "
-            "of a class the robot returns to where it was taught. Cross: the predicted place."
+            "of a class the robot returns to where it was taught."
         ).classes("small")
         self._depth = slider("depth in mm", 0.1, source.deepest * 1e3, 0.1, 1.8)
         lift = ui.button("Lift off", on_click=lambda: self._press())
         lift.props("no-caps outline dense")
 
-    def show(self, values: Sequence[Interval]) -> None:
-        """Draw taught places, touches, and the predicted place: x and y, value first, in mm."""
+    def show(self) -> None:
+        """Draw taught places and touches."""
         names = list(self._session.counts)
         drawn = []
         for name, touches in self._session.places.items():
@@ -90,10 +88,6 @@ class Pad:
             x, y = self._at(touch.x, touch.y)
             radius = 1 + 900 * touch.depth
             drawn.append(_TOUCH.format(x, y, radius))
-        if len(values) == 2:
-            (x, *_), (y, *_) = values
-            place = self._at(x * 1e-3, y * 1e-3)
-            drawn.append(_CROSS.format(*place))
         self._drawing.content = "".join(drawn)
 
     def _at(self, x: float, y: float) -> tuple[float, float]:

@@ -279,7 +279,7 @@ class Page:
             self._accuracy.set_text(_accuracy(list(session.tests)))
         self._show_answer(view)
         if isinstance(self._source, Pressable):
-            self._pad.show(view.answer.values if view.answer else ())
+            self._pad.show()
         elif view.label:
             self._label.set_text(self._recorded_as(view.label))
 
@@ -297,8 +297,7 @@ class Page:
             self._beside.set_text("")
             self._numbers.set_text("")
             return
-        unit = " mm" if self._pressable else ""
-        text, beside = _in_words(answer, unit)
+        text, beside = _in_words(answer)
         look = colour(list(self._session.counts), answer.label)
         self._answer.set_text(view.error or text)
         self._answer.style(f"color: {look}")
@@ -343,18 +342,14 @@ def _accuracy(tests: Sequence[bool]) -> str:
     return f"{right} of the latest {n} right ({right / n:.0%})"
 
 
-def _in_words(answer: Answer, unit: str) -> tuple[str, str]:
+def _in_words(answer: Answer) -> tuple[str, str]:
     """The predicted class, or the values, and the rest of the answer."""
-    values = []
-    for value, low, high in answer.values:
-        values.append(f"{value:.1f}{unit} [{low:.1f}, {high:.1f}]")
     if not answer.distances:
+        values = [f"{v:.1f} [{low:.1f}, {high:.1f}]" for v, low, high in answer.values]
         return ", ".join(values), ""
-    lines = [f"{1 - ALPHA:.0%} prediction set: {', '.join(answer.likely) or 'none'}."]
-    if values:
-        lines.append(f"Value: {', '.join(values)}.")
+    likely = ", ".join(answer.likely) or "none"
     text = "none of these" if answer.label is None else answer.label
-    return text, " ".join(lines)
+    return text, f"{1 - ALPHA:.0%} prediction set: {likely}."
 
 
 def _in_numbers(answer: Answer, seconds: float) -> str:

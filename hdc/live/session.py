@@ -7,7 +7,6 @@ the page shows, and changes nothing.
 
 from __future__ import annotations
 
-import re
 import tempfile
 import time
 from collections import Counter, deque
@@ -30,9 +29,6 @@ RECENT = 20
 """Tests behind the accuracy that is shown."""
 ALPHA = 0.1
 """Error rate of prediction sets: they miss the true class in one of ten frames."""
-_NUMBER = re.compile(r"([-+]?\d+(?:\.\d+)?)\s*[^\d\s]*")  # "1.5" or "1.5 mm"
-
-
 Interval = tuple[float, float, float]
 """A value, and the lower and upper end of its interval."""
 
@@ -46,7 +42,7 @@ class Answer:
     distances: Mapping[str, float] = field(default_factory=dict)
     """Hamming, to each prototype, as a share of the bits."""
     values: tuple[Interval, ...] = ()
-    """Where taught."""
+    """Of a model of numbers."""
 
     @property
     def margin(self) -> float | None:
@@ -65,11 +61,10 @@ class Lesson(NamedTuple):
 
 
 class Sample(NamedTuple):
-    """A frame with its label, and with its position or number where that is known."""
+    """A frame with its label."""
 
     frame: np.ndarray
     label: str
-    value: tuple[float, ...] | None
     lesson: Lesson
 
 
@@ -84,7 +79,7 @@ class Session:
         source: of the frames.
         is_taught: whether the page teaches the model.
         model: None until two classes are taught.
-        regressor: of the values that samples have; None until there are two.
+        regressor: a model of numbers that was trained before; else None.
         readout: of the model.
         counts: samples of each class, in the order they were taught; replaced, never changed.
         places: touches of each class, for a source that can be pressed.
@@ -129,9 +124,12 @@ class Session:
 
     def ask(self, frame: np.ndarray) -> Answer | None:
         """The model's answer for a frame [H, W]; None while it can give none."""
-        values = self._values(frame)
+        if self.regressor is not None:
+            found = self.regressor.predict(frame[None], return_interval=True)
+            value, low, high = (np.ravel(part).tolist() for part in found)
+            return Answer(values=tuple(zip(value, low, high, strict=True)))
         if self.model is None:
-            return None if self.is_taught else Answer(values=values)
+            return None
         frames = frame[None]
         shares = self.model.distances(frames)[0] / self.model.dimension_
         names = [str(c) for c in self.model.classes_]
@@ -143,16 +141,7 @@ class Session:
             label=None if label is None else str(label),
             likely=tuple(str(c) for c in likely),
             distances=dict(zip(names, shares.tolist(), strict=True)),
-            values=values,
         )
-
-    def _values(self, frame: np.ndarray) -> tuple[Interval, ...]:
-        """Each value of a frame with its interval; none where none was taught."""
-        if self.regressor is None:
-            return ()
-        found = self.regressor.predict(frame[None], return_interval=True)
-        value, low, high = (np.ravel(part).tolist() for part in found)
-        return tuple(zip(value, low, high, strict=True))
 
     def test(self) -> None:
         """Test the model on one new touch of a taught class, if the source can be pressed."""
@@ -253,19 +242,8 @@ class Session:
     def _take(
         self, name: str, n: int, touches: tuple[Touch, ...], lesson: Lesson
     ) -> list[Sample]:
-        value = self._value(name, touches)
         frames = self.source.samples(n, touches)
-        return [Sample(frame, name, value, lesson) for frame in frames]
-
-    def _value(self, name: str, touches: tuple[Touch, ...]) -> tuple[float, ...] | None:
-        """The place of a touch in mm, or the number in a name; None where there is neither."""
-        if len(touches) == 1:
-            (touch,) = touches
-            return 1e3 * touch.x, 1e3 * touch.y
-        number = _NUMBER.fullmatch(name)
-        if number is None or isinstance(self.source, Pressable):
-            return None
-        return (float(number[1]),)
+        return [Sample(frame, name, lesson) for frame in frames]
 
     def _check_known(self, name: str) -> None:
         if name not in self.counts:
@@ -277,10 +255,8 @@ class Session:
             raise ValueError("This model was trained before and is shown as it is.")
         readout = readout or self.readout
         model = _classifier(samples, readout)
-        regressor = _regressor(samples, readout)
         self._samples = samples
         self.model = model
-        self.regressor = regressor
         self.readout = readout
         self.counts = dict(Counter(sample.label for sample in samples))
 
@@ -311,15 +287,3 @@ def _classifier(samples: Sequence[Sample], readout: str) -> HDCClassifier | None
         else:
             model.recalibrate(frames, labels, lesson.p, lesson.number)
     return model
-
-
-def _regressor(samples: Sequence[Sample], readout: str) -> HDCRegressor | None:
-    """A regressor of the values of samples that have one; None with fewer than two values."""
-    known = [sample for sample in samples if sample.value]
-    if len({sample.value for sample in known}) < 2:
-        return None
-    frames = np.stack([sample.frame for sample in known])
-    values = np.array([sample.value for sample in known])
-    # Few places are far apart: the nearest frame tells them, where a line between them does not.
-    chosen = "ridge" if readout == "ridge" else "neighbours"
-    return HDCRegressor(readout=chosen).fit(frames, values)

@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import cv2
 import numpy as np
@@ -138,14 +138,28 @@ def frame_of(place: str, image: np.ndarray, window: Window) -> np.ndarray:
         raise BadFrame(f"{place}: {error}") from error
 
 
-def check_alike(
-    place: str, image: np.ndarray, size: tuple[int, ...], dtype: np.dtype[Any]
-) -> None:
-    """Raise BadFrame for an image of another size [height, width] or depth."""
-    if image.shape[:2] != size or image.dtype != dtype:
-        found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
-        wanted = f"{size[1]} × {size[0]} pixels {dtype} as in the other frames"
-        raise BadFrame(f"{place}: expected {wanted}, found {found}")
+class Alike:
+    """Grey frames of images that have the size and depth of the first.
+
+    Attributes:
+        shape: (H, W) of a frame.
+        dtype: of its pixels.
+    """
+
+    def __init__(self, place: str, first: np.ndarray, window: Window) -> None:
+        self._size, self._window = first.shape[:2], window
+        self.dtype = first.dtype
+        self.shape = self.frame(place, first).shape
+
+    def frame(self, place: str, image: np.ndarray) -> np.ndarray:
+        """The frame of an image; a BadFrame for another size or depth."""
+        if image.shape[:2] != self._size or image.dtype != self.dtype:
+            found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
+            size = f"{self._size[1]} × {self._size[0]} pixels {self.dtype}"
+            raise BadFrame(
+                f"{place}: expected {size} as in the other frames, found {found}"
+            )
+        return frame_of(place, image, self._window)
 
 
 def open_listing(
@@ -209,15 +223,14 @@ class Images:
     """
 
     def __init__(self, files: Sequence[Path], window: Window) -> None:
-        self._files, self._window = files, window
+        self._files = files
         self._kept: list[np.ndarray] = []
         try:
             first = decode(files[0])
         except BadFrame as error:
             raise self._counted(error) from error
-        self._size = first.shape[:2]
-        self.dtype = first.dtype
-        self.shape = frame_of(str(files[0]), first, window).shape
+        self._alike = Alike(str(files[0]), first, window)
+        self.dtype, self.shape = self._alike.dtype, self._alike.shape
 
     def check(self, memory_bytes: int) -> None:
         """Decode all of them, and keep them if they fit.
@@ -244,9 +257,7 @@ class Images:
             raise self._counted(error) from error
 
     def _load(self, file: Path) -> np.ndarray:
-        image = decode(file)
-        check_alike(str(file), image, self._size, self.dtype)
-        return frame_of(str(file), image, self._window)
+        return self._alike.frame(str(file), decode(file))
 
     def _counted(self, error: BadFrame) -> BadFrame:
         """The error, and how many images are damaged where there are such."""

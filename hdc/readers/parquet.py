@@ -19,7 +19,7 @@ import pyarrow.parquet as pq
 
 from hdc.readers.columns import Columns
 from hdc.readers.files import Ambiguous, BadFrame, file_digest
-from hdc.readers.images import check_alike, decoded, frame_of
+from hdc.readers.images import Alike, decoded
 from hdc.readers.recording import Recording, Window
 
 
@@ -124,21 +124,20 @@ class _Rows:
     """Images of one size and depth, those of the first row."""
 
     def __init__(self, path: Path, file: Any, column: str, window: Window) -> None:
-        self._path, self._file, self._column, self._window = path, file, column, window
+        self._path, self._file, self._column = path, file, column
         groups = range(file.num_row_groups)
         counts = [file.metadata.row_group(group).num_rows for group in groups]
         self._starts = np.cumsum([0, *counts])
         (first,) = self._decoded(np.arange(1))
-        self._size, self.dtype = first.shape[:2], first.dtype
-        self.shape = frame_of(self.place(0), first, window).shape
+        self._alike = Alike(self.place(0), first, window)
+        self.dtype, self.shape = self._alike.dtype, self._alike.shape
 
     def place(self, i: int) -> str:
         return f"{self._path}, row {i}"
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
         for i, image in zip(index, self._decoded(index), strict=True):
-            check_alike(self.place(i), image, self._size, self.dtype)
-            yield frame_of(self.place(i), image, self._window)
+            yield self._alike.frame(self.place(i), image)
 
     def _decoded(self, index: np.ndarray) -> Iterator[np.ndarray]:
         held, cells = -1, pa.chunked_array([[]])

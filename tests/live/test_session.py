@@ -119,16 +119,6 @@ def test_prediction_sets_have_the_true_class(taught):
     assert sum("left" in taught.ask(frame).likely for frame in frames) >= 14
 
 
-def test_the_place_of_a_touch_is_predicted(taught):
-    for name, x in PLACES.items():
-        (across, low, high), (along, *_) = taught.ask(touch(taught, name, 1)[0]).values
-        assert (across, along) == (
-            pytest.approx(1e3 * x, abs=4),
-            pytest.approx(0, abs=4),
-        )
-        assert low <= across <= high
-
-
 @pytest.mark.parametrize(
     ("job", "message"),
     [

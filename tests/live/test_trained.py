@@ -92,7 +92,7 @@ def test_values_of_a_trained_regressor_are_shown(film, regressor):
     ((value, low, high),) = answer.values
     assert low <= value <= high
     assert value == pytest.approx(1.05, abs=0.3)
-    assert pages._in_words(answer, "") == (f"{value:.1f} [{low:.1f}, {high:.1f}]", "")
+    assert pages._in_words(answer) == (f"{value:.1f} [{low:.1f}, {high:.1f}]", "")
     assert pages._in_numbers(answer, 0.0123) == "12.3 ms"
     answer = Answer("a", ("a",), {"a": 0.25, "b": 0.4})
     assert pages._in_numbers(answer, 0.002) == "distance 0.250 · margin 0.150 · 2.0 ms"

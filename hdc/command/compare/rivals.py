@@ -39,7 +39,7 @@ class Rival:
         pixels: one of PIXELS.
         setting: what it was given that the folds choose, in words; or nothing.
         estimator: of scikit-learn, untrained.
-        view: what it learns from: ``"coordinates"``, ``"linear"`` or ``"rbf"`` kernel.
+        view: what it learns from: ``"coordinates"``, or the kernel ``"rbf"``.
     """
 
     model: str
@@ -130,7 +130,7 @@ def _of_classes(pixels: str) -> list[Rival]:
         machine = SVC(kernel="precomputed", C=c)
         found += [
             Rival("softmax", pixels, setting, softmax),
-            Rival("linear SVM", pixels, setting, machine, "linear"),
+            Rival("linear SVM", pixels, setting, SVC(kernel="linear", C=c)),
             Rival("rbf SVM", pixels, setting, machine, "rbf"),
         ]
     return found
@@ -187,14 +187,6 @@ def _coordinates_once(
     return kept[1]
 
 
-def linear_kernel(
-    bank: FrameBank, pixels: str, train: np.ndarray, test: np.ndarray
-) -> tuple[np.ndarray, np.ndarray]:
-    """Products of the centred frames, [n, n] and [Q, n], in the unit of :func:`coordinates`."""
-    trained, queries = _coordinates_once(bank, pixels, train, test)
-    return trained @ trained.T, queries @ trained.T
-
-
 def rbf_kernel(
     bank: FrameBank, pixels: str, train: np.ndarray, test: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -211,7 +203,6 @@ def rbf_kernel(
 View = Callable[[FrameBank, str, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
 VIEWS: dict[str, View] = {
     "coordinates": _coordinates_once,
-    "linear": linear_kernel,
     "rbf": rbf_kernel,
 }
 """Input of a baseline, by name: of training and test frames."""

@@ -269,8 +269,7 @@ def test_a_column_of_images_is_asked_for_by_its_option(hdc, tmp_path):
 def test_frames_may_have_neither_labels_nor_values(tmp_path):
     """Loose images, arrays and tables of frames alone; all of the size of training."""
     frames = np.random.default_rng(1).integers(0, 256, (3, 4, 5), np.uint8)
-    model = HDCRegressor().fit(frames, np.arange(3.0))
-    model.metadata_ = {}
+    model = HDCClassifier().fit(frames, [0, 1, 1])
 
     def read(name, crop=None):
         found = frames_for(model, Window(crop), Source(tmp_path / name), 0)
@@ -286,8 +285,7 @@ def test_frames_may_have_neither_labels_nor_values(tmp_path):
         assert np.array_equal(read(name, crop), frames)
     with pytest.raises(BadFrame, match=r"wide/0\.png: expected 5 × 4 pixels"):
         read("wide")
-    model = HDCRegressor().fit(frames.reshape(3, 20), np.arange(3.0))
-    model.metadata_ = {}
+    model = HDCClassifier().fit(frames.reshape(3, 20), [0, 1, 1])
     rows = [",".join(map(str, row)) for row in [range(20), *frames.reshape(3, 20)]]
     (tmp_path / "t.csv").write_text("\n".join(rows))
     assert np.array_equal(read("t.csv"), frames.reshape(3, 20))
