@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, Protocol
@@ -270,10 +270,6 @@ class Scores:
     given_up: list[str] = field(default_factory=list)
     not_tried: list[str] = field(default_factory=list)
 
-    def tries(self, method: Method) -> bool:
-        """Whether a method is tried further: it refused no frames, and was not given up."""
-        return method.name not in self.reasons and method.name not in self.given_up
-
     def finished(self, kind: type) -> list[Method]:
         """The methods of a kind that were tried to the end, in the order of trial."""
         return [
@@ -288,35 +284,39 @@ class Scores:
         return min(tried, key=lambda method: self.losses[method], default=None)
 
 
-def cross_validate(
+def race(
     methods: Sequence[Method],
     frames: Frames,
     made: Sequence[Fold],
-    step: Callable[[], None] = lambda: None,
-) -> Scores:
-    """Mean loss of each method; a frame counts once. One that refuses the frames is left out.
+    scores: Scores,
+    is_over: Callable[[], bool] = lambda: False,
+) -> Iterator[Method]:
+    """Cross-validate one method after the other into `scores`; each is yielded when it is done.
 
-    After the first fold, those that are worse than the best of their kind by 3 standard errors of
-    the difference, and by 0.05, are given up, as in a race (Maron, Moore, NIPS 1993); the first
-    method, the published form, is tried to the end. `step` is called before each answer, for a
-    bar of progress.
+    A method other than the first, the published form, is given up after the first fold if it is
+    worse than the best of its kind so far by 3 standard errors of the difference, and by 0.05
+    (Maron, Moore, NIPS 1993). One that refuses the frames is left out. When `is_over`, the rest is
+    not tried.
     """
-    losses: dict[Method, list[np.ndarray]] = {method: [] for method in methods}
-    scores = Scores()
-    for number, fold in enumerate(made):
-        for method in methods:
-            step()
-            if not scores.tries(method):
-                continue
-            found = losses_of(method, frames, fold, scores)
-            if found is not None:
-                losses[method].append(found)
-        if number == 0:
-            scores.given_up = _given_up(losses, methods[0])
-    for method, parts in losses.items():
-        if parts and method.name not in scores.reasons:
-            scores.losses[method] = float(np.concatenate(parts).mean())
-    return scores
+    first_folds: dict[type, dict[Method, np.ndarray]] = {}
+    for method in methods if made else ():
+        if scores.losses and is_over():
+            scores.not_tried.append(method.name)
+            continue
+        own_kind = first_folds.setdefault(type(method), {})
+        found = []
+        for fold in made:
+            losses = losses_of(method, frames, fold, scores)
+            if losses is None:
+                break
+            found.append(losses)
+            own_kind.setdefault(method, losses)
+            if method != methods[0] and method in far_behind(own_kind):
+                scores.given_up.append(method.name)
+                break
+        if found and method.name not in scores.reasons:
+            scores.losses[method] = float(np.concatenate(found).mean())
+        yield method
 
 
 def losses_of(
@@ -333,16 +333,6 @@ def losses_of(
         scores.reasons[method.name] = str(error)
         return None
     return frames.losses(answers, test)
-
-
-def _given_up(losses: Mapping[Method, Sequence[np.ndarray]], kept: Method) -> list[str]:
-    """Names of the methods that are far behind the best of their kind, but one."""
-    kinds: dict[type, dict[Method, np.ndarray]] = {}
-    for method, parts in losses.items():
-        if parts:
-            kinds.setdefault(type(method), {})[method] = parts[0]
-    behind = [method for own in kinds.values() for method in far_behind(own)]
-    return [method.name for method in behind if method != kept]
 
 
 def far_behind(losses: Mapping[Method, np.ndarray]) -> list[Method]:

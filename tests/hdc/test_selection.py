@@ -53,7 +53,9 @@ def test_a_group_of_frames_that_tell_their_group_decides_otherwise():
         data = in_frames(Bank(frames, labels, 2, of_groups))
         made, _ = selection.folds(data, np.arange(60))
         method = selection.Combination("median", "neighbours")
-        return selection.cross_validate([method], data, made).losses[method]
+        scores = selection.Scores()
+        assert [*selection.race([method], data, made, scores)] == [method]
+        return scores.losses[method]
 
     assert loss(None) < 0.1
     assert loss(groups) > 0.3
@@ -123,8 +125,8 @@ def test_a_race_tells_losses_refusals_and_who_was_given_up():
     later = Scripted("later", (0, 0, -1))
     best = Scripted("best", (1, 0, 1))
     methods = [published, even, behind, alone, refused, later, best]
-    steps = []
-    found = selection.cross_validate(methods, data, made, lambda: steps.append(1))
+    found = selection.Scores()
+    assert [*selection.race(methods, data, made, found)] == methods
     assert found.reasons == {
         "refused": "refused refuses fold 0",
         "later": "later refuses fold 2",
@@ -133,7 +135,6 @@ def test_a_race_tells_losses_refusals_and_who_was_given_up():
     losses = {published: 1, even: 6 / 24, behind: 1, alone: 5 / 24, best: 2 / 24}
     assert found.losses == pytest.approx(losses)
     assert list(found.losses) == list(losses)
-    assert len(steps) == 3 * 7
     assert found.best(Scripted) == best
     assert found.best(OfAnotherKind) == alone
     assert found.best(selection.Combination) is None

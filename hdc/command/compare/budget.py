@@ -12,6 +12,8 @@ import numpy as np
 from hdc.command.compare.frames import FrameBank
 from hdc.selection import Frames, Method
 
+CHOOSING = 0.6
+"""Share of the budget after which no further method is tried; tests take the rest."""
 TRIAL = 60
 """Frames of the timed trial."""
 

@@ -12,8 +12,8 @@ from hdc.accuracy import wilson
 from hdc.backends import choose_backend
 from hdc.command.compare import show
 from hdc.command.compare.advice import paired_accuracies, paired_errors
-from hdc.command.compare.budget import Budget, estimate, in_words
-from hdc.command.compare.choose import one_by_one, progress
+from hdc.command.compare.budget import CHOOSING, Budget, estimate, in_words
+from hdc.command.compare.choose import progress
 from hdc.command.compare.cost import Costs, front
 from hdc.command.compare.curve import STEPS, learning_curve
 from hdc.command.compare.dither import dithered
@@ -30,6 +30,7 @@ from hdc.selection import (
     Scores,
     combinations,
     folds,
+    race,
 )
 
 
@@ -88,7 +89,8 @@ def compare(
     result["estimate_s"] = _estimate(frames, parts, ours, theirs, len(made), draws)
     say(f"This takes about {in_words(result['estimate_s'])}, by a trial of few frames.")
     scores = Scores()
-    for method in one_by_one([*ours, *theirs], frames, made, budget, scores):
+    tried: list[Method] = [*ours, *theirs]
+    for method in race(tried, frames, made, scores, lambda: budget.is_spent(CHOOSING)):
         say(show.row(method.name, scores, learns_values))
     judged = Judged.of(ours[0], theirs, scores)
     result |= {

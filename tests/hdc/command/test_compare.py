@@ -644,18 +644,6 @@ def test_two_recordings_are_read_one_after_the_other(tmp_path):
     assert (some.bank.frames.numpy() == frames[[1, 2, 9]]).all()
 
 
-def test_what_is_far_behind_is_given_up_and_not_chosen():
-    right, wrong = np.zeros(40), np.ones(40)
-    some = np.arange(40) % 20 == 0
-    first = selection.Combination("median", "majority")
-    good = selection.Combination("levels", "lda")
-    near = selection.Combination("levels", "ridge")
-    found = selection.far_behind({first: wrong, good: right, near: some.astype(float)})
-    assert found == [first]
-    scores = selection.Scores({good: 0.3, near: 0.1}, given_up=[near.name])
-    assert scores.best(selection.Combination) == good
-
-
 def test_an_interval_of_paired_accuracies_is_newcombes():
     """His own example, Stat. Med. 17, 2635 (1998), table III: 36, 12, 2, 0 by method 10."""
     mine = np.repeat([True, True, False, False], [36, 12, 2, 0])

@@ -8,7 +8,7 @@ import pytest
 
 from hdc import HDCClassifier, selection
 from hdc.command import main
-from hdc.command.compare import choose, cost, dither, judge, rivals
+from hdc.command.compare import cost, dither, judge, rivals
 from hdc.command.compare.budget import Budget, Growth, estimate, in_words
 from hdc.command.compare.frames import FrameBank, Frames
 from hdc.encoders import COMPARED
@@ -111,55 +111,13 @@ def test_a_budget_ends_the_choice_with_what_is_done():
     made, _ = selection.folds(data, np.arange(12))
     scores = selection.Scores()
     budget = Budget(1, Clock())
-    done = [*choose.one_by_one(every, data, made, budget, scores)]
+    done = [*selection.race(every, data, made, scores, lambda: budget.is_spent(0.6))]
     assert done == every[:36]  # the first is tried in any case, and asks for no time
     assert scores.not_tried == [method.name for method in every[36:]]
     assert {*scores.losses} == {*done}
     endless = selection.Scores()
-    assert [*choose.one_by_one(every, data, made, Budget(None), endless)] == every
+    assert [*selection.race(every, data, made, endless)] == every
     assert endless.not_tried == []
-
-
-def test_one_after_the_other_they_have_the_losses_of_all_folds():
-    rng = np.random.default_rng(3)
-    frames = rng.integers(0, 200, (40, 6, 6)).astype(np.uint8)
-    labels = np.arange(40) % 2
-    frames[labels == 1, :2] //= 2
-    data = in_memory(frames, labels)
-    tried = selection.combinations(["median"], ["majority", "lda"], False)
-    made, _ = selection.folds(data, np.arange(40))
-    scores = selection.Scores()
-    for _ in choose.one_by_one(tried, data, made, Budget(None), scores):
-        pass
-    for form in tried:
-        if form.name in scores.given_up:
-            continue
-        wrong = 0
-        for train, test in made:
-            model = HDCClassifier(form.encoder, form.readout)
-            model.fit(frames[train], labels[train])
-            wrong += (model.predict(frames[test]) != labels[test]).sum()
-        assert scores.losses[form] == pytest.approx(wrong / 40)
-
-
-def test_what_is_far_behind_the_best_so_far_is_given_up():
-    class Fixed:
-        def __init__(self, name, wrong):
-            self.name, self.wrong, self.asked = name, wrong, 0
-
-        def answers(self, frames, train, test):
-            self.asked += 1
-            truth = frames.labels[test]
-            return 1 - truth if self.wrong else truth
-
-    data = in_memory(np.zeros((40, 4, 4), np.uint8), np.arange(40) % 2)
-    made, _ = selection.folds(data, np.arange(40))
-    methods = [Fixed("first", True), Fixed("good", False), Fixed("bad", True)]
-    scores = selection.Scores()
-    done = [*choose.one_by_one(methods, data, made, Budget(None), scores)]
-    assert done == methods
-    assert [method.asked for method in methods] == [5, 5, 1]
-    assert scores.given_up == ["bad"]
 
 
 def test_a_spent_budget_leaves_the_tests_of_those_that_are_followed(archive):
