@@ -14,6 +14,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from experiments.reporting import published
+from experiments.reporting.columns import scene_name
 from experiments.reporting.curves import errors
 from experiments.reporting.estimates import (
     ONE_SENSOR,
@@ -23,8 +24,9 @@ from experiments.reporting.estimates import (
 )
 from experiments.reporting.matrices import matrix
 from experiments.reporting.measured import matrices
-from experiments.reporting.plot import PAPER, panel, star
+from experiments.reporting.plot import PAPER, head, literal, panel, star
 from experiments.reporting.study import Numbers, Plot, Quantity, Study
+from experiments.reporting.text import kind_of
 from experiments.studies.correlation.pairs import contrast
 
 PICTURES = ("speckle", "hypervector", "prototype")
@@ -152,6 +154,9 @@ def fig4(
         several = kind if kind == "speckle" else f"{kind}s"
         panel(axes, letter, f"{SYMBOLS[kind]}: {several}")
     _contrasts(figure.axes[3], rows)
+    first = rows.iloc[0]
+    scene = literal(f"{scene_name(first.scene)}, {kind_of(first.origin)}")
+    head(figure, f"Correlations: {scene}", ["mean over seeds"])
 
 
 def _without_zero(values: Iterable[float]) -> list[str]:
@@ -206,7 +211,7 @@ STUDY = Study(
             images,
             of="correlation",
             needs=_has_pictures,
-            size=(3.4, 2.5),
+            size=(3.4, 2.1),
             kind="webp",
             caption="Speckle, hypervector and prototype of each class, on the paper's scene (Fig. "
             "4(a)). Each row shows the same part of a frame: white 1, black 0.",
@@ -227,7 +232,7 @@ STUDY = Study(
             "fig4_correlations",
             fig4,
             of="correlation",
-            size=(3.4, 3.9),
+            size=(3.4, 4.2),
             caption="Correlations within and between classes, on the paper's scene, mean over "
             "seeds (Fig. 4(b) to (e)). (d): prototypes (rows) with held-out samples "
             "(columns). (e): 95 % intervals over seeds.",

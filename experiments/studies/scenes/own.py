@@ -44,11 +44,15 @@ def curves(lines: pd.DataFrame) -> dict[str, list[Group]]:
 def accuracy_vs_n(figure: Figure, lines: pd.DataFrame) -> None:
     """A panel a scene, a line a model."""
     shown = curves(lines)
+    sizes = set()
     for axes, groups in zip(_panels(figure, list(shown)), shown.values(), strict=True):
-        accuracy_curves(axes, _rows(groups), _models(groups), "n_train")
+        rows = _rows(groups)
+        accuracy_curves(axes, rows, _models(groups), "n_train")
         axes.set_xlabel("training samples N")
+        sizes |= {line["n_train"] for line in rows}
     head(figure, "Test accuracy against training samples", ["95 % intervals"])
     _finish(figure, shown)
+    figure.axes[0].set_xticks(sorted(sizes), map(str, sorted(sizes)))
 
 
 def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
@@ -72,7 +76,9 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
                 )
             error_bars(axes, group.model, [line["total_time_s"]], [line], floor)
         axes.set(xlabel="training time (s)", ylabel="test error")
-    details = ["95 % intervals after training, grey: no error"]
+    details = [
+        "the most training samples, 95 % intervals after training, grey: no error"
+    ]
     head(figure, "Test error against training time", details)
     _finish(figure, shown)
 

@@ -81,6 +81,8 @@ def test_runs_started_by_hand_have_figures_of_their_own(
     assert own <= set(shown)
     against_n = shown["own_accuracy_vs_n"].draw()
     (axes,) = against_n.axes  # one scene has several numbers
+    sizes = [label.get_text() for label in axes.get_xticklabels()]
+    assert sizes == ["20", "70", "400"]
     accuracies = axes.lines[0].get_ydata()
     assert sorted(accuracies)[-1] == 100
     against_time = shown["own_error_vs_time"].draw()
