@@ -53,6 +53,7 @@ def check_replaceable(path: Path) -> None:
     """Check that a model may be written here: a folder, and no file that is not a saved model.
 
     Raises:
+        ValueError: for a name that is not UTF-8.
         FileNotFoundError: if the folder does not exist.
         FileExistsError: for anything but a saved model; it is never replaced.
     """
@@ -60,6 +61,12 @@ def check_replaceable(path: Path) -> None:
         raise FileNotFoundError(
             f"{path.parent}: expected a folder to save {path.name} in"
         )
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:  # it could not be opened again
+        raise ValueError(
+            f"{path}: expected a name in UTF-8, found bytes that are none"
+        ) from error
     if path.is_symlink() or (path.exists() and not path.is_file()):
         expected = "expected a regular file or none"
         raise FileExistsError(f"{path}: {expected}, found another kind; not replaced")

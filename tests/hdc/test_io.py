@@ -397,3 +397,14 @@ def test_a_model_from_an_accelerator_loads_without_one(tmp_path: Path) -> None:
         model = HDCClassifier.load(tmp_path / "m")
     assert model.device == "cpu"
     assert np.array_equal(model.predict(QUERIES), trained().predict(QUERIES))
+
+
+def test_a_name_that_is_not_utf_8_is_refused_before_it_is_written(tmp_path):
+    """cracks: such a file was saved, and could not be loaded."""
+    path = tmp_path / os.fsdecode(b"m_\xff.safetensors")
+    with pytest.raises(ValueError, match="expected a name in UTF-8"):
+        io.check_replaceable(path)
+    model = HDCClassifier().fit(np.eye(8, dtype=np.uint8), [0, 1] * 4)
+    with pytest.raises(ValueError, match="expected a name in UTF-8"):
+        model.save(path)
+    assert list(tmp_path.iterdir()) == []
