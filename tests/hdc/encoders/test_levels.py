@@ -94,3 +94,9 @@ def test_a_model_keeps_its_lit_pixels(backend: str, tmp_path) -> None:
 def test_parameters_that_do_not_fit_are_named(parameters: dict, message: str) -> None:
     with pytest.raises(ValueError, match=message):
         HDCClassifier(Levels(**parameters)).fit(np.eye(4), [0, 1, 0, 1])
+
+
+def test_a_pixel_as_bright_as_it_has_to_be_is_lit() -> None:
+    """A share of at least half of the mean of 4: the sums of the frames are 2, 4, 1 and 9."""
+    frames = np.array([[1, 3, 0, 5], [1, 1, 1, 4]], np.uint8)
+    assert Levels(3, lit=0.5).fit(frames).lit_.tolist() == [True, True, False, True]

@@ -55,6 +55,14 @@ def test_floats_of_any_size_are_standardised_alike(size: float) -> None:
     assert found.any(1).all()
 
 
+@pytest.mark.parametrize("tiny", [2.0**-19, 2.0**-21, 2.0**-40, 5e-324])
+def test_a_pixel_far_below_the_largest_is_zero(tiny: float) -> None:
+    """In integers of 18 bits, as the largest has them, it is less than a half."""
+    frame = torch.tensor([[1.0, tiny, 0.5, -1.0]], dtype=torch.float64)
+    without = torch.where(frame == tiny, 0.0, frame)
+    assert torch.equal(standardised(frame), standardised(without))
+
+
 def test_the_largest_numbers_stay_whole() -> None:
     """16-bit frames of 500 × 500 of two values: D·x·2¹⁶ is near 2⁵³."""
     frame = np.zeros((1, 250_000), np.uint16)

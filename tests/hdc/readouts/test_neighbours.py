@@ -85,3 +85,9 @@ def test_rows_follow_their_classes_of_which_there_may_be_none() -> None:
         [-2, -1, -4],
         [-1, -2, -7],
     ]
+
+
+def test_a_frame_that_differs_in_every_bit_votes_like_any_other() -> None:
+    words = torch.tensor([[0b0111111], [0b1111111], [0b1111111], [0b1111111]])
+    model = Neighbours(4).fit(words, torch.tensor([0, 1, 1, 1]), 2, 7)
+    assert model.scores(torch.zeros(1, 1, dtype=torch.int64)).argmax(1).tolist() == [1]
