@@ -23,11 +23,10 @@ from hdc.bank import Bank
 from hdc.conformal import RATE
 from hdc.encoders import ENCODERS, Encoder, make_encoder
 from hdc.estimator import Estimator
-from hdc.inputs import check_share
 from hdc.learned import Learned
 from hdc.learner import learn
 from hdc.merging import check_kind, check_mergeable
-from hdc.parameters import available_unless, renamed
+from hdc.parameters import available_unless, check_share, renamed
 from hdc.prototypes import Counters
 from hdc.readouts import READOUTS, Readout, make_readout
 
@@ -345,7 +344,7 @@ class HDCClassifier(Estimator):
             ValueError: for a share outside (0, 1), or a model that has no frames to compare with;
                 it says so.
         """
-        share = check_share(alpha)
+        share = check_share("alpha", alpha, "(0, 1)")
         self._check_is_trained()
         conformal = self._learned.conformal()
         sets = []
@@ -371,7 +370,7 @@ class HDCClassifier(Estimator):
         Raises:
             ValueError: as :meth:`predict_set`.
         """
-        share = check_share(alpha)
+        share = check_share("alpha", alpha, "(0, 1)")
         self._check_is_trained()
         conformal = self._learned.conformal()
         parts = [

@@ -306,15 +306,3 @@ def check_two_classes(classes: np.ndarray) -> None:
         raise ValueError(
             f"labels: expected at least two classes, found one class, {found!r}"
         )
-
-
-def check_share(share: Any) -> float:
-    """A share of frames that may be missed, as a float.
-
-    Raises:
-        ValueError: if it is not in (0, 1).
-    """
-    is_float = isinstance(share, float | np.floating)
-    if not is_float or not 0 < share < 1:
-        raise ValueError(f"alpha: expected a share in (0, 1), found {share!r}")
-    return float(share)

@@ -258,6 +258,21 @@ def is_number(value: Any) -> bool:
     return math.isfinite(value)
 
 
+def check_share(name: str, value: Any, interval: str) -> float:
+    """A parameter as a float; ValueError, naming it, for one that is not in an interval.
+
+    Args:
+        name: of the parameter.
+        value: what was given.
+        interval: ``"[0, 1]"``, ``"[0, 1)"`` or ``"(0, 1)"``.
+    """
+    inside = is_number(value) and 0 <= value <= 1
+    outside = {"[0, 1]": (), "[0, 1)": (1,), "(0, 1)": (0, 1)}[interval]
+    if not inside or value in outside:
+        raise ValueError(f"{name}: expected a share in {interval}, found {value!r}")
+    return float(value)
+
+
 def describe(part: Parametrised, known: Named) -> dict[str, Any]:
     """Class and parameters of a part, and of its own parts, as JSON.
 

@@ -16,6 +16,7 @@ import torch
 from torch import Tensor
 
 from hdc import backends, bits, planes
+from hdc.parameters import check_share
 
 # Streams of random bits from one seed.
 _TIES, _RECALIBRATION, _THINNING = range(3)
@@ -284,7 +285,7 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
     Returns:
         The votes, and how many a new hypervector of each class has.
     """
-    check_probability(p)
+    check_share("p", p, "[0, 1]")
     share = Fraction(float(p)).limit_denominator(_P_STEPS)
     of_old, of_new = [], []
     for n_old, n_new in zip(old.n.tolist(), new.n.tolist(), strict=True):
@@ -312,15 +313,9 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
 
 def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor:
     """Bits that are one with probability p, drawn class by class: int64 [L, W] (CPU)."""
-    check_probability(p)
+    check_share("p", p, "[0, 1]")
     drawn = []
     for c in range(n_classes):
         stream = (_RECALIBRATION, c)
         drawn.append(bits.random_hypervector(dimension, seed, p, stream))
     return torch.stack(drawn)
-
-
-def check_probability(p: float) -> None:
-    """Raise ValueError for p outside [0, 1]."""
-    if not 0 <= p <= 1:
-        raise ValueError(f"p: expected a probability in [0, 1], found {p}")

@@ -15,8 +15,7 @@ from hdc import backends, circular, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, Encoder, make_encoder
 from hdc.estimator import Estimator
-from hdc.inputs import check_share
-from hdc.parameters import is_number
+from hdc.parameters import check_share, is_number
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.base import with_backend
 from hdc.readouts.values import ValueReadout
@@ -225,7 +224,7 @@ class HDCRegressor(Estimator):
             ValueError: for a share outside (0, 1), or a read-out that has no intervals.
         """
         self._check_is_trained()
-        share = check_share(alpha)
+        share = check_share("alpha", alpha, "(0, 1)")
         if return_interval and self.period is not None:
             raise ValueError("return_interval: expected numbers without a period")
         readout = with_backend(self.readout_, self._backend())

@@ -10,7 +10,7 @@ from torch import Tensor
 
 from hdc import bits, inputs
 from hdc.encoders.ranks import RankEncoder, check_finite
-from hdc.parameters import check_integer, is_number
+from hdc.parameters import check_integer, check_share
 from hdc.tensors import checked
 
 CHUNK = 64  # training frames summed at a time
@@ -60,8 +60,7 @@ class Levels(RankEncoder):
 
     def check(self) -> None:
         check_integer("thresholds", self.thresholds, 1, 255)
-        if not is_number(self.lit) or not 0 <= self.lit < 1:
-            raise ValueError(f"lit: expected a share in [0, 1), found {self.lit!r}")
+        check_share("lit", self.lit, "[0, 1)")
         super().check()
 
     def fit(self, frames: Any) -> Self:

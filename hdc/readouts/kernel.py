@@ -23,8 +23,7 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.parameters import is_number
-from hdc.prototypes import check_probability
+from hdc.parameters import check_share, is_number
 from hdc.readouts.base import HeldOut, Readout
 from hdc.readouts.discriminant import Problem, Solution
 from hdc.readouts.leave_one_out import discriminants
@@ -120,7 +119,7 @@ class Kernel(Readout):
         Each in units of its length in the space of the kernel, whose factors stay; `share` is that
         of the new ones. A class without new frames has those of before alone.
         """
-        check_probability(share)
+        check_share("p", share, "[0, 1]")
         n_classes = self.dual_.shape[1]
         known, place = rows.unique(return_inverse=True)
         distances = bits.hamming(words, words, self.backend).cpu()

@@ -26,8 +26,8 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.parameters import is_number
-from hdc.prototypes import Counters, check_probability
+from hdc.parameters import check_share, is_number
+from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout
 from hdc.readouts.discriminant import Problem, Solution
@@ -113,7 +113,7 @@ class LDA(Readout):
         Each in units of the length of its weights; `share` is that of the new ones. A class without
         new frames has those of before alone.
         """
-        check_probability(share)
+        check_share("p", share, "[0, 1]")
         n_classes, dimension = len(self.weights_), self._dimension
         new = LDA(self.shrinkage)
         new.backend = self.backend

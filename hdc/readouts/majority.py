@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from hdc import bits, planes
-from hdc.parameters import check_choice
-from hdc.prototypes import Counters, check_probability, merged, replaced_bits
+from hdc.parameters import check_choice, check_share
+from hdc.prototypes import Counters, merged, replaced_bits
 from hdc.readouts.base import HeldOut, Updatable
 from hdc.tensors import checked
 
@@ -129,7 +129,7 @@ class Counting(Updatable):
         Raises:
             ValueError: for a share outside [0, 1] or an unknown method.
         """
-        check_probability(share)
+        check_share("p", share, "[0, 1]")
         check_choice("method", method, METHODS)
         classes = rows.unique().tolist()
         dimension = self.counters_.dimension

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.parameters import check_integer, is_number
+from hdc.parameters import check_integer, check_share
 from hdc.readouts.arithmetic import combinations
 from hdc.readouts.base import Readout
 
@@ -44,10 +44,7 @@ class Trained(Readout):
         self.passes = passes
 
     def check(self) -> None:
-        if not is_number(self.margin) or not 0 <= self.margin < 1:
-            raise ValueError(
-                f"margin: expected a share in [0, 1), found {self.margin!r}"
-            )
+        check_share("margin", self.margin, "[0, 1)")
         check_integer("passes", self.passes, 0)
 
     def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:

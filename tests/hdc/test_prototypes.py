@@ -127,7 +127,7 @@ def test_recalibrated_bits_come_from_either_side() -> None:
 
 @pytest.mark.parametrize("p", [-0.1, 1.1, float("nan")])
 def test_probabilities_outside_are_named(p: float) -> None:
-    message = r"p: expected a probability in \[0, 1\], found"
+    message = r"p: expected a share in \[0, 1\], found"
     with pytest.raises(ValueError, match=message):
         replaced_bits(2, 64, p, 0)
     with pytest.raises(ValueError, match=message):

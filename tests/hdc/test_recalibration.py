@@ -202,7 +202,7 @@ def test_what_cannot_be_recalibrated_is_named() -> None:
     ):
         model.recalibrate(new[:2], [9, 9])
     for method in METHODS:
-        with pytest.raises(ValueError, match="p: expected a probability"):
+        with pytest.raises(ValueError, match="p: expected a share"):
             model.recalibrate(new, labels, p=1.5, method=method)
 
 
