@@ -141,8 +141,10 @@ def promises(frame: pd.DataFrame) -> pd.DataFrame | None:
     every = coverage(frame)
     if every is None:
         return None
+    every["place"] = pd.factorize(every.model)[0]
     lines = []
-    for (model, n), rows in every.groupby(["model", "n"], sort=False):
+    for (_, n), rows in every.groupby(["place", "n"]):
+        model = rows.model.iloc[0]
         line: dict[str, Any] = {"model": model, "n": n}
         line["promised"] = promise(str(model), n)
         for split, session in SESSIONS.items():
