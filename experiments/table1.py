@@ -66,7 +66,8 @@ def _carry_out(console: Console) -> int:
 
 def _run(model: str) -> int:
     """Train a model, or find it trained; its exit status."""
-    sys.argv[1:] = ["experiment=table1", f"model={model}"]
+    # HDC by NumPy's median takes seconds, and stands in the note of the reference.
+    sys.argv[1:] = ["experiment=table1", f"model={model}", "~beside.hdc_numpy"]
     try:
         run.entry_point()
     except SystemExit as end:

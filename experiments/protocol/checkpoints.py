@@ -14,8 +14,10 @@ from enum import IntEnum
 # Share of the target below which the training frames are not predicted. Half, since the accuracy of
 # a network jumps and that of its last minibatches lags behind.
 _NEAR = 0.5
+# Training accuracy from which a curve has nothing more to tell: the paper's all lie below it.
+_LEARNT = 0.995
 # Samples seen between two checkpoints, as a share of those seen so far.
-_DOUBLE, _TENTH, _FIFTH = 1.0, 0.1, 0.2
+_DOUBLE, _FIFTH, _TENTH, _TWENTIETH = 1.0, 0.2, 0.1, 0.05
 
 
 class Due(IntEnum):
@@ -32,8 +34,9 @@ class Checkpoints:
     Three cases. A model that reports no loss learns in one pass: its checkpoints are at twice the
     samples each time, and at all of them. A model that reports its loss has one at a tenth more
     samples, because its training accuracy may exceed the target at any report. A model that also
-    reports its ``batch_accuracy`` does so from half of the target on; below, it predicts the test
-    frames alone, at twice the samples. Once it exceeds the target, a fifth more is enough.
+    reports its ``batch_accuracy`` has one at a twentieth more from half of the target on, since its
+    training accuracy rises steeply there; below, it predicts the test frames alone, at twice the
+    samples. Once it has learnt nearly every training frame, a fifth more is enough.
 
     Args:
         target: training accuracy that ends the training time.
@@ -44,7 +47,7 @@ class Checkpoints:
         self._target, self._n_train = target, n_train
         self._test_due = 0.0  # samples seen at the next prediction of the test frames
         self._train_due = 0.0  # and of the training frames
-        self._reached = False
+        self._near = self._learnt = False
 
     def due(self, report: Mapping[str, float]) -> Due:
         """Frames to predict at this report."""
@@ -64,16 +67,18 @@ class Checkpoints:
             due = min(2 * seen, self._n_train)
             self._test_due = self._train_due = due
             return
-        if train_accuracy is not None and train_accuracy > self._target:
-            self._reached = True
-        share = _FIFTH if self._reached and "batch_accuracy" in report else _TENTH
-        self._train_due = seen + share * seen
-        far = _DOUBLE if "batch_accuracy" in report else share
-        self._test_due = seen + far * seen
+        if train_accuracy is not None:
+            self._near |= train_accuracy > self._target
+            self._learnt |= train_accuracy > _LEARNT
+        if "batch_accuracy" in report:
+            near, far = _FIFTH if self._learnt else _TWENTIETH, _DOUBLE
+        else:
+            near = far = _TENTH
+        self._train_due, self._test_due = seen + near * seen, seen + far * seen
 
     def _is_near(self, report: Mapping[str, float]) -> bool:
         """Whether the training accuracy may exceed the target at this report."""
         batch_accuracy = report.get("batch_accuracy")
         if batch_accuracy is None:
             return True
-        return self._reached or batch_accuracy >= _NEAR * self._target
+        return self._near or batch_accuracy >= _NEAR * self._target

@@ -87,6 +87,7 @@ class Settings(msgspec.Struct, frozen=True):
     device: Any = "cpu"
     threads: Any = None
     task: dict[str, Any] | None = None
+    beside: dict[str, dict[str, Any]] = {}
 
 
 def resolved(cfg: DictConfig) -> dict[str, Any]:

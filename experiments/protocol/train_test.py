@@ -75,6 +75,7 @@ def train_and_test(
         for indices in chosen
     )
     warm_up(unused, scene.shape, len(trained.labels))
+    beside = _Beside(settings, scene.shape, trained)
     model: Model = instantiate(settings.model, "model")
     digests = _digests(trained, tested)
     # Without automatic refreshing: no thread draws while the clock runs.
@@ -86,8 +87,10 @@ def train_and_test(
         show("")
         tests = _Tests(model, trained, tested, settings.stop.target, show)
         samples = trained.frames, trained.labels
+        beside.train()
         for trial in train(model, name, *samples, settings.stop, clock, tests):
             yield trial
+        beside.train()
     if not trial.curve:
         raise ValueError(f"model {name}: expected at least one report, found none")
     trial = trial.having(
@@ -97,6 +100,7 @@ def train_and_test(
         test_indices=tested.indices,
         test_labels=tested.labels,
         data_sha256=digests,
+        beside_s=beside.seconds(),
     )
     yield trial
     if "train_accuracy" not in trial.curve[-1]:  # it was not tested at its end
@@ -112,6 +116,36 @@ def train_and_test(
     if _digests(trained, tested) != digests:
         raise ValueError(f"model {name}: expected it to leave its frames as they are")
     yield trial.having(model_bytes=_size(model, console))
+
+
+class _Beside:
+    """Other models that train on the same frames around a training: a ratio of times is one of
+    neighbours in time."""
+
+    def __init__(self, settings: Settings, shape: tuple[int, int], trained: Samples):
+        self._settings, self._trained = settings, trained
+        self._seconds: dict[str, list[float]] = {name: [] for name in settings.beside}
+        if settings.beside and isinstance(trained.frames, data.LazyFrames):
+            found = f"{len(trained.labels)} of {shape[0]} × {shape[1]} pixels"
+            raise ValueError(
+                f"beside: expected frames that fit in memory, found {found}"
+            )
+        for config in settings.beside.values():
+            built = instantiate(config["model"], "model")
+            warm_up(built, shape, len(trained.labels))
+
+    def train(self) -> None:
+        """Train each of them once more."""
+        for name, config in self._settings.beside.items():
+            model: Model = instantiate(config["model"], "model")
+            clock = Clock(self._settings.device)
+            samples = self._trained.frames, self._trained.labels
+            *_, trial = train(model, name, *samples, self._settings.stop, clock)
+            self._seconds[name].append(trial.training_s or 0.0)
+
+    def seconds(self) -> dict[str, float]:
+        """Mean seconds of each."""
+        return {name: float(np.mean(times)) for name, times in self._seconds.items()}
 
 
 class _Tests:

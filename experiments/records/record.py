@@ -31,7 +31,7 @@ STEP = "EXPERIMENTS_STEP"
 """The environment variable that names the step of the reproduction that a process belongs to."""
 # Keys of a config that say how a run is carried out, or how it is shown, not what it computes.
 NOT_IDENTITY = (
-    *("force", "cache", "exclusive", "task", "display", "scene_display"),
+    *("force", "cache", "exclusive", "task", "beside", "display", "scene_display"),
     "sessions",  # what the scene is made of, and has in itself
 )
 # Arguments of an experiment that say which frames there are.

@@ -132,6 +132,8 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
     Attributes:
         stop: why it ended, one of :data:`experiments.protocol.stop.NAMES`.
         training_s: seconds of training.
+        beside_s: seconds of training of other models on the same frames, by name: the mean of one
+            just before and one just after.
         time_to_target_train_s, time_to_target_test_s: seconds until an accuracy first exceeded
             ``config.stop.target``, if it did.
         train_accuracy_at_target, test_accuracy_at_target: when that of training first did.
@@ -147,6 +149,7 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
 
     stop: str
     training_s: float
+    beside_s: dict[str, float] = msgspec.field(default_factory=dict)
     time_to_target_train_s: float | None = None
     time_to_target_test_s: float | None = None
     train_accuracy_at_target: float | None = None

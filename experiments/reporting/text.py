@@ -34,6 +34,13 @@ def _significant(value: float, digits: int) -> str:
     return f"{value:.{max(0, digits - before_point)}f}"
 
 
+def two_digits(value: Any) -> str:
+    """A number to two significant digits: 2236 as 2200; a text as it is."""
+    if isinstance(value, int | float) and np.isfinite(value):
+        return number(float(f"{value:.2g}"), 2)
+    return number(value)
+
+
 def percent(value: float | None) -> str:
     """A fraction in percent, one decimal where it is not whole."""
     return "–" if value is None else f"{100 * value:.1f}".removesuffix(".0")

@@ -234,12 +234,45 @@ def of_contrasts(
     return words, values
 
 
+def ratios_of_runs(runs: list[dict], rival: str) -> list[float]:
+    """Training times of Table I relative to HDC: beside it, or of the same seed on one machine."""
+
+    def of_model(model: str, stops: tuple[str, ...]) -> dict[int, dict]:
+        found: dict[int, dict] = {}
+        for run in runs:
+            choices, config = run["choices"], run["config"]
+            whole = config["split"]["n_train"] is config["data"]["pixels"] is None
+            alone = run["environment"].get("exclusive", True)
+            where = choices["scene"], choices["model"], choices["stop"] in stops
+            as_given = whole and alone and not run.get("changed")
+            if as_given and where == ("touch", model, True):
+                found[config["seed"]["run"]] = run
+        return found
+
+    def seconds(run: dict) -> float:
+        if "loss" not in run["rows"]["columns"]:
+            return run["training_s"]
+        return run.get("time_to_target_train_s", math.inf)
+
+    hdc = of_model("hdc", ("paper",))
+    ratios = []
+    for seed, run in of_model(rival, ("paper", "end")).items():
+        beside = run.get("beside_s", {}).get("hdc")
+        if beside is None and seed in hdc:
+            beside = seconds(hdc[seed])
+        if beside is not None:
+            ratios.append(seconds(run) / beside)
+    return ratios
+
+
 def of_times(folder: Folder, rules: dict, rival: str) -> dict | None:
     """Words of all ways, and the way with the least ratio."""
     found: dict[str, list[float]] = {}
+    if ours := ratios_of_runs(folder.runs(), rival):
+        found["default"] = ours
     for _, rows in folder.measured("times_grid"):
         for row in rows:
-            if row["model"] == rival:
+            if row["model"] == rival and row["way"] != "default":
                 seconds = math.inf if row["seconds"] is None else row["seconds"]
                 found.setdefault(row["way"], []).append(seconds / row["hdc_seconds"])
     if set(found) != set(rules["ways"]):

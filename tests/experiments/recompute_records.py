@@ -24,7 +24,7 @@ class Folder:
 
     def __init__(self, path: Path):
         self.path, self.named = path, ""
-        self.known: dict[str, list[tuple[str, dict, list[dict]]]] = {}
+        self.known: dict[str, list] = {}
 
     def measured(self, name: str) -> list[tuple[dict, list[dict]]]:
         """Record and rows of the measurement of each scene."""
@@ -36,6 +36,14 @@ class Folder:
             if scene not in by_scene or place in self.named.split("; "):
                 by_scene[scene] = record, rows
         return list(by_scene.values())
+
+    def runs(self) -> list[dict]:
+        """Every run that finished."""
+        if "runs" not in self.known:
+            lines = (self.path / "records.jsonl").read_text("utf-8").splitlines()
+            records = map(json.loads, lines)
+            self.known["runs"] = [r for r in records if r["type"] == "run"]
+        return self.known["runs"]
 
     def _read(self, name: str) -> Iterator[tuple[str, dict, list[dict]]]:
         for line in (self.path / "records.jsonl").read_text("utf-8").splitlines():

@@ -88,7 +88,7 @@ def predicting(row):
 
 
 @pytest.fixture
-def every_study(write_measurement):
+def every_study(write_measurement, write_run):
     """Records of every study that a claim rests on, but with invented numbers."""
     rng = np.random.default_rng(35)
 
@@ -139,12 +139,22 @@ def every_study(write_measurement):
         ]  # fmt: skip
         write("correlation", rows, scene)
     rows = [
-        {"origin": "x", "seed": 0, "way": way, "route": "r", "turn": turn, "model": model,
+        {"origin": "x", "seed": seed, "way": way, "turn": seed, "model": model,
          "seconds": None if model == "cnn3" else float(rng.uniform(4, 12)), "hdc_seconds": 0.5,
          "train_accuracy": 1.0, "test_accuracy": 1.0}
-        for way in RULES.ways for model in ("hdc", "softmax", "softmax_dual", "cnn1", "cnn3")
-        for turn in range(1 if model == "cnn3" else 9)
+        for way in ("libraries", "tuned")
+        for model in ("hdc", "softmax", "softmax_dual", "cnn1", "cnn3")
+        for seed in range(1 if model == "cnn3" else 9)
     ]  # fmt: skip
+    for seed in range(7):
+        write_run("hdc", seed=seed, curve=[{"training_s": 0.4 + 0.01 * seed}])
+        beside = {"hdc": 0.5} if seed % 2 else {}
+        for model in ("softmax", "softmax_dual", "cnn1", "cnn3")[
+            : 4 if seed < 3 else 2
+        ]:
+            learnt = {"loss": 1.0} if model != "softmax_dual" else {}
+            curve = [{"training_s": float(rng.uniform(1, 9)), **learnt}]
+            write_run(model, seed=seed, curve=curve, beside_s=beside)
     write_measurement("times_grid", rows, scene="touch")
 
 

@@ -5,6 +5,7 @@ import shutil
 
 import pytest
 
+import experiments
 from experiments import reference, report
 from experiments.records import record, store
 from experiments.records.files import ROOT
@@ -199,7 +200,10 @@ def test_records_of_older_code_and_their_tables_are_named(
     shutil.move(tmp_path / "records.jsonl", target / "records.jsonl")
     assert reference.main(["--tables"]) == 1
     said = capsys.readouterr().out
-    assert "experiments (revision 0, now 1): 1 records are of another" in said
+    assert (
+        f"experiments (revision 0, now {experiments.REVISION}): 1 records are of another"
+        in said
+    )
     (line,) = (x for x in said.splitlines() if x.startswith("tables with records of"))
     assert "table1" in line
     assert "numerics" not in line

@@ -151,15 +151,17 @@ def test_each_row_is_shown_before_the_next_model_is_trained(
     monkeypatch.setattr(report, "write", lambda *_, **more: reported.append(more))
     assert table1.main() == 0
     models = ["hdc", "softmax", "cnn1", "cnn3"]
-    assert called.words == [["experiment=table1", f"model={name}"] for name in models]
+    assert [words[:2] for words in called.words] == [
+        ["experiment=table1", f"model={name}"] for name in models
+    ]
     assert reported == [{"brief": True}]
     lines = capsys.readouterr().out.splitlines()
     assert lines[0] == "Table I: about 4 min on two quiet cores"
     left = [line for line in lines if line.endswith(" left")]
     assert left == [
         "HDC; about 4 min left",
-        "Softmax; about 4 min left",
-        "CNN, 1 layer; about 4 min left",
+        "Softmax; about 3 min left",
+        "CNN, 1 layer; about 3 min left",
         "CNN, 3 layers; about 3 min left",
     ]
     for before, after in itertools.pairwise(left):

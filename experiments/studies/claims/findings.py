@@ -11,7 +11,7 @@ from collections.abc import Iterator
 import pandas as pd
 
 from experiments.reporting.columns import display_name, scene_name
-from experiments.reporting.text import number
+from experiments.reporting.text import interval, number, two_digits
 from experiments.studies.claims.frozen import rules
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 from experiments.studies.claims.verdict import Verdict
@@ -140,7 +140,7 @@ def _times(found: dict[tuple[str, str], Verdict]) -> Iterator[str]:
     ):
         verdict = found.get((claim, rival))
         if verdict is not None:
-            least = number(verdict.pooled.mean.value, 2)
+            least = interval(*map(two_digits, verdict.pooled.mean))
             parts.append(f"{name} ×{least}, *{verdict.word}*")
     if parts:
         yield (

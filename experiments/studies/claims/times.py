@@ -1,4 +1,8 @@
-"""Evidence on training times: each way of computing a model against HDC computed the same way."""
+"""Evidence on training times: a model relative to HDC in the same implementation.
+
+The rules name the experiment times_grid. Since 25 November 2026 its way by default is Table I
+itself, so that both show one number.
+"""
 
 from __future__ import annotations
 
@@ -9,42 +13,39 @@ from experiments.reporting.estimates import Estimate
 from experiments.reporting.text import SIMULATED
 from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import Claim, Rules
-from experiments.studies.claims.piece import Piece, piece_of
+from experiments.studies.claims.piece import Piece
 from experiments.studies.claims.rules import much_slower
-from experiments.studies.table1.times.grid import grid
+from experiments.studies.table1.times.grid import every_line
 
 
 def pieces(
     name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
     """A piece for each baseline and implementation in the grid of times."""
-    every = evidence.scenes(claim.experiment).values()
-    own = [rows for rows in every if not rows.elsewhere.iloc[0]]
-    if not own:
-        return
-    rows = own[0]
-    table = grid(rows).to_dict("records")
-    lines = {(line["model"], line["way"]): line for line in table}
+    every = every_line(evidence.frame, evidence.runs)
+    lines = {(line["model"], line["way"]): line for line in every}
     for rival in frozen.rivals_of(name):
         for way in frozen.ways:
             line = lines.get((rival, way))
             if line is None:
                 continue
             ratio = Estimate(line["ratio"], line["ratio_low"], line["ratio_high"])
-            runs, remark = int(line["turns"]), ""
+            runs, remark = line["runs"], ""
             if runs < frozen.runs.least:
                 remark = "too few runs for an interval: lowest and highest"
-            yield piece_of(
-                rows,
+            yield Piece(
                 name,
                 rival,
-                f"training time of {display_name(rival)} relative to HDC, same implementation",
-                ratio,
                 evidence=way,
                 laboratory="",
                 frames=SIMULATED,
+                quantity=f"training time of {display_name(rival)} relative to HDC, same "
+                "implementation",
+                estimate=ratio,
                 unit="×",
                 n=f"{runs} runs",
                 word=much_slower(ratio, runs, frozen),
                 remark=remark,
+                command=line["command"],
+                record=line["record"],
             )

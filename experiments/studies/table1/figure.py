@@ -44,7 +44,7 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
         error = max(1 - known["published_test_accuracy"], floor)
         ratio = known["published_training_time_over_hdc"]
         published_point(axes, model, ratio, error, 9)
-    axes.set(xlabel="training time, × HDC", ylabel="test error")
+    axes.set(xlabel="training time relative to HDC", ylabel="test error")
     plain_decades(axes)
     shown = [group.model for group in groups]
     handles = [handle(model) for model in shown]

@@ -13,14 +13,14 @@ from experiments.records.results import RUNS
 from experiments.reporting import estimates
 from experiments.reporting import rows as rows_of
 from experiments.reporting.columns import Column
-from experiments.reporting.estimates import ONE_SENSOR, median_range
+from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, Numbers, Plot, Quantity, Study
 from experiments.reporting.table import Table, records
 from experiments.reporting.text import counted
 from experiments.studies.table1 import columns, equal, figure, models
 from experiments.studies.table1.models import PAPER
-from experiments.studies.table1.rows import ratios_of_seeds, table1, table1_few
+from experiments.studies.table1.rows import table1, table1_few
 from experiments.studies.table1.times import grid
 from experiments.studies.table1.times import view as times_view
 
@@ -61,7 +61,7 @@ def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
             )
             yield Quantity("touch/labels", len(group.classes), made_by=f"{RUN}table1")
             continue
-        yield from _ratios(lines, group)
+        yield from _ratios(lines, model)
         for kind, called, n in (
             ("train", "training", line["n_train"] * n_runs),
             ("test", "test", line["n_test"]),
@@ -95,54 +95,26 @@ def _learning_rate(groups: Mapping[str, Group]) -> Iterator[Quantity]:
         )
 
 
-def _ratios(lines: pd.DataFrame, group: Group) -> Iterator[Quantity]:
-    """Training time over HDC's by each way of computing both; of one's own first look, by that of
-    the runs."""
-    name = f"table1/{group.model}_time_over_hdc"
-    note = "" if group.model == "softmax" else "the network's sizes are ours"
-    measured = grid.beside(lines, group)
-    if not len(measured):
-        hdc = Groups.of(lines).group(group.scene, "hdc")
-        ratios = ratios_of_seeds(group, hdc)
-        finite = bool(ratios) and bool(np.isfinite(ratios).all())
-        values = median_range(ratios)[0] if finite else (None, None, None)
-        how, way = "median over seeds", grid.WAYS[grid.DEFAULT]
-        yield _ratio(name, values, how, way, len(ratios), "table1", note)
-        return
-    for line in records(measured):
-        if line["model"] == group.model:
-            values = (line["ratio"], line["ratio_low"], line["ratio_high"])
-            how, way = "median over turns", grid.WAYS.get(line["way"], line["way"])
-            yield _ratio(name, values, how, way, line["turns"], grid.NAME, note)
+def _ratios(lines: pd.DataFrame, model: str) -> Iterator[Quantity]:
+    """Training time relative to HDC by each implementation of both."""
+    for line in grid.every_line(lines):
+        if line["model"] != model:
+            continue
+        values = (line["ratio"], line["ratio_low"], line["ratio_high"])
+        value, low, high = (v if np.isfinite(v) else None for v in values)
+        yield Quantity(
+            f"table1/{model}_time_over_hdc",
+            value,
+            low,
+            high,
+            "median over runs" if low is not None else "",
+            grid.WAYS[line["way"]],
+            n=line["runs"],
+            made_by=line["command"],
+            note="" if model == "softmax" else "the network's sizes are ours",
+        )
 
 
-def _ratio(
-    name: str,
-    values: tuple[float | None, float | None, float | None],
-    how: str,
-    condition: str,
-    n: int,
-    experiment: str,
-    note: str,
-) -> Quantity:
-    """A ratio of times with its interval; None where it is not finite."""
-    found = [v if v is not None and np.isfinite(v) else None for v in values]
-    value, low, high = found
-    return Quantity(
-        name,
-        value,
-        low,
-        high,
-        how if low is not None else "",
-        condition,
-        n=n or None,
-        seeds=n or None,
-        made_by=f"{RUN}{experiment}",
-        note=note,
-    )
-
-
-OF = (RUNS, grid.NAME)  # the runs of Table I, and the grid of times beside them
 STUDY = Study(
     "table1",
     "Table I",
@@ -207,5 +179,5 @@ STUDY = Study(
             commands=[f"{RUN}table1", f"{RUN}table1_extended"],
         ),
     ],
-    numbers=[Numbers(quantities, of=OF)],
+    numbers=[Numbers(quantities, of=grid.OF)],
 )

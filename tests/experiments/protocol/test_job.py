@@ -103,7 +103,8 @@ def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
     assert again.id == first.id
     assert again.revisions == first.revisions
     reasons = [
-        f"{name} (revision 0, now 1)" for name in ("experiments", "hdc.HDCClassifier")
+        f"{name} (revision 0, now {first.revisions[name]})"
+        for name in ("experiments", "hdc.HDCClassifier")
     ]
     start = f"{first.id}: made again, finished by other code: "
     assert said in [f"{start}{', '.join(some)}\n" for some in (reasons, reasons[::-1])]
@@ -330,7 +331,7 @@ def test_a_line_says_which_run_it_was_and_how_it_was_called(
     words = ["seed.run=2", "exclusive=false"]
     job.run(whole, choices, words, Console(quiet=True))
     entry = the_record(results)
-    carried = ("force", "cache", "exclusive", "task", "display", "scene_display")
+    carried = record.NOT_IDENTITY
     config = {key: value for key, value in whole.items() if key not in carried}
     assert seen == [(config, choices, words)]
     assert entry.id == record.name_of("recorded-hdc", config, entry.data)

@@ -65,7 +65,7 @@ def test_what_was_not_measured_has_no_sentence(judged):
     assert judged() == []
     assert len(judged(("accuracy", RIVALS[0], "no", -0.1))) == 0
     times, _ = judged(("softmax", "softmax_dual", "no", 3.64))
-    assert "softmax ×3.6, *no* (*yes*: at least ten" in times
+    assert "softmax ×3.6 [3.5, 3.7], *no* (*yes*: at least ten" in times
     assert "CNN" not in times
 
 

@@ -1,69 +1,104 @@
-"""The grid of times: each model relative to HDC in each implementation; from ``times_grid``."""
+"""Every training time relative to HDC in the same implementation: Table I's own from its runs, the
+others from ``times_grid``."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
 import pandas as pd
 
-from experiments.records.groups import Group
+from experiments.records.groups import Group, Groups
+from experiments.records.results import RUNS, of_scenes
+from experiments.reporting import estimates
 from experiments.reporting.estimates import median_range
-from experiments.reporting.table import frame, records
+from experiments.reporting.table import frame
+from experiments.studies.table1 import models
+from experiments.studies.table1.rows import ratios_of_seeds
 
 NAME = "times_grid"
-DEFAULT = "default"  # the way of model=NAME
+OF = (RUNS, NAME)
+DEFAULT = "default"  # of model=NAME: the runs of Table I
 WAYS = {
     "libraries": "standard libraries",
     DEFAULT: "by default",
     "tuned": "tuned",
 }
+MODELS = ("hdc", "softmax", "softmax_dual", "ridge", "cnn1", "cnn3")
 COLUMNS = (
-    *("way", "model", "seconds", "ratio", "ratio_low", "ratio_high", "turns"),
-    *("coverage", "train_accuracy", "test_accuracy", "route"),
+    *("way", "model", "seconds", "ratio", "ratio_low", "ratio_high", "at_least"),
+    *("runs", "coverage", "train_accuracy", "test_accuracy"),
 )
+Line = dict[str, Any]
 
 
-def grid(rows: pd.DataFrame) -> pd.DataFrame:
-    """One row a way and model, from one row a training: HDC of a way first, others as measured.
+def grid(lines: pd.DataFrame) -> pd.DataFrame:
+    """One row an implementation and model, HDC first.
 
-    ``seconds`` is the median over ``turns``; ``ratio`` that of the ratios to HDC in the same turn,
-    between order statistics ``ratio_low`` and ``ratio_high`` that hold it with probability
-    ``coverage``. A training that never got there counts as infinitely long.
+    ``seconds`` is the median over ``runs``, each of a seed of its own; ``ratio`` that of the ratios
+    to HDC of the same seed, between order statistics ``ratio_low`` and ``ratio_high`` that hold it
+    with probability ``coverage``. A training that never got there counts as infinitely long;
+    ``at_least`` is then the ratio of the time that it was given.
     """
-    lines = []
-    for (way, model), part in rows.groupby(["way", "model"], sort=False):
+    return frame(every_line(lines), COLUMNS)
+
+
+def every_line(lines: pd.DataFrame, runs: Groups | None = None) -> list[Line]:
+    """The rows of :func:`grid`, each with the ``command`` that made it and its ``record``."""
+    found = [*_of_runs(runs or Groups.of(lines)), *_measured(lines)]
+    ways, names = list(WAYS), list(MODELS)
+    found.sort(key=lambda line: (ways.index(line["way"]), names.index(line["model"])))
+    return found
+
+
+def _of_runs(runs: Groups) -> Iterator[Line]:
+    """Rows of the runs of Table I."""
+    hdc = runs.group(models.scene(), "hdc")
+    for model in MODELS:
+        group = runs.group(models.scene(), model)
+        ratios = [1.0] if group == hdc else ratios_of_seeds(group, hdc)
+        if group.runs and ratios:
+            times = [estimates.training_time(run) for run in group.runs]
+            line = _line(DEFAULT, model, times, ratios)
+            line |= {"runs": len(group.runs), **_accuracies(group)}
+            command = group.runs[0].command
+            yield line | {"command": command, "record": "records.jsonl"}
+
+
+def _accuracies(group: Group) -> Line:
+    """Mean accuracies where the training time ends."""
+    found = {}
+    for name in ("train_accuracy", "test_accuracy"):
+        ends = "at_target" if group.runs[0].iterative else "final"
+        values = [getattr(run, f"{name}_{ends}") for run in group.runs]
+        known = [value for value in values if value is not None]
+        found[name] = float(np.mean(known)) if known else math.nan
+    return found
+
+
+def _measured(lines: pd.DataFrame) -> Iterator[Line]:
+    """Rows of the other implementations, on the experiment's own frames."""
+    measured = list(of_scenes(lines, NAME).values())
+    if not measured or measured[0].elsewhere.any():
+        return
+    rows = measured[0]
+    for (way, model), part in rows[rows.way != DEFAULT].groupby(["way", "model"]):
         seconds = part.seconds.astype(float).fillna(math.inf)
-        ratios = seconds / part.hdc_seconds
-        ratio, coverage = median_range(ratios.tolist())
-        line: dict[str, Any] = {"way": way, "model": model}
-        line["seconds"] = float(np.median(seconds))
-        line |= {"ratio": ratio.value, "ratio_low": ratio.low, "ratio_high": ratio.high}
-        line |= {"turns": len(part), "coverage": coverage}
+        line = _line(
+            way, model, seconds.tolist(), (seconds / part.hdc_seconds).tolist()
+        )
+        if line["ratio"] == math.inf and "trained_s" in part:
+            line["at_least"] = float(np.median(part.trained_s / part.hdc_seconds))
         for name in ("train_accuracy", "test_accuracy"):
             line[name] = float(part[name].mean())
-        line["route"] = part.route.iloc[0]
-        lines.append(line)
-    ways = list(dict.fromkeys(rows.way))
-    lines.sort(key=lambda line: (ways.index(line["way"]), line["model"] != "hdc"))
-    return frame(lines, COLUMNS)
+        yield line | {"command": part.command.iloc[0], "record": part.record.iloc[0]}
 
 
-def beside(lines: pd.DataFrame, group: Group) -> pd.DataFrame:
-    """Rows of :func:`grid` on the scene of a group, its samples, processor and threads; none where
-    it was not measured beside the group."""
-    is_beside = (lines.experiment == NAME) & (lines.scene == group.scene)
-    measured = lines[is_beside & ~lines.elsewhere.astype(bool)]
-    if not len(measured) or group.n_train is not None or group.pixels is not None:
-        return frame([], COLUMNS)
-    machine = measured.iloc[0]
-    if group.runs and group.machines != {(machine.cpu, machine.threads)}:
-        return frame([], COLUMNS)
-    return grid(measured)
-
-
-def default_times(lines: pd.DataFrame, group: Group) -> dict[str, dict[str, Any]]:
-    """Rows of the default way by model, of :func:`beside`."""
-    rows = records(beside(lines, group))
-    return {row["model"]: row for row in rows if row["way"] == DEFAULT}
+def _line(
+    way: str, model: str, seconds: Sequence[float], ratios: Sequence[float]
+) -> Line:
+    ratio, coverage = median_range(ratios)
+    line: Line = {"way": way, "model": model, "seconds": float(np.median(seconds))}
+    return line | ratio.columns("ratio") | {"runs": len(ratios), "coverage": coverage}

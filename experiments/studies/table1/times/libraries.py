@@ -3,40 +3,40 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib import import_module
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-from baselines.libraries import multisets, numpy_median, opencv_median
+from baselines.libraries import opencv_median
 from hdc.parameters import check_choice
 
-MEDIANS = {"cv2.calcHist": opencv_median, "numpy.bincount": numpy_median}
-MAJORITIES = ("torchhd.multiset", "numpy.add")
+MEDIANS: Mapping[str, Callable[[np.ndarray], Any]] = {
+    "cv2.calcHist": opencv_median,
+    "numpy.median": np.median,
+}
 KERNEL, POOL = 5, 2  # pixels a side, as in baselines.cnn
 
 
 class LibraryHDC:
-    """Thresholds at the median and bitwise majority, by the functions of other libraries.
+    """Thresholds at the median, by a function of another library, and bitwise majority by NumPy.
 
     A pixel that equals the median of its frame is 0, and a bit of which as many samples are 1
-    as are 0 is 0, or what torchhd makes of it.
+    as are 0 is 0.
 
     Args:
         median: a key of :data:`MEDIANS`; frames are uint8.
-        majority: one of :data:`MAJORITIES`.
     """
 
     revision: ClassVar[int] = 1
 
-    def __init__(self, median: str, majority: str):
+    def __init__(self, median: str):
         check_choice("median", median, MEDIANS)
-        check_choice("majority", majority, MAJORITIES)
-        self._median, self._majority = MEDIANS[median], majority
+        self._median = MEDIANS[median]
         self._uses_opencv = median.startswith("cv2")
 
     def train(self, frames: Tensor, labels: np.ndarray) -> Iterator[dict[str, float]]:
@@ -44,13 +44,10 @@ class LibraryHDC:
         if self._uses_opencv:
             import_module("cv2").setNumThreads(torch.get_num_threads())
         ones = self._bits(frames)
-        classes = [ones[labels == c] for c in np.unique(labels)]
         self.classes_ = np.unique(labels)
-        if self._majority == "torchhd.multiset":
-            parts = [torch.from_numpy(part) for part in classes]
-            self.prototypes_ = multisets(parts).numpy()
-        else:
-            self.prototypes_ = np.stack([_majority(part) for part in classes])
+        self.prototypes_ = np.stack(
+            [_majority(ones[labels == c]) for c in self.classes_]
+        )
         yield {"samples_seen": len(frames)}
 
     def predict(self, frames: Tensor) -> np.ndarray:
