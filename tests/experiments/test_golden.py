@@ -58,7 +58,7 @@ def test_table_1_of_a_small_scene_is_the_committed_one(
         for seed in ("0", "1") if model in ("hdc", "softmax_dual") else ("0",):
             run(*SMALL, *SHORT, f"model={model}", f"seed.run={seed}", scene="small", model=model,
                 stop="short")  # fmt: skip
-    table, _ = Answers("mine", Results(results), [view.STUDY]).tables["table1"]
+    table = Answers("mine", Results(results), [view.STUDY]).table("table1")
     lines = [{name: line[name] for name in COUNTS} | {
         # Networks after 40 steps are undecided about samples: their last bits would count.
         "right": round(float(line["test_accuracy_final"]) * int(line["n_test"]))

@@ -322,6 +322,7 @@ def test_a_long_claim_asks_for_full_and_an_unknown_one_is_named(
     commands, capsys, tmp_path, monkeypatch
 ):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    monkeypatch.setattr(reproduce, "ASKS", 10)
     assert reproduce.main(["--claim", "softmax"]) == 2
     assert "add --full, or --quick" in capsys.readouterr().out
     assert reproduce.main(["--claim", "nothing"]) == 2
