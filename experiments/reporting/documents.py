@@ -121,7 +121,7 @@ def results_page(
         parts.append(f"Tables: {', '.join(links)}." if links else "")
         made_by = [command for one in shown for command in one.commands]
         made_by += [command for one in written for command in one.commands]
-        commands = dict.fromkeys(map(_bare, made_by))
+        commands = dict.fromkeys(filter(_can_run, map(_bare, made_by)))
         parts.append("\n".join(f"    {command}" for command in commands))
     return "\n\n".join(filter(None, parts))
 
@@ -130,6 +130,15 @@ def _bare(command: str) -> str:
     """A command without the settings of one step: its program and its experiment."""
     program, given = command.split()[:3], command.split()[3:]
     return " ".join([*program, *(w for w in given if w.startswith("experiment="))])
+
+
+def _can_run(command: str) -> bool:
+    """Whether its experiment still has a config; records of an older commit may name others."""
+    experiment = command.partition("experiment=")[2]
+    return (
+        not experiment
+        or (configs.CONFIGS / "experiment" / f"{experiment}.yaml").exists()
+    )
 
 
 def _figure(plot: Plot) -> str:

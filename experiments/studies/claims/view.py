@@ -17,7 +17,7 @@ from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.study import Study
 from experiments.reporting.table import Table
 from experiments.reporting.table import frame as table_of
-from experiments.reporting.text import number
+from experiments.reporting.text import two_digits
 from experiments.studies.claims import (
     contest,
     contrast,
@@ -144,7 +144,7 @@ def _digits(row: Row, key: str) -> str:
     value = row.get(key)
     if value is None or value != value:
         return ""
-    text = number(value, 2)
+    text = two_digits(value)
     if row["unit"] == "points" and value != 0:
         decimals = 1 if abs(value) < 10 else 0
         text = f"{value:+.{decimals}f}"
@@ -243,7 +243,7 @@ OF = (*READ, RUNS)
 STUDY = Study(
     "claims",
     "The paper's claims",
-    "What did the paper claim, and what do captured, computed and simulated frames say? Captured: "
+    "Which claims of the paper hold on captured, computed and simulated frames? Captured: "
     "by a camera; computed: from measured matrices of a fibre.",
     0,
     front=True,

@@ -10,6 +10,7 @@ import pytest
 import torch
 from rich.console import Console
 
+import experiments
 from experiments.protocol.experiment import Run, experiment
 from experiments.records import locks, record, store
 from experiments.records.environment import environment
@@ -146,7 +147,10 @@ def test_a_record_says_what_was_measured_how_and_on_what(results, monkeypatch):
         "scene": "touch",
         "config": {"n": 3},
         "data": "d" * 64,
-        "revisions": {"experiments.protocol.trial": 1, "experiments": 1},
+        "revisions": {
+            "experiments.protocol.trial": 1,
+            "experiments": experiments.REVISION,
+        },
         "changed": {"n": "3"},
         "command": "python -m experiments.run experiment=sums 'a=[1, 2]'",
         "environment": msgspec.to_builtins(here),
@@ -206,13 +210,14 @@ def test_a_measurement_of_today_is_found_and_one_of_other_code_made_again(result
     versions = f"torch 1.0 (here {here['torch']}), numpy 1.1 (here {here['numpy']})"
     assert sums() == (made, f"{found}, by {versions}\n")
     assert CALLS == ["sums"]
-    made.revisions = {"experiments": 0, "experiments.protocol.trial": 0}
+    now = made.revisions
+    made.revisions = dict.fromkeys(now, 0)
     store.append(results, made)
     again, said = sums()
     first, second = said.splitlines()
     assert first.startswith(f"{made.id}: made again, finished by other code: ")
-    for name in made.revisions:
-        assert f"{name} (revision 0, now 1)" in first
+    for name, number in now.items():
+        assert f"{name} (revision 0, now {number})" in first
     assert second.startswith("sums: 1 rows in ")
     assert CALLS == ["sums"] * 2
     assert store.find(results, made.id) == again
@@ -244,6 +249,7 @@ def test_a_damaged_part_and_one_of_other_code_are_computed_again(results, monkey
     path = results / "cache" / "parts" / store.FILE
     path.write_bytes(path.read_bytes()[:-20])
     assert part() == part() == [{"call": 2}]
-    text = path.read_text().replace('"experiments":1', '"experiments":0')
+    now = f'"experiments":{experiments.REVISION}'
+    text = path.read_text().replace(now, '"experiments":0')
     path.write_text(text)
     assert part() == part() == [{"call": 3}]

@@ -5,6 +5,7 @@ import math
 
 import pytest
 
+import experiments
 from experiments.records import record, store
 from experiments.records.rows import pack_labels
 from experiments.records.run import Finished
@@ -23,7 +24,7 @@ def test_a_run_is_read_as_it_was_written(tmp_path, write_run):
     (run,) = store.read(tmp_path)
     assert (run.id, run.seed, run.status) == (name, 3, "finished")
     assert run.right.sum() == 93
-    assert run.revisions["experiments"] == 1
+    assert run.revisions["experiments"] == experiments.REVISION
     first, second = run.curve
     assert first["loss"] == math.inf
     assert "epoch" not in first

@@ -65,11 +65,12 @@ def test_a_raised_revision_outdates_what_it_takes_part_in_and_nothing_else(monke
 
 
 def test_a_raised_protocol_outdates_everything(monkeypatch):
-    before = revisions(HDC), revisions(RIDGE)
+    before, number = (revisions(HDC), revisions(RIDGE)), experiments.REVISION
     monkeypatch.setattr(experiments, "REVISION", 17)
     forget()
+    expected = [f"experiments (revision {number}, now 17)"]
     for made_by, config in zip(before, (HDC, RIDGE), strict=True):
-        assert outdated(made_by, config) == ["experiments (revision 1, now 17)"]
+        assert outdated(made_by, config) == expected
 
 
 def test_parts_that_a_class_names_take_part(monkeypatch):

@@ -362,6 +362,7 @@ def test_each_compared_form_has_its_error_and_its_times_or_says_that_it_has_none
         costs_of("hdc", 5, 1.0),
         costs_of("hdc", 50, 2.0, fit_compiled_s=0.5, predict_frame_compiled_s=1e-4),
         costs_of("ridge", 50, 4.0),
+        costs_of("softmax_dual", 50, 1.0),
     ]
     write_measurement("recording_costs", rows, scene="gelsight")
     tables_of = {table.name: table for table in view.STUDY.tables_of(Results(tmp_path))}
@@ -373,11 +374,13 @@ def test_each_compared_form_has_its_error_and_its_times_or_says_that_it_has_none
     assert shown["bits_chosen"]["error"] == pytest.approx(0.1)
     cells = dict(zip(shown, many.cells(), strict=True))
     gelsight = ["GelSight", "HDC", "40", "2.00; compiled 0.500"]
-    assert cells["hdc"] == [*gelsight, "2.00; compiled 0.100", "1.00 kB"]
-    assert cells["greys_chosen"][2:] == [costs.NOT_MEASURED] * 4
+    times = [*gelsight, "2.00; compiled 0.100", "1.00 kB"]
+    assert cells["hdc"] == [*times, "0.500", "0.100"]  # the faster over that of softmax
+    assert cells["ridge"][-2:] == ["4.00", "4.00"]
+    assert cells["greys_chosen"][2:] == [costs.NOT_MEASURED] * 6
     few = tables_of["costs_few"].data.set_index("model")
     assert (few.fit_s["hdc"], few.n["hdc"]) == (1.0, 5)
-    assert len(tables_of["recording_costs"].data) == 3
+    assert len(tables_of["recording_costs"].data) == 4
 
 
 def test_the_front_has_no_point_with_less_of_both():
