@@ -56,8 +56,9 @@ def test_the_table_of_costs_has_every_form_and_softmax_after_most_frames():
 def test_the_page_of_results_has_every_figure_and_each_experiment_once():
     study = Study("some", "A title", "A question?", 1)
     empty = Study("empty", "Nothing", "No figure?", 2)
-    commands = ["python -m run experiment=one scene=a", "make it"]
-    commands.append("python -m run -m experiment=one scene=b,c 'x=[1, 2]'")
+    commands = ["python -m run experiment=drift scene=a", "make it"]
+    commands.append("python -m run -m experiment=drift scene=b,c 'x=[1, 2]'")
+    commands.append("python -m run experiment=gone")  # of an older commit
     plot = Plot(
         "a_figure",
         lambda *_: None,
@@ -72,7 +73,7 @@ def test_the_page_of_results_has_every_figure_and_each_experiment_once():
     assert text.splitlines()[0] == "## A title"
     assert "(../results/reference/figures/a_figure.svg)" in text
     shown = [line for line in text.splitlines() if line.startswith("    ")]
-    assert shown == ["    python -m run experiment=one", "    make it"]
+    assert shown == ["    python -m run experiment=drift", "    make it"]
     assert "[a_table](../results/reference/tables/a_table.csv)" in text
     assert "Nothing" not in text
 
