@@ -40,8 +40,10 @@ def adopt(own: Path, reference: Path) -> Adopted:
     """
     known = {step.name for step in steps(WHOLE)}
     times = {key: row for key, row in took.read(own).items() if key[0] in known}
-    adopted = {key for key, row in times.items() if row["status"] == took.FINISHED}
-    names = {f"{WHOLE}/{step}" for step, mode in adopted if mode == WHOLE}
+    finished = {
+        key: row for key, row in times.items() if row["status"] == took.FINISHED
+    }
+    names = {f"{WHOLE}/{step}" for step, mode in finished if mode == WHOLE}
     others = {f"{WHOLE}/{step}" for step in known} - names
     ours, before = Results(own).finished, Results(reference).finished
     entering = [r for r in ours if names & {*r.steps} and _may_enter(r)]
@@ -50,13 +52,19 @@ def adopt(own: Path, reference: Path) -> Adopted:
     for record in records.values():
         record.steps = sorted((names | others) & {*record.steps})
     store.write_all(reference, (records[name] for name in sorted(records)))
-    rows = took.read(reference)
-    rows |= {key: times[key] for key in adopted}
-    rows = {key: row for key, row in rows.items() if key[0] in known}
-    if rows:
-        took.write(reference, rows.values())
+    _take_times(reference, finished, known)
     left = {record.id for record in before}.difference(records)
     return Adopted(len(entering), len(left), len(ours) - len(entering))
+
+
+def _take_times(
+    reference: Path, finished: dict[tuple[str, str], took.Row], known: set[str]
+) -> None:
+    """Add the times of finished steps to the reference; steps that left lose theirs."""
+    rows = took.read(reference) | finished
+    kept = [row for key, row in rows.items() if key[0] in known]
+    if kept:
+        took.write(reference, kept)
 
 
 def _may_enter(record: Record) -> bool:

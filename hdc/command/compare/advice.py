@@ -99,10 +99,11 @@ def _of_one(
         found if value is None else found.get(value, {})
         for found in (test["gain"], test.get("rival_gain", {}))
     )
-    subject = "It" if value is None else f"The error of {printable(value)}"
-    verb = "has" if value is None else "is"
-    where = f"on {test['tested']} frames of {test['name']}"
-    own = f"{subject} {verb} {amount(chosen)} {where}"
+    subject = "Accuracy" if value is None else f"Error of {printable(value)}"
+    where = f"{test['tested']} frames of {test['name']}"
+    if test["name"] == "the last frames":
+        where = f"the last {test['tested']} frames"
+    own = f"{subject} on {where}: {amount(chosen)}"
     if chosen == published:
         why = f"no other form was better by {result['chosen_by']}"
         lines = [f"{own}; {why if result['chosen_by'] else UNCHOSEN}."]

@@ -1,4 +1,4 @@
-"""A case: an input at the edge of what numbers can do, computed the obvious way and ours."""
+"""A case: an extreme input, by the obvious implementation and by ours."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Numbers at their limits: every case the obvious way and ours, against an exact reference."""
+"""Extreme inputs by the obvious implementation and by ours, against an exact reference."""
 
 from __future__ import annotations
 

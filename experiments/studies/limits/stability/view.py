@@ -44,7 +44,7 @@ def at_their_limits(figure: Figure, rows: pd.DataFrame) -> None:
     axes = figure.subplots()
     places, known = pd.factorize(rows.part)
     for column, colour, marker, name in (
-        ("error_naive", "#E69F00", "o", "the obvious way"),
+        ("error_naive", "#E69F00", "o", "obvious implementation"),
         ("error_ours", "#0072B2", "s", "ours"),
     ):
         shares = _of_tolerance(rows[column], rows.tolerance)
@@ -95,8 +95,8 @@ TABLES = [
             "tolerance",
         ),
         folded=True,
-        note="The same input, computed the obvious way and ours, against an exact reference. A "
-        "case holds if our error is within the tolerance.",
+        note="The same input by the obvious implementation and by ours, against an exact "
+        "reference. A case holds if our error is within the tolerance.",
     )
 ]
 FIGURES = [
