@@ -28,7 +28,7 @@ from hdc import HDCClassifier
 from scenes.frames import Scene
 
 
-@experiment(revision=2, uses=("hdc.HDCClassifier",))
+@experiment(revision=3, uses=("hdc.HDCClassifier",))
 def robustness(
     run: Run,
     scene: Mapping[str, Any],
@@ -105,24 +105,29 @@ def rows_of(
         }
         return {**tested, **same}
 
+    damaged = [tensor for name, tensor in state.items() if name not in spared]
+    floats = any(tensor.is_floating_point() for tensor in damaged)
+    int8 = faults.flipped_bits_of_int8
     yield row("none", 0, model.predict(frames))
     for number, (name, levels) in enumerate(disturbances.items()):
         for level in levels:
             random = np.random.default_rng([seed, number])
-            disturbed = faults.OF_FRAMES[name](frames.numpy(), level, random)
-            yield row(name, level, model.predict(torch.from_numpy(disturbed)))
+            disturbed = torch.from_numpy(
+                faults.OF_FRAMES[name](frames.numpy(), level, random)
+            )
+            yield row(name, level, model.predict(disturbed))
+            if name == "dither" and floats:  # frames and weights rounded, both
+                predicted = _with_flips(model, disturbed, damaged, int8, 0.0, seed)
+                yield row("dither_of_int8", level, predicted)
     for rate in rates.asked:
         yield row("query_flips", rate, _asked_with_flips(model, frames, rate, seed))
-    damaged = [tensor for name, tensor in state.items() if name not in spared]
     for rate in rates.stored:
         predicted = _with_flips(model, frames, damaged, faults.flipped_bits, rate, seed)
         yield row("bit_flips", rate, predicted)
-    if not any(tensor.is_floating_point() for tensor in damaged):
+    if not floats:
         return
     for rate in (0.0, *rates.stored):  # 0: rounding alone
-        predicted = _with_flips(
-            model, frames, damaged, faults.flipped_bits_of_int8, rate, seed
-        )
+        predicted = _with_flips(model, frames, damaged, int8, rate, seed)
         yield row("bit_flips_int8", rate, predicted)
 
 

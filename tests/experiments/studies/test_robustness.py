@@ -152,7 +152,13 @@ def test_the_experiment_of_the_config(small_scene):
     small["query_error_rates"] = [0.1]
     models = {name: task["models"][name] for name in ("hdc", "softmax_dual")}
     rows = list(robustness.rows(Run(), **{**task, **small, "models": models}))
-    assert len(rows) == (1 + 7 + 2) + (1 + 7 + 2 + 2)  # softmax in 8 bits too
+    # softmax in 8 bits too: dithered frames at two levels, flips, and rounding alone
+    assert len(rows) == (1 + 7 + 2) + (1 + 7 + 2 + 2 + 2)
+    rounded = [row for row in rows if row["disturbance"] == "dither_of_int8"]
+    assert [(row["model"], row["level"]) for row in rounded] == [
+        ("softmax_dual", 1),
+        ("softmax_dual", 2),
+    ]
 
 
 @pytest.mark.parametrize("encoder", ["median", "levels"])
