@@ -27,8 +27,7 @@ from experiments.reporting.study import studies as studies_of
 from experiments.reproduction import took
 from experiments.reproduction.adopt import Adopted, adopt
 from experiments.reproduction.steps import steps
-from experiments.studies.claims import view as claims
-from experiments.studies.claims.findings import findings
+from experiments.studies.claims import findings
 from hdc.io import write_atomically
 
 README, DOCS = ROOT / "README.md", ROOT / "docs"
@@ -115,8 +114,9 @@ def docs_parts(answers: report.Answers) -> dict[str, Callable[[], str]]:
 
 def _findings(results: Results) -> str:
     """Findings, a sentence per item."""
-    frame = results.frame(*claims.OF)
-    sentences = findings(frame, _table("recording_costs"), _table("table1"))
+    frame = results.frame(*findings.OF)
+    costs, table1 = _table("recording_costs"), _table("table1")
+    sentences = findings.findings(frame, costs, table1)
     items = [f"{place}. {text}" for place, text in enumerate(sentences, 1)]
     return "\n".join(items) or documents.NOT_MEASURED
 

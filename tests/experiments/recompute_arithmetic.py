@@ -85,7 +85,13 @@ def by_laboratory(evidence: list[tuple[str, float, float]]) -> dict[str, float]:
         between = each.var(ddof=1) / k if k > 1 else 0.0
         values.append(float(each.mean()))
         variances.append(float(max(within.mean() / k, between)))
-    return pooled(values, variances)
+    return {**pooled(values, variances), **equal_weights(values)}
+
+
+def equal_weights(values: list[float]) -> dict[str, float]:
+    """The mean of laboratories, each of which weighs the same."""
+    low, high = of_mean(np.array(values))
+    return {"equal": float(np.mean(values)), "equal_low": low, "equal_high": high}
 
 
 def spread(values: np.ndarray, n_test: float, seeds: bool) -> float:

@@ -1,9 +1,9 @@
-"""Every number of claims.csv once more, from the records, by code that shares nothing with it.
+"""Every number of claims.csv once more, from the records, by code that shares nothing with it, and
+the verdicts of contest.csv.
 
     python -m tests.experiments.recompute_claims results/reference
 
-Reads ``records.jsonl``, the frozen rules and ``tables/claims.csv`` with
-json, csv, YAML and numpy. It follows docs/claims.md, not the code that made the table.
+Reads ``records.jsonl``, the frozen rules and the two tables with json, csv, YAML and numpy. It follows docs/claims.md, not the code that made the table.
 Exits 1 and names each cell on which the two disagree.
 """
 
@@ -37,11 +37,15 @@ from tests.experiments.recompute_records import (
 )
 
 RULES = ROOT / "experiments" / "studies" / "claims" / "rules.yaml"
+RULES_3 = RULES.with_name("rules_3.yaml")
 PUBLISHED = ROOT / "results" / "published.csv"
 FROZEN = RULES.with_name("frozen.yaml")
 UNITS = {"much_slower": "×", "sharper": "1", "restored": "%"}  # of others: points
 TOLERANCE = 2e-5  # the table has six digits
-CHECKED = ("mean", "mean_low", "mean_high", "predicted_low", "predicted_high")
+CHECKED = (
+    *("mean", "mean_low", "mean_high", "predicted_low", "predicted_high"),
+    *("equal", "equal_low", "equal_high"),
+)
 
 
 def of_recordings(folder: Folder, rules: dict, name: str, rival: str) -> dict | None:
@@ -397,6 +401,55 @@ def _different(row: dict, found: dict | None, rules: dict) -> Iterator[str]:
         yield f"frames: {row['frames']}, recomputed {', '.join(sorted(kinds))}"
 
 
+def contest_disagreements(path: Path) -> list[str]:
+    """Cells of the verdicts of rules 3 that the records do not give again."""
+    rules = yaml.safe_load(RULES_3.read_text("utf-8"))
+    file = path / "tables" / "contest.csv"
+    if not file.exists():
+        return []
+    evidence = bits_minus_greys(Folder(path), rules)
+    wrong = []
+    for row in csv.DictReader(file.read_text("utf-8").splitlines()):
+        what = row["what"]
+        if row["model"] != "bits" or not row.get("word") or what.endswith("objects"):
+            continue  # no verdict, or an interval by random resamples
+        left_out = what.removeprefix("without ")
+        found = by_laboratory([one for one in evidence if one[0] != left_out])
+        for stated, again in (("equal", "equal"), ("random", "mean")):
+            for end in ("", "_low", "_high"):
+                cell, value = float(row[stated + end]), found[again + end]
+                if not math.isclose(cell, value, rel_tol=TOLERANCE, abs_tol=TOLERANCE):
+                    wrong.append(f"{what}, {stated}{end}: {cell}, recomputed {value}")
+        word = contest_word(found, rules)
+        if row["word"] != word:
+            wrong.append(f"{what}, word: {row['word']}, recomputed {word}")
+    return wrong
+
+
+def bits_minus_greys(folder: Folder, rules: dict) -> list[tuple[str, float, float]]:
+    """Laboratory, difference and variance of each recording of rules 3."""
+    evidence = []
+    for record, rows in folder.measured(rules["experiment"]):
+        listed = rules["recordings"].get(record["scene"])
+        split = record["config"]["splits"]["counts"]
+        if listed and all(split.get(k) == v for k, v in listed["split"].items()):
+            number = difference(rows, rules["bits"], rules["greys"], "full", rules)
+            if number is not None:
+                evidence.append((listed["laboratory"], *number))
+    return evidence
+
+
+def contest_word(found: dict, rules: dict) -> str:
+    """The verdict by both intervals."""
+    if found["units"] < rules["least_units"]:
+        return "undecided"
+    lows = found["equal_low"], found["mean_low"]
+    highs = found["equal_high"], found["mean_high"]
+    if min(lows) > -rules["margin"]:
+        return "yes"
+    return "no" if max(highs) < -rules["margin"] else "undecided"
+
+
 def of_the_rules(name: str, rules: dict) -> dict[str, str]:
     """The cells of a claim that follow from the files of the rules alone."""
     claim = rules["claims"][name]
@@ -423,12 +476,14 @@ def of_scenes(text: str) -> Iterator[tuple[float, ...]]:
 
 def main() -> int:
     folder = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "results" / "reference")
-    wrong = disagreements(folder)
+    wrong = disagreements(folder) + contest_disagreements(folder)
     for line in wrong:
         print(line)
     if not wrong:
         table = folder / "tables" / "claims.csv"
-        print(f"{table}: every cell recomputed but `record`")
+        print(
+            f"{table}: every cell recomputed but `record`; so are the verdicts of contest.csv"
+        )
     return 1 if wrong else 0
 
 

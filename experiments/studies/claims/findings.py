@@ -11,12 +11,17 @@ from collections.abc import Iterator
 import pandas as pd
 
 from experiments.reporting.columns import display_name, scene_name
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.text import interval, number, two_digits
+from experiments.studies.claims import contest
+from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import rules
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
-from experiments.studies.claims.verdict import Verdict
+from experiments.studies.claims.verdict import Verdict, equal_weights
 from experiments.studies.claims.view import JOINED, confirmatory, judged
+from experiments.studies.claims.view import OF as OF_CLAIMS
 
+OF = (*OF_CLAIMS, contest.rules().experiment)
 LAST = (
     "**No public recording is of the paper's sensor.** Diffusers (captured) and fibres (computed) "
     "show laser speckle. The other recordings show a gel, a skin with pins, or plastic fibres."
@@ -36,6 +41,12 @@ KEEPS_UP = {
     PARTLY: "keeps up with converged softmax on {frames} frames",
     UNDECIDED: "may or may not keep up with converged softmax (undecided)",
 }
+# The verdict of rules 3.
+LOSES = {
+    YES: "lose nothing",
+    NO: "lose accuracy",
+    UNDECIDED: "may or may not lose accuracy (undecided)",
+}
 # Test accuracies closer than this are called equal, in points.
 EQUAL = 0.5
 
@@ -48,7 +59,7 @@ def findings(
     """Sentences in Markdown, the answer first.
 
     Args:
-        frame: the lines of the experiments that claims read (:data:`.view.OF`).
+        frame: the lines of the experiments that claims and the contest read (:data:`OF`).
         costs: the table ``recording_costs``; None where it was not measured.
         table1: the table ``table1``; None where it was not measured.
     """
@@ -56,6 +67,7 @@ def findings(
     extended = _recognition(found, "accuracy_mended", _extended(), KEEPS_UP)
     sentences = [
         *_recognition(found, "accuracy", "Published HDC", RECOGNISES),
+        *_contest(frame),
         *(sentence + _cost(costs) for sentence in extended),
         *_unseen(frame),
         *_times(found),
@@ -81,18 +93,46 @@ def _recognition(
     if None in verdicts:
         return
     known = [verdict for verdict in verdicts if verdict is not None]
-    given = {verdict.word for verdict in known}
+    given = {_with_equal_weights(verdict) for verdict in known}
     together = given.pop() if len(given) == 1 else NO if NO in given else PARTLY
     parts, won = [], []
     for verdict, frames in zip(known, ("standardised", "raw"), strict=True):
-        won += [frames] * (verdict.word == YES)
-        mean = verdict.pooled.mean
-        low, high = (_points(bound) for bound in mean[1:])
-        part = f"{_points(mean.value)} points [{low}, {high}] on {frames} frames"
-        parts.append(f"{part}, *{verdict.word}*")
+        won += [frames] * (_with_equal_weights(verdict) == YES)
+        part = f"{_number(verdict.pooled.mean)} on {frames} frames, *{verdict.word}*"
+        if verdict.word == YES and verdict.decided_by:
+            equal = _number(equal_weights(verdict.decided_by))
+            part += f" (with equal weights {equal}, *{_with_equal_weights(verdict)}*)"
+        parts.append(part)
     head = f"{who} {words[together].format(frames=' and '.join(won))}"
     units = known[0].pooled.units
     yield f"**{head}**: {'; '.join(parts)} (means over {units} laboratories)."
+
+
+def _with_equal_weights(verdict: Verdict) -> str:
+    """The verdict, where a yes also needs the interval of laboratories of equal weight, as rules 3
+    have it: a laboratory whose loss is large and uncertain hardly counts in random effects."""
+    if verdict.word != YES or not verdict.decided_by:
+        return verdict.word
+    low = equal_weights(verdict.decided_by).low
+    return YES if low > -rules().margin else UNDECIDED
+
+
+def _contest(frame: pd.DataFrame) -> Iterator[str]:
+    """Bits against grey values by rules 3, and on the recordings that no model had seen."""
+    evidence = Evidence(frame)
+    found = contest.measured(evidence)
+    whole = contest.verdict(found)
+    if whole is None:
+        return
+    text = (
+        f"**Chosen alike on training frames, one to seven bits per pixel {LOSES[whole.word]} against "
+        f"grey values**: {_number(whole.equal)} with equal weights, "
+        f"{_number(whole.random)} by random effects, *{whole.word}* ({whole.units} laboratories)."
+    )
+    for scene, difference in contest.confirmed(evidence).items():
+        word = contest.word_of(difference)
+        text += f" {scene_name(scene)}, seen by no model before: {_number(difference)}, *{word}*."
+    yield text
 
 
 def _cost(costs: pd.DataFrame | None) -> str:
@@ -170,6 +210,12 @@ def _order(table1: pd.DataFrame | None) -> Iterator[str]:
         f"**{head}**. Test accuracy at 90 % training accuracy: {'; '.join(listed)}. "
         f"Converged: {', '.join(converged)} %."
     )
+
+
+def _number(difference: Estimate) -> str:
+    """``points [low, high]``."""
+    value, low, high = map(_points, difference)
+    return f"{value} points [{low}, {high}]"
 
 
 def _points(share: float) -> str:

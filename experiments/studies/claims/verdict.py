@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from experiments.reporting.estimates import Estimate
+from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.text import SIMULATED
 from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import FACTORS, Piece
@@ -48,30 +48,34 @@ class Verdict(NamedTuple):
 
     def columns(self, piece: Piece) -> dict[str, Any]:
         """The columns of a table, in the unit of a piece and within what it can be."""
+        equal = Estimate(math.nan)
+        if self.pooled.units:
+            equal = equal_weights(self.decided_by)
         return {
             "word": self.word,
             **columns_of(self.pooled, piece),
+            **Estimate(*_in_unit(piece, equal)).columns("equal"),
             "laboratories": self.pooled.units or None,
             "frames": self.frames,
         }
 
 
 def columns_of(pooled: Pooled, piece: Piece) -> dict[str, Any]:
-    """The mean with its interval and the range for a new sensor, in the unit of a piece; bounds of
-    a difference of accuracies end where the difference does."""
-    factor = FACTORS.get(piece.unit, 1)
-    bounds = [*pooled.mean, pooled.predicted_low, pooled.predicted_high]
-    if piece.unit == "points":
-        bounds = np.clip(bounds, *piece.possible).tolist()
-    value, low, high, predicted_low, predicted_high = (
-        factor * bound for bound in bounds
-    )
+    """The mean with its interval and the range for a new sensor, in the unit of a piece."""
+    predicted = _in_unit(piece, (pooled.predicted_low, pooled.predicted_high))
     return {
         "unit": piece.unit,
-        **Estimate(value, low, high).columns("mean"),
-        "predicted_low": predicted_low,
-        "predicted_high": predicted_high,
+        **Estimate(*_in_unit(piece, pooled.mean)).columns("mean"),
+        "predicted_low": predicted[0],
+        "predicted_high": predicted[1],
     }
+
+
+def _in_unit(piece: Piece, numbers: Sequence[float]) -> list[float]:
+    """Numbers in the unit of a piece; a difference of accuracies ends where it can be no larger."""
+    if piece.unit == "points":
+        numbers = np.clip(numbers, *piece.possible).tolist()
+    return [FACTORS.get(piece.unit, 1) * number for number in numbers]
 
 
 def settled(piece: Piece, claim: Claim) -> Piece:
@@ -114,18 +118,27 @@ def of_one_sensor(piece: Piece) -> Verdict:
 
 def pooled_over(pieces: Sequence[Piece]) -> Pooled:
     """The number across sensors; the unit is a laboratory."""
+    values, variances = zip(*_laboratories(pieces), strict=True)
+    return random_effects(values, variances)
+
+
+def equal_weights(pieces: Sequence[Piece]) -> Estimate:
+    """The mean over laboratories, each of which weighs the same, with Student's interval."""
+    return mean_interval([value for value, _ in _laboratories(pieces)])
+
+
+def _laboratories(pieces: Sequence[Piece]) -> list[tuple[float, float]]:
+    """The number of each laboratory and its variance."""
     units: dict[str, list[Piece]] = {}
     for piece in pieces:
         units.setdefault(piece.laboratory, []).append(piece)
-    values, variances = [], []
-    for of_unit in units.values():
-        value, variance = of_laboratory(
+    return [
+        of_laboratory(
             [piece.estimate.value for piece in of_unit],
             [piece.variance for piece in of_unit],
         )
-        values.append(value)
-        variances.append(variance)
-    return random_effects(values, variances)
+        for of_unit in units.values()
+    ]
 
 
 def _across_sensors(claim: Claim, entering: Sequence[Piece], frozen: Rules) -> Verdict:

@@ -660,6 +660,7 @@ def test_the_whole_row_of_a_contrast(tmp_path, write_measurement, row_of, judged
         claim="contrast", says=RULES.claims["contrast"].paper, by="the paper",
         rival="speckle", word=YES, unit="1", mean=NAN,
         mean_low=NAN, mean_high=NAN, predicted_low=NAN, predicted_high=NAN,
+        equal=NAN, equal_low=NAN, equal_high=NAN,
         laboratories=None, frames="simulated", by_scene="Touch: 0.21 [0.083, 0.34]",
         status="exploratory", rules=RULES.version,
         frozen=frozen.commit(), digest=frozen.digest(),

@@ -6,7 +6,9 @@ import pandas as pd
 import pytest
 
 from experiments.reporting.estimates import Estimate
+from experiments.studies.claims import contest
 from experiments.studies.claims import findings as module
+from experiments.studies.claims.piece import Piece
 from experiments.studies.claims.random_effects import Pooled
 from experiments.studies.claims.verdict import Verdict
 
@@ -20,10 +22,12 @@ def verdict(word, value, units=4):
 
 @pytest.fixture
 def judged(monkeypatch):
-    def set_to(*lines, unseen=None, **tables):
+    def set_to(*lines, unseen=None, bits=None, objects=None, **tables):
         found = [(claim, rival, verdict(*of), []) for claim, rival, *of in lines]
         monkeypatch.setattr(module, "judged", lambda _: found)
         monkeypatch.setattr(module, "confirmatory", lambda _: unseen)
+        monkeypatch.setattr(contest, "measured", lambda _: bits or {})
+        monkeypatch.setattr(contest, "confirmed", lambda _: objects or {})
         return module.findings(None, **tables)
 
     return set_to
@@ -59,6 +63,87 @@ def test_one_yes_is_no_yes(judged):
         ("accuracy_mended", RIVALS[1], "yes", 0.03),
     )
     assert "keeps up with converged softmax on standardised frames**" in first
+
+
+def laboratories(*values):
+    """A piece of each laboratory; the variance of the last is far the largest."""
+    return [
+        Piece(
+            "accuracy_mended",
+            RIVALS[0],
+            name,
+            name,
+            "captured",
+            "",
+            Estimate(value),
+            0.1 if place == len(values) - 1 else 1e-4,
+        )
+        for place, (name, value) in enumerate(zip("abcdef", values, strict=False))
+    ]
+
+
+@pytest.mark.parametrize(
+    ("values", "word", "head"),
+    [
+        ((0.03, 0.04, 0.05, -0.2), "undecided", "may or may not keep up"),
+        ((0.03, 0.04, 0.05, 0.04), "yes", "keeps up with converged softmax on raw and"),
+    ],
+)
+def test_a_yes_also_needs_laboratories_of_equal_weight(
+    monkeypatch, judged, values, word, head
+):
+    pooled = Pooled(Estimate(0.04, 0.01, 0.07), math.nan, math.nan, 0, 4)
+    found = [
+        (
+            "accuracy_mended",
+            rival,
+            Verdict("yes", pooled, "captured", laboratories(*values)),
+            [],
+        )
+        for rival in RIVALS
+    ]
+    judged()
+    monkeypatch.setattr(module, "judged", lambda _: found)
+    first, _ = module.findings(None)
+    if word == "undecided":
+        assert "(with equal weights −2.0 points [" in first
+        assert head in first
+    else:
+        assert "(with equal weights +4.0 points [" in first
+        assert first.startswith(
+            "**Extended HDC, with 7 levels per pixel and LDA, keeps up"
+        )
+    assert first.count("on standardised frames, *yes* (with equal weights") == 1
+    assert first.count(f", *{word}*)") == 2
+
+
+@pytest.mark.parametrize(
+    ("value", "head"),
+    [
+        (0.0, "lose nothing"),
+        (-0.2, "lose accuracy"),
+        (-0.03, "may or may not lose accuracy"),
+    ],
+)
+def test_the_contest_of_bits_and_greys(judged, value, head):
+    bits = {
+        name: contest.Measured(name, value + 0.001 * place, 1e-5, 50)
+        for place, name in enumerate("abcd")
+    }
+    objects = {"visuotactile": Estimate(-0.1, -0.15, -0.05)}
+    text, _ = judged(
+        ("accuracy", RIVALS[0], "no", -0.1),
+        ("accuracy", RIVALS[1], "no", -0.1),
+        bits=bits,
+        objects=objects,
+    )[1:]
+    assert text.startswith(
+        f"**Chosen alike on training frames, one to seven bits per pixel {head}"
+    )
+    assert "(4 laboratories)" in text
+    assert text.endswith(
+        "Dome, objects, seen by no model before: −10.0 points [−15.0, −5.0], *no*."
+    )
 
 
 def test_what_was_not_measured_has_no_sentence(judged):
