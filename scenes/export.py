@@ -78,8 +78,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     asks_for_help = "-h" in given or "--help" in given
     if asks_for_help or len(out) != 1 or not out[0]:
         sys.exit(f"{__doc__}\nout: expected one folder, out=FOLDER, found {len(out)}")
-    scene = compose(overrides)
-    manifest = export(scene, Path(out[0]).expanduser())
+    from hydra.errors import HydraException, InstantiationException
+
+    try:
+        scene = compose(overrides)
+        manifest = export(scene, Path(out[0]).expanduser())
+    except InstantiationException as error:
+        sys.exit(f"error: {error.__cause__}")
+    except (HydraException, ValueError, OSError) as error:
+        sys.exit(f"error: {error}")
     print(f"{len(scene)} frames of {len(scene.classes)} classes, {manifest}")
 
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -88,11 +89,14 @@ def details(name: str) -> str:
 
 def show(names: Sequence[str]) -> None:
     """Print the details of the named recordings, or the overview of all."""
+    known = public_names()
+    for name in names:
+        if name not in known:
+            sys.exit(f"error: expected names among {', '.join(known)}, found {name}")
+        print(details(name))
     if names:
-        for name in names:
-            print(details(name))
         return
-    table, commands = overview(public_names())
+    table, commands = overview(known)
     Console().print(table)
     if not commands:
         return

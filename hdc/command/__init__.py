@@ -9,6 +9,7 @@ was expected and what was found; or with 2 if the command line is not as ``--hel
 
 from __future__ import annotations
 
+import io
 import os
 import re
 import sys
@@ -29,6 +30,10 @@ EXTRAS = {
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Carry out the words after the command's name (default: those of this process) and exit."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A file may have a name that is no text.
+            stream.reconfigure(errors="backslashreplace")
     with warnings.catch_warnings():
         warnings.showwarning = _Said()
         sys.exit(_status(arguments))
@@ -49,6 +54,10 @@ def _status(arguments: Sequence[str] | None) -> int:
         return 1
     except (ValueError, OSError) as error:
         return _say(f"error: {error}", 1)
+    except MemoryError as error:
+        found = str(error) or "none left"
+        advice = "--crop and --subsample make frames smaller"
+        return _say(f"error: expected more memory, found: {found} ({advice})", 1)
 
 
 def _run(arguments: Sequence[str] | None) -> int:

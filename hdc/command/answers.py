@@ -14,6 +14,7 @@ from hdc.command.messages import printable, with_units
 from hdc.command.work import check_fits, check_size, value_names
 from hdc.readers import FRAMES, TABLE, VIDEO_SUFFIXES, Window
 from hdc.readers.images import stream_files
+from hdc.readers.known import numbered
 
 BATCH = 32
 """Frames asked about at a time: meanwhile threads decode the next ones."""
@@ -39,6 +40,7 @@ def ask(
     interval: float | None = None,
     proba: bool = False,
     axes: Sequence[str] | None = None,
+    image_column: str = "image",
 ) -> Iterator[dict[str, Any]]:
     """The model's answers for image files, then for each frame of arrays, tables and videos.
 
@@ -47,7 +49,7 @@ def ask(
     `interval`, the share of frames that shall hold the truth, values have ``intervals`` by name
     (an end of None is infinite), and labels the ``set`` of all classes that may be. With `proba`
     the best class has a ``probability``, and ``probabilities`` are those by class. `axes` are those
-    of arrays; see :func:`hdc.readers.open_recording`.
+    of arrays, and `image_column` is that of a .parquet; see :func:`hdc.readers.open_recording`.
 
     Raises:
         ValueError: `proba` of a regressor, or of a model that has no probabilities.
@@ -58,7 +60,7 @@ def ask(
     stills = zip(images, stream_files(images, window), strict=True)
     yield from _answers(model, stills, wanted)
     for array in [f for f in files if suffixes[f] in FRAMES]:
-        frames = _of_array(model, array, window, axes)
+        frames = _of_array(model, array, window, axes, image_column)
         yield from _answers(model, frames, wanted)
     for video in [f for f in files if suffixes[f] in VIDEO_SUFFIXES]:
         # All before the first is given: at its end a video may turn out to be cut off.
@@ -67,12 +69,21 @@ def ask(
 
 
 def _of_array(
-    model: Any, path: Path, window: Window, axes: Sequence[str] | None
+    model: Any,
+    path: Path,
+    window: Window,
+    axes: Sequence[str] | None,
+    image_column: str,
 ) -> Iterator[Placed]:
-    """Frames of an .npz, an .npy or a .csv, which may have labels and values or not."""
+    """Frames of a file of arrays or a table, which may have labels and values or not."""
     columns = value_names(model) if path.suffix.lower() == TABLE else ()
     recording = readers.open_recording(
-        path, axes=axes, window=window, value_columns=columns, fewest_classes=0
+        path,
+        axes=axes,
+        image_column=image_column,
+        value_columns=columns,
+        window=window,
+        fewest_classes=0,
     )
     check_fits(model, recording)
     for i, frame in enumerate(recording.stream()):
@@ -141,7 +152,7 @@ def _value_columns(
     model: Any, batch: np.ndarray, interval: float | None
 ) -> dict[str, Sequence[Any]]:
     """Values by name, and the ends of their intervals if there is a share to hold."""
-    names = value_names(model)
+    names = value_names(model) or numbered(len(model.mean_))
     if interval is None:
         values = model.predict(batch).reshape(len(batch), -1)
         return {"values": _by_name(names, values)}
@@ -182,9 +193,8 @@ def _margin(distances: list[float]) -> float | None:
 def heads(model: Any, answer: dict[str, Any]) -> list[str]:
     """Names of the columns of a table of such answers."""
     if "values" in answer:
-        names = value_names(model)
         units = model.metadata_.get("units", ())
-        columns = ["file", *with_units(names, units)]
+        columns = ["file", *with_units(list(answer["values"]), units)]
         for name in answer.get("intervals", ()):
             columns += [f"{name} from", f"{name} to"]
     else:

@@ -51,9 +51,10 @@ def contents(path: Path) -> list[str]:
     if suffix in stores.SUFFIXES:
         return _arrays(path)
     if suffix == readers.PARQUET:
-        from pyarrow import parquet
+        from hdc.readers import parquet
 
-        return [f"{field.name}: {field.type}" for field in parquet.read_schema(path)]
+        schema = parquet.opened(path).schema_arrow
+        return [f"{field.name}: {field.type}" for field in schema]
     if suffix == readers.TABLE:
         return [f"columns: {', '.join(_shortened(columns_of(path)))}"]
     return _video(path) if suffix in readers.VIDEO_SUFFIXES else []

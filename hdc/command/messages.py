@@ -32,7 +32,8 @@ def circular_lines(recording: Recording) -> list[str]:
     units = recording.value_units or ("",) * len(recording.value_names)
     for column, name in enumerate(recording.value_names):
         assert recording.values is not None
-        low, high = np.quantile(recording.values[:, column], [0, 1]).tolist()
+        numbers = recording.values[:, column]
+        low, high = float(numbers.min()), float(numbers.max())
         named = _DEGREES.search(f"{name} {units[column]}".lower())
         turns = low >= -TURN / 2 and high <= TURN and high - low >= _WHOLE * TURN
         if named and turns:
@@ -94,11 +95,7 @@ def with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
 def described(model: Any, path: Path) -> dict[str, Any]:
     """Description of a saved model; the last rows say what was trained."""
     classifies = hasattr(model, "classes_")
-    n_outputs = (
-        len(model.classes_)
-        if classifies
-        else len(model.metadata_.get("values", ())) or 1
-    )
+    n_outputs = len(model.classes_ if classifies else model.mean_)
     if classifies:
         tensors = model.state_tensors().values()
         n_bits = 8 * sum(tensor.nbytes for tensor in tensors)

@@ -32,6 +32,12 @@ axes = click.option(
     callback=_names,
     help="Axes of an array, such as height,width,frame.",
 )
+image_column = click.option(
+    "--image-column",
+    default="image",
+    metavar="NAME",
+    help="Column of the table that names the image, or that holds it.",
+)
 circular = click.option(
     "--circular",
     "period",

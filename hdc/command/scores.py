@@ -183,7 +183,7 @@ def confusions(result: dict[str, Any]) -> list[str]:
         return []
     counts = np.array(result["confusion"])
     names = [printable(name) for name in result["classes"]]
-    heads = [name[:12] for name in names]
+    heads = _shortened(names)
     numbers = [str(n) for n in counts.ravel()]
     width = max(len(name) for name in names)
     cell = max(len(text) for text in [*heads, *numbers])
@@ -192,3 +192,12 @@ def confusions(result: dict[str, Any]) -> list[str]:
     for name, row in zip(names, counts, strict=True):
         lines.append(" ".join([f"{name:{width}}", *(f"{n:>{cell}}" for n in row)]))
     return lines
+
+
+def _shortened(names: Sequence[str], least: int = 12) -> list[str]:
+    """The beginnings of names, so long that they differ."""
+    for length in range(least, max(map(len, names))):
+        found = [name[:length] for name in names]
+        if len(set(found)) == len(names):
+            return found
+    return list(names)

@@ -13,8 +13,9 @@ from typing import Any
 import click
 
 from hdc import readers
-from hdc.command.options import FILE, axes
+from hdc.command.options import FILE, axes, image_column
 from hdc.readers import Recording, Window
+from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
     click.argument("recording", type=FILE),
@@ -37,12 +38,7 @@ _OPTIONS = (
         metavar="NAME",
         help="Column of numbers; may be repeated. [default: all numeric ones]",
     ),
-    click.option(
-        "--image-column",
-        default="image",
-        metavar="NAME",
-        help="Column of the table that names the image, or that holds it.",
-    ),
+    image_column,
     click.option(
         "--labels",
         metavar="NAME",
@@ -97,11 +93,45 @@ class Source:
         return frames
 
     def with_values(self, names: Sequence[str]) -> Source:
-        """The same with these columns as values, unless others were given or it has none."""
-        has_columns = self.settings.get("table") or not self.path.is_dir()
-        if not names or not has_columns or self.settings.get("value_columns"):
+        """The same with these values in this order, unless others are given or it has none."""
+        given = self.settings.get("value_columns") or names
+        if not names or set(given) != set(names) or not self._has_columns():
             return self
         return Source(self.path, {**self.settings, "value_columns": tuple(names)})
+
+    def _has_columns(self) -> bool:
+        """Whether it is a file, or a folder with a table or a manifest."""
+        if not self.path.is_dir() or self.settings.get("table"):
+            return True
+        by_template = self.settings.get("template") is not None
+        return not by_template and (self.path / MANIFEST).exists()
+
+    def like(self, path: Path) -> Source:
+        """Another recording, opened as this one; a table in its folder is at the same place.
+
+        Raises:
+            ValueError: a table has the labels or numbers of this recording alone.
+        """
+        settings = dict(self.settings)
+        for key in ("table", "labels"):
+            given = settings.get(key)
+            is_table = key == "table" or str(given).lower().endswith(readers.TABLE)
+            if given is not None and is_table:
+                settings[key] = self._its_own(Path(given), path)
+        return Source(path, settings)
+
+    def _its_own(self, table: Path, path: Path) -> Path:
+        """The table of another recording: where this one's is in its folder."""
+        given = table.expanduser()
+        if self.path.is_dir() and not given.exists():  # named from the folder
+            return table
+        place, folder = given.resolve(), self.path.resolve()
+        if not place.is_relative_to(folder):
+            raise ValueError(
+                f"--test: expected labels and numbers in or beside {path}, found {table} for both "
+                "recordings"
+            )
+        return path / place.relative_to(folder)
 
     def words(self, window: Window) -> list[str]:
         """What to type to open it so."""

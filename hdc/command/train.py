@@ -27,7 +27,8 @@ from hdc.readers.batches import Batches
 @click.option(
     "--test-fraction",
     type=options.SHARE,
-    help="Share of frames to hold out: the last sessions if known, else at random.",
+    help="Share of frames to hold out: the last sessions if known, else whole groups, else at "
+    "random.",
 )
 @click.option(
     "--encoder",
@@ -90,6 +91,8 @@ def train(
 def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
     """What is kept with a model of a recording."""
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
+    if window.crop is not None and frames.image_shape:
+        metadata["image"] = list(frames.image_shape)
     if frames.values is not None:
         metadata["values"] = list(frames.value_names)
     if any(frames.value_units):

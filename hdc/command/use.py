@@ -17,6 +17,7 @@ from hdc.readers.listing import image_files
 @options.model
 @click.argument("images", type=options.FILE, nargs=-1, required=True)
 @options.axes
+@options.image_column
 @options.reject
 @options.interval
 @click.option(
@@ -29,6 +30,7 @@ def predict(
     model: Path,
     images: tuple[Path, ...],
     axes: tuple[str, ...] | None,
+    image_column: str,
     reject: float | None,
     interval: float | None,
     proba: bool,
@@ -48,7 +50,7 @@ def predict(
     for path in images:
         files += image_files(path) if path.is_dir() else [path]
     for number, answer in enumerate(
-        answers.ask(found, window, files, reject, interval, proba, axes)
+        answers.ask(found, window, files, reject, interval, proba, axes, image_column)
     ):
         if as_json:
             click.echo(json.dumps(answer, ensure_ascii=False))

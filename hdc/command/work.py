@@ -42,8 +42,9 @@ def load(path: Path) -> tuple[Any, Window]:
     context = click.get_current_context(silent=True)
     trusted = context.meta.get(TRUSTED, ()) if context else ()
     model = getattr(hdc, kind).load(path, trusted)
-    crop, subsample = (model.metadata_.get(key) for key in ("crop", "subsample"))
-    return model, Window(crop, subsample or 1)
+    kept = ("crop", "subsample", "image")
+    crop, subsample, image = (model.metadata_.get(key) for key in kept)
+    return model, Window(crop, subsample or 1, image and tuple(image))
 
 
 def frames_for(
@@ -56,10 +57,13 @@ def frames_for(
     frames = source.with_values(value_names(model)).open(window, fewest_classes)
     check_fits(model, frames)
     if not hasattr(model, "classes_"):
-        if frames.values is None:
-            wanted = "a table of the numbers to compare with"
-            raise ValueError(f"--values: expected {wanted}, found none")
+        _check_values(model, frames)
         return frames
+    if frames.labels is None and fewest_classes > 0:
+        found = ", ".join(frames.value_names)
+        raise ValueError(
+            f"{source.path}: expected a label of each frame, found only {found}"
+        )
     known = [str(c) for c in model.classes_]
     names = set() if frames.labels is None else set(frames.names)
     unknown = sorted(names - set(known), key=natural_key)
@@ -71,8 +75,21 @@ def frames_for(
     return frames
 
 
+def _check_values(model: Any, frames: Recording) -> None:
+    """Raise a ValueError unless a recording has as many numbers a frame as the model predicts."""
+    if frames.values is None:
+        wanted = "a table of the numbers to compare with"
+        raise ValueError(f"--values: expected {wanted}, found none")
+    n = len(model.mean_)
+    if frames.values.shape[1] != n:
+        found = ", ".join(frames.value_names)
+        raise ValueError(
+            f"--column: expected {n} numbers a frame as in training, found {found}"
+        )
+
+
 def value_names(model: Any) -> tuple[str, ...]:
-    """Names of the numbers that a regressor was trained on; none of a classifier."""
+    """Names of the numbers of a regressor, none where Python saved none; none of a classifier."""
     if hasattr(model, "classes_"):
         return ()
     return tuple(model.metadata_.get("values", ()))

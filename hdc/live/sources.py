@@ -118,9 +118,7 @@ class Recorded:
     """
 
     def __init__(self, path: Path, window: readers.Window) -> None:
-        self._recording = recording = readers.open_recording(
-            path, None, window.crop, window.subsample
-        )
+        self._recording = recording = readers.open_recording(path, window=window)
         self.title = f"Recording {path.name}"
         self.metadata = _kept(window)
         if len(recording.frame_shape) != 2 or recording.labels is None:

@@ -201,7 +201,7 @@ def _check_settings(path: Path, kind: str, **settings: object) -> None:
         require(setting is None or kind in kinds, name, setting, expected)
     if not path.exists():
         raise SettingError(
-            f"path: expected a folder, an .npz or a video, found nothing: {path}"
+            f"path: expected a folder or a file of frames, found nothing: {path}"
         )
     if kind == "another file":
         raise SettingError(

@@ -82,6 +82,7 @@ def open_arrays(
         digest=cache(lambda: _digest(path, special)),
         window=window,
         notes=tuple(notes),
+        image_shape=tuple(frames.shape),
         **about,
     )
 

@@ -9,13 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from hdc.readers.files import Ambiguous, SettingError
+from hdc.readers.files import Ambiguous, SettingError, require
 from hdc.readers.recording import Window, check_finite
 
 ALONG = ("label", "order", "session", "group", "value", "frame")
 """Axes of an array whose places say something of a frame; ``frame`` says its number only."""
 INSIDE = ("height", "width", "channel", "feature")
-"""Axes of one frame; channels are red, green and blue."""
+"""Axes of one frame; channels are grey, or red, green and blue."""
+CHANNELS = (1, 3)
 READINGS = {
     2: ("frame,feature", "feature,frame"),
     3: ("frame,height,width", "height,width,frame"),
@@ -58,7 +59,7 @@ def reading(
 
 
 def _fits(axes: list[str], shape: Sequence[int]) -> bool:
-    return "channel" not in axes or shape[axes.index("channel")] in (1, 3)
+    return "channel" not in axes or shape[axes.index("channel")] in CHANNELS
 
 
 class Frames:
@@ -79,17 +80,21 @@ class Frames:
         self._check(axes, inside)
         self.counts = [array.shape[k] for k in self._along]
         lengths = dict(zip(axes, array.shape, strict=True))
+        channels = lengths.get("channel", 1)
+        # Four may be the angles of a polariser as well as RGBA.
+        wanted = "1 or 3 channels (red, green and blue)"
+        require(channels in CHANNELS, "axes", channels, wanted)
         self._has_channels = "channel" in inside
         self.shape = [lengths[axis] for axis in INSIDE if axis in inside][:2]
         self.dtype = array.dtype.newbyteorder("=")
 
     def _check(self, axes: Sequence[str], inside: Sequence[str]) -> None:
-        sides = set(inside) - {"channel"}
+        image = {"height", "width"}
         fits = (
             len(axes) == len(self._array.shape) == len({*axes})
             and len(self._along) + len(inside) == len(axes)
             and len(self._along) > 0
-            and sides in ({"height", "width"}, {"feature"})
+            and set(inside) in (image, image | {"channel"}, {"feature"})
         )
         if not fits:
             n = len(self._array.shape)
@@ -106,11 +111,12 @@ class Frames:
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
         for i in index:
-            kept = self._window.of(self._frame(i))
+            place, frame = self.place(i), self._frame(i)
             if self._has_channels:
-                kept = _luminance(kept)
-            frame = np.ascontiguousarray(kept, dtype=self.dtype)
-            yield check_finite(self.place(i), frame)
+                kept = _luminance(place, frame, self._window)
+            else:
+                kept = self._window.of(frame)
+            yield check_finite(place, np.ascontiguousarray(kept, dtype=self.dtype))
 
     def _frame(self, i: int) -> np.ndarray:
         key: list[Any] = [slice(None)] * len(self._array.shape)
@@ -121,8 +127,9 @@ class Frames:
         return frame.transpose(self._order)
 
 
-def _luminance(frame: np.ndarray) -> np.ndarray:
-    """[H, W] of [H, W, 1 or 3], red first."""
-    from hdc.readers.images import grey
+def _luminance(place: str, frame: np.ndarray, window: Window) -> np.ndarray:
+    """The pixels [H, W] that are kept of a frame [H, W, 1 or 3], red first."""
+    from hdc.readers.images import frame_of
 
-    return grey(frame[..., ::-1].astype(frame.dtype.newbyteorder("=")))
+    blue_first = frame[..., ::-1].astype(frame.dtype.newbyteorder("="))
+    return frame_of(place, blue_first, window)

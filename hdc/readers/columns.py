@@ -61,7 +61,7 @@ class Columns:
         """
         labels = self.pop_labels()
         samples = self.samples()
-        check_times(where, samples, len(self.places))
+        check_known(where, samples, len(self.places))
         if value_columns is None or (labels is None and not value_columns):
             value_columns = self.numeric()
         if labels is None and not value_columns and fewest_classes > 0:
@@ -133,7 +133,7 @@ class Columns:
             )
 
     def numeric(self) -> list[str]:
-        """Names of the columns of numbers, but for those of :data:`KNOWN`.
+        """Names of the columns of numbers, but for those of :data:`KNOWN` and those without a name.
 
         Most cells of such a column are numbers, or are missing where there is a number.
 
@@ -145,7 +145,7 @@ class Columns:
             numbers = sum(parse_number(text) is not None for text in texts)
             missing = sum(_is_missing(text) for text in texts)
             most = 2 * (numbers + missing) > len(texts)
-            if name not in KNOWN and numbers and most:
+            if name not in KNOWN and not is_unnamed(name) and numbers and most:
                 self.numbers(name)
                 names.append(name)
         return names
@@ -182,9 +182,14 @@ def class_indices(
     """Class names in natural order (or the given one), and the index of each sample's [N].
 
     Raises:
-        ValueError: fewer classes than are needed, or a name that is none of those given.
+        ValueError: fewer classes than are needed, a name that is none of those given, or is empty.
     """
     names = normalised(names)
+    if "" in names:
+        wanted = "a label of each frame"
+        raise ValueError(
+            f"{where}: expected {wanted}, found none of frame {names.index('')}"
+        )
     if order is None:
         classes = tuple(sorted(set(names), key=natural_key))
     else:
@@ -201,9 +206,9 @@ def class_indices(
     return classes, np.array(rows, dtype=np.int64)
 
 
-def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
-    """Raise a ValueError unless ``order`` and ``session`` are N numbers: splits go by them."""
-    for key in ("order", "session"):
+def check_known(where: object, samples: Mapping[str, np.ndarray], n: int) -> None:
+    """Raise a ValueError unless those of :data:`KNOWN` are N numbers: splits go by them."""
+    for key in KNOWN:
         values = samples.get(key, np.zeros(n))
         if values.shape != (n,) or values.dtype.kind not in "iuf":
             found = f"{values.dtype} {values.shape}"
@@ -217,6 +222,11 @@ def check_times(where: object, samples: Mapping[str, np.ndarray], n: int) -> Non
                 f"{where}: expected {n} finite numbers in the column {key}, found "
                 f"{values[first]} for frame {first}"
             )
+
+
+def is_unnamed(column: str) -> bool:
+    """Whether nobody named a column; pandas writes its index so."""
+    return not column or column.startswith("Unnamed: ")
 
 
 def _is_missing(text: str) -> bool:

@@ -147,7 +147,10 @@ def columns_of(path: Path) -> list[str]:
         return []
     with path.open(encoding=_encoding(path), errors="replace") as file:
         first = file.readline()
-    header = next(csv.reader([first], delimiter=_separator(first)), [])
+    try:
+        header = next(csv.reader([first], delimiter=_separator(first)), [])
+    except csv.Error:  # no table; whoever reads it says so
+        return []
     return [name.strip() for name in header]
 
 

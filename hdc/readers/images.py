@@ -22,7 +22,7 @@ import numpy as np
 
 from hdc.readers.files import BadFrame, SettingError, check_file
 from hdc.readers.listing import Listing
-from hdc.readers.recording import Recording, Window, with_progress
+from hdc.readers.recording import Recording, Window, check_finite, with_progress
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -133,29 +133,31 @@ def stream_files(files: Sequence[Path], window: Window) -> Iterator[np.ndarray]:
 def frame_of(place: str, image: np.ndarray, window: Window) -> np.ndarray:
     """The pixels that are kept of a decoded image, in grey."""
     try:
-        return grey(window.of(image))
+        frame = grey(window.of(image))
     except (SettingError, BadFrame) as error:
         raise BadFrame(f"{place}: {error}") from error
+    return check_finite(place, frame)
 
 
 class Alike:
     """Grey frames of images that have the size and depth of the first.
 
     Attributes:
-        shape: (H, W) of a frame.
+        size: (H, W) of an image.
+        shape: of a frame, the pixels that are kept of it.
         dtype: of its pixels.
     """
 
     def __init__(self, place: str, first: np.ndarray, window: Window) -> None:
-        self._size, self._window = first.shape[:2], window
+        self.size, self._window = first.shape[:2], window
         self.dtype = first.dtype
         self.shape = self.frame(place, first).shape
 
     def frame(self, place: str, image: np.ndarray) -> np.ndarray:
         """The frame of an image; a BadFrame for another size or depth."""
-        if image.shape[:2] != self._size or image.dtype != self.dtype:
+        if image.shape[:2] != self.size or image.dtype != self.dtype:
             found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
-            size = f"{self._size[1]} × {self._size[0]} pixels {self.dtype}"
+            size = f"{self.size[1]} × {self.size[0]} pixels {self.dtype}"
             raise BadFrame(
                 f"{place}: expected {size} as in the other frames, found {found}"
             )
@@ -193,6 +195,7 @@ def open_listing(
         window=window,
         other_files=tuple(listing.other_files),
         notes=tuple(listing.notes),
+        image_shape=images.size,
         **about,
     )
 
@@ -215,7 +218,8 @@ class Images:
     """Image files of one size and depth, those of the first; decoded when asked for, or kept.
 
     Attributes:
-        shape: (H, W) of a frame.
+        size: (H, W) of an image.
+        shape: of a frame, the pixels that are kept of it.
         dtype: of its pixels.
 
     Raises:
@@ -231,6 +235,7 @@ class Images:
             raise self._counted(error) from error
         self._alike = Alike(str(files[0]), first, window)
         self.dtype, self.shape = self._alike.dtype, self._alike.shape
+        self.size = self._alike.size
 
     def check(self, memory_bytes: int) -> None:
         """Decode all of them, and keep them if they fit.

@@ -13,7 +13,7 @@ from hdc.readers.axes import ALONG
 from hdc.readers.columns import (
     KNOWN,
     Columns,
-    check_times,
+    check_known,
     class_indices,
     natural_ranks,
 )
@@ -96,7 +96,7 @@ class Known:
             self._check_learnt(value_columns, n, shape)
         known = self._arrays | named
         samples = _samples(known, n)
-        check_times(path, {"order": np.arange(n), **samples}, n)
+        check_known(path, samples, n)
         return {
             "classes": classes,
             "labels": labels,
@@ -142,14 +142,18 @@ class Known:
         return choices
 
     def _class_labels(self, n: int) -> tuple[tuple[str, ...], np.ndarray | None]:
-        """Class names, and the index of each frame's [N]; integers count the names in classes."""
+        """Class names, and the index of each frame's [N].
+
+        Integers count the names in `classes` from 0; those of MATLAB from 1, unless one is 0.
+        """
         labels, where = self._labels, f"{self._path}[labels]"
         names = self._arrays.get("classes")
         if labels is None:
             return (), None
-        if labels.dtype.kind == "f" and (labels == np.round(labels)).all():
+        fits = labels.shape == (n,)
+        if fits and labels.dtype.kind == "f" and _are_whole(labels):
             labels = labels.astype(np.int64)  # MATLAB's numbers are floats
-        if labels.shape != (n,) or labels.dtype.kind not in "iuU":
+        if not fits or labels.dtype.kind not in "iuU":
             found = f"{labels.dtype} {labels.shape}"
             raise ValueError(
                 f"{where}: expected integers or strings ({n},), found {found}"
@@ -159,9 +163,15 @@ class Known:
             raise ValueError(
                 f"{self._path}[classes]: expected different names, found {classes}"
             )
-        by_number = dict(enumerate(classes or ()))
+        integers = labels.dtype.kind != "U"
+        from_one = self._store.frames_last and integers and labels.min() > 0
+        by_number = dict(enumerate(classes or (), start=int(from_one)))
         texts = [str(by_number.get(label, label)) for label in labels.tolist()]
         return class_indices(texts, where, self._fewest, classes)
+
+
+def _are_whole(numbers: np.ndarray) -> bool:
+    return bool((np.isfinite(numbers) & (numbers == np.round(numbers))).all())
 
 
 def _vector(array: Any, of_matlab: bool) -> Any:
@@ -208,7 +218,7 @@ def _named_values(
         found = f"{values.dtype} {values.shape}"
         raise ValueError(f"{path}[values]: expected shape ({n}, k), found {found}")
     columns = values.reshape(n, -1).T
-    titles = _numbered(len(columns)) if names is None else _texts(names)
+    titles = numbered(len(columns)) if names is None else _texts(names)
     if len(titles) != len(columns) or len(set(titles)) < len(titles):
         wanted = f"{len(columns)} different names, one a column of values"
         raise ValueError(f"{path}[value_names]: expected {wanted}, found {titles}")
@@ -226,7 +236,7 @@ def _texts(array: np.ndarray) -> list[str]:
     return [str(text) for text in np.ravel(array).tolist()]
 
 
-def _numbered(n: int) -> list[str]:
+def numbered(n: int) -> list[str]:
     """Names of columns that have none."""
     return ["value"] if n == 1 else [f"value_{k}" for k in range(n)]
 
@@ -256,11 +266,11 @@ def _values(
 
 
 def _samples(arrays: dict[str, np.ndarray], n: int) -> dict[str, np.ndarray]:
-    """Columns that are kept: an order and a session in any case, and arrays [N]."""
+    """Columns that are kept: those of :data:`KNOWN` in any case, and arrays [N]."""
     samples = {}
     for name, array in arrays.items():
         fits = array.shape == (n,) and array.dtype.kind in "iufU"
-        if fits or name in ("order", "session"):
+        if fits or name in KNOWN:
             samples[name] = array
         if fits and name in ("session", "group") and array.dtype.kind == "U":
             samples[f"{name}_name"] = array

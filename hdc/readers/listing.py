@@ -150,9 +150,23 @@ def _table_path(root: Path, table: str | Path) -> Path:
 
 
 def _base(root: Path, table: Path, rows: _Rows) -> Path:
-    """The folder that paths in a table are relative to: its own, or that of the recording."""
-    if rows.names and (table.parent / rows.names[0]).is_file():
-        return table.parent
+    """The folder that paths in a table are relative to: its own, or that of the recording.
+
+    The first image that is there decides.
+
+    Raises:
+        ValueError: each of the two folders has an image of that name.
+    """
+    for name in rows.names:
+        beside, inside = table.parent / name, root / name
+        if beside.is_file():
+            if inside.is_file() and not inside.samefile(beside):
+                raise ValueError(
+                    f"{table}: expected images beside it or in {root}, found {name} in both"
+                )
+            return table.parent
+        if inside.is_file():
+            return root
     return root
 
 
@@ -225,19 +239,20 @@ def _no_label(_: str) -> dict[str, str]:
 
 
 def _check_depth(root: Path, images: Sequence[str]) -> None:
-    """Raise Ambiguous where every image lies in folders of folders: which of them is the class?"""
-    depths = {file.count("/") for file in images}
+    """Raise Ambiguous where every image in a folder lies in one of folders: which is the class?"""
+    inside = [file for file in images if "/" in file]  # loose ones have no class
+    depths = {file.count("/") for file in inside}
     if not depths or min(depths) < 2:
         return
     rest = "/*" * (min(depths) - 1)
     if len(depths) > 1:
         raise SettingError(
-            f"{root}: expected images in folders of one depth, found {images[0]} and "
-            f"{max(images, key=lambda file: file.count('/'))} (a manifest.csv names each)"
+            f"{root}: expected images in folders of one depth, found {inside[0]} and "
+            f"{max(inside, key=lambda file: file.count('/'))} (a manifest.csv names each)"
         )
     readings = (f"{{label}}/{{group}}{rest}", f"{{session}}/{{label}}{rest}")
     raise Ambiguous(
-        f"{root}: folders of folders, such as {images[0]}",
+        f"{root}: folders of folders, such as {inside[0]}",
         [f"--template '{reading}'" for reading in readings],
     )
 
@@ -245,7 +260,8 @@ def _check_depth(root: Path, images: Sequence[str]) -> None:
 def all_files(root: Path) -> list[str]:
     """Paths of all files below a folder, relative to it, in natural order; no hidden ones.
 
-    A hidden folder, such as ``.5/``, and one that holds nothing are named with a slash at the end.
+    Hidden folders, such as ``.5/``, and those without a visible file are named, with a slash at the
+    end.
 
     Raises:
         ValueError: a folder in it is a link: its files would count twice, or without an end.
@@ -255,13 +271,14 @@ def all_files(root: Path) -> list[str]:
     for parent, folders, names in os.walk(root, onerror=_raise):
         inside = PurePath(parent).relative_to(root).as_posix()
         before = "" if inside == "." else f"{inside}/"
-        if before and not folders and not names:
+        shown = [name for name in names if not name.startswith(".")]
+        if before and not folders and not shown:
             files.append(before)
         files += [f"{before}{name}/" for name in folders if name.startswith(".")]
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in folders:
             _check_is_no_link(Path(parent, name))
-        files += [before + name for name in names if name[0] != "."]
+        files += [before + name for name in shown]
     return sorted(files, key=_path_key)
 
 

@@ -18,7 +18,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 
 from hdc.readers.columns import Columns
-from hdc.readers.files import Ambiguous, BadFrame, file_digest
+from hdc.readers.files import Ambiguous, BadFrame, file_digest, require
 from hdc.readers.images import Alike, decoded
 from hdc.readers.recording import Recording, Window
 
@@ -42,19 +42,17 @@ def open_parquet(
         image_column: the column of images, where there are several.
 
     Raises:
-        Ambiguous: there are several columns of images, and none has this name.
+        Ambiguous: there are several columns of images, and none is named.
+        SettingError: the one that is named is not among them.
         ValueError: the file is not as described.
     """
-    try:
-        file = pq.ParquetFile(path)
-    except pa.ArrowException as error:
-        raise ValueError(
-            f"{path}: expected an intact parquet file, found: {error}"
-        ) from error
+    file = opened(path)
+    n = file.metadata.num_rows
+    if n == 0:
+        raise ValueError(f"{path}: expected a row per frame, found none")
     column = _image_column(path, file.schema_arrow, image_column)
     columns = _columns(path, file, labels or "label")
     about = columns.about(path, fewest_classes, value_columns)
-    n = file.metadata.num_rows
     about["samples"] = {"order": np.arange(n), **about["samples"]}
     images = _Rows(path, file, column, window)
     return Recording(
@@ -65,8 +63,23 @@ def open_parquet(
         digest=cache(lambda: file_digest(path)),
         window=window,
         notes=(f"images of the column {column}",),
+        image_shape=images.size,
         **about,
     )
+
+
+def opened(path: Path) -> Any:
+    """The file, of which nothing but its description is read.
+
+    Raises:
+        ValueError: it is damaged, or of another kind.
+    """
+    try:
+        return pq.ParquetFile(path)
+    except pa.ArrowException as error:
+        raise ValueError(
+            f"{path}: expected an intact parquet file, found: {error}"
+        ) from error
 
 
 def _image_column(path: Path, schema: Any, wanted: str) -> str:
@@ -76,6 +89,7 @@ def _image_column(path: Path, schema: Any, wanted: str) -> str:
     if not found:
         listed = ", ".join(f"{field.name} ({field.type})" for field in schema)
         raise ValueError(f"{path}: expected a column of encoded images, found {listed}")
+    require(wanted == "image", "image_column", wanted, f"one of {', '.join(found)}")
     if len(found) > 1:
         choices = [f"--image-column {shlex.quote(name)}" for name in found]
         raise Ambiguous(f"{path}: several columns of images", choices)
@@ -131,6 +145,7 @@ class _Rows:
         (first,) = self._decoded(np.arange(1))
         self._alike = Alike(self.place(0), first, window)
         self.dtype, self.shape = self._alike.dtype, self._alike.shape
+        self.size = self._alike.size
 
     def place(self, i: int) -> str:
         return f"{self._path}, row {i}"

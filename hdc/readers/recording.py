@@ -20,11 +20,13 @@ T = TypeVar("T")
 class Window:
     """Pixels of an image that are kept: a crop (x, y, width, height), then every n-th of it.
 
-    A frame that is a vector [D] has no crop; every n-th of its numbers is kept.
+    A frame that is a vector [D] has no crop; every n-th of its numbers is kept. With an `image`
+    (H, W), images of another size are refused.
     """
 
     crop: Sequence[int] | None = None
     subsample: int = 1
+    image: tuple[int, ...] | None = None
 
     def __post_init__(self) -> None:
         if self.crop is not None:
@@ -39,13 +41,16 @@ class Window:
         """(H, W) that is kept of an image [height, width], or (D,) of a vector.
 
         Raises:
-            SettingError: the crop does not lie inside it.
+            SettingError: the crop does not lie inside it, or is of images of another size.
         """
         if len(sides) == 1:
             expected = "null for frames that are vectors"
             require(self.crop is None, "crop", self.crop, expected)
             return (-(-sides[0] // self.subsample),)
         height, width = sides
+        if self.image is not None and self.image != sides:
+            wanted = f"images {self.image[1]} px wide and {self.image[0]} px high as in training"
+            raise SettingError(f"crop: expected {wanted}, found {width} × {height}")
         x, y, w, h = self.crop or (0, 0, width, height)
         if x + w > width or y + h > height:
             wanted = f"a window inside frames {width} px wide and {height} px high"
@@ -94,6 +99,7 @@ class Recording:
         place: file of a frame, or its place in one, for messages.
         digest: gives that of the recorded bytes, in their order.
         window: pixels that are kept.
+        image_shape: (H, W) of an image before that; empty of a video.
     """
 
     classes: tuple[str, ...]
@@ -111,6 +117,7 @@ class Recording:
     other_files: tuple[str, ...] = ()
     features: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
+    image_shape: tuple[int, ...] = ()
 
     def __len__(self) -> int:
         return len(self.samples["order"])

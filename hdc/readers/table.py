@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.columns import KNOWN, Columns
-from hdc.readers.files import file_digest
+from hdc.readers.columns import KNOWN, Columns, is_unnamed
+from hdc.readers.files import file_digest, parse_number
 from hdc.readers.recording import Recording, Window
 
 
@@ -27,6 +27,7 @@ def open_table(
     """
     needed = value_columns if fewest_classes > 0 else ()
     columns = Columns.read(path, needed)
+    _check_header(path, list(columns.texts))
     chosen = [name for name in value_columns if name in columns.texts]
     known = columns.only(("label", *KNOWN, *chosen))
     if fewest_classes > 0 and not chosen and "label" not in known.texts:
@@ -35,6 +36,11 @@ def open_table(
         )
     about = known.about(path, fewest_classes, chosen)
     numbers = [name for name in columns.texts if name not in ("label", *KNOWN, *chosen)]
+    if unnamed := [name for name in numbers if is_unnamed(name)]:
+        raise ValueError(
+            f"{path}: expected a name of each column, found {unnamed[0]!r} (pandas leaves its "
+            "index out with to_csv(…, index=False))"
+        )
     frames = columns.values(numbers)
     if frames is None:
         raise ValueError(
@@ -55,3 +61,14 @@ def open_table(
         features=tuple(numbers[:: window.subsample]),
         **about,
     )
+
+
+def _check_header(path: Path, names: list[str]) -> None:
+    """Raise a ValueError where the first line is a frame: numbers that neither rise nor fall."""
+    numbers = [number for name in names if (number := parse_number(name)) is not None]
+    in_order = sorted(numbers, reverse=numbers[:1] > numbers[-1:])
+    if len(numbers) == len(names) and numbers != in_order:
+        found = ", ".join(names[:3])
+        raise ValueError(
+            f"{path}: expected names of columns in the first line, found {found}, …"
+        )

@@ -1,8 +1,9 @@
 """A video with a table: labelled intervals, or a row of values a frame; or frame by frame.
 
-A frame belongs to the interval with start ≤ time < end; frames outside all intervals are left out.
-PyAV (FFmpeg) decodes. Times are those of the container, in seconds from its first frame, evenly
-spaced or not. A frame is turned as the file says. Grey of more than 8 bits comes as it is stored.
+A frame belongs to the interval with start ≤ time < end, and has its label, session and group.
+Frames outside all intervals are left out. PyAV (FFmpeg) decodes. Times are those of the container,
+in seconds from its first frame, evenly spaced or not. A frame is turned as the file says. Grey of
+more than 8 bits comes as it is stored.
 
 The video is decoded from its beginning: seeking is slow, and not exact in every container. Frames
 that fit are kept in memory.
@@ -18,7 +19,7 @@ from contextlib import contextmanager
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import av
 import numpy as np
@@ -49,9 +50,9 @@ def open_video(
 ) -> Recording:
     """Open a video and its table, which has a row per interval or a row per frame.
 
-    A row per interval has ``start_s``, ``end_s`` and ``label``; one per frame has ``frame``, its
-    number from 0, and labels or values. With ``value_columns`` None all columns of numbers are
-    values.
+    A row per interval has ``start_s``, ``end_s`` and ``label``, and may have ``session`` and
+    ``group``; one per frame has ``frame``, its number from 0, and labels or values. With
+    ``value_columns`` None all columns of numbers are values.
 
     Raises:
         BadFrame: the video ends before its header says, or has lost frames.
@@ -94,22 +95,21 @@ def _of_intervals(
     table: Path, film: Film, fewest_classes: int, memory_bytes: int
 ) -> dict[str, Any]:
     intervals = _intervals(table)
-    starts = [start - _EARLY_S for start, _, _ in intervals]
+    starts = [interval.start - _EARLY_S for interval in intervals]
 
     def interval_of(time: float) -> int:
         """The number of the interval at a time; -1 between them."""
         number = bisect_right(starts, time) - 1
-        return number if time < intervals[number][1] - _EARLY_S else -1
+        return number if time < intervals[number].end - _EARLY_S else -1
 
-    last_end = intervals[-1][1]
-    found = film.read(lambda _, time: interval_of(time) >= 0, memory_bytes, last_end)
+    end = intervals[-1].end
+    found = film.read(lambda _, time: interval_of(time) >= 0, memory_bytes, end)
     members = [interval_of(time) for time in found.values()]
     empty = sorted(set(range(len(intervals))) - set(members))
     if empty:
-        start, end, _ = intervals[empty[0]]
         wanted = f"intervals of at least one frame of {film.path.name}"
-        raise ValueError(f"{table}: expected {wanted}, found {start:g}–{end:g} s")
-    labels = [intervals[m][2] for m in members]
+        raise ValueError(f"{table}: expected {wanted}, found {intervals[empty[0]]}")
+    labels = [intervals[m].row["label"] for m in members]
     where = f"{film.path} with {table}"
     classes, indices = class_indices(labels, where, fewest_classes)
     samples = {
@@ -117,6 +117,10 @@ def _of_intervals(
         "time": np.array(list(found.values())),  # seconds
         "interval": np.array(members),
     }
+    places = [interval.place for interval in intervals]
+    columns = Columns.of(places, [interval.row for interval in intervals])
+    for name, numbers in columns.only(("session", "group")).samples().items():
+        samples[name] = numbers[members]
     return {"classes": classes, "labels": indices, "samples": samples}
 
 
@@ -147,8 +151,20 @@ def _of_frames(
     return about
 
 
-def _intervals(table: Path) -> list[tuple[float, float, str]]:
-    """Start and end in s and label of each interval, in order of time."""
+class _Interval(NamedTuple):
+    """A row of a table, and its start and end in s."""
+
+    start: float
+    end: float
+    place: str
+    row: dict[str, str]
+
+    def __str__(self) -> str:
+        return f"{self.start:g}–{self.end:g} s"
+
+
+def _intervals(table: Path) -> list[_Interval]:
+    """The intervals of a table, in order of time."""
     intervals = []
     for where, row in read_csv(table, required=("start_s", "end_s", "label")):
         start, end = (_seconds(where, row[name]) for name in ("start_s", "end_s"))
@@ -156,16 +172,14 @@ def _intervals(table: Path) -> list[tuple[float, float, str]]:
             raise ValueError(
                 f"{where}: expected 0 ≤ start_s < end_s, found {start}, {end}"
             )
-        intervals.append((start, end, row["label"]))
+        intervals.append(_Interval(start, end, where, row))
     if not intervals:
         raise ValueError(f"{table}: expected at least one row, found none")
-    intervals.sort()
-    for (start, end, _), (later, last, _) in pairwise(intervals):
-        if later < end:
-            found = f"{start:g}–{end:g} s and {later:g}–{last:g} s"
-            raise ValueError(
-                f"{table}: expected intervals that do not overlap, found {found}"
-            )
+    intervals.sort(key=lambda interval: interval.start)
+    for first, second in pairwise(intervals):
+        if second.start < first.end:
+            wanted = "intervals that do not overlap"
+            raise ValueError(f"{table}: expected {wanted}, found {first} and {second}")
     return intervals
 
 

@@ -49,6 +49,25 @@ def test_command(tmp_path, capsys, monkeypatch):
     assert all((out / row["file"]).exists() for row in rows)
 
 
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("scene=touch",), "out: expected a new or an empty folder"),
+        (("scene=nowhere",), "nowhere"),
+        (
+            ("scene=touch", "scene.samples_per_class=0"),
+            "scene.samples_per_class: expected an integer",
+        ),
+    ],
+)
+def test_what_cannot_be_exported_is_said_without_a_traceback(tmp_path, words, said):
+    (tmp_path / "mine.txt").write_text("precious")
+    with pytest.raises(SystemExit) as ended:
+        main([f"out={tmp_path}", *words])
+    assert str(ended.value.code).startswith("error: ")
+    assert said in ended.value.code
+
+
 def test_nothing_is_overwritten(tmp_path):
     (tmp_path / "mine.txt").write_text("precious")
     scene = Frames(

@@ -215,6 +215,8 @@ def test_a_missing_recording_that_is_named_says_how_to_get_it(
     printed = capsys.readouterr().out
     assert printed.startswith("gelsight: ")
     assert "git clone https://github.com/" in printed
+    with pytest.raises(SystemExit, match=r"among diffuser, .*, found touch"):
+        show(["touch"])
 
 
 @pytest.mark.parametrize(

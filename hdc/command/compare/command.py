@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from dataclasses import replace
 from pathlib import Path
 
 import click
@@ -90,11 +89,11 @@ def compare(
     """Find the encoder and read-out for a RECORDING, and compare with models of grey values.
 
     Cross-validation of the training frames chooses encoder, read-out and the settings of the
-    baselines, by session if there are several. The choice is tested on frames held out at random,
-    and on later ones: the other recording, else the last sessions, else the last frames of each
-    class. Each model has its training time, time per frame and size. The last lines have the line
-    to type, its gain, the best baseline, and the cost of one grey level of rounding. Frames are
-    held in memory.
+    baselines, by group or session if there are several. The choice is tested on frames held out at
+    random, and on later ones: the other recording, else the last sessions, else whole groups, else
+    the last frames of each class. Each model has its training time, time per frame and size. The
+    last lines have the line to type, its gain, the best baseline, and the cost of one grey level of
+    rounding. Frames are held in memory.
     """
     if every and (encoders or readouts):
         raise click.UsageError("expected --all, or --encoder and --readout")
@@ -108,7 +107,7 @@ def compare(
     if period is None and not as_json:
         for line in messages.circular_lines(frames):
             click.echo(line)
-    tests = None if other is None else replace(source, path=other).open(window)
+    tests = None if other is None else source.like(other).open(window)
     result = judge.compare(
         frames,
         tests,

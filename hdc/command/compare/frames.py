@@ -110,9 +110,7 @@ def read_frames(
     if other is not None:
         _check_alike(recording, other)
         parts.append((other, np.arange(len(other))))
-        session = None  # each recording numbers its own
-        if group is not None:  # and has groups of its own
-            group = np.concatenate([group, np.full(len(other), -1)])
+        session, group = (_followed(own, len(other)) for own in (session, group))
     total = sum(len(index) for _, index in parts)
     stream = (frame for source, index in parts for frame in source.stream(index))
     images = np.stack(list(with_progress(stream, total, "Reading")))
@@ -123,6 +121,12 @@ def read_frames(
     known, labels = _classes(recording, parts)
     bank = FrameBank(images, labels, len(known))
     return Frames(bank, known, (), session, None, group=group)
+
+
+def _followed(numbers: np.ndarray | None, n: int) -> np.ndarray | None:
+    """Sessions or groups of the first recording, and −1 for n frames of another, which has its
+    own."""
+    return None if numbers is None else np.concatenate([numbers, np.full(n, -1)])
 
 
 def _groups(recording: Recording, rows: np.ndarray) -> np.ndarray | None:

@@ -279,6 +279,13 @@ def test_a_score_of_values_is_complete(tmp_path):
     assert found["text"][3].endswith("mean width inf")
 
 
+def test_the_columns_of_confusions_have_names_that_differ():
+    """users: long names were cut to equal stumps."""
+    names = ["material_wood_rough", "material_wood_fine", "a"]
+    lines = scores.confusions({"classes": names, "confusion": np.eye(3, dtype=int)})
+    assert lines[1].split() == ["material_wood_r", "material_wood_f", "a"]
+
+
 def test_the_columns_of_confusions_are_as_wide_as_what_they_hold():
     result = {"classes": ["a\tb", "polystyrene foam"], "confusion": [[10, 2], [0, 7]]}
     assert scores.confusions(result) == [

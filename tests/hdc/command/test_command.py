@@ -167,6 +167,21 @@ def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
     )
 
 
+def test_a_crop_is_of_images_of_the_size_of_training(hdc, folder, frames, tmp_path):
+    """Another part of a larger image was taken, without a word."""
+    path = tmp_path / "m.safetensors"
+    assert hdc("train", folder, "-o", path, "--crop", 2, 4, 16, 16)[0] == 0
+    assert hdc("evaluate", path, folder)[0] == 0
+    larger = np.pad(frames, [(0, 0)] * 3 + [(2, 0)])
+    wide = write(tmp_path / "wide", larger)
+    np.savez(tmp_path / "wide.npz", frames=larger[0])
+    for words in (("evaluate", wide), ("predict", wide), ("predict", f"{wide}.npz")):
+        status, _, (line,) = hdc(words[0], path, words[1])
+        assert status == 1
+        wanted = "images 24 px wide and 24 px high as in training, found 26 × 24"
+        assert f"crop: expected {wanted}" in line
+
+
 def test_predictions_as_a_table_and_as_json(hdc, model, folder, frames, tmp_path):
     noise = tmp_path / "noise.png"
     cv2.imwrite(
@@ -624,6 +639,20 @@ def test_help_does_without_torch():
         [sys.executable, "-c", code], capture_output=True, text=True, check=True
     )
     assert done.stdout.splitlines()[-1] == "False"
+
+
+def test_a_memory_that_is_too_small_is_one_line(capsys, monkeypatch):
+    def fill(_):
+        raise MemoryError("Unable to allocate 9 GiB")
+
+    monkeypatch.setattr(command, "_run", fill)
+    with pytest.raises(SystemExit) as ended:
+        command.main([])
+    assert ended.value.code == 1
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith(
+        "error: expected more memory, found: Unable to allocate 9 GiB"
+    )
 
 
 def test_a_warning_is_said_once_whatever_its_share(capsys, monkeypatch):

@@ -5,6 +5,7 @@ import math
 import shlex
 from dataclasses import dataclass, field
 
+import cv2
 import numpy as np
 import pytest
 from sklearn.linear_model import LogisticRegression, RidgeClassifierCV, RidgeCV
@@ -623,7 +624,7 @@ def test_the_last_frames_of_each_class_in_time_are_later(tmp_path):
 
 
 def test_two_recordings_are_read_one_after_the_other(tmp_path):
-    frames, session = frames_of(3, 4), np.arange(12) // 6
+    frames, session = frames_of(3, 4), np.arange(12) % 2
     names = np.repeat(["b", "a", "c"], 4)
     kept = {"frames": frames, "session": session}
     np.savez(tmp_path / "first.npz", labels=names, **kept)
@@ -636,12 +637,40 @@ def test_two_recordings_are_read_one_after_the_other(tmp_path):
     assert both.labels.tolist() == [1] * 4 + [0] * 4 + [2] * 4 + [1] * 4 + [0] * 4
     assert both.bank.n_classes == 3
     assert (both.bank.frames.numpy() == [*frames, *(frames[:8] + 1)]).all()
-    assert (both.units, both.session, both.values) == ((), None, None)
+    assert (both.units, both.values) == ((), None)
+    assert both.session[:12].tolist() == session.tolist()
+    rows = part(first, second, 0.2).chosen_on
+    assert selection.folds(both, rows)[1] == "by session"
     some = read_frames(first, rows=np.array([1, 2, 9]))
     assert some.names == ("b", "c")
     assert some.labels.tolist() == [0, 0, 1]
-    assert some.session.tolist() == [0, 0, 1]
+    assert some.session.tolist() == [1, 0, 1]
     assert (some.bank.frames.numpy() == frames[[1, 2, 9]]).all()
+
+
+def test_the_other_recording_has_a_table_of_its_own(hdc, tmp_path, monkeypatch):
+    """It was tested with that of the first, on the frames of training."""
+    monkeypatch.chdir(tmp_path)
+    for name, n in (("pins", 8), ("pins2", 5)):
+        (tmp_path / name).mkdir()
+        rows = [f"{name}_{k}.png,{k % 4}" for k in range(n)]
+        for k, frame in enumerate(frames_of(1, n)):
+            assert cv2.imwrite(f"{name}/{name}_{k}.png", frame)
+        (tmp_path / name / "t.csv").write_text("\n".join(["image,z", *rows]))
+    words = ("compare", "pins", "--test", "pins2", "--json", "--draws", 1)
+    words = (*words, "--encoder", "median", "--readout", "neighbours")
+    for table in ("pins/t.csv", "t.csv"):
+        status, out, _ = hdc(*words, "--values", table)
+        assert status == 0
+        assert json.loads(out)["tests"][-1]["tested"] == 5
+    (tmp_path / "pins" / "t.csv").rename("t.csv")
+    (line,) = hdc(*words, "--values", "t.csv")[2].splitlines()
+    assert "--test: expected labels and numbers in or beside pins2, found t.csv" in line
+    np.save("b.npy", frames_of(2, 4))
+    (tmp_path / "b.csv").write_text("\n".join(["label", *"ab" * 4]))
+    words = ("compare", "b.npy", "--test", "b.npy")
+    (line,) = hdc(*words, "--labels", "b.csv")[2].splitlines()
+    assert "found b.csv for both recordings" in line
 
 
 def test_an_interval_of_paired_accuracies_is_newcombes():

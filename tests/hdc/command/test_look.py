@@ -156,6 +156,10 @@ def test_what_is_missing_is_said_after_what_is_there(look, tmp_path):
     assert blocks[0][0] == "12 frames, 2 classes, 8 × 6 pixels"
     (tmp_path / "cut.mp4").write_bytes(b"x" * 99)
     assert "cut.mp4: expected a whole video, found: Invalid" in look("cut.mp4")[1][0]
+    (tmp_path / "cut.parquet").write_bytes(b"x" * 99)
+    assert "cut.parquet: expected an intact parquet file" in look("cut.parquet")[1][0]
+    (tmp_path / "b.csv").write_text("x" * 200_000)
+    assert "b.csv: expected a CSV table" in look("b.csv")[1][0]
     for name in ("nothing", "x.doc"):
         (tmp_path / "x.doc").write_text("x")
         holds, error = look(name)

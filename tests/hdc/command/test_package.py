@@ -82,6 +82,6 @@ def test_the_installed_command_runs(installed, tmp_path):
     assert done.returncode == 1
     assert done.stdout == ""
     assert done.stderr.splitlines() == [
-        "error: path: expected a folder, an .npz or a video, found nothing: nowhere"
+        "error: path: expected a folder or a file of frames, found nothing: nowhere"
     ]
     assert list(tmp_path.iterdir()) == []

@@ -2,12 +2,15 @@
 
 import csv
 import json
+import os
 import shlex
 from io import StringIO
 from pathlib import Path
 
 import cv2
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 
 from hdc import HDCClassifier, HDCRegressor, io
@@ -263,6 +266,19 @@ def test_a_column_of_images_is_asked_for_by_its_option(hdc, tmp_path):
     assert "with image, found ['picture', 'force'] (--image-column names" in line
 
 
+def test_a_column_of_images_is_named_to_predict_as_well(hdc, tmp_path):
+    """Its error named an option that it did not have."""
+    cells = [cv2.imencode(".png", image(k % 2))[1].tobytes() for k in range(6)]
+    table = pa.table({"left": cells, "right": cells[::-1], "label": [*"ababab"]})
+    pq.write_table(table, "two.parquet")
+    words = ("two.parquet", "--image-column")
+    assert hdc("train", *words, "left", "-o", "m")[0] == 0
+    status, _, (line,) = hdc("predict", "m", "two.parquet")
+    assert (status, "--image-column right" in line) == (1, True)
+    status, out, _ = hdc("predict", "m", *words, "right")
+    assert (status, len(out)) == (0, 1 + 6)
+
+
 # What the commands share -------------------------------------------------------------------------
 
 
@@ -302,6 +318,47 @@ def test_a_recording_is_opened_as_a_model_was_trained(tmp_path):
     assert (found.value_names, found.shape) == (("20",), (3, 20))
     other = Source(tmp_path / "t.csv", {"value_columns": ("3",)})
     assert frames_for(model, Window(), other).value_names == ("3",)
+
+
+def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_path):
+    """The command ended with an error of zip()."""
+    frames = np.random.default_rng(1).integers(0, 256, (12, 4, 5), np.uint8)
+    values = np.random.default_rng(2).normal(size=(12, 2))
+    HDCRegressor().fit(frames, values).save(tmp_path / "m")
+    np.savez("two.npz", frames=frames, values=values)
+    np.savez("one.npz", frames=frames, values=values[:, 0])
+    out = hdc("predict", "m", "two.npz", "--interval", 0.8)[1]
+    ends = ["value_0 from", "value_0 to", "value_1 from", "value_1 to"]
+    assert out[0].split("\t") == ["file", "value_0", "value_1", *ends]
+    assert hdc("evaluate", "m", "two.npz")[1][1].startswith("value_1: mean absolute")
+    (line,) = hdc("evaluate", "m", "one.npz")[2]
+    assert "expected 2 numbers a frame as in training, found value" in line
+    found = json.loads("".join(hdc("info", "m")[1]))
+    bits = 8 * (tmp_path / "m").stat().st_size
+    assert found["bits per pixel and value"] == round(bits / 20 / 2, 2)
+
+
+def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc, tmp_path):
+    """Columns in another order were compared crosswise; those of a manifest were not found."""
+    rows = ["image,label,x,y"]
+    for k in range(8):
+        write(tmp_path / "pins" / f"{k}.png", image(k % 2, k))
+        rows.append(f"{k}.png,{'ab'[k % 2]},{k},{100 * (k % 3)}")
+    table = tmp_path / "pins" / "t.csv"
+    table.write_text("\n".join(rows))
+    given = ("pins", "--values", "pins/t.csv")
+    named = ("--column", "x", "--column", "y")
+    assert hdc("train", *given, *named, "-o", "m")[0] == 0
+    expected = hdc("evaluate", "m", *given)
+    assert expected[0] == 0
+    assert hdc("evaluate", "m", *given, *named[2:], *named[:2]) == expected
+    manifest = table.read_text().replace("image", "file")
+    table.with_name("manifest.csv").write_text(manifest)
+    assert hdc("evaluate", "m", "pins") == expected
+    assert hdc("train", "pins", "-o", "classes")[0] == 0
+    table.write_text(table.read_text().replace("label", "note"))
+    (line,) = hdc("evaluate", "classes", *given)[2]
+    assert line == "error: pins: expected a label of each frame, found only x, y"
 
 
 def test_the_line_to_type_has_every_option_that_was_given():
@@ -370,6 +427,21 @@ def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, tmp_path):
     assert {len(line.split("\t")) for line in out} == {5}
     assert out[5].split("\t")[:2] == [r"r/c\nd/0.png", r"c\nd"]
     assert len(hdc("evaluate", "m", "r")[1]) == 6
+
+
+def test_a_name_that_is_no_text_is_shown_by_its_bytes(hdc, tmp_path):
+    """An encoding error ended the command after some of its lines."""
+    for c, name in enumerate("ab"):
+        for k in range(4):
+            write(tmp_path / "r" / name / f"{k}.png", image(c))
+    odd = os.fsdecode(b"r/a/\xff.png")
+    (tmp_path / "r" / "a" / "0.png").rename(tmp_path / odd)
+    (tmp_path / os.fsdecode(b"r/\xff.txt")).touch()
+    assert hdc("train", "r", "-o", "m")[0] == 0
+    status, out, _ = hdc("predict", "m", "r", "--json")
+    assert status == 0
+    assert odd in [json.loads(line)["file"] for line in out]
+    assert r"1 .txt files, such as \udcff.txt" in hdc("look", "r")[1]
 
 
 def test_a_model_is_known_by_its_header(hdc, tmp_path):

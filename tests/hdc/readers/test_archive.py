@@ -5,7 +5,7 @@ import pickle
 import numpy as np
 import pytest
 
-from hdc.readers import open_recording
+from hdc.readers import BadFrame, SettingError, open_recording
 
 LABELS = np.arange(12) % 3
 
@@ -74,6 +74,27 @@ def test_axes_of_an_array_are_named(tmp_path, pixels):
             open_recording(path, axes=axes)
 
 
+@pytest.mark.parametrize("named", [False, True])
+def test_colour_becomes_luminance_and_other_channels_are_refused(save, named):
+    """Of four that were named, the last was taken for blue; two ended in a traceback."""
+    axes = ("frame", "height", "width", "channel")
+    colour = np.random.default_rng(0).integers(0, 256, (12, 20, 30, 4), np.uint8)
+    expected = colour[:, 2:10, 1:10, :3] @ [0.299, 0.587, 0.114]  # ITU-R BT.601
+    settings = {"axes": axes if named else None, "crop": [1, 2, 9, 8]}
+    recording = open_recording(save(frames=colour[..., :3]), **settings)
+    assert np.abs(recording[:] - expected).max() <= 1
+    floats = open_recording(save(frames=colour[..., :3].astype(float)), **settings)
+    with pytest.raises(BadFrame, match=r"x.npz, frame 5: .* colour of uint8, uint16"):
+        floats[5]
+    for channels in (2, 4):
+        with pytest.raises(SettingError, match=f"axes: .* found {channels}"):
+            open_recording(save(frames=colour[..., :channels]), axes=axes)
+    with pytest.raises(SettingError, match="axes: expected 3 different names"):
+        open_recording(
+            save(frames=colour[..., 0]), axes=("frame", "feature", "channel")
+        )
+
+
 class Trap:
     """Fails the test if it is unpickled."""
 
@@ -135,6 +156,14 @@ def test_nothing_is_unpickled(save, tmp_path):
             r"12 numbers in the column order, found datetime64",
         ),
         ({"session": LABELS[:5]}, r"12 numbers in the column session, found .*\(5,\)"),
+        (
+            {"group": LABELS[:, None]},
+            r"12 numbers in the column group, found .*\(12, 1\)",
+        ),
+        (
+            {"labels": np.array(["a", "", "b"] * 4)},
+            r"\[labels\]: expected a label of each frame, found none of frame 1",
+        ),
     ],
 )
 def test_arrays_of_another_kind_are_named(save, changed, message):

@@ -8,6 +8,7 @@ import zlib
 import cv2
 import numpy as np
 import pytest
+import tifffile
 from PIL import Image
 
 from hdc.readers import BadFrame, open_recording
@@ -220,6 +221,20 @@ def test_pixels_of_a_tiff_are_as_they_are_stored(tmp_path, orientation, colour):
         (tmp_path / name).mkdir()
         (tmp_path / name / "1.tif").write_bytes(data)
     assert np.array_equal(open_recording(tmp_path).frames([0])[0], NOISE)
+
+
+def test_pixels_that_are_not_finite_are_named_with_their_file(tmp_path):
+    """As tables of height have them where nothing was measured."""
+    for name in "ab":
+        (tmp_path / name).mkdir()
+        tifffile.imwrite(tmp_path / name / "1.tif", NOISE.astype("f4"))
+    recording = open_recording(tmp_path)
+    assert np.array_equal(recording[0], NOISE)
+    hole = NOISE.astype("f4")
+    hole[3, 4] = np.nan
+    tifffile.imwrite(tmp_path / "b" / "1.tif", hole)
+    with pytest.raises(BadFrame, match=r"b/1\.tif: expected finite numbers, found nan"):
+        open_recording(tmp_path)
 
 
 def entry(tag, kind, value):

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.readers import BadFrame, SettingError, camera, open_recording
+from hdc.readers import Ambiguous, BadFrame, SettingError, camera, open_recording
 from hdc.readers.columns import Columns
 from hdc.readers.files import read_csv
 from hdc.readers.listing import image_files
@@ -28,6 +28,8 @@ def test_folders_as_they_are(folder, pixels):
     for name in ("README.txt", "a/meta.json", "loose.png"):
         (folder / name).write_text("about")
     (folder / "empty").mkdir()
+    (folder / "unseen").mkdir()
+    (folder / "unseen" / ".gitkeep").touch()
     recording = open_recording(folder)
     assert recording.classes == ("a", "b", "c")
     assert recording.names == ["a"] * 4 + ["b"] * 6 + ["c"] * 4
@@ -38,9 +40,10 @@ def test_folders_as_they_are(folder, pixels):
         "empty/",
         "loose.png",
         "README.txt",
+        "unseen/",
     }
     assert recording.left_out(2) == (
-        "left out 5 other files and folders: .cache/, a/meta.json, …"
+        "left out 6 other files and folders: .cache/, a/meta.json, …"
     )
 
 
@@ -471,6 +474,37 @@ def test_a_folder_that_cannot_be_read_is_an_error(tmp_path):
         image_files(tmp_path / "absent")
 
 
+def test_a_loose_image_leaves_folders_of_folders_with_two_readings(tmp_path, pixels):
+    """A picture of the sensor beside them made train and val the classes."""
+    names = [f"{part}/{name}/1.png" for part in ("train", "val") for name in "ab"]
+    root = images(tmp_path, pixels, *names, "setup.png")
+    with pytest.raises(Ambiguous, match=r"such as train/a/1\.png"):
+        open_recording(root)
+    recording = open_recording(root, template="{session}/{label}/*")
+    assert recording.names == ["a", "b"] * 2
+    assert recording.other_files == ("setup.png",)
+
+
+def test_images_of_a_table_are_looked_for_beside_it_and_in_the_folder(tmp_path, pixels):
+    """Whichever of them are missing; names that are in both have two readings."""
+    for k, name in enumerate(("day1", "day2")):
+        for frame in (1, 2):
+            write(tmp_path / name / f"{frame}.png", pixels[2 * k + frame])
+    table = tmp_path / "day1" / "t.csv"
+    table.write_text("image,x\n1.png,1\n2.png,2\n")
+    with pytest.raises(ValueError, match=r"t\.csv: .*day2, found 1\.png in both"):
+        open_recording(tmp_path / "day2", table=table)
+    assert len(open_recording(tmp_path / "day1", table=table)) == 2
+    (tmp_path / "tables").mkdir()
+    elsewhere = table.rename(tmp_path / "tables" / "t.csv")
+    found = open_recording(tmp_path / "day2", table=elsewhere)
+    assert np.array_equal(found[:], pixels[3:5])
+    above = tmp_path / "t.csv"
+    above.write_text("image,x\nday1/0.png,0\nday1/1.png,1\n")
+    found = open_recording(tmp_path / "day1", table=above, skip_missing=True)
+    assert np.array_equal(found[:], pixels[1:2])
+
+
 # Files of text -----------------------------------------------------------------------------------
 
 
@@ -500,6 +534,29 @@ def test_cells_are_integers_or_else_numbers_or_else_text(texts, expected):
     found = Columns([""] * len(texts), {"x": texts}).samples()["x"]
     assert found.tolist() == expected.tolist()
     assert found.dtype == expected.dtype
+
+
+def test_a_table_without_names_of_columns_is_refused(tmp_path):
+    """users: its first frame was lost. Names may be numbers in order, such as wavelengths."""
+    path = tmp_path / "v.csv"
+    path.write_text("3,1,2\n4,5,6\n")
+    with pytest.raises(ValueError, match=r"v\.csv: .* names of columns in the first"):
+        open_recording(path, fewest_classes=0)
+    for names in ("400,401,402", "402,401.5,-1"):
+        path.write_text(f"{names}\n3,1,2\n4,5,6\n")
+        assert len(open_recording(path, fewest_classes=0)) == 2
+
+
+@pytest.mark.parametrize("name", ["", "Unnamed: 0"])
+def test_a_column_that_nobody_named_is_not_learnt(folder, tmp_path, name):
+    """The index that pandas writes told the classes of a sorted table apart."""
+    path = tmp_path / "v.csv"
+    path.write_text(f"{name},label,400\n0,a,1\n1,b,2\n")
+    with pytest.raises(ValueError, match=rf"v\.csv: .* found '{name}' \(pandas"):
+        open_recording(path)
+    (folder / "t.csv").write_text(f"{name},image,x\n0,a/1.png,5\n1,a/2.png,6\n")
+    recording = open_recording(folder, table="t.csv")
+    assert (recording.value_names, recording.values.tolist()) == (("x",), [[5], [6]])
 
 
 # Vectors -----------------------------------------------------------------------------------------

@@ -16,7 +16,7 @@ import pytest
 import scipy.io
 import tifffile
 
-from hdc.readers import Ambiguous, BadFrame, open_recording
+from hdc.readers import Ambiguous, BadFrame, SettingError, open_recording
 from tests.hdc.readers.matlab import save_v73
 
 N, H, W = 4, 3, 5
@@ -86,6 +86,18 @@ def test_a_cube_with_two_axes_as_long_as_the_labels_is_refused(tmp_path, save):
     assert np.array_equal(last[:], np.moveaxis(cube, -1, 0))
 
 
+@pytest.mark.parametrize("save", [save_v5, save_v73])
+@pytest.mark.parametrize("first", [0, 1])
+def test_numbers_of_classes_count_from_one_in_matlab(tmp_path, save, first):
+    """Unless one is 0. The names were shifted where the last class had no frame."""
+    path = tmp_path / "x.mat"
+    labels = LABELS[None] - 1 + first
+    save(path, cube=MATLAB, labels=labels, classes=["a", "bb", "none"])
+    recording = open_recording(path)
+    check(recording)
+    assert recording.classes == ("a", "bb", "none")
+
+
 def test_rows_of_characters_and_fields_of_a_struct_are_read(tmp_path):
     path = tmp_path / "x.mat"
     scipy.io.savemat(path, {"s": {"cube": MATLAB, "y": np.array(NAMES)}})
@@ -111,6 +123,15 @@ def test_frames_of_hdf5_come_first(tmp_path, names):
     cut = path.read_bytes()[: path.stat().st_size // 2]
     (tmp_path / "cut.h5").write_bytes(cut)
     refused(tmp_path / "cut.h5", "cut.h5: expected an intact .h5, found")
+
+
+def test_labels_of_hdf5_are_whole_numbers_one_a_frame(tmp_path):
+    """A column of floats ended in a traceback, and infinity became a class."""
+    for k, labels in enumerate((LABELS[:, None], [1, 2, 1, np.inf])):
+        path = tmp_path / f"{k}.h5"
+        with h5py.File(path, "w") as file:
+            file["frames"], file["labels"] = FRAMES, labels
+        refused(path, r"\[labels\]: expected integers or strings \(4,\), found float64")
 
 
 def test_what_matlab_saves_in_forms_of_its_own_is_named_with_what_to_do(tmp_path):
@@ -321,6 +342,26 @@ def test_a_row_with_another_image_or_none_is_named(tmp_path):
         pq.write_table(pa.table({"image": cells, "label": NAMES}), path)
         with pytest.raises(BadFrame, match=f"x.parquet, row 3: expected {message}"):
             open_recording(path)[:]
+
+
+def test_a_parquet_without_rows_or_with_a_row_without_a_label_is_refused(tmp_path):
+    path = tmp_path / "x.parquet"
+    images = [png(frame) for frame in FRAMES]
+    table = pa.table({"image": images, "label": ["a", "b", None, "a"]})
+    pq.write_table(table, path)
+    refused(path, r"x.parquet: expected a label of each frame, found none of frame 2")
+    pq.write_table(table.slice(0, 0), path)
+    refused(path, r"x.parquet: expected a row per frame, found none", fewest_classes=0)
+
+
+def test_a_column_of_images_that_is_named_is_taken_or_refused(tmp_path):
+    """The only one was taken, whatever was named."""
+    path = tmp_path / "x.parquet"
+    pq.write_table(pa.table({"rgb": [png(f) for f in FRAMES], "label": NAMES}), path)
+    check(open_recording(path))
+    check(open_recording(path, image_column="rgb"))
+    message = "image_column: expected one of rgb, found 'depth'"
+    refused(path, message, SettingError, image_column="depth")
 
 
 # What is missing ---------------------------------------------------------------------------------

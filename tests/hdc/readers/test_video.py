@@ -110,6 +110,27 @@ def test_a_table_elsewhere(film, tmp_path):
     assert scene.fingerprint() != open_recording(film).fingerprint()
 
 
+def test_intervals_have_sessions_and_groups(film):
+    """They were read and ignored: near copies were on both sides of a split."""
+    rows = [
+        "start_s,end_s,label,session,group",
+        "2,3,a,day10,p2",
+        "0,1,a,day2,p1",
+        "1,2,b,day2,p1",
+    ]
+    film.with_suffix(".csv").write_text("\n".join(rows))
+    scene = open_recording(film)
+    assert scene.session.tolist() == [0] * 20 + [1] * 10
+    assert scene.samples["session_name"][[0, -1]].tolist() == ["day2", "day10"]
+    assert scene.samples["group_name"].tolist() == ["p1"] * 20 + ["p2"] * 10
+    assert scene.names == ["a"] * 10 + ["b"] * 10 + ["a"] * 10
+    film.with_suffix(".csv").write_text("\n".join([*rows, "3,4,b,,p2"]))
+    with pytest.raises(
+        ValueError, match=r"csv, line 5: expected the session of each row"
+    ):
+        open_recording(film)
+
+
 def test_a_video_that_ends_early_is_named(tmp_path):
     path = tmp_path / "x.avi"
     writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), RATE, (48, 32))
