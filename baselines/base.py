@@ -83,12 +83,7 @@ class Classifier(ABC):
             RuntimeError: before ``train``.
             ValueError: if the frames differ in size or type from those of the training.
         """
-        if not hasattr(self, "classes_"):
-            raise RuntimeError(
-                f"{type(self).__name__}: predict needs train or fit first"
-            )
-        frames = inputs.indexable(frames, self.shape_)
-        inputs.check_shape(frames.shape[1:], self.shape_, type(self).__name__)
+        frames = self.queries(frames)
         best = []
         with torch.inference_mode():
             for start in range(0, len(frames), self.prediction_batch):
@@ -98,6 +93,16 @@ class Classifier(ABC):
         if not best:
             return self.classes_[:0]
         return self.classes_[torch.cat(best).numpy()]
+
+    def queries(self, frames: Any) -> FrameSource:
+        """Frames to classify, as an object that is indexed; raises as :meth:`predict` does."""
+        if not hasattr(self, "classes_"):
+            raise RuntimeError(
+                f"{type(self).__name__}: predict needs train or fit first"
+            )
+        frames = inputs.indexable(frames, self.shape_)
+        inputs.check_shape(frames.shape[1:], self.shape_, type(self).__name__)
+        return frames
 
     def score(self, frames: Any, labels: Any) -> float:
         """Fraction of frames whose predicted label is right."""
@@ -119,7 +124,11 @@ class Classifier(ABC):
             )
         labels = inputs.label_array(labels, len(frames))
         classes, indices = np.unique(labels, return_inverse=True)
-        inputs.check_two_classes(classes)
+        if len(classes) == 1:
+            found = classes.tolist()[0]
+            raise ValueError(
+                f"labels: expected at least two classes, found one class, {found!r}"
+            )
         self.classes_ = classes
         height = 1 if len(shape) == 2 else int(shape[1])
         self.shape_: tuple[int, int] = (height, int(shape[-1]))

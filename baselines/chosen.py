@@ -20,7 +20,6 @@ from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource
 from baselines.discriminant import GreysKernel, GreysLDA
 from baselines.smoothing import smoothed_part
-from hdc import inputs
 from hdc.bank import Selection, Shared
 from hdc.classifier import HDCClassifier
 from hdc.encoders import Smoothed, make_encoder
@@ -136,12 +135,7 @@ class Chosen(Classifier):
 
     def predict(self, frames: Any) -> np.ndarray:
         """As of :meth:`baselines.base.Classifier.predict`."""
-        if not hasattr(self, "classes_"):
-            raise RuntimeError(
-                f"{type(self).__name__}: predict needs train or fit first"
-            )
-        frames = inputs.indexable(frames, self.shape_)
-        inputs.check_shape(frames.shape[1:], self.shape_, type(self).__name__)
+        frames = self.queries(frames)
         found = [np.empty(0, np.int64)]
         for start in range(0, len(frames), self.prediction_batch):
             rows = slice(start, start + self.prediction_batch)
@@ -166,7 +160,7 @@ class Chosen(Classifier):
 
 def _part(bank: Bank, rows: np.ndarray) -> Bank:
     """A bank of some of its frames."""
-    groups = None if bank.groups is None else bank.groups[rows]
+    groups = bank.groups_of(rows)
     return Bank(bank.frames[rows], bank.labels[rows], bank.n_classes, groups)
 
 

@@ -55,7 +55,7 @@ def smoothed_part(
     chosen, places = np.unique(np.concatenate(rows), return_inverse=True)
     images = bank.frames.reshape(len(bank), -1, bank.frames.shape[-1])
     frames = smoothed(images[chosen], deviation)
-    groups = None if bank.groups is None else bank.groups[chosen]
+    groups = bank.groups_of(chosen)
     part = Bank(
         frames.reshape(len(chosen), *bank.frames.shape[1:]),
         bank.labels[chosen],

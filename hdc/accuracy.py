@@ -37,8 +37,8 @@ def wilson(n_right: float, n: int, level: float = 0.95) -> tuple[float, float]:
 
 def confusion(predicted: np.ndarray, labels: np.ndarray, n_classes: int) -> np.ndarray:
     """Counts int64 [L, L]: row, true class; column, predicted class."""
-    pairs = np.asarray(labels) * n_classes + np.asarray(predicted)
-    counts = np.bincount(pairs, minlength=n_classes**2)
+    rows, columns = np.asarray(labels, np.int64), np.asarray(predicted, np.int64)
+    counts = np.bincount(rows * n_classes + columns, minlength=n_classes**2)
     return counts.reshape(n_classes, n_classes)
 
 

@@ -1,8 +1,8 @@
 """Backends: numpy's and torch's operations, or the kernels of :mod:`hdc.compiled`; the same bits.
 
-The kernels need numba. They are compiled once a machine and version, in some ten seconds, and kept
-in numba's cache; later processes load them in about a second. :func:`compile_kernels` has that done
-when it suits; else a process loads them when it has encoded so many pixels that they pay.
+The kernels need numba. They are compiled once per machine and version, in some ten seconds, and
+kept in numba's cache; later processes load them in about a second. :func:`compile_kernels` has that
+done when it suits; else a process loads them when it has encoded so many pixels that they pay.
 """
 
 from __future__ import annotations

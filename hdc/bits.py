@@ -67,7 +67,12 @@ def pack(mask: Tensor) -> Tensor:
 
 
 def unpack(words: Tensor, dimension: int) -> Tensor:
-    """Unpack int64 words [..., W] into bool [..., D]."""
+    """Unpack int64 words [..., W] into bool [..., D].
+
+    Raises:
+        TypeError: for words of another type.
+        ValueError: for another number of words than D bits have.
+    """
     check_width(words, dimension)
     if words.device.type != "cpu":
         shifts = torch.arange(WORD).to(words)
@@ -170,8 +175,10 @@ def majority(
         tie_breaker: int64 [W], needed for ``"random"`` only.
 
     Raises:
+        TypeError: for words of another type than int64.
         ValueError: for no hypervectors, an unknown rule, or ``"random"`` without a tie breaker.
     """
+    _check_words("majority", words)
     if len(words) == 0:
         raise ValueError("majority: expected at least one hypervector, found none")
     counts = planes.vertical_sum(words)
@@ -237,7 +244,9 @@ def _swar_popcount(words: Tensor) -> Tensor:
 
 
 def check_width(words: Tensor, dimension: int) -> None:
-    """Raise ValueError for hypervectors [..., W] that do not have the words of D bits."""
+    """Raise ValueError for hypervectors [..., W] of other words than D bits have, and TypeError for
+    words of another type than int64."""
+    _check_words("words", words)
     found = words.shape[-1]
     width = words_for(dimension)
     if found != width:

@@ -7,7 +7,7 @@ import numpy as np
 
 def to_plane(values: np.ndarray, period: float) -> np.ndarray:
     """Cosines and sines float64 [N, 2·T] of values [N, T]."""
-    angles = 2 * np.pi / period * values
+    angles = 2 * np.pi / float(period) * values
     return np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
 
 

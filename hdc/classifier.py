@@ -54,9 +54,9 @@ class HDCClassifier(Estimator):
         readout: ``"majority"`` as published, ``"counts"``, ``"ridge"``, ``"neighbours"``,
             ``"lda"``, ``"trained"`` or ``"kernel"``; an object of
             :class:`hdc.readouts.Readout`; or the dotted name of such a class. Prototypes are made
-            with each, for :meth:`distances` and :meth:`is_known`. By ``"majority"`` and
-            ``"counts"`` a class with more frames takes frames of the others, as published; to count
-            classes alike: ``readout=Majority(balance=True)``.
+            with each, for :meth:`distances`. By ``"majority"`` and ``"counts"`` a class with more
+            frames takes frames of the others, as published; to count classes alike:
+            ``readout=Majority(balance=True)``.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
             numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
@@ -172,7 +172,8 @@ class HDCClassifier(Estimator):
         frames, labels = model._samples(frames, y)
         allowed = labels
         if classes is not None:
-            allowed = inputs.label_array(classes, len(classes)).tolist()
+            allowed = list(classes)  # in any order, such as that of a set
+            allowed = inputs.label_array(allowed, len(allowed)).tolist()
             inputs.check_among(labels, allowed)
         known = self._learned.index if self._has_learned() else ()
         inputs.classes_of([*known, *allowed])
@@ -240,7 +241,7 @@ class HDCClassifier(Estimator):
         y: Any = None,
         p: float = 0.5,
         seed: int = 0,
-        method: str = "replace",
+        method: str | None = None,
     ) -> Self:
         """Adapt to a changed environment by new frames with labels.
 
@@ -255,12 +256,16 @@ class HDCClassifier(Estimator):
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
             y: their labels.
             p: probability that a bit is replaced, or share of the new votes or discriminants.
-            seed: seed of the choice of bits that are replaced.
+            seed: of the choice of bits that are replaced. Give each recalibration of a model a seed
+                of its own: equal seeds replace the same bits, and the others stay as they were.
             method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
-                votes (:func:`hdc.prototypes.merged`), which recovers more.
+                votes (:func:`hdc.prototypes.merged`), which recovers more. By default the former,
+                or for counts the latter.
 
         Raises:
-            ValueError: if p is outside [0, 1], or a label is not among ``classes_``.
+            ValueError: if p is outside [0, 1], or 1 with new frames of a single class for lda and
+                kernel; if a label is not among ``classes_``, or bits are to be replaced of a class
+                that has no training frames.
             AttributeError: for a read-out that does not adapt; ``hasattr`` is False.
         """
         self._check_is_trained()

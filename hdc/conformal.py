@@ -234,7 +234,7 @@ def _warn_of_few(peers: Sequence[Compared | None], alpha: float) -> None:
 
 
 def _held_out_of_others(peers: Sequence[Compared | None], c: int) -> np.ndarray:
-    """Leave-one-out distances, each less the mean of its class, of all classes but c, sorted;
+    """Leave-one-out distances, each minus the mean of its class, of all classes but c, sorted;
     without those of fewer frames than :data:`FEWEST`."""
     found = [np.empty(0)]
     for other, peer in enumerate(peers):

@@ -151,14 +151,14 @@ class Estimator(Parametrised, ABC):
             inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
         if isinstance(frames, Selection):
             return frames.words(self.encoder_, backend).to(self.device)
-        tensor = inputs.tensor(frames).to(self.device)
-        return encode_with(self.encoder_, tensor, first, backend, out)
+        return encode_with(self.encoder_, frames, first, backend, out)
 
     def _chunk(self, frames: Any, start: int) -> Any:
-        """Frames from `start` on: a tensor, or a selection of a bank, which has hypervectors."""
+        """Frames from `start` on: a tensor on the model's device, or a selection of a bank, which
+        has hypervectors."""
         if isinstance(frames, Selection):
             return frames.part(start, start + CHUNK)
-        return inputs.tensor(frames[start : start + CHUNK])
+        return inputs.tensor(frames[start : start + CHUNK]).to(self.device)
 
     def _encoded(self, frames: Any) -> Iterator[Tensor]:
         """Hypervectors of frames, a chunk at a time."""
@@ -197,7 +197,8 @@ class Estimator(Parametrised, ABC):
             FileNotFoundError: for a folder that does not exist.
             FileExistsError: where something other than a saved model has the name.
             ValueError: for a model that could not be loaded again, such as one with a read-out of a
-                class that is not at the top of a module; nothing is written.
+                class that is not at the top of a module, or with a parameter that is no JSON;
+                nothing is written.
         """
         self._check_is_trained()
         if metadata is None:
@@ -230,18 +231,20 @@ class Estimator(Parametrised, ABC):
             ) from error
 
     @classmethod
-    def load(cls, path: str | Path, trusted: Collection[str] = ()) -> Self:
+    def load(cls, path: str | Path, trusted: str | Collection[str] = ()) -> Self:
         """Read a model that :meth:`save` wrote; one of a missing GPU computes on the CPU.
 
         Args:
             path: file name.
-            trusted: dotted names of encoders and read-outs of one's own. The module of such a class
-                is imported, which runs its code; a file that names one that is not trusted is
-                refused before that.
+            trusted: dotted name or names of encoders and read-outs of one's own. The module of such
+                a class is imported, which runs its code; a file that names one that is not trusted
+                is refused before that.
 
         Raises:
             ValueError: if the file is not such a model, of another class, or damaged; it is named.
         """
+        if isinstance(trusted, str):  # of which parts are no names
+            trusted = (trusted,)
         try:
             header, tensors = io.read_model(Path(path))
             kind = header["kind"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import warnings
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -147,7 +147,8 @@ def label_array(labels: Any, n: int) -> np.ndarray:
     Each is exactly what was given, in an array of objects where numpy has no type that holds them.
 
     Raises:
-        ValueError: for a wrong number of labels, another type such as dates, NaN, or masked ones.
+        ValueError: for a wrong number of labels, another type such as dates, NaN, masked ones, or a
+            set or a dictionary of them.
     """
     labels = _without_column(_one_a_frame("labels", labels, n))
     if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
@@ -220,10 +221,12 @@ def targets(values: Any, n: int) -> np.ndarray:
     """Numbers to predict, float64 [n] or [n, T].
 
     Raises:
-        ValueError: for a wrong number of them, masked ones, or values that are not finite numbers
-            below 1e300 in size.
+        ValueError: for a wrong number of them, masked ones, dates, or values that are not finite
+            numbers below 1e300 in size.
     """
     values = _one_a_frame("targets", values, n)
+    if np.asarray(values).dtype.kind in "mM":  # whose unit would be lost
+        raise ValueError("targets: expected numbers, found dates or times")
     array = np.asarray(values, dtype=np.float64)
     if array.ndim > 2:
         raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
@@ -236,6 +239,9 @@ def targets(values: Any, n: int) -> np.ndarray:
 
 
 def _one_a_frame(name: str, values: Any, n: int) -> Any:
+    if isinstance(values, set | frozenset | Mapping):  # in no order, or keys alone
+        found = type(values).__name__
+        raise ValueError(f"{name}: expected a list or an array, found a {found}")
     if values is None:
         raise ValueError(
             f"{name}: expected {n}, one a frame, found None: the estimator requires y to be "
@@ -296,13 +302,4 @@ def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
     if unknown := [label for label in labels if label not in known]:
         raise ValueError(
             f"labels: expected classes among {sorted(known)}, found {unknown[0]!r}"
-        )
-
-
-def check_two_classes(classes: np.ndarray) -> None:
-    """Raise ValueError where there is only one class to tell apart."""
-    if len(classes) == 1:
-        found = classes.tolist()[0]
-        raise ValueError(
-            f"labels: expected at least two classes, found one class, {found!r}"
         )

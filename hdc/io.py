@@ -1,9 +1,9 @@
 """Files written whole or not at all, and the file of a saved model.
 
 A model is one safetensors file: its tensors, and under the key ``"model"`` a header of JSON, which
-ends with the SHA-256 of all the rest. Equal models are equal files. Loading one whose encoder or
-read-out is a class of one's own imports the module that the file names, so load only files that you
-trust; the SHA-256 shows damage, not who wrote it.
+ends with the SHA-256 of all the rest. Equal models are equal files. The header names an
+encoder or a read-out of one's own by its module, which is imported only where the caller trusts
+that name. The SHA-256 shows damage, not who wrote the file.
 """
 
 from __future__ import annotations

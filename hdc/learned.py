@@ -35,8 +35,8 @@ class Learned:
     Attributes:
         labels: array [L].
         index: row of each label.
-        majority: prototypes for distances and rejection, the read-out itself if it counts.
-        sample: hypervectors of each class that new ones are compared with.
+        majority: prototypes for distances; the read-out itself if it counts.
+        sample: hypervectors of some training frames of each class.
         recalibrated: whether prototypes are no longer those of the counted hypervectors.
 
     Raises:
@@ -157,7 +157,7 @@ class Learned:
         self,
         words: Tensor,
         labels: Sequence[Label],
-        options: tuple[float, int, str],
+        options: tuple[float, int, str | None],
         backend: str,
     ) -> Self:
         """This, moved to hypervectors [N, W] of N of its labels; options as of the read-out."""
@@ -169,7 +169,7 @@ class Learned:
         adapted = copy.copy(self)
         readout: Any = copy.copy(self.readout)
         readout.backend = backend
-        readout.adapt(words, rows, *options)
+        factor = readout.adapt(words, rows, *options)
         adapted.readout = adapted.majority = readout
         if self.majority is not self.readout:
             adapted.majority = copy.copy(self.majority)
@@ -181,12 +181,14 @@ class Learned:
         adapted._forget()
         if not isinstance(readout, Updatable):
             after = readout.held_out(*adapted._kept())
-            adapted._held_out = _with_others(after, before, rows)
+            factor = 1.0 if factor is None else factor
+            adapted._held_out = _with_others(after, before, rows, factor)
         return adapted
 
     def _warn_of_missing(self, labels: Sequence[Label]) -> None:
         """Warn where classes have no new frames: they keep prototypes of before the change."""
-        missing = [name for name in self.index if name not in set(labels)]
+        found = set(labels)
+        missing = [name for name in self.index if name not in found]
         if not missing:
             return
         named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
@@ -341,21 +343,21 @@ def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | Non
     if not tensors:
         return None
     kinds = {"scores": "float64 N L", "rows": "int64 N"}
-    found = HeldOut(**checked(tensors, kinds, L=n_classes))
-    rows = found.rows
-    if rows.min() < 0 or rows.max() >= n_classes:
+    n = len(tensors.get("rows", ()))  # none where each class has a single frame
+    found = HeldOut(**checked(tensors, kinds, N=n, L=n_classes))
+    if ((found.rows < 0) | (found.rows >= n_classes)).any():
         raise ValueError(f"held_out.rows: expected classes in [0, {n_classes})")
     return found
 
 
 def _with_others(
-    found: HeldOut | None, before: HeldOut | None, rows: Tensor
+    found: HeldOut | None, before: HeldOut | None, rows: Tensor, factor: float
 ) -> HeldOut | None:
-    """Scores of frames of the classes `rows`, and those of before of the other classes."""
+    """Scores of frames of the classes `rows`, and those of before of the others, by a factor."""
     if found is None or before is None:
         return found
     others = ~torch.isin(before.rows, rows)
-    scores = torch.cat((before.scores[others], found.scores))
+    scores = torch.cat((factor * before.scores[others], found.scores))
     return HeldOut(scores, torch.cat((before.rows[others], found.rows)))
 
 

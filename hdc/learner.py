@@ -27,7 +27,7 @@ def learn(
         model: whose encoder makes the hypervectors.
         learned: what is learned, so far nothing.
         frames: with a shape, as of :func:`hdc.inputs.indexable`.
-        labels: one a frame.
+        labels: one per frame.
     """
     most = int(torch.bincount(learned.rows_of(labels)).max())
     learned.majority.counters_.reserve(most)

@@ -276,7 +276,10 @@ def check_share(name: str, value: Any, interval: str) -> float:
 def describe(part: Parametrised, known: Named) -> dict[str, Any]:
     """Class and parameters of a part, and of its own parts, as JSON.
 
-    A parameter that is no JSON is None, or the value in the part's `stand_ins`.
+    A parameter that is no JSON is the value in the part's `stand_ins`.
+
+    Raises:
+        ValueError: for one that has none there.
     """
     parameters = part.get_params(deep=False)
     for name, value in parameters.items():
@@ -285,7 +288,12 @@ def describe(part: Parametrised, known: Named) -> dict[str, Any]:
             continue
         stored = _as_json(value)
         if stored is None and value is not None:
-            stored = part.stand_ins.get(name)
+            if name not in part.stand_ins:
+                raise ValueError(
+                    f"{type(part).__name__}.{name}: expected numbers, text or a list of them, "
+                    f"which a file keeps, found {_shown(value)}"
+                )
+            stored = part.stand_ins[name]
         parameters[name] = stored
     return {"class": known.name_of(part), "parameters": parameters}
 
@@ -331,9 +339,14 @@ def rebuild(
         description: of a file, which may be anything.
         what: the parameter, for errors.
         known: our own classes by name.
-        trusted: dotted names of the other classes whose modules may be imported; None: any.
+        trusted: dotted names of the other classes whose modules may be imported; None: any that
+            another process can import, too.
     """
     name = description["class"]
+    if trusted is None and name.startswith("__main__."):
+        raise ValueError(
+            f"{what}: expected a class in a module to import, found {name!r} of a script"
+        )
     if name not in known and trusted is not None and name not in trusted:
         raise ValueError(
             f"{what}: expected one of {', '.join(known)}, or a class that is trusted, found "

@@ -15,7 +15,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-_BLOCK = 4096  # words a row that numpy's route works on at a time, to stay in the cache
+_BLOCK = 4096  # words per row that numpy's route works on at a time: they stay cached
 
 
 def zeros(shape: tuple[int, ...], device: torch.device | str) -> Tensor:
@@ -102,7 +102,7 @@ def greater(counts: Tensor, threshold: int) -> Tensor:
     """Where counters [P, W] are greater than a number: a mask [W], all ones for a negative number.
 
     Adding 2^P − 1 − threshold to a counter overflows P bits if and only if it is greater, and the
-    carry through a constant costs one operation a plane: OR where its bit is one, AND where not.
+    carry through a constant costs one operation per plane: OR where its bit is one, AND where not.
     """
     n_planes = len(counts)
     mask = torch.zeros_like(counts[0])

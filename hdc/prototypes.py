@@ -1,4 +1,4 @@
-"""Class prototypes: counters of ones a class, their majority, and recalibration.
+"""Class prototypes: counters of ones per class, their majority, and recalibration.
 
 Training is counting: a class is the number of its hypervectors and, for each bit, how many of them
 have it set. Counts are kept bit-sliced (:mod:`hdc.planes`), L·P·D bits for classes of fewer than

@@ -34,7 +34,8 @@ class HDCRegressor(Estimator):
         device: where frames are encoded and hypervectors live.
         backend: as of :class:`hdc.HDCClassifier`.
         period: of numbers that go round, such as 360 for degrees: they are predicted by cosine and
-            sine, and have no intervals. None for numbers that do not.
+            sine, and have no intervals. Answers lie between 0 and the period, or, where a number
+            below zero was learnt, between minus and plus half of it. None for numbers that do not.
 
     Attributes:
         encoder_, readout_: the parts, trained.
@@ -61,6 +62,7 @@ class HDCRegressor(Estimator):
     _words: Tensor
     _values: Tensor  # float64 [N, T]
     _one: bool  # targets have one dimension
+    _period: float | None  # that of training
     _recalibrated: bool
     _is_signed: bool = False  # circular numbers below zero were learnt
 
@@ -86,6 +88,11 @@ class HDCRegressor(Estimator):
                 f"period: expected a number above zero or None, found {given!r}"
             )
 
+    def _check_is_trained(self) -> None:
+        super()._check_is_trained()
+        if self.period != self._period:
+            raise ValueError("period: changed after training; call fit again")
+
     def fit(self, frames: Any, y: Any) -> Self:
         """Learn numbers y [N] or [N, T] of frames [N, H, W] or [N, D].
 
@@ -100,6 +107,7 @@ class HDCRegressor(Estimator):
         frames = trained._checked_frames(frames)
         values = inputs.targets(y, len(frames))
         trained._one = values.ndim == 1
+        trained._period = self.period
         trained._is_signed = bool((values < 0).any())
         trained._check_enough(frames)
         trained._learn_encoder(frames)
@@ -267,7 +275,7 @@ class HDCRegressor(Estimator):
         tensors |= prefixed("readout", self.readout_.stored())
         header: dict[str, Any] = {"recalibrated": self._recalibrated, "one": self._one}
         if self.period is not None:
-            header |= {"period": self.period, "signed": self._is_signed}
+            header |= {"period": float(self.period), "signed": self._is_signed}
         return header, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
@@ -276,7 +284,7 @@ class HDCRegressor(Estimator):
         pairs = {"words": words, "values": values}
         values = checked(pairs, kinds, D=self.dimension_)["values"]
         self._one = bool(header["one"])
-        self.period = header.get("period")
+        self.period = self._period = header.get("period")
         self._is_signed = bool(header.get("signed", False))
         self._check_parameters()
         readout = make_value_readout(self.readout).unlearned()

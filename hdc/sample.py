@@ -11,7 +11,7 @@ from torch import Tensor
 from hdc.inputs import Label
 
 KEPT = 19
-"""Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB a class at D = 250,000."""
+"""Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB per class at D = 250,000."""
 _SEED = 0  # of the choice among training frames
 _WORD = 2**64 - 1
 

@@ -1,6 +1,6 @@
 """The choice of encoder and read-out, by cross-validation on training frames alone.
 
-``hdc compare`` and ``hdc train --choose`` choose so, and :class:`hdc.chosen.Chosen` does.
+``hdc compare`` and ``hdc train --choose`` choose so.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ _ERRORS = 3  # standard errors behind the best at which a method is given up,
 _LEAST = 0.05  # and the least difference of mean losses
 FORMS = (
     ("levels", "lda"),  # a discriminant weighs the pixels that tell the classes apart
-    ("reference_levels", "lda"),  # less what all frames share, such as a gel or a skin
+    ("reference_levels", "lda"),  # minus what all frames share, such as a gel or a skin
     ("deviation", "lda"),  # keeps how much of a frame is lit, which ranks throw away
     ("levels", "kernel"),  # classes that no plane separates
     ("median", "neighbours"),  # the published bits without the published prototypes

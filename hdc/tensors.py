@@ -19,7 +19,7 @@ def take(part: Any, tensors: Mapping[str, Tensor], kinds: Kinds, **sizes: int) -
         setattr(part, f"{name}_", tensor)
 
 
-def kept(part: Any, kinds: Kinds) -> dict[str, Tensor]:
+def tensors_of(part: Any, kinds: Kinds) -> dict[str, Tensor]:
     """The tensors that :func:`take` would have a part learn."""
     return {name: getattr(part, f"{name}_") for name in kinds}
 

@@ -22,7 +22,7 @@ _INT32 = torch.iinfo(torch.int32).max
 class Deviation(RelativeEncoder):
     """T bits per pixel: whether it exceeds the reference by more than some standard deviations.
 
-    With d the standardised frame less the reference, both in steps of 2⁻¹⁶ as of
+    With d the standardised frame minus the reference, both in steps of 2⁻¹⁶ as of
     :class:`hdc.encoders.Reference`, and σ the standard deviation of the frame's D values d, rounded
     down to such a step, bit t·D + j is d_j > thresholds[t]·σ. A value that equals its threshold
     becomes a zero. All arithmetic is in integers, so every machine has the same bits. Unlike ranks

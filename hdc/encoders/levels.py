@@ -74,10 +74,10 @@ class Levels(RankEncoder):
         total: Any = 0
         for start in range(0, len(frames), CHUNK):
             part = inputs.tensor(frames[start : start + CHUNK])
-            part = part.flatten(1).cpu()
+            values = part.flatten(1).cpu().double()
             if part.is_floating_point():
-                check_finite(part, start)
-            total = total + part.double().sum(0)
+                check_finite(values, start)
+            total = total + values.sum(0)
         lit = total >= self.lit * total.mean()
         if lit.sum() < 2:
             raise ValueError(

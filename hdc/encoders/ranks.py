@@ -230,7 +230,7 @@ def _pixels(frames: Tensor, first: int) -> Tensor:
 def check_finite(pixels: Tensor, first: int) -> None:
     """Raise ValueError for floats [B, D] that are not finite, naming the frame."""
     # On the CPU without torch's threads: waiting for a busy core takes longer than the frame.
-    values = pixels.numpy() if pixels.device.type == "cpu" else pixels
+    values = pixels.detach().numpy() if pixels.device.type == "cpu" else pixels
     if math.isfinite(values.min()) and math.isfinite(values.max()):  # NaN is both
         return
     finite = pixels.isfinite()

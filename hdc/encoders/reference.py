@@ -90,7 +90,7 @@ class Reference(RelativeEncoder):
 
 
 class ReferenceLevels(Reference):
-    """Levels of each frame less a reference frame: :class:`Reference` with ``base="levels"``.
+    """Levels of each frame minus a reference frame: :class:`Reference` with ``base="levels"``.
 
     Args: as of :class:`Reference`.
     """

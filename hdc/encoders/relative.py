@@ -57,7 +57,7 @@ class RelativeEncoder(Encoder):
 
     @abstractmethod
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
-        """Hypervectors int64 [N, W] of standardised frames less the reference, int32 [N, D].
+        """Hypervectors int64 [N, W] of standardised frames minus the reference, int32 [N, D].
 
         `first` is the number of the first frame, in warnings.
         """

@@ -55,7 +55,7 @@ def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
 
 
 def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
-    """Levels of pixels [B, D] on any device, one a number of ones."""
+    """Levels of pixels [B, D] on any device, one per number of ones."""
     if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
         pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
     elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:

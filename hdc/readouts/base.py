@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc.parameters import Parametrised
-from hdc.tensors import Kinds, kept, take
+from hdc.tensors import Kinds, take, tensors_of
 
 NOWHERE = torch.iinfo(torch.int64).min
 """Score of a class without samples, in whole numbers."""
@@ -30,7 +30,10 @@ class Readout(Parametrised, ABC):
     A subclass writes :meth:`fit` and :meth:`scores`. Learned tensors are int64 or float64, in
     attributes that end in an underscore: they are what is saved, sized and flipped, unless it
     writes :meth:`state` and :meth:`restore`. Classes are rows 0 … L − 1; which labels they have is
-    the model's business.
+    the model's business. One that can follow a drift also has a method ``adapt(words, rows, share,
+    seed, method)``, which is given new hypervectors of known classes and the arguments of
+    :meth:`hdc.HDCClassifier.recalibrate`; it changes no tensor in place, and may return the factor
+    by which the scores of classes without new frames change.
 
     Example:
         >>> import torch
@@ -50,6 +53,11 @@ class Readout(Parametrised, ABC):
     """Raised by hand in the commit that changes the scores of some query."""
     backend: str = "numpy"
     """Set by the model: ``"numpy"`` or ``"compiled"``, for :func:`hdc.bits.hamming` and others."""
+    kept: ClassVar[Kinds] = {}
+    """The tensors of a file, of :mod:`hdc.tensors`; by default all that are learned."""
+    predicts: ClassVar[tuple[str, ...]] = ()
+    """Those of them that :meth:`state` has; by default all."""
+    _dimension: int
 
     def check(self) -> None:
         """Raise ValueError, naming it, for a parameter that is not allowed."""
@@ -81,12 +89,6 @@ class Readout(Parametrised, ABC):
         """
         return None
 
-    kept: ClassVar[Kinds] = {}
-    """The tensors of a file, of :mod:`hdc.tensors`; by default all that are learned."""
-    predicts: ClassVar[tuple[str, ...]] = ()
-    """Those of them that a prediction needs; by default all."""
-    _dimension: int
-
     def state(self) -> dict[str, Tensor]:
         """The tensors that a prediction needs; they share memory with the read-out."""
         stored = self.stored()
@@ -94,7 +96,7 @@ class Readout(Parametrised, ABC):
 
     def stored(self) -> dict[str, Tensor]:
         """The tensors of a file: :meth:`state`, and what further training needs."""
-        return kept(self, self.kept) if self.kept else learned_tensors(self)
+        return tensors_of(self, self.kept) if self.kept else learned_tensors(self)
 
     def restore(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int

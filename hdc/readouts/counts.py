@@ -9,7 +9,6 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.parameters import check_choice
 from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import dot
 from hdc.readouts.base import HeldOut, without_empty
@@ -21,12 +20,13 @@ class Counts(Counting):
 
     Args:
         ties, balance, seed: as of :class:`hdc.readouts.Majority`. Ties and seed decide only
-            the binary prototypes that rejection compares with. With `balance`, a larger class is
-            compared as a random subset of the size of the smallest is expected to be.
+            the binary prototypes, that is, distances and what is known. With `balance`, a larger
+            class is compared as a random subset of the size of the smallest is expected to be.
 
     Attributes: as of :class:`hdc.readouts.majority.Counting`.
     """
 
+    methods = ("merge",)  # counts have no bits to replace
     predicts = ("planes",)
 
     def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
@@ -47,7 +47,7 @@ class Counts(Counting):
         return None
 
     def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
-        """The cosines, that of the own class with its counts less the frame.
+        """The cosines, that of the own class with its counts minus the frame.
 
         None after a recalibration: how many votes a frame has is not kept.
         """
@@ -58,12 +58,6 @@ class Counts(Counting):
         places = torch.arange(len(rows))
         scores[places, rows] = own / math.sqrt(self.counters_.dimension)
         return HeldOut(scores, rows)
-
-    def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
-    ) -> None:
-        check_choice("method", method, ("merge",))  # counts have no bits to replace
-        super().adapt(words, rows, share, seed, method)
 
 
 def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tensor:

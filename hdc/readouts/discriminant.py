@@ -3,7 +3,7 @@
 With N frames, n_c of class c, and L classes,
 
     E = onehot/n_c,  E' = E − mean over classes,  C = I − E·onehotᵀ
-    K = C·G·C                                      products of frames less the mean of their class
+    K = C·G·C                                      products of frames minus the mean of their class
     A = E' − C·(K + ℓ·I)⁻¹·C·G·E'                  dual weights
     b_c = −½·(E_c + mean over classes of E)ᵀ·G·A_c
 
@@ -18,6 +18,7 @@ from typing import NamedTuple, Self
 import torch
 from torch import Tensor
 
+from hdc.parameters import check_share
 from hdc.readouts.leave_one_out import (
     Products,
     inverse_diagonal,
@@ -133,3 +134,13 @@ def _centre_within_classes(
         products[rows] -= of_means[rows] @ onehot.T
         products[rows] -= member @ of_means.T
         products[rows] += (member @ between) @ onehot.T
+
+
+def check_mixed(share: float, rows: Tensor) -> None:
+    """Raise ValueError for a share of new discriminants outside [0, 1], or of 1 for new frames of a
+    single class int64 [N], whose discriminants are zero."""
+    check_share("p", share, "[0, 1]")
+    if share == 1 and len(rows.unique()) == 1:
+        raise ValueError(
+            "p: expected a share below 1 with new frames of a single class, found 1"
+        )

@@ -23,12 +23,12 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.parameters import check_share, is_number
+from hdc.parameters import is_number
+from hdc.readouts.arithmetic import check_memory
 from hdc.readouts.base import HeldOut, Readout
-from hdc.readouts.discriminant import Problem, Solution
+from hdc.readouts.discriminant import Problem, Solution, check_mixed
 from hdc.readouts.leave_one_out import discriminants
 
-MOST_FRAMES = 8000
 _LOWEST = -1e300  # offset of a class without frames
 
 
@@ -83,12 +83,7 @@ class Kernel(Readout):
             ValueError: for more than 8000 frames, of which the matrices fill the memory.
         """
         n = len(words)
-        if n > MOST_FRAMES:
-            raise ValueError(
-                f"kernel: expected at most {MOST_FRAMES} frames, found {n}, which need three "
-                f"matrices of {n} × {n}, {3 * 8 * n**2 / 1e9:.1f} GB; train on some of them, or "
-                "use the read-out 'trained'"
-            )
+        check_memory("kernel", n, matrices=3)
         known, place = rows.unique(return_inverse=True)
         distances = bits.hamming(words, words, self.backend).cpu()
         best = fewest_errors(distances, place, self.scales, self.penalties)
@@ -112,14 +107,16 @@ class Kernel(Readout):
         return self
 
     def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
-    ) -> None:
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
+    ) -> float:
         """Mix the discriminants of before with those of new frames, whatever else is asked.
 
         Each in units of its length in the space of the kernel, whose factors stay; `share` is that
         of the new ones. A class without new frames has those of before alone.
+
+        Returns, raises: as :meth:`hdc.readouts.LDA.adapt`.
         """
-        check_share("p", share, "[0, 1]")
+        check_mixed(share, rows)
         n_classes = self.dual_.shape[1]
         known, place = rows.unique(return_inverse=True)
         distances = bits.hamming(words, words, self.backend).cpu()
@@ -142,6 +139,7 @@ class Kernel(Readout):
         learnt = self.offsets_ > _LOWEST
         mixed = before * self.offsets_ + after * offsets
         self.offsets_ = torch.where(learnt, mixed, self.offsets_)
+        return before
 
     def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
         """Scores of up to 400 frames of training; None once loaded."""

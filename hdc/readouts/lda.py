@@ -10,7 +10,7 @@ The shrunken covariance is (1 − α)·S + α·(tr S/D)·I, so that ℓ = α/(1 
 nearest mean.
 
 Weights are rounded to q ∈ {−7 … 7}, in units of their 99.5 % quantile over seven; the zero stays,
-for a pixel that says nothing must not say one or the other when it flips. A scale a class, and an
+for a pixel that says nothing must not say one or the other when it flips. A scale per class, and an
 offset, keep the scores of the class's mean and of the mean of means; as whole numbers they make
 every score of a trained model a whole number, the same on every machine. Training is in floating
 point: with another backend, processor or number of threads, scales and offsets may differ in their
@@ -26,11 +26,11 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.parameters import check_share, is_number
+from hdc.parameters import is_number
 from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout
-from hdc.readouts.discriminant import Problem, Solution
+from hdc.readouts.discriminant import Problem, Solution, check_mixed
 from hdc.readouts.leave_one_out import discriminants, spread_over
 
 SHRINKAGES = ("ledoit_wolf", "oas")
@@ -106,14 +106,20 @@ class LDA(Readout):
         return self
 
     def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
-    ) -> None:
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
+    ) -> float:
         """Mix the discriminants of before with those of new frames, whatever else is asked.
 
         Each in units of the length of its weights; `share` is that of the new ones. A class without
         new frames has those of before alone.
+
+        Returns:
+            The factor by which the scores of such a class change.
+
+        Raises:
+            ValueError: for a share outside [0, 1], or 1 with new frames of a single class.
         """
-        check_share("p", share, "[0, 1]")
+        check_mixed(share, rows)
         n_classes, dimension = len(self.weights_), self._dimension
         new = LDA(self.shrinkage)
         new.backend = self.backend
@@ -147,6 +153,7 @@ class LDA(Readout):
         )
         self._held_out = HeldOut(unit * found, held_out.rows)
         self.shrinkage_ = new.shrinkage_
+        return unit * parts[0]
 
     def _floats(self) -> Tensor:
         """The weights of the classes in the unit of the scores, float32 [L, D] (CPU)."""
@@ -206,7 +213,7 @@ def closed_form(
     Args:
         kind: one of :data:`SHRINKAGES`.
         trace, squares, diagonal: tr K, ‖K‖²_F and K_ii.
-        n: frames less classes.
+        n: frames minus classes.
         d: D.
     """
     first = trace / n

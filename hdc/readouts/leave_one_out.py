@@ -1,6 +1,6 @@
 """Discriminant scores of training frames as if each had not been learnt, in closed form.
 
-With m_c = μ_c − μ and M = S + ℓ·I, for the scatter S = Σ d_i·d_iᵀ of the frames less the mean of
+With m_c = μ_c − μ and M = S + ℓ·I, for the scatter S = Σ d_i·d_iᵀ of the frames minus the mean of
 their class, the discriminant of class c is
 
     ℓ·(x − ½(μ_c + μ))ᵀ·M⁻¹·m_c.
@@ -72,7 +72,7 @@ def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
     frames = products.frames[chosen]
     of_class = frames.gather(1, row[:, None])
     squares = products.means.diagonal()
-    # x less half the sum of both means is m_y − ½·m_c and `more` times d; m_c gains `gained`·d.
+    # x minus half the sum of both means is m_y − ½·m_c and `more` times d; m_c gains `gained`·d.
     more = 1 + moved / 2 * (is_own + 1 / n_classes)
     gained = moved * (1 / n_classes - is_own)
     along = of_class - frames / 2 + more * own

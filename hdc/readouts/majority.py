@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from numbers import Integral
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor
@@ -31,7 +31,7 @@ KINDS = {
 
 
 class Counting(Updatable):
-    """Counters of ones a class and their majority; what Majority and Counts share.
+    """Counters of ones per class and their majority; what Majority and Counts share.
 
     Attributes:
         counters_: the counts, :class:`hdc.prototypes.Counters`.
@@ -39,6 +39,8 @@ class Counting(Updatable):
         recalibrated_: whether prototypes are no longer those of the counted hypervectors.
     """
 
+    methods: ClassVar[tuple[str, ...]] = METHODS
+    """Ways to adapt, the first by default."""
     ties: str
     balance: bool
     seed: int
@@ -116,7 +118,7 @@ class Counting(Updatable):
         self._changed |= set(places)
 
     def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
     ) -> None:
         """Move the prototypes of some classes to new hypervectors.
 
@@ -124,14 +126,22 @@ class Counting(Updatable):
             words, rows: the new hypervectors int64 [N, W] and their classes int64 [N].
             share: probability with which a bit is replaced, or share of the new in the votes.
             seed: of the choice of bits that are replaced.
-            method: ``"replace"``, as published, or ``"merge"`` (:func:`hdc.prototypes.merged`).
+            method: ``"replace"``, as published, or ``"merge"`` (:func:`hdc.prototypes.merged`);
+                None is the first of `methods`.
 
         Raises:
-            ValueError: for a share outside [0, 1] or an unknown method.
+            ValueError: for a share outside [0, 1], an unknown method, or bits to be replaced of a
+                class that has no prototype.
         """
         check_share("p", share, "[0, 1]")
-        check_choice("method", method, METHODS)
+        method = self.methods[0] if method is None else method
+        check_choice("method", method, self.methods)
         classes = rows.unique().tolist()
+        if method == "replace" and (self.counters_.n[classes] == 0).any():
+            raise ValueError(
+                "recalibrate: expected classes with training frames, found new frames of one "
+                "without; method='merge' or partial_fit learns it"
+            )
         dimension = self.counters_.dimension
         new = Counters(len(classes), dimension, words.device, self.backend)
         places = torch.searchsorted(torch.tensor(classes), rows)

@@ -60,7 +60,7 @@ class Neighbours(Updatable):
         self.add(other.frames_, new_row[other.rows_])
 
     def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
     ) -> None:
         """Take the new hypervectors in place of the kept ones of their classes, whatever else."""
         others = ~torch.isin(self.rows_, rows)

@@ -61,7 +61,7 @@ class Ridge(Readout):
         return self
 
     def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str
+        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
     ) -> None:
         """Go to the weights near those of before that fit new frames, whatever else is asked."""
         targets = _signs(rows, len(self.linear_.planes))

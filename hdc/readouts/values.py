@@ -13,7 +13,7 @@ from torch import Tensor
 from hdc import bits
 from hdc.parameters import Parametrised, check_integer
 from hdc.readouts.base import learned_tensors
-from hdc.tensors import kept, take
+from hdc.tensors import take, tensors_of
 
 RESIDUALS = {"residuals": "float64 N T"}
 _ROWS = 256  # frames that are compared with all others at a time
@@ -78,6 +78,8 @@ class ValueReadout(Parametrised, ABC):
 class NeighbourValues(ValueReadout):
     """The mean of the k nearest training frames in Hamming distance.
 
+    Of equally near frames those that were learnt first come first.
+
     Args:
         n_neighbours: k.
     """
@@ -137,7 +139,7 @@ class NeighbourValues(ValueReadout):
         return torch.from_numpy(order[:, : self.n_neighbours + 1])
 
     def stored(self) -> dict[str, Tensor]:
-        return kept(self, RESIDUALS)
+        return tensors_of(self, RESIDUALS)
 
     def restore(
         self,

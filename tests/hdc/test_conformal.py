@@ -483,6 +483,34 @@ def test_classes_without_new_frames_keep_their_left_out_scores() -> None:
     assert model.is_known(junk(), 0.2).mean() < 0.5
 
 
+@pytest.mark.parametrize("p", [0.5, 1])
+@pytest.mark.parametrize("readout", ["lda", "kernel"])
+def test_left_out_scores_have_the_unit_of_the_scores_beside_them(
+    readout: str, p: float
+) -> None:
+    """A recalibration changes the unit in which discriminants are given."""
+    speckle = Speckle(6)
+    frames, labels = speckle.frames(100)
+    queries, truth = speckle.frames(200)
+    model = HDCClassifier(readout=readout).fit(frames, labels)
+    words = model.encoder_.encode(torch.from_numpy(queries))
+
+    def found() -> list[np.ndarray]:
+        kept = model._learned.conformal().peers[4].distances
+        return [kept, -model.readout_.scores(words)[:, 4].double().numpy()]
+
+    before = found()
+    few = labels < 2
+    with pytest.warns(UserWarning, match="no new frames of 2, 3, 4"):
+        model.recalibrate(frames[few], labels[few], p)
+    after = found()
+    factors = [new @ old / (old @ old) for new, old in zip(after, before, strict=True)]
+    assert factors[0] == pytest.approx(factors[1], rel=0.05, abs=1e-9)
+    if p < 1:
+        own = model.is_known(queries[truth == 4], 0.2)
+        assert 0.6 < own.mean() < 0.97
+
+
 # One class ----------------------------------------------------------------------------------------
 
 

@@ -182,9 +182,9 @@ def test_integer_prototypes_merge_and_refuse_replacement() -> None:
     (old, new), labels = sessions()
     model = HDCClassifier(readout="counts").fit(old, labels)
     with pytest.raises(ValueError, match="method: expected one of merge, found 'repl"):
-        model.recalibrate(new, labels)
+        model.recalibrate(new, labels, method="replace")
     before = model.decision_function(new).max(1).mean()
-    model.recalibrate(new[:9], labels[:9], method="merge")
+    model.recalibrate(new[:9], labels[:9])
     assert model.decision_function(new).max(1).mean() > before
     assert model.score(new, labels) == 1
     assert model.is_known(new).mean() > 0.8

@@ -3,13 +3,14 @@
 import datetime
 import enum
 import sys
+import warnings
 
 import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.encoders import Levels, Median, Quantile, Reference
+from hdc import HDCClassifier, HDCRegressor, accuracy, bits
+from hdc.encoders import Encoder, Levels, Median, Quantile, Reference
 from hdc.readouts import Majority, RidgeValues
 from hdc.readouts.values import NeighbourValues
 
@@ -382,3 +383,156 @@ def test_a_question_gives_a_model_of_numbers_no_other_read_out():
     assert np.array_equal(model.predict(X, return_interval=True), expected)
     assert model.readout_ is before
     assert before.backend == "numpy"
+
+
+# Edges -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "call", [bits.majority, lambda w: bits.unpack(w, 3 * bits.WORD)]
+)
+def test_words_of_32_bits_are_neither_bundled_nor_unpacked(call):
+    with pytest.raises(TypeError, match="expected packed words of int64, found int32"):
+        call(torch.full((2, 3), -1, dtype=torch.int32))
+
+
+@pytest.mark.parametrize("kind", [np.uint8, np.int8, np.int64])
+def test_classes_of_one_byte_are_counted_in_their_own_cell(kind):
+    classes = np.array([0, 19, 19], kind)
+    counts = accuracy.confusion(classes, classes, 20)
+    assert (counts.sum(), counts[0, 0], counts[19, 19]) == (3, 1, 2)
+
+
+@pytest.mark.parametrize("y", [{"a", "b"}, frozenset("ab"), {"a": 0, "b": 1}], ids=type)
+def test_labels_and_targets_without_an_order_are_refused(y):
+    message = f"expected a list or an array, found a {type(y).__name__}"
+    with pytest.raises(ValueError, match=f"^labels: {message}"):
+        HDCClassifier().fit(X[:2], y)
+    with pytest.raises(ValueError, match=f"^targets: {message}"):
+        HDCRegressor().fit(X[:2], y)
+
+
+def test_times_are_no_numbers_to_predict():
+    for kind in ("M8[s]", "m8[s]"):
+        with pytest.raises(ValueError, match=r"^targets: expected numbers, found "):
+            HDCRegressor().fit(X, np.arange(12).astype(kind))
+
+
+@pytest.mark.parametrize("period", [None, 180])
+def test_a_period_that_is_set_after_training_is_refused(period):
+    model = HDCRegressor(period=360).fit(X, np.arange(12.0))
+    model.set_params(period=period)
+    for call in (model.predict, lambda x: model.recalibrate(x, np.arange(12.0))):
+        with pytest.raises(ValueError, match=r"^period: changed after training; call"):
+            call(X)
+    assert model.fit(X, np.arange(12.0)).predict(X).shape == (12,)
+
+
+def test_a_period_of_numpy_is_saved(tmp_path):
+    model = HDCRegressor(period=np.float32(360)).fit(X, np.arange(12.0))
+    model.save(tmp_path / "m")
+    loaded = HDCRegressor.load(tmp_path / "m")
+    assert (loaded.predict(X) == model.predict(X)).all()
+
+
+def test_an_untrained_model_does_not_take_over_another_encoder():
+    trained = HDCClassifier().fit(X, Y)
+    with pytest.raises(ValueError, match=r"merge: expected the encoder Levels\(.*Medi"):
+        HDCClassifier("levels").merge(trained)
+    merged = HDCClassifier().merge(trained)
+    assert (merged.distances(X) == trained.distances(X)).all()
+
+
+def test_frames_of_a_class_without_any_are_not_lost_by_replacing_bits():
+    model = HDCClassifier().partial_fit(X[:8], Y[:8], classes=[0, 1, 2])
+    before = model.predict(X)
+    with pytest.raises(ValueError, match=r"^recalibrate: expected classes with tr"):
+        model.recalibrate(X[8:], [0, 1, 2, 2])
+    assert (model.predict(X) == before).all()
+    model.recalibrate(X[8:], [0, 1, 2, 2], method="merge")
+    assert (model.predict(X[10:]) == 2).all()
+
+
+def test_integer_prototypes_are_recalibrated_by_votes_unless_told_otherwise():
+    models = [HDCClassifier(readout="counts").fit(X[:8], Y[:8]) for _ in range(2)]
+    models[0].recalibrate(X[8:], Y[8:])
+    models[1].recalibrate(X[8:], Y[8:], method="merge")
+    scores = [model.decision_function(X) for model in models]
+    assert (scores[0] == scores[1]).all()
+
+
+@pytest.mark.parametrize("readout", ["lda", "kernel"])
+def test_new_frames_of_one_class_do_not_take_the_place_of_all(readout):
+    model = HDCClassifier(readout=readout).fit(X, [0, 1, 2] * 4)
+    before = model.predict(X)
+    with (
+        pytest.warns(UserWarning, match="no new frames of 0, 2"),
+        pytest.raises(ValueError, match=r"^p: expected a share below 1 with new fra"),
+    ):
+        model.recalibrate(X[1::3], [1] * 4, p=1)
+    assert (model.predict(X) == before).all()
+
+
+@pytest.mark.parametrize("encoder", [Levels(3, lit=0.5), "reference", "deviation"])
+@pytest.mark.parametrize("kind", ["bfloat16", "grad", "uint16"])
+def test_frames_of_any_tensor_are_learnt(encoder, kind):
+    frames = torch.from_numpy(X)
+    plain = HDCClassifier(encoder).fit(frames.float(), Y)
+    if kind == "grad":
+        frames = frames.float().requires_grad_()
+    else:
+        frames = frames.to(getattr(torch, kind))
+    model = HDCClassifier(encoder).fit(frames, Y)
+    assert (model.predict(frames) == plain.predict(X.astype("f4"))).all()
+
+
+# Files that say another thing than the model -----------------------------------------------------
+
+
+class Above(Encoder):
+    """Pixels above a number, or those of a frame."""
+
+    def __init__(self, frame=100):
+        self.frame = frame
+
+    def encode(self, frames):
+        limits = torch.as_tensor(0 if self.frame is None else self.frame)
+        return bits.pack(frames.flatten(1) > limits.flatten())
+
+
+@pytest.mark.parametrize("frame", [X[0], {"a": 1}, [1, None]], ids=["array", "a", "b"])
+def test_a_parameter_that_no_file_keeps_is_refused_not_lost(frame, tmp_path):
+    model = HDCClassifier(Above()).fit(X, Y)
+    model.encoder_.frame = frame
+    with pytest.raises(ValueError, match=r"^Above\.frame: expected .* a file keeps"):
+        model.save(tmp_path / "m")
+    assert not (tmp_path / "m").exists()
+
+
+def test_a_class_of_a_script_is_refused_not_saved(monkeypatch, tmp_path):
+    """Another process has another ``__main__``."""
+    monkeypatch.setattr(Above, "__module__", "__main__")
+    monkeypatch.setattr(sys.modules["__main__"], "Above", Above, raising=False)
+    model = HDCClassifier(Above()).fit(X, Y)
+    with pytest.raises(ValueError, match=r"m: .*module to import.*'__main__\.Above'"):
+        model.save(tmp_path / "m")
+    assert not (tmp_path / "m").exists()
+
+
+def test_a_name_that_is_trusted_stands_for_itself_alone(module, tmp_path):
+    HDCClassifier("mine.Bits").fit(X, Y).save(tmp_path / "m")
+    with pytest.raises(ValueError, match=r"trusted=\['mine\.Bits'\]"):
+        HDCClassifier.load(tmp_path / "m", trusted="yours.or.mine.Bits")
+    loaded = HDCClassifier.load(tmp_path / "m", trusted="mine.Bits")
+    assert (loaded.predict(X) == HDCClassifier().fit(X, Y).predict(X)).all()
+
+
+@pytest.mark.parametrize("readout", ["ridge", "lda", "kernel", "trained"])
+def test_a_model_of_one_frame_of_each_class_comes_back(readout, tmp_path):
+    with warnings.catch_warnings(action="ignore"):  # so few frames say little
+        model = HDCClassifier(readout=readout).fit(X[:2], ["a", "b"])
+        model.save(tmp_path / "m")
+        loaded = HDCClassifier.load(tmp_path / "m")
+        sets = [asked.predict_set(X, 0.6) for asked in (model, loaded)]
+    assert (loaded.predict(X) == model.predict(X)).all()
+    assert [s.tolist() for s in sets[0]] == [s.tolist() for s in sets[1]]
