@@ -92,18 +92,16 @@ class Answers:
         for name, text in texts.items():
             write_atomically(folder / name, text)
         written = [folder / name for name in texts]
-        (folder / "figures").mkdir(parents=True, exist_ok=True)
         written += self._draw(folder / "figures")
-        for name in ("tables", "figures"):
-            for path in set((folder / name).iterdir()).difference(written):
+        for path in (*folder.glob("tables/*"), *folder.glob("figures/*")):
+            if path.is_file() and path not in written:
                 path.unlink()
         return written
 
     def _draw(self, folder: Path) -> Iterator[Path]:
         """Draw every figure; the files. One that fails is none."""
-        from experiments.reporting.plot import (
-            save,
-        )  # --help does not wait for matplotlib
+        # --help does not wait for matplotlib.
+        from experiments.reporting.plot import save
 
         for study, plots in self.plots.items():
             for plot in tuple(plots):
@@ -115,7 +113,7 @@ class Answers:
                     plots.remove(plot)
                 else:
                     path = folder / f"{plot.name}.{plot.kind}"
-                    path.write_bytes(drawn)
+                    write_atomically(path, drawn)
                     yield path
 
 
@@ -125,20 +123,14 @@ def main(arguments: list[str] | None = None) -> None:
         prog="python -m experiments.report", description=__doc__
     )
     parser.add_argument(
-        "--strict", action="store_true", help="exit with 1 if a study failed"
-    )
-    parser.add_argument(
         "--tex", action="store_true", help="write every table as LaTeX, too"
     )
     chosen = parser.parse_args(arguments)
     console = Console(width=WIDTH, highlight=False)
     try:
-        sets = answers_of(results_dir())
-        write(results_dir(), console, sets, tex=chosen.tex)
+        write(results_dir(), console, tex=chosen.tex)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
-    if chosen.strict and any(answers.failures for answers in sets):
-        sys.exit(1)
 
 
 def answers_of(folder: Path) -> list[Answers]:
@@ -152,11 +144,7 @@ def answers_of(folder: Path) -> list[Answers]:
 
 
 def write(
-    folder: Path,
-    console: Console,
-    sets: Sequence[Answers] | None = None,
-    tex: bool = False,
-    brief: bool = False,
+    folder: Path, console: Console, tex: bool = False, brief: bool = False
 ) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file.
 
@@ -164,11 +152,10 @@ def write(
         folder: of own results.
         console: gets Table I, own models by scene, own numbers beside the reference, where the
             records are from, and what was left out.
-        sets: of :func:`answers_of` the folder, if they are there already.
         tex: write tables as LaTeX, too.
         brief: show Table I, what of it differs from the reference, and what was left out.
     """
-    sets = answers_of(folder) if sets is None else sets
+    sets = answers_of(folder)
     first = sets[0]
     cells = against.compare(*(a.every_table() for a in sets)) if len(sets) > 1 else []
     if first.name == MINE or tex:

@@ -49,7 +49,7 @@ def scene_at(
     scene: Scene = instantiate(at_seed(config, seed), "scene")
     if not cache:
         return scene
-    return cached(scene, results_dir() / "cache", console)
+    return cached(scene, results_dir() / "cache", console, config)
 
 
 class LazyFrames:
@@ -128,18 +128,26 @@ def cached(
     scene: Scene,
     folder: Path,
     console: Console,
+    config: Any = None,
 ) -> Scene:
     """The scene with its frames on disk, made there first if need be, whole or not at all.
 
     Recorded and measured scenes stay as they are. A file is named after the scene's fingerprint and
-    revision, changes of the scenes that are in no commit, the libraries and the kind of processor.
+    revision, a user's own modules among its parts, changes of the scenes that are in no commit, the
+    libraries and the kind of processor.
+
+    Args:
+        scene: where the frames come from.
+        folder: of the files.
+        console: shows the progress.
+        config: of the scene; a fingerprint says nothing of the code of its parts.
 
     Raises:
         OSError: naming the file, if it cannot be written.
     """
     if scene.origin == "recorded" or not getattr(scene, "cacheable", True):
         return scene
-    code = [revision.of_class(type(scene)), changes("scenes")]
+    code = [revision.of_class(type(scene)) | revision.of_own(config), changes("scenes")]
     versions = [torch.__version__, np.__version__, platform.machine()]
     parts = [scene.fingerprint(), code, versions]
     path = folder / f"{hashlib.sha256(repr(parts).encode()).hexdigest()[:24]}.npy"

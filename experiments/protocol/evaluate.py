@@ -49,8 +49,8 @@ def evaluate(
 ) -> np.ndarray:
     """Labels int64 [Q] of queries by a model like this one, trained on other frames of the bank.
 
-    A model may offer a faster way than to be trained on the frames themselves: a method
-    ``predict_from(bank, train, queries)``, which returns the labels that the training would give.
+    A model may compute the labels from products of frames, without training: it has a method
+    ``predict_from(bank, train, queries)``, which returns those that the training would give.
 
     Args:
         model: any; it is left as it was.

@@ -9,6 +9,7 @@ import time
 import types
 import typing
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeGuard
 
@@ -31,10 +32,11 @@ __all__ = ["Row", "Run", "experiment"]
 _DRAWN = "scenes.sensor."  # scenes that their config determines: no file is read
 
 
+@dataclass(eq=False)
 class Run:
     """One call of an experiment: how its rows are made; no row depends on it.
 
-    Args:
+    Attributes:
         name: name of the measurement.
         config: bound arguments of the experiment, with its ``_target_``.
         scene_name: name of the scene's config, where it has one.
@@ -45,21 +47,14 @@ class Run:
         data: digest of the frames, where the config does not determine them.
     """
 
-    def __init__(
-        self,
-        name: str = "experiment",
-        config: Mapping[str, Any] | None = None,
-        scene_name: str = "",
-        device: str = "cpu",
-        cache: bool = False,
-        force: bool = False,
-        console: Console | None = None,
-        data: str = "",
-    ):
-        self.name, self.config, self.data = name, dict(config or {}), data
-        self.scene_name, self.device = scene_name, device
-        self.cache, self.force = cache, force
-        self.console = console or Console(highlight=False)
+    name: str = "experiment"
+    config: Mapping[str, Any] = field(default_factory=dict)
+    scene_name: str = ""
+    device: str = "cpu"
+    cache: bool = False
+    force: bool = False
+    console: Console = field(default_factory=lambda: Console(highlight=False))
+    data: str = ""
 
     def note(self, text: str) -> None:
         """Show a line of progress."""
@@ -299,13 +294,14 @@ def _changed(
 
 
 def _data_of(arguments: Mapping[str, Any]) -> str:
-    """Digest of the frames of every scene among the arguments."""
+    """Digest of the frames of every scene among the arguments, a user's own class too."""
     digests = []
     for key, value in arguments.items():
         if not isinstance(value, Mapping):
             continue
-        target = value.get("_target_", "")
-        if target.startswith("scenes.") and not target.startswith(_DRAWN):
+        target = str(value.get("_target_", ""))
+        is_scene = target.startswith("scenes.") or (key == "scene" and target)
+        if is_scene and not target.startswith(_DRAWN):
             scene = instantiate(value, key)
             if hasattr(scene, "fingerprint"):
                 digests.append(scene.fingerprint())

@@ -38,12 +38,8 @@ from experiments.records.run import (
 from scenes.frames import Scene
 
 _ERROR_CHARACTERS = 2000
-_ENDED = (
-    "status",
-    "error",
-    "training_s",
-    "rows",
-)  # of a record, once its run has ended
+# Of a record, once its run has ended.
+_ENDED = ("status", "error", "training_s", "rows")
 _OF_FILES = ("scene", "model", "stop")  # groups of configs/ that make a run
 # Keys that say which run of a config it is, or how it is carried out; those below `seed` besides.
 _NO_CHANGE = (
@@ -82,12 +78,12 @@ def run(
     names = {key: choices.get(key) or "custom" for key in _OF_FILES}
     identity = name_of(f"{names['scene']}-{names['model']}", config, data)
     folder = results_dir()
-    known = _finished(folder, identity, settings.force)
+    known = _finished(folder, identity, settings)
     if known is not None:
         return known, True
     with locks.held(store.lock_of(folder, identity), identity):
         # Another process may have finished it since.
-        known = _finished(folder, identity, settings.force, console)
+        known = _finished(folder, identity, settings, console)
         if known is not None:
             return known, True
         libraries_of = machine.libraries(config["model"], config["threads"])
@@ -121,12 +117,19 @@ def run(
 def _finished(
     folder: Path,
     identity: str,
-    force: bool,
+    settings: Settings,
     console: Console | None = None,
 ) -> Finished | None:
-    """The finished record of a run, if today's code made it; if another did, that is said."""
-    known = store.made_before(folder, identity, force, console)
-    return known if isinstance(known, Finished) else None
+    """The finished record of a run, if today's code made it and trained the models beside it that
+    are asked for; if not, that is said."""
+    known = store.made_before(folder, identity, settings.force, console)
+    if not isinstance(known, Finished):
+        return None
+    missing = sorted(settings.beside.keys() - known.beside_s.keys())
+    if missing and console is not None:
+        text = f"{identity}: made again, to train {', '.join(missing)} beside it"
+        console.print(text, style="yellow", markup=False, soft_wrap=True)
+    return None if missing else known
 
 
 def _scene_of(scene: Scene, name: str) -> SceneOf:

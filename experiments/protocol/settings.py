@@ -175,6 +175,7 @@ def _message(
 ) -> str:
     """An error of msgspec, ``Expected `int` >= 0 - at `$.run```, in our words."""
     problem, _, path = text.partition(" - at `$")
+    path, is_inside, _ = path.partition("[")  # of a mapping or a list
     for name in path.strip(".`").split("."):
         if not name:
             continue
@@ -189,7 +190,10 @@ def _message(
         return f"{key}.{quoted[1]}: expected one of {names}".lstrip(".")
     if not problem.startswith("Expected"):
         return text  # of a struct itself
-    return f"{key}: expected {_described(kind, quoted[1])}, found {_said(values)}"
+    expected = _described(kind, quoted[1])
+    if is_inside:
+        expected = f"each value to be {expected}"
+    return f"{key}: expected {expected}, found {_said(values)}"
 
 
 def _described(kind: Any, names: str) -> str:

@@ -67,7 +67,7 @@ def train_and_test(
     chosen = choose(scene, settings.split, settings.seed.split)
     clock = Clock(settings.device)
     if cache:
-        scene = data.cached(scene, cache, console)
+        scene = data.cached(scene, cache, console, settings.scene)
     if settings.data.pixels is not None:
         scene = data.PixelSubset(scene, settings.data.pixels, settings.seed.pixels)
     trained, tested = (

@@ -129,9 +129,9 @@ def changes(*packages: str) -> str | None:
 
     None where nothing does, or where this is no checkout.
     """
-    places = packages or revision.PACKAGES
-    tracked = _ask_git("diff", "HEAD", "--", *places)
-    others = _ask_git("ls-files", "--others", "--exclude-standard", "--", *places)
+    folders = packages or revision.PACKAGES
+    tracked = _ask_git("diff", "HEAD", "--", *folders)
+    others = _ask_git("ls-files", "--others", "--exclude-standard", "--", *folders)
     if not tracked and not others:
         return None
     digest = hashlib.sha256((tracked or "").encode())

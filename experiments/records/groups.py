@@ -16,11 +16,11 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.run import Finished
+from experiments.records.run import COORDINATES, Finished
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
 STOPS = ("paper", "long", "end", "few", "quick", "reached")
-_Row = tuple[str, str, int | None, int | None]
+_Key = tuple[str, str, int | None, int | None]
 """Scene, model, number of training samples, number of pixels; None for all of them."""
 
 
@@ -63,7 +63,7 @@ class Group:
 
     @property
     def commands(self) -> list[str]:
-        """Code that made the runs, each once."""
+        """Commands that made the runs, each once."""
         return list(dict.fromkeys(run.command for run in self.runs))
 
     @property
@@ -82,8 +82,8 @@ class Group:
         n_classes = len(self.classes)
         total = np.zeros((n_classes, n_classes), np.int64)
         for run in self.runs:
-            places = (run.test_labels, run.predicted)
-            np.add.at(total, places, 1)
+            pairs = run.test_labels, run.predicted
+            np.add.at(total, pairs, 1)
         return total
 
 
@@ -96,7 +96,7 @@ class Groups:
 
     def __init__(self, runs: Iterable[Finished]):
         self.runs = list(runs)
-        rows = defaultdict[_Row, list[Finished]](list)
+        rows = defaultdict[_Key, list[Finished]](list)
         for run in self.runs:
             config = run.config
             sizes = config["split"]["n_train"], config["data"]["pixels"]
@@ -110,9 +110,6 @@ class Groups:
         if "run" not in frame:
             return cls([])
         return cls(frame.run.dropna())
-
-    def __bool__(self) -> bool:
-        return bool(self.runs)
 
     def __iter__(self) -> Iterator[Group]:
         """Every row there is, by scene, model, number of samples and pixels."""
@@ -129,14 +126,6 @@ class Groups:
         row = scene, model, n_train, pixels
         return self._groups.get(row, Group(*row))
 
-    def models(self, scene: str) -> set[str]:
-        """Models that were run on a scene with all of its training samples and pixels."""
-        return {
-            model
-            for place, model, *sizes in self._groups
-            if (place, *sizes) == (scene, None, None)
-        }
-
     def extra_models(self, scene: str) -> list[str]:
         """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those
         of which something was changed."""
@@ -144,18 +133,18 @@ class Groups:
         return sorted(found.difference(configs.swept_models()))
 
 
-def _whole_first(row: _Row) -> list[tuple[bool, Any]]:
+def _whole_first(row: _Key) -> list[tuple[bool, Any]]:
     """Key that sorts a row: all samples and all pixels, None, come before fewer."""
     return [(part is not None, part) for part in row]
 
 
-def _group(row: _Row, runs: list[Finished]) -> Group:
+def _group(row: _Key, runs: list[Finished]) -> Group:
     """Of the runs of a row that are alike, those of today's code, then those timed alone, then by
-    stopping rule, then the most."""
+    stopping rule, then those of today's files of ``configs/``, then the most."""
     alike = defaultdict[tuple[str, str], list[Finished]](list)
     for run in runs:
         alike[run.configuration, run.made_by].append(run)
-    best = min(alike.values(), key=_preference)
+    best = runs if len(alike) == 1 else min(alike.values(), key=_preference)
     by_seeds = {}
     for run in best:
         seeds = list(_seeds(run.config))
@@ -170,7 +159,24 @@ def _preference(runs: list[Finished]) -> tuple[Any, ...]:
     stop = first.choices.stop
     rank = STOPS.index(stop) if stop in STOPS else len(STOPS)
     beside = not first.environment.exclusive
-    return bool(runs[0].outdated), beside, rank, -len(runs), runs[0].made_by
+    others = bool(first.outdated), beside, rank, _is_of_other_files(first)
+    return *others, -len(runs), first.made_by
+
+
+def _is_of_other_files(run: Finished) -> bool:
+    """Whether the files of its scene and model have other values today than it has, but for those
+    that it changed."""
+    but_for = *configs.SEEDS, "device"
+    changed = {*run.changed, *COORDINATES}
+    for group in ("scene", "model"):
+        name = getattr(run.choices, group)
+        if configs.is_known(group, name):
+            today = configs.part(group, name) or {}
+            ours = {key: run.config[key] for key in today}
+            parts = (configs.without(but_for, part) for part in (ours, today))
+            if not configs.differences(*parts).keys() <= changed:
+                return True
+    return False
 
 
 def _seeds(config: Any) -> Iterator[Any]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from functools import cached_property
 from pathlib import Path
 from typing import Any
 
@@ -35,24 +34,24 @@ class Results:
     """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files.
 
     Attributes:
-        measurements: those on the frames of their experiment's config first, and of these those of
-            which least was changed.
+        measurements: those on the frames of their experiment's config first, of these those of
+            which least was changed, of these the one made last.
     """
 
     def __init__(self, folder: Path):
-        self.folder = folder
         self.problems: list[str] = [*_of_version_2(folder)]
         self.runs: list[Finished] = []
         self.unfinished: list[Unfinished] = []
         self.measurements: list[Measurement] = []
+        self._frames: dict[tuple[str, ...], pd.DataFrame] = {}
         for record in store.read(folder):
             if isinstance(record, ValueError):
                 self.problems.append(str(record))
             elif isinstance(record, Measurement):
-                self.measurements.append(record)
+                self.measurements.insert(0, record)  # the last comes first
             else:
                 self._take(record)
-        self.measurements.sort(key=lambda m: (m.of_other_frames, len(m.changed), m.id))
+        self.measurements.sort(key=lambda m: (m.of_other_frames, len(m.changed)))
 
     def __bool__(self) -> bool:
         return bool(self.runs or self.unfinished or self.measurements)
@@ -67,8 +66,8 @@ class Results:
 
         A line has the columns of its row, and those of its record: :data:`META`. ``runs`` stands
         for the single trainings: a line a run, with its metrics. There is one measurement of an
-        experiment and scene, the one whose config was changed least; scenes are in the order of
-        their places.
+        experiment and scene: of those whose config was changed least the one made last, and beside
+        it those of other models (:func:`_is_beside`). Scenes are in the order of their places.
         """
         if experiments not in self._frames:
             parts = []
@@ -81,17 +80,15 @@ class Results:
         return self._frames[experiments]
 
     def _by_scene(self, name: str) -> list[Measurement]:
-        found: dict[str, Measurement] = {}
+        found: dict[str, list[Measurement]] = {}
         for measured in self.measurements:  # those changed least come first
             if measured.name == name:
-                found.setdefault(measured.scene, measured)
+                of_scene = found.setdefault(measured.scene, [])
+                if all(_is_beside(measured, other) for other in of_scene):
+                    of_scene.append(measured)
         places = {scene: configs.scene_display(scene)["place"] for scene in found}
         ordered = sorted(found, key=lambda scene: (places[scene], scene))
-        return [found[scene] for scene in ordered]
-
-    @cached_property
-    def _frames(self) -> dict[tuple[str, ...], pd.DataFrame]:
-        return {}
+        return [one for scene in ordered for one in found[scene]]
 
     def _take(self, entry: Finished | Unfinished) -> None:
         scene, model = entry.choices.scene, entry.choices.model
@@ -112,6 +109,23 @@ def _of_version_2(folder: Path) -> Iterator[str]:
                 f"{folder / name}: records of version 2.0, which this version does not read; "
                 "set RESULTS_DIR to another folder, or report on them by version 2.0"
             )
+
+
+def _is_beside(one: Measurement, other: Measurement) -> bool:
+    """Whether a measurement has other models than another, on seeds of it, and all other settings
+    are equal. Times of two calls do not compare, so of what is timed there is one."""
+    columns = one.rows.columns
+    if any(column.endswith("_s") or column == "seconds" for column in columns):
+        return False
+    models, of_other = (set(m.config.get("models") or ()) for m in (one, other))
+    seeds, seeds_of_other = (m.config.get("seeds") or [] for m in (one, other))
+    same = (configs.without(("models", "seeds"), m.config) for m in (one, other))
+    return (
+        bool(models and of_other)
+        and models.isdisjoint(of_other)
+        and set(seeds) <= set(seeds_of_other)
+        and next(same) == next(same)
+    )
 
 
 def own_columns(frame: pd.DataFrame) -> pd.DataFrame:

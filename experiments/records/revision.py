@@ -65,6 +65,15 @@ def of_class(kind: type) -> Revisions:
     return _of_part(f"{kind.__module__}.{kind.__qualname__}", kind)
 
 
+def of_own(config: Any) -> Revisions:
+    """Revisions of those parts of a config that lie in a user's own modules."""
+    found: Revisions = {}
+    for target, parameters in targets(config):
+        if target.partition(".")[0] not in PACKAGES:
+            found |= revisions({"_target_": target, **parameters})
+    return found
+
+
 def targets(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
     """Each ``_target_`` below a part of a config, with the parameters beside it."""
     if isinstance(node, Mapping):
@@ -130,9 +139,9 @@ def _own_files(name: str) -> Revisions:
     waiting = [file]
     while waiting:
         path = waiting.pop()
-        place = Path(os.path.relpath(path, file.parent)).as_posix()
-        if place not in found:
-            found[place] = _digest(path)
+        relative = Path(os.path.relpath(path, file.parent)).as_posix()
+        if relative not in found:
+            found[relative] = _digest(path)
             waiting += _imported_beside(path)
     return found
 
@@ -151,15 +160,18 @@ def _imported_beside(path: Path) -> Iterator[Path]:
 
 
 def _files_of(name: str, folder: Path) -> Iterator[Path]:
-    """Files behind a dotted name, with or without the package that the folder is."""
-    words = name.split(".")
-    if words[0] == folder.name:
-        words = words[1:]
-    for n in range(1, len(words) + 1):
-        place = folder.joinpath(*words[:n])
-        for path in (place.with_suffix(".py"), place / "__init__.py"):
-            if path.is_file():
-                yield path
+    """Files behind a dotted name, from the folder, or from the package that it lies in."""
+    first, *rest = name.split(".")
+    packages = [above for above in (folder, *folder.parents) if above.name == first]
+    starts = [(package, rest) for package in packages]
+    if folder.name != first:
+        starts.append((folder, [first, *rest]))
+    for start, words in starts:
+        for n in range(1, len(words) + 1):
+            module = start.joinpath(*words[:n])
+            for path in (module.with_suffix(".py"), module / "__init__.py"):
+                if path.is_file():
+                    yield path
 
 
 @functools.cache
@@ -173,9 +185,9 @@ def _is_installed(package: str) -> bool:
         return False
     if spec.origin in ("built-in", "frozen"):
         return True
-    places = [Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED]
+    folders = [Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED]
     file = Path(spec.origin or "").resolve()
-    return any(file.is_relative_to(place) for place in places)
+    return any(file.is_relative_to(folder) for folder in folders)
 
 
 def _digest(path: Path) -> str:

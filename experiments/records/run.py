@@ -19,7 +19,7 @@ from hdc.accuracy import accuracy
 # Keys of a config that whoever reads a run counts on.
 _GROUPS = ("scene", "model", "stop", "split", "data", "seed")
 # What a row asks for by number; and where a recording lies, which is known by its content.
-_COORDINATES = ("split.n_train", "data.pixels", "scene.path")
+COORDINATES = ("split.n_train", "data.pixels", "scene.path")
 # Of what was changed.
 _FRAMES_FIRST = {"scene": 0, "split": 1, "model": 2, "stop": 3}
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
@@ -206,6 +206,16 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
         return any("loss" in row for row in self.curve)
 
     @property
+    def solved(self) -> bool:
+        """Whether it reported once, without steps of an optimiser, and ended: a closed form, or a
+        solver that goes to the optimum."""
+        return (
+            self.stop == "finished"
+            and len(self.curve) == 1
+            and "steps" not in self.curve[0]
+        )
+
+    @property
     def made_by(self) -> str:
         """Revisions of its code, as text."""
         return json.dumps(self.revisions, sort_keys=True)
@@ -215,9 +225,9 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
         """Values of its scene, split, model and stop that differ from ``configs/``, by key, but for
         where it stands in a sweep. What learns in one pass has no stopping rule."""
         found = {}
-        for key in sorted(self.changed, key=_place_of_key):
+        for key in sorted(self.changed, key=_order_of_key):
             of_stop = key.startswith("stop.") and not self.iterative
-            if key not in _COORDINATES and not of_stop:
+            if key not in COORDINATES and not of_stop:
                 found[key] = self.changed[key]
         return found
 
@@ -245,13 +255,13 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
         config = _core(self.config)
         if not self.iterative:  # it ends by itself, whatever the rule
             config.pop("stop")
-        for name in _COORDINATES:
+        for name in COORDINATES:
             group, key = name.split(".")
             config[group].pop(key, None)
         return json.dumps(config, sort_keys=True)
 
 
-def _place_of_key(key: str) -> int:
+def _order_of_key(key: str) -> int:
     group, _, _ = key.partition(".")
     return _FRAMES_FIRST.get(group, 4)
 

@@ -42,8 +42,8 @@ def append(folder: Path, record: Record) -> None:
 
 
 def read(folder: Path, name: str = "") -> Iterator[AnyRecord | ValueError]:
-    """Every record of a folder whose line has the name in it, by id: the last finished one of
-    each, else its last. A line that is no record gives an error that names it."""
+    """Every record of a folder whose line has the name in it, in their order: the last finished
+    one of each id, else its last. A line that is no record gives an error that names it."""
     path = folder / FILE
     records: dict[str, AnyRecord] = {}
     lines = path.read_bytes().splitlines() if path.is_file() else []
@@ -55,8 +55,8 @@ def read(folder: Path, name: str = "") -> Iterator[AnyRecord | ValueError]:
         except (ValueError, RecursionError) as error:
             yield ValueError(f"{path}, line {number}: {error}")
             continue
-        before = records.get(record.id)
-        if isinstance(record, Made) or not isinstance(before, Made):
+        if isinstance(record, Made) or not isinstance(records.get(record.id), Made):
+            records.pop(record.id, None)  # in the order of the lines that count
             records[record.id] = record
     yield from records.values()
 

@@ -35,7 +35,7 @@ class Cell:
 
     Attributes:
         table: one's own.
-        place: of the row in the table.
+        index: of the row in the table.
         row: its values by the names of columns.
         column: name of the column.
         own, reference: value, lower and upper bound; a number of one's own without an interval is
@@ -43,7 +43,7 @@ class Cell:
     """
 
     table: Table
-    place: int
+    index: int
     row: Mapping[str, Any]
     column: str
     own: Sequence[float]
@@ -119,7 +119,7 @@ def lines(cells: Sequence[Cell]) -> Iterator[str]:
 
 def _cells(own: Table, reference: Table) -> Iterator[Cell]:
     theirs = {_key(row, own): row for row in records(reference.data)}
-    for place, row in enumerate(records(own.data)):
+    for index, row in enumerate(records(own.data)):
         other = theirs.get(_key(row, own), {})
         for name in row:
             known = _numbers(other, name)
@@ -127,7 +127,7 @@ def _cells(own: Table, reference: Table) -> Iterator[Cell]:
             same = name == RATIO or row.get("stop") == other.get("stop")
             if known and value and same and not name.endswith(SECONDS):
                 bounded = _numbers(row, name) or 3 * value
-                yield Cell(own, place, row, name, bounded, known)
+                yield Cell(own, index, row, name, bounded, known)
 
 
 def _key(row: Mapping[str, Any], table: Table) -> tuple[Any, ...]:

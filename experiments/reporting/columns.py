@@ -181,7 +181,7 @@ COLUMNS: dict[str, Column] = {
     "test_accuracy_final": Column("Test accuracy, % [95 %]", percent,
         of=lambda group, _: estimates.share(group),
         note="95 % intervals: Student over seeds, never narrower than the test set allows; Wilson "
-        "for one seed."),
+        "for one seed or one recording."),
     "n_test": Column("Test samples", of=lambda group, _: len(group.right)),
     "over_hdc": Column("Difference from HDC, points [95 %]", points, of=_difference,
         note="Difference from HDC: paired by seed on the same test samples; above zero, the model "

@@ -33,18 +33,8 @@ HOW = (
 )
 COLUMNS = (
     *("experiment", "quantity", "condition", "unit", "published", "published_low"),
-    *(
-        "published_high",
-        "measured",
-        "low",
-        "high",
-        "margin",
-        "n",
-        "seeds",
-        "verdict",
-        "made_by",
-    ),
-    "note",
+    *("published_high", "measured", "low", "high", "margin", "n", "seeds", "verdict"),
+    *("made_by", "note"),
 )
 MISSING = "missing"  # verdict on a number that was not measured
 _SETTINGS = ("table1/learning_rate", "touch/labels")

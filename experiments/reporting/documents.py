@@ -68,8 +68,9 @@ def named(rows: str) -> str:
 
 
 def costs(table: pd.DataFrame | None) -> str:
-    """Error on two recordings, and on the first of them training time, time per frame and size; times
-    by NumPy or by the compiled kernels, whichever are less.
+    """Error on two recordings, and on the first of them training time, time per frame and size.
+
+    Times are by NumPy or by the compiled kernels, whichever are less.
 
     Args:
         table: ``recording_costs``; None where it was not measured.
@@ -139,10 +140,7 @@ def _bare(command: str) -> str:
 def _can_run(command: str) -> bool:
     """Whether its experiment still has a config; records of an older commit may name others."""
     experiment = command.partition("experiment=")[2]
-    return (
-        not experiment
-        or (configs.CONFIGS / "experiment" / f"{experiment}.yaml").exists()
-    )
+    return not experiment or configs.is_known("experiment", experiment)
 
 
 def _figure(plot: Plot) -> str:

@@ -3,7 +3,8 @@
 Seeds are the units: each has a sensor, a session and a split of its own, and the test samples of
 one are alike. So intervals are Student's over seeds. Shares of samples cannot spread less over
 seeds than their samples make them; where they happen to (all are 100 %, say), that least variance
-takes the place of theirs.
+takes the place of theirs. A recording is of one sensor, and its seeds only choose other frames of
+it: they count as one.
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ import numpy as np
 
 from experiments.records.groups import Group
 from experiments.records.run import Finished
+from experiments.reporting.text import CAPTURED, kind_of
 from hdc.accuracy import wilson
 
 ONE_SENSOR = "of one sensor, Student over seeds"
@@ -61,6 +63,13 @@ def least_variance(shares: Sequence[float], n: float) -> float:
     return p * (1 - p) / n
 
 
+def least_variance_of_difference(disagree: float, asked: float, n: float) -> float:
+    """Variance that a difference of two shares of the same n samples has whatever the sensor:
+    (m + 1)/(asked + 2)/n, with m of the samples asked those on which the two disagree (Agresti and
+    Min, Stat. Med. 24, 729 (2005))."""
+    return (disagree + 1) / (asked + 2) / n
+
+
 def mean_share(shares: Sequence[float], n: float) -> Estimate:
     """Share of right samples, mean over seeds with Student's interval; of one seed Wilson's; `n`
     samples per seed."""
@@ -77,14 +86,12 @@ def mean_difference(
 ) -> Estimate:
     """Difference of two shares on the same n samples, mean over seeds with Student's interval.
 
-    Its least variance is that of the samples on which the two `disagree`, of all seeds together,
-    with one more added (Agresti and Min, Stat. Med. 24, 729 (2005)); where that is not known, as
-    few as the differences leave.
+    Its least variance is that of the samples on which the two `disagree`, of all seeds together;
+    where that is not known, as few as the differences leave.
     """
     if disagree is None:
         disagree = n * sum(map(abs, differences))
-    asked = n * len(differences)
-    least = (disagree + 1) / (asked + 2) / n
+    least = least_variance_of_difference(disagree, n * len(differences), n)
     return mean_interval(differences, least).within(-1, 1)
 
 
@@ -98,7 +105,7 @@ def median_interval(values: Sequence[float]) -> Estimate:
     ordered = sorted(values)
     n = len(ordered)
     middle = float(np.median(ordered)) if math.isfinite(ordered[n // 2]) else math.inf
-    j = _place_of_bound(n)
+    j = _rank_of_bound(n)
     if not j:
         return Estimate(middle)
     return Estimate(middle, float(ordered[j - 1]), float(ordered[n - j]))
@@ -112,13 +119,13 @@ def median_range(values: Sequence[float]) -> tuple[Estimate, float]:
     found, n = median_interval(values), len(values)
     if n < 2:
         return found, math.nan
-    if not _place_of_bound(n):
+    if not _rank_of_bound(n):
         found = found._replace(low=float(min(values)), high=float(max(values)))
-    j = max(1, _place_of_bound(n))
+    j = max(1, _rank_of_bound(n))
     return found, 1 - 2 * float(bdtr(j - 1, n, 0.5))
 
 
-def _place_of_bound(n: int) -> int:
+def _rank_of_bound(n: int) -> int:
     """The largest j for which n values hold their median between the j-th smallest and the j-th
     largest with 95 % at least; 0 if there is none."""
     from scipy.special import bdtr
@@ -128,8 +135,11 @@ def _place_of_bound(n: int) -> int:
 
 
 def share(group: Group) -> Estimate:
-    """Test accuracy, as :func:`mean_share`."""
-    return mean_share(*_shares(group))
+    """Test accuracy, as :func:`mean_share`; one recording counts as one seed."""
+    shares, n = _shares(group)
+    if _are_of_one_recording(group.runs):
+        shares = [float(np.mean(shares))]
+    return mean_share(shares, n)
 
 
 def share_of_one_sensor(group: Group) -> Estimate:
@@ -143,7 +153,8 @@ def difference(
 ) -> Estimate | None:
     """How much more accurate a model is than another, paired by seed; None without a pair.
 
-    That test samples are the same is proven by the digest of their frames and labels.
+    That test samples are the same is proven by the digest of their frames and labels. There is no
+    interval on one recording.
     """
     theirs = {_test_set(run): run.right for run in reference}
     paired = [run for run in runs if _test_set(run) in theirs]
@@ -154,8 +165,15 @@ def difference(
         right, other = run.right, theirs[_test_set(run)]
         differences.append(float(right.mean() - other.mean()))
         disagree += int((right != other).sum())
+    if _are_of_one_recording(paired):
+        return Estimate(float(np.mean(differences)))
     n = float(np.mean([len(run.right) for run in paired]))
     return mean_difference(differences, n, disagree)
+
+
+def _are_of_one_recording(runs: Sequence[Finished]) -> bool:
+    """Whether their seeds only choose frames of one recording, all of one sensor."""
+    return kind_of(runs[0].scene.origin) == CAPTURED
 
 
 def _test_set(run: Finished) -> tuple[str, str]:
@@ -184,11 +202,14 @@ def crossing(
 
 def training_time(run: Finished) -> float:
     """Seconds in the paper's sense: of a model that learns by steps until its training accuracy
-    exceeded 90 % (infinite if it never did), of any other until it is done."""
+    exceeded 90 % (infinite if it never did), of one that is solved, or learns in one pass, until it
+    is done."""
     if not run.iterative:
         return run.training_s
     reached = run.time_to_target_train_s
-    return math.inf if reached is None else reached
+    if reached is not None:
+        return reached
+    return run.training_s if run.solved else math.inf
 
 
 def _student(

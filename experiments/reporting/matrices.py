@@ -59,8 +59,8 @@ def matrix(
     axes.set_yticks(ticks, shown, fontsize=6)
     axes.tick_params(length=0 if step == 1 else 2, pad=2)
     if cells:
-        for place, text in np.ndenumerate(np.array(cells, object)):
-            _write(axes, image, values, place, text)
+        for cell, text in np.ndenumerate(np.array(cells, object)):
+            _write(axes, image, values, cell, text)
     where, aspect = ("right", 20) if step == 1 else ("bottom", 25)
     bar = axes.figure.colorbar(  # type: ignore[union-attr]
         image,
@@ -79,12 +79,12 @@ def _write(
     axes: Axes,
     image: AxesImage,
     values: NDArray[np.float64],
-    place: tuple[int, ...],
+    cell: tuple[int, ...],
     text: str,
 ) -> None:
     """A text in a cell of a matrix, black on light colours and white on dark ones."""
-    row, column = place
-    red_green_blue = image.to_rgba(values[place])[:3]
+    row, column = cell
+    red_green_blue = image.to_rgba(values[cell])[:3]
     light = np.dot(red_green_blue, (0.3, 0.6, 0.1)) > 0.5
     axes.text(
         column,

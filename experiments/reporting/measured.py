@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from experiments.records import configs
 from experiments.records.rows import unpack_labels
 from experiments.reporting.estimates import Estimate, mean_interval
+from experiments.reporting.text import CAPTURED, kind_of
 
 RIVAL = "softmax_dual"  # the first of the primary ones: the paper's own, at its optimum
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
@@ -63,6 +64,17 @@ def models_of(rows: pd.DataFrame) -> list[str]:
     return [*front, *(model for model in models if model not in first)]
 
 
+def seeds_are_units(rows: pd.DataFrame) -> bool:
+    """Whether there are several seeds, each of another sensor, input field or fibre. Those of one
+    camera's recording draw other frames of it, as more resamples do."""
+    several = rows.seed.nunique() > 1
+    return bool(several and not ("origin" in rows and _is_captured(rows)))
+
+
+def _is_captured(rows: pd.DataFrame) -> bool:
+    return kind_of(str(rows.origin.iloc[0])) == CAPTURED
+
+
 def over_units(values: Sequence[float], seeds: bool) -> Estimate:
     """Mean with Student's interval over seeds. Resamples of one recording share frames: their
     interval is their central 95 %, and there is none of fewer than LEAST_RESAMPLES."""
@@ -95,12 +107,13 @@ def with_right(rows: pd.DataFrame, resample: Sequence[str]) -> pd.DataFrame:
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row for each split, model, n and unit: ``accuracy``. The unit is what varies: the seed
-    where there are several (another input field or fibre), else the resample."""
+    """A row for each split, model, n and unit: ``accuracy``. The unit is the seed where seeds are
+    units, else the resample."""
     counted = with_right(rows, ("seed", "split", "draw"))
     every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
-    several = every.seed.nunique() > 1
-    every["unit"] = every.seed if several else every.draw
+    every["unit"] = every.seed
+    if not seeds_are_units(every):
+        every["unit"] = every.seed * (1 + every.draw.max()) + every.draw
     every["accuracy"] = every.right / every.n_test
     by_unit = every.groupby(["split", "model", "n", "unit"])
     return by_unit.accuracy.mean().reset_index()

@@ -84,7 +84,7 @@ def render(
     )
     environment.filters |= {"numeric": _numeric, "quote": quote}
     beside = {
-        (cell.table.name, cell.place, cell.column): cell.bounds for cell in differing
+        (cell.table.name, cell.index, cell.column): cell.bounds for cell in differing
     }
     return environment.get_template("page.html").render(
         parts=parts,

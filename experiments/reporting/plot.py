@@ -30,6 +30,7 @@ PAPER: Any = {
     "mew": 0.7,
 }
 LETTERS = "abcdefghijklmnopqrstuvwxyz"  # of panels
+_MOST_ENTRIES = 4  # of the legend of a panel
 _LINE = 60 / 3.4  # characters of a head's line, an inch
 
 
@@ -81,6 +82,12 @@ def handle(model: str) -> Line2D:
     )
 
 
+def by_panel(models: Sequence[str]) -> list[Sequence[str]]:
+    """Models in groups, one per panel, as many in each as its legend may name."""
+    places = range(0, len(models), _MOST_ENTRIES)
+    return [models[k : k + _MOST_ENTRIES] for k in places]
+
+
 def star(label: str) -> Line2D:
     """The legend's entry of the paper's values."""
     return Line2D([], [], label=label, **PAPER)
@@ -114,11 +121,9 @@ def title(
     axes: Axes,
     text: str,
     rows: Sequence[Row],
-    shown: Sequence[str],
-    wanted: Sequence[str],
-    handles: Sequence[Line2D] = (),
+    split: str = "",
 ) -> None:
-    """Title with the origin of the frames and what has no record; a legend below the axes."""
+    """Title with the scene of rows of runs, the origin of its frames, and their split."""
     seeds = sorted({line["seeds"] for line in rows if line["seeds"]})
     details = []
     if seeds:
@@ -127,18 +132,9 @@ def title(
         count += " seed" if seeds[-1] == 1 else " seeds"
         strip = ", grey: no error" if axes.get_yscale() == "log" else ""
         scenes = ", ".join(dict.fromkeys(scene_name(line["scene"]) for line in rows))
-        frames = f"{literal(scenes)}, {frames_of(rows)}"
+        frames = ", ".join(filter(None, [literal(scenes), frames_of(rows), split]))
         details.append(f"{frames}, {count}, 95 % intervals{strip}")
-    # Lines break between names, not within one.
-    missing = [model for model in dict.fromkeys(wanted) if model not in shown]
-    if missing:
-        called = [literal(display_name(model)) for model in missing]
-        names = "; ".join(name.replace(" ", "\xa0") for name in called)
-        details.append(f"no records: {names}")
     head(figure, text, details)
-    if handles:
-        figure.legend(handles=handles, loc="outside lower center", ncols=2)
-    figure.set_layout_engine("constrained")
 
 
 def wrapped(text: str, width: int) -> str:

@@ -51,9 +51,9 @@ def swept(runs: Groups, experiments: Sequence[str]) -> list[Row]:
         every: Iterable[Any] = itertools.product(
             params["scene"], params["model"], *sizes
         )
-        for scene, model, *place in every:
-            hdc = runs.group(scene, "hdc", *place)
-            rows[scene, model, *place] = row(runs.group(scene, model, *place), hdc)
+        for scene, model, *size in every:
+            hdc = runs.group(scene, "hdc", *size)
+            rows[scene, model, *size] = row(runs.group(scene, model, *size), hdc)
     return list(rows.values())
 
 

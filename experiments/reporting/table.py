@@ -9,7 +9,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.records.configs import CONFIGS
+from experiments.records import configs
 from experiments.reporting.columns import COLUMNS, Column, display_name
 from experiments.reporting.text import (
     counted,
@@ -39,7 +39,6 @@ class Table:
         columns: how columns are shown, before :data:`COLUMNS`; or a function of the values.
         shown: names of the columns that are shown, in their order; or a function of the values;
             all but bounds, if empty.
-        folded: whether the page shows it only when it is asked for.
         key: names of the columns that tell its rows apart, by which own results are compared with
             the reference; nothing is compared without.
         commands: what makes it again; those of the records if there are none here.
@@ -53,7 +52,6 @@ class Table:
     note: Text = ""
     columns: Columns = field(default_factory=dict)
     shown: Names = ()
-    folded: bool = False
     key: Sequence[str] = ()
     commands: Sequence[str] = ()
     data: pd.DataFrame = field(default_factory=pd.DataFrame)
@@ -85,7 +83,7 @@ class Table:
         known = columns.get(name) or COLUMNS.get(name)
         if known:
             return known
-        if (CONFIGS / "model" / f"{name}.yaml").exists():
+        if configs.is_known("model", name):
             return Column(display_name(name), percent)
         return Column(name[:1].upper() + name[1:].replace("_", " "))
 

@@ -61,11 +61,11 @@ def _grid(
     """Rows below the heads. An interval stands below its value where widths are given: columns are
     as wide whatever the rows, so that rows may follow one by one."""
     shown = Grid(box=None, pad_edge=False, header_style="")
-    for place, head in enumerate(table.heads):
+    for k, head in enumerate(table.heads):
         shown.add_column(
             printable(head),
-            justify="right" if widths and place else "left",
-            width=widths[place] if widths else None,
+            justify="right" if widths and k else "left",
+            width=widths[k] if widths else None,
         )
     for cells in rows:
         texts = [printable(cell) for cell in cells]
@@ -76,7 +76,7 @@ def _grid(
 
 
 def last_line(table: Table | None, page: str) -> str:
-    """Next commands, and the place of the page."""
+    """The next command, and where the page is."""
     if table is not None and table.data.seeds.max() == 1:
         return f"One seed decides nothing: make reproduce QUICK=1 · page: {page}"
     return f"page: {page}"

@@ -43,7 +43,10 @@ def two_digits(value: Any) -> str:
 
 def percent(value: float | None) -> str:
     """A fraction in percent, one decimal where it is not whole."""
-    return "–" if value is None else f"{100 * value:.1f}".removesuffix(".0")
+    if value is None:
+        return "–"
+    text = f"{100 * value:.1f}".removesuffix(".0")
+    return "0" if text == "-0" else text
 
 
 def points(difference: float | None) -> str:
@@ -118,6 +121,24 @@ def kind_of(origin: str) -> str:
     """The kind of frames by their origin: ``captured`` by a camera, ``computed`` from measured
     matrices of a fibre, or ``simulated``."""
     return origin if origin in (COMPUTED, SIMULATED) else CAPTURED
+
+
+_SPLITS = {
+    "random": "random split",
+    "ordered": "split by time",
+    "session": "split by session",
+}
+
+
+def split_name(split: Mapping[str, Any]) -> str:
+    """A split of a config in words: ``random split, 20 % test``; nothing where it is unknown."""
+    kind = split.get("kind")
+    if kind is None:
+        return ""
+    name = _SPLITS.get(kind, f"split by {split.get('group')}")
+    if kind == "session":  # one session trains, another tests
+        return name
+    return f"{name}, {100 * split['test_fraction']:.0f} % test"
 
 
 def frames_of(rows: Iterable[Mapping[str, Any]]) -> str:

@@ -31,8 +31,9 @@ class Adopted(NamedTuple):
 def adopt(own: Path, reference: Path) -> Adopted:
     """Take over what finished steps of the whole reproduction made, or found made.
 
-    None of other revisions enters, and none with changes that are in no commit. What belongs to no
-    step any more leaves the reference.
+    None of other revisions enters, and none with changes that are in no commit; a step of which
+    nothing may enter stays as the reference has it. What belongs to no step any more leaves the
+    reference.
 
     Args:
         own: folder of own results.
@@ -44,27 +45,43 @@ def adopt(own: Path, reference: Path) -> Adopted:
         key: row for key, row in times.items() if row["status"] == took.FINISHED
     }
     names = {f"{WHOLE}/{step}" for step, mode in finished if mode == WHOLE}
-    others = {f"{WHOLE}/{step}" for step in known} - names
     ours, before = Results(own).finished, Results(reference).finished
-    entering = [r for r in ours if names & {*r.steps} and _may_enter(r)]
-    stay = {r.id: r for r in before if others & {*r.steps}}
+    made = [record for record in ours if names & {*record.steps}]
+    entering = [record for record in made if _may_enter(record)]
+    # A step of which nothing may enter stays as the reference has it.
+    refused = _steps_of(made) - _steps_of(entering)
+    names &= _steps_of(entering)
+    every = {f"{WHOLE}/{step}" for step in known}
+    for record in before:
+        record.steps = sorted((every - names) & {*record.steps})
+    stay = {record.id: record for record in before if record.steps}
+    for record in entering:
+        shared = stay[record.id].steps if record.id in stay else []
+        record.steps = sorted(every & {*record.steps, *shared})
     records = stay | {record.id: record for record in entering}
-    for record in records.values():
-        record.steps = sorted((names | others) & {*record.steps})
     store.write_all(reference, (records[name] for name in sorted(records)))
-    _take_times(reference, finished, known)
+    taken = {
+        (step, mode): row
+        for (step, mode), row in finished.items()
+        if f"{mode}/{step}" not in refused
+    }
+    _take_times(reference, taken, known)
     left = {record.id for record in before}.difference(records)
     return Adopted(len(entering), len(left), len(ours) - len(entering))
 
 
 def _take_times(
-    reference: Path, finished: dict[tuple[str, str], took.Row], known: set[str]
+    reference: Path, finished: dict[tuple[str, str], took.Call], known: set[str]
 ) -> None:
     """Add the times of finished steps to the reference; steps that left lose theirs."""
     rows = took.read(reference) | finished
     kept = [row for key, row in rows.items() if key[0] in known]
     if kept:
         took.write(reference, kept)
+
+
+def _steps_of(records: Iterable[Record]) -> set[str]:
+    return {step for record in records for step in record.steps}
 
 
 def _may_enter(record: Record) -> bool:

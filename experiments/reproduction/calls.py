@@ -20,7 +20,7 @@ from experiments.records.files import ROOT
 from experiments.records.locks import LEFT
 from experiments.records.record import STEP
 from experiments.reproduction.steps import LANES, Step, cost_text
-from experiments.reproduction.took import FINISHED, INTERRUPTED, Row, begin, end
+from experiments.reproduction.took import FINISHED, INTERRUPTED, Call, begin, end
 
 _UNIT = {"darwin": 1}.get(sys.platform, 1024)  # bytes that the system counts memory in
 _INTERRUPTED = (
@@ -164,7 +164,7 @@ def carry_out(
     if not step.timed:
         environment["OMP_NUM_THREADS"] = "1"
     command = [sys.executable, "-m", *step.all_words]
-    row: Row = {
+    row: Call = {
         "step": step.name,
         "mode": mode,
         "command": step.command,

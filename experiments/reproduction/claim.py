@@ -20,10 +20,8 @@ from experiments.reporting.table import Table, records
 from experiments.reporting.text import printable
 from experiments.studies.claims import frozen, rules, view
 
-WORDS = (
-    "word",
-    "verdict",
-)  # columns with a word of the rules, of which the first counts
+# Columns with a word of the rules, of which the first counts.
+WORDS = ("word", "verdict")
 
 
 def show(name: str, own: Path, console: Console) -> None:

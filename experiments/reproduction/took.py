@@ -14,25 +14,25 @@ from hdc.io import write_atomically
 FILE = "reproduce.csv"
 FINISHED, INTERRUPTED = "finished", "interrupted"
 
+Call = dict[str, Any]
+"""A line of reproduce.csv, by column."""
 
-Row = dict[str, Any]
 
-
-def begin(results: Path, row: Row) -> Row | None:
+def begin(results: Path, row: Call) -> Call | None:
     """Put a call of a step that begins into reproduce.csv, as one that broke off: so it stays after
     a kill. Returns the row of earlier calls, if there were any."""
     rows = read(results)
     known = rows.get((row["step"], row["mode"]))
     if known and plain(known["command"]) != plain(row["command"]):
         known = None  # another command begins anew, another launcher does not
-    seconds = known["seconds"] if known else 0.0
+    spent = {key: known[key] for key in ("seconds", "peak_bytes")} if known else {}
     if not _is_whole(known, row):
-        begun = {**row, "seconds": seconds, "status": INTERRUPTED}
+        begun = {**row, **spent, "status": INTERRUPTED}
         write(results, {**rows, (row["step"], row["mode"]): begun}.values())
     return known
 
 
-def end(results: Path, row: Row, known: Row | None) -> None:
+def end(results: Path, row: Call, known: Call | None) -> None:
     """Put a call of a step that has ended into its row of reproduce.csv.
 
     Seconds of calls that broke off add up with those of the call that finished the step. Of calls
@@ -58,7 +58,7 @@ def end(results: Path, row: Row, known: Row | None) -> None:
     write(results, rows.values())
 
 
-def _is_whole(known: Row | None, row: Row) -> bool:
+def _is_whole(known: Call | None, row: Call) -> bool:
     """Whether earlier calls finished the step by the same commit."""
     if known is None:
         return False
@@ -70,13 +70,13 @@ def wall_seconds(row: Mapping[str, Any]) -> float:
     return float(row["seconds"]) / float(row["lanes"])
 
 
-def write(results: Path, rows: Iterable[Row]) -> None:
+def write(results: Path, rows: Iterable[Call]) -> None:
     """Write reproduce.csv."""
     text = pd.DataFrame(list(rows)).to_csv(index=False, lineterminator="\n")
     write_atomically(results / FILE, text)
 
 
-def read(results: Path) -> dict[tuple[str, str], Row]:
+def read(results: Path) -> dict[tuple[str, str], Call]:
     """Rows of reproduce.csv by step and mode."""
     path = results / FILE
     if not path.is_file():

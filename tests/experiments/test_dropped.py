@@ -48,8 +48,7 @@ NAMES = sorted({measured.name for measured in MEASUREMENTS})
 def reduced(runs, measurements):
     """The committed results with these runs and measurements alone."""
     results = copy.copy(RESULTS)
-    results.__dict__ |= {"runs": runs, "measurements": measurements}
-    results.__dict__.pop("_frames", None)
+    results.__dict__ |= {"runs": runs, "measurements": measurements, "_frames": {}}
     return results
 
 

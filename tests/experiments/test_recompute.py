@@ -74,21 +74,8 @@ def recording_rows(rng, models, seeds, draws, packed):
     return rows
 
 
-def predicting(row):
-    """A row of drift with what was predicted in place of the counts; every truth is class 1."""
-    row = dict(row)
-    answers = []
-    for session in ("new", "old"):
-        right, asked = row.pop(f"right_{session}"), row[f"n_test_{session}"]
-        answers += [1] * right + [0] * (asked - right)
-    row["predicted"] = pack_labels(np.array(answers))
-    if row["method"] == "stored":
-        row["labels"] = pack_labels(np.ones(len(answers), int))
-    return row
-
-
 @pytest.fixture
-def every_study(write_measurement, write_run):
+def every_study(write_measurement, write_run, predicting):
     """Records of every study that a claim rests on, but with invented numbers."""
     rng = np.random.default_rng(35)
 
@@ -120,7 +107,7 @@ def every_study(write_measurement, write_run):
                     "n_new": n_new,
                     "right_new": right,
                 }
-                rows.append(row if scene == "drift" else predicting(row))
+                rows.append(predicting(row))
         write("drift", rows, scene)
     for scene in ("touch", "fibre"):
         rows = [

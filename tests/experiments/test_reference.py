@@ -140,6 +140,51 @@ def test_a_step_that_other_code_began_again_and_that_broke_off_stays_outside(
     assert models_of(target) == ["hdc"]
 
 
+@pytest.mark.parametrize(
+    "refused", [{"environment": {"dirty": True}}, {"made_by": OLD}], ids=str
+)
+def test_a_step_of_which_nothing_may_enter_leaves_the_reference_as_it_is(
+    tmp_path, target, write_run, in_step, refused
+):
+    in_step("table1")
+    write_run("hdc", wrong=[0])
+    a_step(tmp_path, "table1")
+    adopt(tmp_path, target)
+    before = (target / "records.jsonl").read_bytes()
+    times = took.read(target)
+    write_run("hdc", wrong=range(9), **refused)
+    a_step(tmp_path, "table1", commit="d" * 40)
+    assert adopt(tmp_path, target) == Adopted(0, 0, 1)
+    assert (target / "records.jsonl").read_bytes() == before
+    assert took.read(target) == times
+
+
+def test_a_record_of_two_steps_stays_until_both_are_taken_over_without_it(
+    tmp_path, target, write_run, in_step
+):
+    first, second, _ = STEPS
+    in_step(first)
+    shared = write_run("hdc")
+    a_step(tmp_path, first)
+    in_step(second)  # which finds it finished
+    store.made_before(tmp_path, shared)
+    a_step(tmp_path, second)
+    adopt(tmp_path, target)
+    # Elsewhere the first step alone is called: it makes the record again, then another one.
+    for model in ("hdc", "softmax"):
+        (tmp_path / "records.jsonl").unlink()
+        (tmp_path / took.FILE).unlink()
+        in_step(first)
+        write_run(model)
+        a_step(tmp_path, first)
+        assert adopt(tmp_path, target).left == 0
+    (kept,) = (run for run in Results(target).runs if run.id == shared)
+    assert kept.steps == [f"full/{second}"]
+    (tmp_path / "records.jsonl").unlink()
+    a_step(tmp_path, second)  # whose records were lost: it takes nothing away
+    assert adopt(tmp_path, target).left == 0
+
+
 def test_what_was_started_by_hand_stays_outside(tmp_path, target, write_run):
     write_run("hdc")
     a_step(tmp_path, "table1")

@@ -181,6 +181,7 @@ def test_a_call_that_is_killed_is_one_that_broke_off(tmp_path):
         took.begin(tmp_path, {**row, "commit": commit})
         (found,) = took.read(tmp_path).values()
         assert (found["seconds"], found["status"]) == (40, status)
+        assert found["peak_bytes"] == 7  # what earlier calls needed is not forgotten
 
 
 # Two at a time ------------------------------------------------------------------------------------

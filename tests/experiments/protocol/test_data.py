@@ -211,3 +211,14 @@ def test_frames_are_made_again_for_another_revision_of_their_scene(
     monkeypatch.setattr(Frames, "revision", 99, raising=False)
     data.cached(scene, tmp_path, QUIET)
     assert len(list(tmp_path.glob("*.npy"))) == 2
+
+
+def test_frames_are_made_again_for_other_code_of_an_own_part(tmp_path, monkeypatch):
+    """A contact of one's own, say: the fingerprint has its parameters, not its code."""
+    scene, config = make_scene(), {"contact": {"_target_": "an_own_press.Press"}}
+    for digest in ("first", "first", "second"):
+        monkeypatch.setattr(
+            data.revision, "_of_target", lambda *_, digest=digest: {"a.py": digest}
+        )
+        data.cached(scene, tmp_path, QUIET, config)
+    assert len(list(tmp_path.glob("*.npy"))) == 2

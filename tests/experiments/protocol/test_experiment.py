@@ -2,6 +2,8 @@
 
 import io
 import itertools
+import sys
+import types
 
 import numpy as np
 import pytest
@@ -149,6 +151,22 @@ def test_frames_that_no_config_determines_are_known_by_their_content(
     # A computed scene is determined by its config, and so is what is no scene.
     for scene in (SENSOR, {"path": "x"}, "touch", None):
         assert counting(scene=scene).data == ""
+
+
+def test_a_scene_of_an_own_class_is_known_by_its_content(results, monkeypatch):
+    class Own:
+        content = "first"
+
+        def fingerprint(self):
+            return self.content
+
+    laboratory = types.ModuleType("laboratory")
+    laboratory.Own, Own.__module__ = Own, "laboratory"
+    monkeypatch.setitem(sys.modules, "laboratory", laboratory)
+    for Own.content in ("first", "second"):
+        record = counting(scene={"_target_": "laboratory.Own"})
+        assert record.data == Own.content
+    assert len(RUNS) == 2
 
 
 def test_a_part_is_kept_under_name_config_key_and_data_unless_forced(results):

@@ -46,6 +46,21 @@ def test_a_run_says_what_it_was_and_what_came_out(
     assert 0 < entry.training_s < 10
 
 
+def test_a_run_without_the_models_beside_it_that_are_asked_for_is_made_again(
+    carry_out, results
+):
+    """Their times do not determine its id."""
+    beside = "+beside.same.model._target_=hdc.HDCClassifier"
+    alone = carry_out()
+    both = carry_out(beside)
+    assert (both.id, list(both.beside_s)) == (alone.id, ["same"])
+    assert not carry_out.repeated
+    for overrides in ([beside], []):
+        assert carry_out(*overrides).beside_s == both.beside_s
+        assert carry_out.repeated
+    assert the_record(results) == both
+
+
 IDENTITY = ["seed.run=1", "seed.pixels=7", "split.kind=ordered", "split.n_train=20",
             "data.pixels=100", "model.readout.ties=one", "scene.subsample=2"]  # fmt: skip
 

@@ -27,7 +27,7 @@ def test_lines_of_an_experiment_have_what_their_rows_and_records_have(
 
 def test_there_are_no_lines_without_records(tmp_path):
     assert len(Results(tmp_path).frame(RUNS, "drift")) == 0
-    assert not Groups.of(Results(tmp_path).frame(RUNS))
+    assert list(Groups.of(Results(tmp_path).frame(RUNS))) == []
 
 
 def test_runs_are_lines_and_their_groups_are_those_of_the_results(tmp_path, write_run):
@@ -42,3 +42,38 @@ def test_runs_are_lines_and_their_groups_are_those_of_the_results(tmp_path, writ
     ]
     (group,) = Groups.of(frame)
     assert group == Groups(results.runs).group(group.scene, "hdc")
+
+
+def of_models(*names, seeds=(0, 1), **more):
+    """Config and scene of a measurement of some models."""
+    config = {"models": {name: {} for name in names}, "seeds": list(seeds), **more}
+    return {"config": config, "scene": "gelsight"}
+
+
+def test_models_that_were_measured_apart_stand_beside_the_others(
+    tmp_path, write_measurement
+):
+    """A form that takes long is measured by a call of its own, with fewer seeds."""
+    for changes, model, entry in (
+        (0, "hdc", of_models("hdc", "ridge")),
+        (3, "bits_chosen", of_models("bits_chosen", seeds=[0])),
+        (1, "hdc", of_models("hdc", p=0.5)),  # a model that is there
+        (3, "cnn1", of_models("cnn1", p=0.5)),  # of other settings
+        (3, "cnn3", of_models("cnn3", seeds=[2])),  # of other seeds
+    ):
+        changed = {f"key_{k}": "1" for k in range(changes)}
+        row = {"model": model, "right": 5, "seed": 0}
+        write_measurement("robustness", [row], changed=changed, **entry)
+    frame = Results(tmp_path).frame("robustness")
+    found = frame.config.map(lambda config: "p" in config)
+    assert set(zip(frame.model, found, strict=True)) == {
+        ("hdc", False),
+        ("bits_chosen", False),
+    }
+
+
+def test_times_of_two_calls_do_not_stand_beside_each_other(tmp_path, write_measurement):
+    for model in ("hdc", "ridge"):
+        row = {"model": model, "fit_s": 1.0}
+        write_measurement("recording_costs", [row], **of_models(model))
+    assert len(Results(tmp_path).frame("recording_costs")) == 1

@@ -174,3 +174,32 @@ def test_a_model_and_a_scene_of_no_file_are_shown_as_their_records_say(
     scenes = [configs.scene_display(scene)["name"] for scene in ("mine", "others")]
     assert scenes == ["My sensor", "others"]
     assert configs.scene_display("touch")["name"] != "My sensor"
+
+
+@pytest.mark.parametrize("first", [1, 2, 3])
+def test_of_measurements_changed_equally_little_the_last_one_counts(
+    tmp_path, write_measurement, first
+):
+    """As after a change of the experiment's own file: an id says nothing of the time."""
+    for n in (first, 4 - first, first):
+        config = {"n_test": n}  # not that of the file
+        write_measurement("drift", [{"n": n}], scene="drift", config=config)
+        assert Results(tmp_path).frame("drift").n.tolist() == [n]
+    write_measurement("drift", [{"n": 0}], scene="drift")  # nothing was changed
+    write_measurement("drift", [{"n": 1}], scene="drift", config={"n_test": 1})
+    assert Results(tmp_path).frame("drift").n.tolist() == [0]
+
+
+def test_runs_of_todays_files_come_before_more_of_files_as_they_were(
+    tmp_path, write_run
+):
+    curve = [{"training_s": 1.0, "loss": 1.0}]
+    for seed in range(3):
+        write_run("softmax", seed=seed, curve=curve, change={"model.lr": 0.5})
+    write_run("softmax", seed=7, curve=curve)
+    runs = Results(tmp_path).runs
+    for run in runs:  # as when the file of the model had 0.5
+        run.changed = {}
+    group = Groups(runs).group("touch", "softmax")
+    assert [run.seed for run in group.runs] == [7]
+    assert group.others == 3

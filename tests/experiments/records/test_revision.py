@@ -126,6 +126,13 @@ def test_the_file_of_an_own_module_counts_with_those_beside_it(own_module):
         before = revisions(OWN)
 
 
+def test_own_parts_of_a_config_are_told_from_others(own_module):
+    found = revision.of_own({"encoder": HDC, **OWN})
+    assert set(found) > {"an_own_model.Mine", "an_own_model.py", "an_own_helper.py"}
+    assert "hdc.HDCClassifier" not in found
+    assert revision.of_own(HDC) == {}
+
+
 def test_modules_of_an_own_package_count(own_module):
     package = own_module / "an_own_package"
     (package / "parts").mkdir(parents=True)
@@ -141,6 +148,21 @@ def test_modules_of_an_own_package_count(own_module):
     assert {"models.py", "layers.py", "parts/__init__.py", "parts/deep.py"} <= set(
         found
     )
+
+
+def test_a_module_counts_that_a_package_inside_its_own_imports_by_its_full_name(
+    own_module,
+):
+    inner = own_module / "an_own_outer_package" / "nets"
+    inner.mkdir(parents=True)
+    (inner.parent / "layers.py").write_text("a = 1\n")
+    for folder in (inner, inner.parent):
+        (folder / "__init__.py").write_text("")
+    (inner / "models.py").write_text(
+        "from an_own_outer_package.layers import a\n\nclass Mine:\n    pass\n"
+    )
+    found = revisions({"_target_": "an_own_outer_package.nets.models.Mine"})
+    assert {"models.py", "../layers.py"} <= set(found)
 
 
 def test_an_own_module_that_cannot_be_found_counts_as_unchanged(

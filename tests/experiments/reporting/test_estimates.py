@@ -43,6 +43,20 @@ def test_one_seed_has_wilsons_interval():
     assert mean_share([0.97], 100) == pytest.approx((0.97, wilson.low, wilson.high))
 
 
+def test_seeds_of_one_recording_are_no_repetitions(tmp_path, write_run):
+    """The same frames test whatever the seed: five seeds know no more than one."""
+    for seed in range(5):
+        write_run("hdc", seed=seed, origin="measured", wrong=range(10))
+        write_run("softmax", seed=seed, origin="measured", wrong=range(5, 10))
+    groups = Groups(Results(tmp_path).runs)
+    hdc, softmax = (groups.group("touch", model) for model in ("hdc", "softmax"))
+    wilson = binomtest(90, 100).proportion_ci(0.95, "wilson")
+    assert estimates.share(hdc) == pytest.approx((0.9, wilson.low, wilson.high))
+    difference = estimates.difference(softmax.runs, hdc.runs)
+    assert difference.value == pytest.approx(0.05)
+    assert np.isnan(difference[1:]).all()
+
+
 def test_differences_of_accuracies_lie_between_minus_one_and_one():
     low = mean_difference([-1.0, -0.2, -0.9], 100)
     high = mean_difference([1.0, 0.2, 0.9], 100)
@@ -52,12 +66,28 @@ def test_differences_of_accuracies_lie_between_minus_one_and_one():
 def test_a_training_lasts_until_90_percent_or_until_it_is_done():
     def run(reached, iterative=True):
         times = {"training_s": 7.0, "time_to_target_train_s": reached}
-        return SimpleNamespace(iterative=iterative, **times)
+        return SimpleNamespace(iterative=iterative, solved=False, **times)
 
     times = [
         estimates.training_time(r) for r in (run(2.0), run(None), run(None, False))
     ]
     assert times == [2.0, math.inf, 7.0]
+
+
+def test_a_solved_model_below_90_percent_took_the_time_of_its_solution(
+    tmp_path, write_run
+):
+    solved = {"training_s": 7.0, "epoch": 1.0, "loss": 0.1, "train_accuracy": 0.8}
+    write_run("ridge", curve=[solved])
+    write_run("softmax", curve=[solved | {"steps": 20}])
+    ridge, softmax = Results(tmp_path).runs
+    for run, ended, seconds in (
+        (ridge, "finished", 7.0),
+        (ridge, "budget", math.inf),
+        (softmax, "finished", math.inf),
+    ):
+        run.stop = ended
+        assert estimates.training_time(run) == seconds
 
 
 def test_models_differ_seed_by_seed_on_the_same_samples(tmp_path, write_run):

@@ -3,9 +3,11 @@
 import numpy as np
 import pytest
 from matplotlib import pyplot as plt
+from matplotlib.text import Text
 
 from experiments.records import configs
 from experiments.reporting import curves, plot
+from experiments.reporting.labels import name_points
 from experiments.reporting.study import WIDTH
 
 MODELS = sorted(path.stem for path in (configs.CONFIGS / "model").glob("*.yaml"))
@@ -68,3 +70,23 @@ def test_text_of_a_figure_keeps_its_digits():
     drawn = plot.save(figure, "svg").decode()
     assert "C = 0.0551" in drawn
     assert "0.123456" not in drawn
+
+
+def test_names_of_near_points_cover_neither_each_other_nor_a_point():
+    figure = plt.figure(figsize=(3, 2), dpi=100)
+    axes = figure.subplots()
+    points = np.array([[1.0, 5.0], [1.1, 4.9], [1.2, 4.8], [1.3, 4.7], [9, 0], [9, 9]])
+    axes.plot(*points.T, "o", ms=4)
+    figure.draw_without_rendering()
+    names = {k: f"a model of a long name {k}" for k in range(5)}
+    name_points(axes, points, names)
+    figure.draw_without_rendering()
+    renderer = figure.canvas.get_renderer()
+    boxes = [Text.get_window_extent(text, renderer) for text in axes.texts]
+    assert [text.get_text() for text in axes.texts] == list(names.values())
+    for k, box in enumerate(boxes):
+        assert not box.count_overlaps(boxes[:k])
+        assert not any(box.contains(*at) for at in axes.transData.transform(points))
+        assert axes.bbox.containsx(box.x0)
+        assert axes.bbox.containsx(box.x1)
+    plt.close(figure)

@@ -101,3 +101,9 @@ def test_bounds_stand_in_the_cell_of_their_value():
 )  # fmt: skip
 def test_three_digits(value, text):
     assert number(value) == text
+
+
+def test_a_share_that_rounds_to_zero_has_no_sign():
+    assert [percent(x) for x in (-0.0004, 0.0004, -0.004, 0.5, None)] == [
+        "0", "0", "-0.4", "50", "–",
+    ]  # fmt: skip
