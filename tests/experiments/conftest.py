@@ -26,7 +26,7 @@ from experiments.records import configs, record, store
 from experiments.records.configs import CONFIGS
 from experiments.records.environment import environment
 from experiments.records.revision import revisions
-from experiments.records.rows import Rows
+from experiments.records.rows import Rows, pack_labels
 from experiments.records.run import Finished, Unfinished
 
 
@@ -242,6 +242,23 @@ def write_measurement(tmp_path):
         return entry
 
     return write
+
+
+@pytest.fixture
+def predicting():
+    """predicting(row) → a row of drift with what was predicted in place of ``right_new`` and
+    ``right_old``, how many were right; every truth is class 1."""
+
+    def pack(row):
+        row, answers = dict(row), []
+        for session in ("new", "old"):
+            right, asked = row.pop(f"right_{session}"), row[f"n_test_{session}"]
+            answers += [1] * right + [0] * (asked - right)
+        row["predicted"] = pack_labels(answers)
+        row["labels"] = pack_labels([1] * len(answers))
+        return row
+
+    return pack
 
 
 @pytest.fixture

@@ -3,7 +3,8 @@ the verdicts of contest.csv.
 
     python -m tests.experiments.recompute_claims results/reference
 
-Reads ``records.jsonl``, the frozen rules and the two tables with json, csv, YAML and numpy. It follows docs/claims.md, not the code that made the table.
+Reads ``records.jsonl``, the frozen rules and the two tables with json, csv, YAML and numpy.
+It follows docs/claims.md, not the code that made the tables.
 Exits 1 and names each cell on which the two disagree.
 """
 
@@ -171,7 +172,8 @@ def of_drift(folder: Folder, rules: dict, name: str) -> dict | None:
             continue
         share = np.array([m["after"] - m["new"] for m in means]) / lost
         if kind in claim["decide"] and len(share) > 1:
-            evidence.append((lab, float(share.mean()), share.var(ddof=1) / len(share)))
+            seeds = 1 if kind == "captured" else len(share)  # else they share frames
+            evidence.append((lab, float(share.mean()), share.var(ddof=1) / seeds))
             kinds.append(kind)
     if not evidence:
         return None
@@ -181,8 +183,6 @@ def of_drift(folder: Folder, rules: dict, name: str) -> dict | None:
 def of_sessions(row: dict, truths: dict) -> tuple[float, float]:
     """Share of right answers in the new and in the old session."""
     n_new, n_old = row["n_test_new"], row["n_test_old"]
-    if "right_new" in row:
-        return row["right_new"] / n_new, row["right_old"] / n_old
     right = labels(row["predicted"]) == truths[row["seed"], row["order"]]
     return right[:n_new].sum() / n_new, right[n_new:].sum() / n_old
 
@@ -205,7 +205,7 @@ def of_flips(folder: Folder, rules: dict, name: str, level: float) -> dict | Non
                 flipped.setdefault(row["seed"], []).append(share)
         both = sorted(clean.keys() & flipped.keys())
         less = np.array([np.mean(flipped[s]) - np.mean(clean[s]) for s in both])
-        variance = spread(less, rows[0]["n_test"], seeds=True)
+        variance = spread(less, rows[0]["n_test"], seeds=kind != "captured")
         if kind in claim["decide"] and not math.isnan(variance):
             evidence.append((lab, float(less.mean()), variance))
             kinds.append(kind)

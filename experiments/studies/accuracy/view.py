@@ -18,10 +18,11 @@ from experiments.records.run import Finished
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import display_name
 from experiments.reporting.curves import accuracy_curves, published_point
-from experiments.reporting.plot import handle, literal, star, title
+from experiments.reporting.plot import by_panel, handle, literal, title
 from experiments.reporting.rows import Row, caption, row, swept
-from experiments.reporting.study import RUN, Numbers, Plot, Quantity, Study
+from experiments.reporting.study import RUN, WIDTH, Numbers, Plot, Quantity, Study
 from experiments.reporting.table import Table, frame
+from experiments.reporting.text import split_name
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
 SHOWN = (
@@ -103,52 +104,38 @@ def _crossing(of_seed: Sequence[Finished]) -> float:
     return estimates.crossing(sizes, accuracies)
 
 
-def _chance(runs: Groups) -> float:
-    """Accuracy of guessing in the sweep over N, in percent; NaN without a run."""
-    scene = configs.sweep("accuracy_vs_n")["scene"][0]
-    for run in runs.runs:
-        if run.scene_label == scene:
-            return 100 / len(run.scene.classes)
-    return math.nan
-
-
 def draw_accuracies(figure: Figure, of: pd.DataFrame) -> None:
-    """Test accuracy against the number of training samples (Fig. 5(b) of the paper)."""
+    """Test accuracy against the number of training samples (Fig. 5(b) of the paper): the paper's
+    models and fast ones first, then the others."""
     runs = Groups.of(of)
     lines = rows(runs, "accuracy_vs_n")
     with_runs = [line for line in lines if line["seeds"]]
     measured = list(dict.fromkeys(line["model"] for line in with_runs))
     known_models = configs.models("paper", "fast")
-    above = [model for model in known_models if model in measured]
-    below = [model for model in measured if model not in above]
-    panels = figure.subplots(2, 1, sharex=True)
-    for axes, models in zip(panels, (above, below), strict=True):
+    first = [model for model in known_models if model in measured]
+    shown = by_panel([*first, *(model for model in measured if model not in first)])
+    figure.set_size_inches(WIDTH, 0.8 + 2.4 * len(shown))
+    panels = [*figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]]
+    scene = configs.sweep("accuracy_vs_n")["scene"][0]
+    run = next(run for run in runs.runs if run.scene_label == scene)
+    chance = 100 / len(run.scene.classes)
+    for axes, models in zip(panels, shown, strict=True):
         accuracy_curves(axes, lines, models, "n_train", [N_PUBLISHED])
-        handles = [handle(model) for model in models]
-        if models is above:
-            handles.append(star("paper, Table I"))
-        axes.legend(handles=handles, loc="lower right")
-        chance = _chance(runs)
-        axes.axhline(
-            chance,
-            color="0.5",
-            lw=0.7,
-            ls=":",
-            zorder=0,
-        )
-    _draw_published(panels, above)
-    sizes = panels[1].xaxis
+        axes.legend(handles=list(map(handle, models)), loc="lower right")
+        axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
+    _draw_published(panels, shown[0])
+    sizes = panels[-1].xaxis
     sizes.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400]))
     sizes.set_minor_locator(NullLocator())
     sizes.set_major_formatter(FuncFormatter(lambda n, _: f"{n:g}"))
-    panels[1].set_xlabel("training samples N")
+    panels[-1].set_xlabel("training samples N")
     text = "Test accuracy against training samples"
-    title(figure, panels[0], text, lines, measured, measured)
+    title(figure, panels[0], text, lines, split_name(run.config["split"]))
 
 
 def _draw_published(panels: Sequence[Axes], shown: Sequence[str]) -> None:
-    """The paper's accuracies as stars, named where the model has no line, and its least N for 90 %
-    as dashed lines."""
+    """The paper's accuracies as stars, named where the model has no line beside them, and its least
+    N for 90 % as dashed lines."""
     known = published.numbers()
     drawn: list[float] = []
     names: dict[float, list[str]] = {}
@@ -224,8 +211,8 @@ STUDY = Study(
             "accuracy_vs_n",
             draw_accuracies,
             of=RUNS,
-            caption="Test accuracy against the number of training samples (Fig. 5(b)); "
-            "dotted: chance.",
+            caption="Test accuracy against the number of training samples (Fig. 5(b)). Stars: the "
+            "paper's Table I. Dotted: chance.",
             size=(3.4, 5.6),
             needs=lambda lines: bool(rows(Groups.of(lines), "accuracy_vs_n")),
             commands=[f"{RUN}accuracy_vs_n"],

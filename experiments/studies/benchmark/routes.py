@@ -1,7 +1,7 @@
 """Every way to carry out an operation on the same bytes: ours, the peers', the machine's limits.
 
-:data:`OPERATIONS` is the registry: a function an operation, which yields its routes for a case. The
-routes of a case share its inputs, in the form that their users have at hand. A call prepares
+:data:`OPERATIONS` is the registry: a function per operation, which yields its routes for a case.
+The routes of a case share its inputs, in the form that their users have at hand. A call prepares
 anything else that it needs when it is first made, which is not timed.
 """
 
@@ -49,7 +49,7 @@ def encode_routes(case: Case) -> Iterator[Route]:
 
 def bundle_routes(case: Case) -> Iterator[Route]:
     """Hypervectors to prototypes."""
-    # As torchhd has them, a byte a bit.
+    # As torchhd has them, a byte per bit.
     classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
     yield from ours(lambda backend: partial(count, case, backend))
     yield Route(names.TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 import msgspec
@@ -31,6 +31,7 @@ from experiments.studies.claims.rules import NO, UNDECIDED, YES
 
 RULES_3 = PATH.with_name("rules_3.yaml")
 NOT_MEASURED = "not measured yet"
+NO_EVIDENCE = "no evidence: saturated, too few frames, or one resample"
 
 
 class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -115,6 +116,19 @@ def measured(evidence: Evidence, model: str = "") -> dict[str, Measured]:
     return found
 
 
+def missing(evidence: Evidence) -> list[str]:
+    """Recordings of the rules on which the two families were not asked yet: before that there is no
+    verdict across laboratories."""
+    frozen = rules()
+    every, there = evidence.accuracies(frozen.experiment), entering(evidence)
+    both = {frozen.bits, frozen.greys}
+    return [
+        scene
+        for scene in frozen.recordings
+        if scene not in there or not both <= set(every[scene].models)
+    ]
+
+
 def confirmed(evidence: Evidence) -> dict[str, Estimate]:
     """Bits minus greys on each confirmatory recording, with the interval over its test objects."""
     rows = entering(evidence)
@@ -160,7 +174,7 @@ def over_objects(counts: np.ndarray) -> Estimate:
     """The mean difference of frames, with the central 95 % of resampled objects.
 
     Args:
-        counts: of each test object, right of bits less right of greys, and frames, [M, 2].
+        counts: of each test object, right of bits minus right of greys, and frames, [M, 2].
     """
     random = np.random.default_rng(0)
     n = len(counts)
@@ -207,16 +221,22 @@ def contest(frame: pd.DataFrame) -> pd.DataFrame:
     evidence = Evidence(frame)
     bits = measured(evidence)
     listed = rules().recordings
-    rows = [_row("bits", "all laboratories", bits, judged=True)]
-    for name in dict.fromkeys(each.laboratory for each in listed.values()):
-        own = {scene: one for scene, one in bits.items() if one.laboratory == name}
+    complete = not missing(evidence)
+    rows = [_row("bits", "all laboratories", bits, judged=complete)]
+    by_laboratory: dict[str, list[str]] = {}
+    for scene, each in listed.items():
+        by_laboratory.setdefault(each.laboratory, []).append(scene)
+    for name, scenes in by_laboratory.items():
+        own = {scene: bits[scene] for scene in scenes if scene in bits}
         others = {scene: bits[scene] for scene in bits if own and scene not in own}
-        rows.append(_row("bits", f"without {name}", others, judged=True))
-        rows.append(_row("bits", f"{name} alone", own))
+        why = {} if verdict(own) else _why_none(evidence, scenes)
+        rows.append(_row("bits", f"without {name}", others, judged=complete) | why)
+        rows.append(_row("bits", f"{name} alone", own) | why)
     by_objects = confirmed(evidence)
     for scene, each in listed.items():
         if each.status == CONFIRMATORY:
-            rows.append(_by_objects(scene, by_objects.get(scene)))
+            why = {} if scene in by_objects else _why_none(evidence, [scene])
+            rows.append(_by_objects(scene, by_objects.get(scene)) | why)
     rows += [
         _row(model, "all laboratories", measured(evidence, model))
         for model in _beside()
@@ -234,7 +254,16 @@ def _row(
         return row
     row |= {"laboratories": whole.units, **whole.equal.columns("equal")}
     row |= whole.random.columns("random")
-    return {**row, "word": whole.word} if judged else row
+    return {**row, "word": whole.word} if judged else row  # no word on a part of them
+
+
+def _why_none(evidence: Evidence, scenes: Sequence[str]) -> dict[str, Any]:
+    """Why recordings have no number, if both families were asked on one of them."""
+    frozen = rules()
+    every = evidence.accuracies(frozen.experiment)
+    entered = [every[scene].models for scene in scenes if scene in entering(evidence)]
+    asked = [{frozen.bits, frozen.greys} <= set(models) for models in entered]
+    return {"status": NO_EVIDENCE} if any(asked) else {}
 
 
 def _by_objects(scene: str, difference: Estimate | None) -> dict[str, Any]:
@@ -252,7 +281,7 @@ def _name(model: str) -> str:
 def _points(name: str) -> Callable[[Row], str]:
     def cell(row: Row) -> str:
         if row.get("equal") is None:
-            return NOT_MEASURED
+            return row.get("status") or NOT_MEASURED
         return Column("", points).text(name, row)
 
     return cell
@@ -265,8 +294,10 @@ def _note(_: pd.DataFrame) -> str:
         f"{points(-frozen.margin)} points, no where both upper ends lie below. Equal weights: a "
         "laboratory is one value, Student. Without one laboratory: decides nothing. By test "
         "objects: a recording that no model had classified, the central 95 % of resampled objects. "
-        f"Other models have no verdict. Rules: {RULES_3.name}, version {frozen.version} of "
-        f"{frozen.dated}, digest {digest(RULES_3)}."
+        "A recording of one resample enters nothing: its variance is unknown. Other models have no "
+        "verdict; each has the recordings on which it was asked. "
+        f"Rules: {RULES_3.name}, version {frozen.version} of {frozen.dated}, digest "
+        f"{digest(RULES_3)}."
     )
 
 

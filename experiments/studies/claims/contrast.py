@@ -22,7 +22,7 @@ PROTOTYPE = "prototype"
 def pieces(
     name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
-    """A piece for each scene and for each of what prototypes are held against."""
+    """A piece for each scene and for each of what prototypes are compared with."""
     for rows in evidence.scenes(claim.experiment).values():
         kinds = set(rows.kind)
         for rival in frozen.rivals_of(name):

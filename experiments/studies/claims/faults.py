@@ -8,10 +8,12 @@ import pandas as pd
 
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import mean_difference
+from experiments.reporting.measured import over_units
 from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import Claim, Rules
 from experiments.studies.claims.piece import (
     Piece,
+    are_sensors,
     piece_of,
     variance_of,
 )
@@ -68,8 +70,10 @@ def _piece(
     change = lost(rows, model, level)
     if not change:
         return
-    n_test = float(rows.n_test.iloc[0])
-    value = mean_difference(change, n_test)
+    n_test, sensors = float(rows.n_test.iloc[0]), are_sensors(rows)
+    value = over_units(change, seeds=False)
+    if sensors:
+        value = mean_difference(change, n_test)
     is_hdc = model == frozen.forms[claim.form]
     remark = "" if is_hdc else "beside, without a word"
     yield piece_of(
@@ -78,7 +82,7 @@ def _piece(
         rival_at(rival, level),
         f"{_shown(model)}: change by {100 * level:g} % flipped bits",
         value,
-        variance=variance_of(change, n_test, seeds=True),
+        variance=variance_of(change, n_test, seeds=sensors),
         n=f"{len(change)} seeds",
         word=rule_of(claim.rule, frozen).of_one(value) if is_hdc else "",
         enters=not remark,

@@ -12,6 +12,7 @@ import pandas as pd
 
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import Estimate
+from experiments.reporting.measured import ENDS
 from experiments.reporting.text import interval, number, two_digits
 from experiments.studies.claims import contest
 from experiments.studies.claims.evidence import Evidence
@@ -20,6 +21,8 @@ from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 from experiments.studies.claims.verdict import Verdict, equal_weights
 from experiments.studies.claims.view import JOINED, confirmatory, judged
 from experiments.studies.claims.view import OF as OF_CLAIMS
+from experiments.studies.table1.models import DESCENT
+from experiments.studies.table1.rows import AT_PAPERS, OVER_NUMPY
 
 OF = (*OF_CLAIMS, contest.rules().experiment)
 LAST = (
@@ -47,6 +50,8 @@ LOSES = {
     NO: "lose accuracy",
     UNDECIDED: "may or may not lose accuracy (undecided)",
 }
+# How near a row of the paper is: a share, and a factor of two in time.
+NEAR_SHARE = 0.05
 # Test accuracies closer than this are called equal, in points.
 EQUAL = 0.5
 
@@ -120,15 +125,20 @@ def _with_equal_weights(verdict: Verdict) -> str:
 def _contest(frame: pd.DataFrame) -> Iterator[str]:
     """Bits against grey values by rules 3, and on the recordings that no model had seen."""
     evidence = Evidence(frame)
-    found = contest.measured(evidence)
-    whole = contest.verdict(found)
+    whole = contest.verdict(contest.measured(evidence))
     if whole is None:
         return
+    listed, left = contest.rules().recordings, contest.missing(evidence)
     text = (
-        f"**Chosen alike on training frames, one to seven bits per pixel {LOSES[whole.word]} against "
-        f"grey values**: {_number(whole.equal)} with equal weights, "
+        f"**Chosen alike on training frames, one to seven bits per pixel {LOSES[whole.word]} "
+        f"against grey values**: {_number(whole.equal)} with equal weights, "
         f"{_number(whole.random)} by random effects, *{whole.word}* ({whole.units} laboratories)."
     )
+    if left:
+        text = (
+            "**Bits against grey values, chosen alike on training frames**: no verdict yet, "
+            f"{len(listed) - len(left)} of {len(listed)} recordings are measured."
+        )
     for scene, difference in contest.confirmed(evidence).items():
         word = contest.word_of(difference)
         text += f" {scene_name(scene)}, seen by no model before: {_number(difference)}, *{word}*."
@@ -190,11 +200,13 @@ def _times(found: dict[tuple[str, str], Verdict]) -> Iterator[str]:
 
 
 def _order(table1: pd.DataFrame | None) -> Iterator[str]:
-    """Test accuracies of the paper's models where training passes 90 %, and after it converged."""
+    """Test accuracies of the paper's models where training passes 90 %, and after it converged;
+    then the recipe that comes nearest to the paper's softmax."""
     if table1 is None:
         return
-    measured = table1[table1.test_accuracy_final.notna()]
-    rows = measured[measured.published_test_accuracy.notna()].set_index("model")
+    measured = table1[table1.test_accuracy_final.notna()].set_index("model")
+    rows = measured[measured.published_test_accuracy.notna()]
+    rows = rows.drop(DESCENT, errors="ignore")
     early, late = 100 * rows.test_accuracy_at_target, 100 * rows.test_accuracy_final
     if PUBLISHED not in rows.index or len(rows) < 2 or early.isna().any():
         return
@@ -208,7 +220,27 @@ def _order(table1: pd.DataFrame | None) -> Iterator[str]:
     converged = (number(of, 3) for of in ([late.min()] if equal else late))
     yield (
         f"**{head}**. Test accuracy at 90 % training accuracy: {'; '.join(listed)}. "
-        f"Converged: {', '.join(converged)} %."
+        f"Converged: {', '.join(converged)} %.{_descent(measured)}"
+    )
+
+
+def _descent(rows: pd.DataFrame) -> str:
+    """Softmax by full-batch descent from a normal start at the paper's training accuracy, and its
+    time relative to an HDC whose median sorts, as the paper's does."""
+    if DESCENT not in rows.index:
+        return ""
+    row = rows.loc[DESCENT]
+    accuracy, time = row[AT_PAPERS], row[OVER_NUMPY]
+    papers = row.published_test_accuracy, row.published_training_time_over_hdc
+    near = abs(accuracy - papers[0]) <= NEAR_SHARE and 1 / 2 <= time / papers[1] <= 2
+    shares = [100 * row[f"{AT_PAPERS}{end}"] for end in ENDS]
+    times = [row[f"{OVER_NUMPY}{end}"] for end in ENDS]
+    return (
+        " Softmax by full-batch descent from a normal start "
+        f"{'comes near' if near else 'does not come near'} the paper's row: "
+        f"{interval(*(number(x, 3) for x in shares))} % in testing where its training accuracy is "
+        f"the paper's (paper: {100 * papers[0]:g} %), and {interval(*map(two_digits, times))} "
+        f"times the training time of an HDC whose median sorts (paper: {number(papers[1], 3)})."
     )
 
 

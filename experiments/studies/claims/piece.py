@@ -11,7 +11,8 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.reporting.estimates import Estimate
+from experiments.reporting.estimates import Estimate, least_variance_of_difference
+from experiments.reporting.text import CAPTURED
 
 EXPLORATORY, CONFIRMATORY = "exploratory", "confirmatory"
 FACTORS = {"points": 100, "%": 100}  # of a unit; 1 of others
@@ -84,9 +85,9 @@ class Piece:
 
 
 def least_variance(value: float, n_test: float) -> float:
-    """Variance that a difference of two shares on the same n test frames has at least, with one
-    frame added on which they disagree (Agresti and Min, Stat. Med. 24, 729 (2005))."""
-    return (n_test * abs(value) + 1) / (n_test + 2) / n_test
+    """That of a difference of two shares of the same n test frames, which disagree on as few of
+    them as the difference leaves."""
+    return least_variance_of_difference(n_test * abs(value), n_test, n_test)
 
 
 def variance_of(values: Sequence[float], n_test: float, seeds: bool) -> float:
@@ -103,6 +104,13 @@ def variance_of(values: Sequence[float], n_test: float, seeds: bool) -> float:
     of_one = float(np.var(values, ddof=1))
     variance = max(of_one, least_variance(float(np.mean(values)), n_test))
     return variance / len(values) if seeds else variance
+
+
+def are_sensors(rows: pd.DataFrame) -> bool:
+    """Whether the seeds of some rows of one record are sensors, each with frames of its own; seeds
+    on a recording by a camera are resamples of its frames."""
+    scene = str(rows.scene.iloc[0])
+    return bool(configs.scene_display(scene)["kind"] != CAPTURED)
 
 
 def piece_of(

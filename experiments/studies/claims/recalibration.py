@@ -8,15 +8,15 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
-from experiments.reporting.estimates import mean_interval
+from experiments.reporting.measured import over_units
 from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import Claim, Rules, Update
-from experiments.studies.claims.piece import Piece, piece_of
+from experiments.studies.claims.piece import Piece, are_sensors, piece_of
 from experiments.studies.claims.rules import rule_of
 from experiments.studies.drift.sessions import accuracies
 
 STORED = "stored"
-OWN_LOSS = "its own loss"  # what the update is held against
+OWN_LOSS = "its own loss"  # what the update is compared with
 
 
 def pieces(
@@ -60,8 +60,8 @@ def _judged(
     name: str, claim: Claim, frozen: Rules, rows: pd.DataFrame, of_hdc: pd.DataFrame
 ) -> Piece:
     """The share that came back, if enough was lost."""
-    lost = of_hdc.lost
-    share = mean_interval(of_hdc.share.tolist())
+    lost, sensors = of_hdc.lost, are_sensors(rows)
+    share = over_units(of_hdc.share.tolist(), seeds=sensors)
     cost = f"drift cost {100 * lost.mean():.1f} points"
     enough = lost.mean() >= claim.lost and (lost > 0).all()
     remark = cost
@@ -76,7 +76,7 @@ def _judged(
         f"share of the loss regained by bits replaced with p = {update.p:g}, "
         f"{update.n_new} new frames",
         share,
-        variance=_variance(of_hdc.share),
+        variance=_variance(of_hdc.share, sensors),
         unit="%",
         n=f"{len(of_hdc)} seeds",
         word=rule_of(claim.rule, frozen, claim.share).of_one(share) if enough else "",
@@ -85,9 +85,11 @@ def _judged(
     )
 
 
-def _variance(shares: pd.Series) -> float:
-    """Variance of the mean of a share a seed; NaN of a single seed, and where all seeds agree,
-    which says nothing of how much another would differ."""
+def _variance(shares: pd.Series, sensors: bool = True) -> float:
+    """Variance of the mean of a share per seed; NaN of a single seed, and where all seeds agree,
+    which says nothing of how much another would differ. Seeds that are no sensors of their own
+    share frames, so that more of them do not make it smaller."""
     if shares.nunique() < 2:
         return math.nan
-    return float(np.var(shares, ddof=1)) / len(shares)
+    of_one = float(np.var(shares, ddof=1))
+    return of_one / len(shares) if sensors else of_one

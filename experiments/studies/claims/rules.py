@@ -59,7 +59,7 @@ def restored(share: Estimate, limit: float) -> str:
 
 
 def sharper(difference: Estimate, limit: float = 0.0) -> str:
-    """Whether prototypes have more contrast than what they are held against, on one scene.
+    """Whether prototypes have more contrast than what they are compared with, on one scene.
 
     Yes: the interval of the difference over seeds lies above zero. No: below. Undecided otherwise.
     The claim has the word that all scenes share, and is partly so where they differ.

@@ -77,7 +77,7 @@ def quantities(
 
 
 def images(figure: Figure, rows: pd.DataFrame) -> None:
-    """The same part of a frame, its hypervector and the prototype, a column a class."""
+    """The same part of a frame, its hypervector and the prototype, a column per class."""
     seen = _pictures(rows)
     classes = list(dict.fromkeys(name for name, _ in seen))
     figure.set_layout_engine("constrained", w_pad=0.01, h_pad=0.01)

@@ -33,7 +33,7 @@ _SHARES = {
     "bits replaced, p = 0.75": ("p = 0.75", "#D55E00", "D"),
     "new samples alone": ("p = 1: new samples alone", "#7A3600", "^"),
 }
-# Updates without labels beside what they are held against: new frames, colour, marker, fill.
+# Updates without labels beside what they are compared with: new frames, colour, marker, fill.
 _UPDATES = {
     "not updated": (0, "0.3", "o", "white"),
     "re-referenced, all classes alike": (N_UNLABELLED, "#E8924F", "o", None),
@@ -101,7 +101,7 @@ def of_paper(axes: Axes, values: Sequence[float]) -> None:
 def without_labels(
     figure: Figure, panels: Mapping[str, tuple[pd.DataFrame, float]]
 ) -> None:
-    """A row a model: accuracy in the new session after each update.
+    """A row per model: accuracy in the new session after each update.
 
     Args:
         figure: drawn on; its height is set.
@@ -115,15 +115,16 @@ def without_labels(
     ):
         _updates(axes, found)
         panel(axes, letter, scene)
-        axes.axvline(chance, label="chance", **_DASHED)
+        axes.axvline(chance, **_DASHED)
     every[-1].set(xlim=(0, 102), xlabel="accuracy in the new session (%)")
     handles, _ = every[-1].get_legend_handles_labels()
     figure.legend(handles=handles, loc="outside lower center", ncols=1)
-    head(figure, "Re-referencing without labels", ["new frames first in time"])
+    details = ["new frames first in time; dashed: chance"]
+    head(figure, "Re-referencing without labels, by scene", details)
 
 
 def _updates(axes: Axes, found: pd.DataFrame) -> None:
-    """A row a model, a marker an update, one below the other."""
+    """A row per model, a marker per update, one below the other."""
     first = found[found.n_new == N_UNLABELLED].assign(n_new=0, update="not updated")
     for end in ("", "_low", "_high"):
         first[f"updated{end}"] = first[f"stored{end}"]

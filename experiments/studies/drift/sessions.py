@@ -21,10 +21,7 @@ SESSIONS = ("new", "old")
 
 
 def with_right(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with ``right_new`` and ``right_old``, counted from what was predicted; rows of
-    version 1.0 have the counts themselves."""
-    if "predicted" not in rows:
-        return rows
+    """The rows with ``right_new`` and ``right_old``, counted from what was predicted."""
     draws = rows.groupby(["seed", "order"]).labels
     labels = draws.transform("first").map(unpack_labels)
     new, old = [], []

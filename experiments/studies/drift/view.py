@@ -31,7 +31,7 @@ ORDERS = {"time": "new samples first in time", "random": "new samples at random"
 
 
 def best(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row a model of a scene, with labels and without."""
+    """A row per model of a scene, with labels and without."""
     return best_updates(regained(rows))
 
 
@@ -55,7 +55,7 @@ def paper_scene(rows: pd.DataFrame) -> pd.DataFrame:
 
 
 def unlabelled(figure: Figure, rows: pd.DataFrame) -> None:
-    """A panel a scene, a row a model, a marker an update."""
+    """A panel per scene, a row per model, a marker per update."""
     panels = {}
     for _, of_scene in rows.groupby("scene", sort=False):
         found = regained(of_scene)
@@ -135,7 +135,6 @@ STUDY = Study(
                 *("scene", "order", "model", "update", "n_new"),
                 *("updated", "old", "regained"),
             ),
-            folded=True,
             note="New samples alone are the paper's p = 1 for HDC. Equal votes: a new sample "
             "counts N_old/N_new times. From the old weights: the penalty is on the distance from "
             "them. Re-referenced, without labels: every frame is standardised and a reference "

@@ -142,8 +142,8 @@ def rezeroed(
     before: np.ndarray,
     afters: Sequence[np.ndarray | None],
 ) -> Iterator[np.ndarray]:
-    """Labels of the frames asked, by a model of training frames less the mean of those `before`;
-    the frames asked are less the mean of each of `afters`, or (None) of the same.
+    """Labels of the frames asked, by a model of training frames minus the mean of those `before`;
+    from the frames asked the mean of each of `afters` is subtracted, or (None) the same.
 
     Raises:
         TypeError: for a model that cannot be re-referenced.
@@ -188,7 +188,7 @@ def _of_hdc(
 
 def _zero(model: HDCClassifier, frames: Selection) -> None:
     with warnings.catch_warnings():
-        # What frames of one class do to a model is measured here; a single frame less
+        # What frames of one class do to a model is measured here; a single frame minus
         # itself is constant.
         warnings.filterwarnings("ignore", message="rezero:|.*constant frame")
         model.rezero(frames)

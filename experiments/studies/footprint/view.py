@@ -22,7 +22,7 @@ COLUMNS = {
 
 
 def picture(figure: Figure, rows: pd.DataFrame) -> None:
-    """A row a scene: memory and time with every module, and with those that it needs."""
+    """A row per scene: memory and time with every module, and with those that it needs."""
     of_hdc = ran(rows)
     places = range(len(of_hdc))
     panels = figure.subplots(1, 2, sharey=True)

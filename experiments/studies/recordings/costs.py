@@ -21,12 +21,14 @@ from experiments.reporting.columns import (
     scene_name,
 )
 from experiments.reporting.curves import plain_decades
+from experiments.reporting.labels import name_points
 from experiments.reporting.plot import LETTERS, head, literal, panel
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
-from experiments.reporting.text import number, percent, size
+from experiments.reporting.text import number, percent, size, two_digits
 from experiments.studies.recordings.values import (
     FEW,
+    SPLIT,
     Accuracies,
     recordings,
     unsaturated,
@@ -49,7 +51,7 @@ USUAL = (
 """Baselines of which the one of least error stands in the table, which favours it."""
 TIMES = ("fit", "predict_frame")
 PACE = "softmax_dual"
-"""Converged softmax on grey values, which run times are held against."""
+"""Converged softmax on grey values, which run times are relative to."""
 GOAL = 1.5
 """Times of :data:`PACE` that a form with a linear read-out may take to train and to predict."""
 
@@ -193,7 +195,7 @@ NOTE = (
     "nothing computed of them before, the least of several interleaved repetitions; by "
     "NumPy, and by the compiled kernels where the model has them; prediction in batches "
     "of 100 frames. Training of a chosen form includes the choice. Error: by the split "
-    "that counts; the chosen forms have fewer resamples."
+    "that counts; forms that are chosen, and models that take long, have fewer resamples."
 )
 _PACE = (
     " Relative to softmax: by the faster implementation, over converged softmax on grey values. "
@@ -236,15 +238,15 @@ def _shown(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def error_against_time(figure: Figure, frame: pd.DataFrame) -> None:
-    """A row a recording: error against training time, and against time per frame."""
+    """A row per recording: error against training time, and against time per frame."""
     table = _shown(frame)
     scenes = list(table.recording.unique())
     figure.set_size_inches(7.0, 1.0 + 1.7 * len(scenes))
     panels = figure.subplots(len(scenes), 2, sharex="col", sharey="row", squeeze=False)
     for letter, (left, right), scene in zip(LETTERS, panels, scenes, strict=False):
         rows = table[table.recording == scene]
-        _points(left, rows, "fit")
-        _points(right, rows, "frame_ms")
+        _draw(left, rows, "fit")
+        _draw(right, rows, "frame_ms")
         panel(left, letter, f"{literal(scene_name(scene))}, n = {rows.n.iloc[0]}")
         left.set_ylabel("test error (%)")
         left.set_ylim(bottom=-0.04 * rows.error.max())  # shows a whole marker at zero
@@ -252,7 +254,13 @@ def error_against_time(figure: Figure, frame: pd.DataFrame) -> None:
     panels[-1, 1].set_xlabel("prediction (ms per frame)")
     handles = [Line2D([], [], ls="", **look) for look in _LOOKS.values()]
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-    head(figure, "Test error against run time, by recording", ["named: the front"])
+    details = [f"{SPLIT}; named: models on the front"]
+    head(figure, "Test error against run time, by recording", details)
+    figure.draw_without_rendering()  # names need the final layout
+    for line, scene in zip(panels, scenes, strict=True):
+        rows = table[table.recording == scene]
+        for axes, key in zip(line, ("fit", "frame_ms"), strict=True):
+            _name_front(axes, rows, key)
 
 
 # What the figure tells apart; points on the front have their names.
@@ -275,23 +283,27 @@ def _kind_of(model: str) -> str:
     return "forms" if model.startswith(("hdc", "bits")) else "others"
 
 
-def _points(axes: Axes, rows: pd.DataFrame, key: str) -> None:
-    """A marker a model; those on the front are joined and named."""
+def _draw(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+    """A marker per model; those on the front are joined."""
     for row in rows.to_dict("records"):
         axes.plot(row[key], row["error"], ls="", ms=4, **_LOOKS[_kind_of(row["model"])])
-    front = rows[is_on_front(rows[key].tolist(), rows.error.tolist())]
-    front = front.sort_values(key)
+    on_front = is_on_front(rows[key].tolist(), rows.error.tolist())
+    front = rows[on_front].sort_values(key)
     axes.step(
         front[key], front.error, where="post", color="0.6", lw=1.0, zorder=0, marker=""
     )
-    for row in front.to_dict("records"):
-        name = literal(display_name(row["model"]))
-        near: Any = {"textcoords": "offset points", "fontsize": 5, "rotation": 20}
-        axes.annotate(name, (row[key], row["error"]), (3, 3), **near)
     axes.set_xscale("log")
     plain_decades(axes)
     axes.grid(color="0.92", lw=0.5)
     axes.set_axisbelow(True)
+
+
+def _name_front(axes: Axes, rows: pd.DataFrame, key: str) -> None:
+    """The names of the models on the front, each beside its marker."""
+    on_front = is_on_front(rows[key].tolist(), rows.error.tolist())
+    models = enumerate(zip(rows.model, on_front, strict=True))
+    names = {k: display_name(model) for k, (model, named) in models if named}
+    name_points(axes, rows[[key, "error"]], names)
 
 
 def _tables() -> Iterator[Table]:
@@ -300,11 +312,10 @@ def _tables() -> Iterator[Table]:
         costs,
         of=OF,
         title="Stored bytes and times, and the errors that they buy",
-        columns={**COLUMNS, "bits": Column("Bits per pixel and class", _two_digits)},
-        shown=("recording", "n", *SHOWN[1:]),
+        columns={**COLUMNS, "bits": Column("Bits per pixel and class", two_digits)},
+        shown=("recording", "n", *SHOWN[1:], "bits"),
         note=NOTE,
         key=("recording", "n", "model"),
-        folded=True,
     )
     for name, few in (("costs_few", True), ("costs_many", False)):
         at = f"{FEW} frames per class" if few else "the most frames per class"
@@ -318,10 +329,6 @@ def _tables() -> Iterator[Table]:
             note=NOTE + _BEST + _PACE,
             key=("recording", "role"),
         )
-
-
-def _two_digits(bits: float) -> str:
-    return number(bits, 2)
 
 
 TABLES = list(_tables())

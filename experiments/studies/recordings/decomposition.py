@@ -60,22 +60,23 @@ def decomposition(frame: pd.DataFrame) -> pd.DataFrame:
 def _steps(every: Accuracies) -> Iterator[dict[str, Any]]:
     for n in every.sizes[-1:]:
         for step in STEPS:
-            change = every.difference(step.after, step.before, n)
-            if math.isnan(change.value):
+            # One of them may have been asked in fewer draws than the other.
+            before, after = every.pair(step.before, step.after, n)
+            if not len(before):
                 continue
             yield {
                 "n": n,
                 "step": step.name,
                 "before": step.before,
                 "after": step.after,
-                "before_accuracy": every.mean(step.before, n).value,
-                "after_accuracy": every.mean(step.after, n).value,
-                **change.columns("change"),
+                "before_accuracy": float(before.mean()),
+                "after_accuracy": float(after.mean()),
+                **every.difference(step.after, step.before, n).columns("change"),
             }
 
 
 def waterfall(figure: Figure, frame: pd.DataFrame) -> None:
-    """A panel a recording, a bar a step from the accuracy before to that after."""
+    """A panel per recording, a bar per step from the accuracy before to that after."""
     table = decomposition(frame)
     scenes = list(table.recording.unique())
     down = math.ceil(len(scenes) / PANELS)

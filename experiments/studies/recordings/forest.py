@@ -16,13 +16,14 @@ from matplotlib.patches import Patch
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import RIVAL, place_of
-from experiments.reporting.plot import literal, panel
+from experiments.reporting.plot import head, literal, panel
 from experiments.reporting.study import RUN, Plot
 from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED
 from experiments.studies.recordings.values import (
     CONFIRMATORY,
     FEW,
     RIVALS,
+    SPLIT,
     accuracies_of,
     gaps,
     kind,
@@ -62,17 +63,16 @@ def _dots(frame: pd.DataFrame) -> Iterator[Dot]:
         of_kind = kind(scene, found[scene])
         if not every.sizes:
             continue
-        most = every.sizes[-1]
-        for n in sorted({FEW, most} & set(every.sizes)):
+        for n, few in ((FEW, True), (every.sizes[-1], False)):
             for gap in gaps(every, n, CONFIRMATORY, RIVALS):
-                yield Dot(scene, of_kind, gap.form, n < most, gap.difference)
+                yield Dot(scene, of_kind, gap.form, few, gap.difference)
 
 
 def forest(figure: Figure, frame: pd.DataFrame) -> None:
     """Two panels: five frames per class, and the most."""
     every = dots(frame)
     rows = _rows(every)
-    figure.set_size_inches(WIDTH, 0.95 + 0.22 * len(rows))
+    figure.set_size_inches(WIDTH, 1.2 + 0.22 * len(rows))
     panels = figure.subplots(1, 2, sharey=True, sharex=True)
     titles = (f"{FEW} frames per class", "the most frames per class")
     for axes, letter, title, few in zip(
@@ -95,6 +95,7 @@ def forest(figure: Figure, frame: pd.DataFrame) -> None:
     handles.append(Patch(color="0.88", label=f"±{MARGIN:g} points"))
     where: Any = {"loc": "outside lower center", "ncols": 3, "fontsize": 8}
     figure.legend(handles=handles, **where)
+    head(figure, "Accuracy of HDC minus that of softmax, by recording", [SPLIT])
 
 
 def _rows(every: list[Dot]) -> list[tuple[str, str]]:

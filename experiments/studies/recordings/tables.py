@@ -80,15 +80,19 @@ def _by_size(every: Accuracies) -> Iterator[dict[str, Any]]:
 
 def _told(every: Accuracies, n: int) -> str:
     """Which trivial models are ahead of HDC, and whether one is ahead of every other model."""
-    ahead = []
-    for model, called in TRIVIAL.items():
-        if every.difference(model, "hdc", n).low > 0:
-            ahead.append(called)
+    ahead = [model for model in TRIVIAL if every.difference(model, "hdc", n).low > 0]
     if not ahead:
         return ""
-    text = f"{' and '.join(ahead)} alone: more than HDC"
-    best = every.stronger(every.models, n)
-    return f"{text}, and than any model here" if best in TRIVIAL else text
+    called = " and ".join(TRIVIAL[model] for model in ahead)
+    text = f"{called} alone: more than HDC"
+    leads = any(_leads(every, model, n) for model in ahead)
+    return f"{text}, and than any model here" if leads else text
+
+
+def _leads(every: Accuracies, model: str, n: int) -> bool:
+    """Whether no other model is more accurate in the draws in which both were asked."""
+    others = (every.difference(other, model, n).value for other in every.models)
+    return not any(more > 0 for more in others)
 
 
 def _wide(
@@ -107,7 +111,7 @@ def _wide(
 
 
 def _columns(data: pd.DataFrame) -> dict[str, Column]:
-    """How the columns are shown: what a row is of, and a column a model."""
+    """How the columns are shown: what a row is of, and a column per model."""
     models = [name for name in values_of(data) if name not in COLUMNS]
     return {**COLUMNS, **model_columns(models, ", %", percent)}
 

@@ -19,6 +19,7 @@ from experiments.reporting.measured import (
     fields_of,
     over_units,
     saturated,
+    seeds_are_units,
 )
 from experiments.reporting.text import kind_of
 
@@ -27,6 +28,7 @@ RIVALS = (RIVAL, "softmax_dual_standardised")
 CONFIRMATORY = ("hdc", "hdc_levels_lda")
 """The forms of HDC that the frozen rules name; every other is exploratory."""
 FEW = 5  # frames per class
+SPLIT = "test frames of another time, session, group or position than those of training"
 NOTE = (
     "Split by time, session, group or position, as each recording states, so that near "
     "copies of a test frame do not train. Brackets: Student over seeds (input fields, "
@@ -67,7 +69,7 @@ def forms_of(models: Sequence[str]) -> list[str]:
 
 
 class Accuracies:
-    """Accuracies on one recording by the split that counts, a row a unit and a column a model.
+    """Accuracies on one recording by the split that counts, a row per unit and a column per model.
 
     Attributes:
         sizes: frames per class at which some model was asked, increasing.
@@ -80,7 +82,7 @@ class Accuracies:
     def __init__(self, of_recording: pd.DataFrame) -> None:
         rows = of_recording[of_recording.split == "counts"]
         self.models = [str(model) for model in rows.model.unique()]
-        self.seeds = bool(rows.seed.nunique() > 1)
+        self.seeds = seeds_are_units(rows)
         self.sizes: list[int] = []
         self.n_test: dict[Any, float] = rows.groupby("model").n_test.mean().to_dict()
         if len(rows):
@@ -106,9 +108,15 @@ class Accuracies:
         """Mean accuracy with its interval; NaN where the model was not asked."""
         return self._estimate(self.of(model, n))
 
+    def pair(self, first: str, second: str, n: int) -> tuple[pd.Series, pd.Series]:
+        """Accuracies of two models in the units in which both were asked."""
+        both = pd.concat([self.of(first, n), self.of(second, n)], axis=1).dropna()
+        return both.iloc[:, 0], both.iloc[:, 1]
+
     def difference(self, first: str, second: str, n: int) -> Estimate:
         """How much more accurate one model is than another in the same units."""
-        return self._estimate((self.of(first, n) - self.of(second, n)).dropna())
+        of_first, of_second = self.pair(first, second, n)
+        return self._estimate(of_first - of_second)
 
     def stronger(self, models: Sequence[str], n: int) -> str | None:
         """The one with the largest mean, which favours it; None where none was asked."""

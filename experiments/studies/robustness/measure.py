@@ -1,9 +1,9 @@
 """Accuracy that is left when something goes wrong after training.
 
-Every model is trained on clean frames, once a seed. Then its test frames are disturbed, or bits are
-flipped at a bit error rate: of what it stores, or of what it is asked, which is a hypervector of
-HDC and the pixels of a frame of any other. A model that stores floating-point numbers is tested a
-second time with 8 bits a number: is it the method that tolerates faults, or the number format?
+Every model is trained on clean frames, once per seed. Then its test frames are disturbed, or bits
+are flipped at a bit error rate: of what it stores, or of what it is asked, which is a hypervector
+of HDC and the pixels of a frame of any other. A model that stores floating-point numbers is tested
+a second time with 8 bits a number: is it the method that tolerates faults, or the number format?
 """
 
 from __future__ import annotations

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import partial
 from typing import Any
 
@@ -49,7 +49,7 @@ _LEAST = 0.05  # percent of flipped bits, where none is drawn
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy of each model, a column a disturbance and level, mean over seeds.
+    """Accuracy of each model, a column per disturbance and level, mean over seeds.
 
     Bounds are Student's interval over seeds. A flipped bit can ruin all predictions of a seed at
     once, so of flips they are the lowest and the highest seed.
@@ -90,15 +90,16 @@ def _note(rows: pd.DataFrame) -> str:
 _NOTE = (
     "±1 grey level: −1, 0 or 1 added to each pixel, as another conversion to grey may. Query bits: "
     "of the hypervector of HDC, of the pixels of a frame of others. Stored bits: of every stored "
-    "tensor, of lda but for its scale and offset of each class. 8-bit weights: every float32 was "
-    "rounded to one of 255 equal steps before. In brackets: Student, 95 %, over seeds; of flips "
-    "the lowest and the highest seed. –: not measured yet. The CSV has every level, and another "
-    "laser power for every frame and dead pixels."
+    "tensor, of LDA except its scale and offset per class. 8-bit weights: every float32 was "
+    "rounded to one of 255 equal steps before. In brackets: Student, 95 %, over seeds, Wilson for "
+    "one seed; of flips the lowest and the highest seed. Forms that take long to train have fewer "
+    "seeds. –: not measured yet. The CSV has every level, and another laser power for every frame "
+    "and dead pixels."
 )
 
 
 def curves(figure: Figure, rows: pd.DataFrame) -> None:
-    """A row a scene, a column a disturbance, a line a model."""
+    """A row per scene, a column per disturbance, a line per model."""
     scenes = dict(list(drawn(rows).groupby("scene", sort=False)))
     figure.set_size_inches(7.0, 1.2 + 1.35 * len(scenes))
     grid = figure.subplots(len(scenes), len(_PANELS), sharey=True, squeeze=False)
@@ -121,10 +122,20 @@ def curves(figure: Figure, rows: pd.DataFrame) -> None:
     ):
         panel(top, letter, title)
         bottom.set_xlabel(label)
-    handles, _ = grid[-1, -1].get_legend_handles_labels()
+    handles = _handles(grid.ravel())
     figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     details = ["dashed: chance; bars: lowest to highest seed of flips, else 95 %"]
     head(figure, "Accuracy under disturbances after training, by scene", details)
+
+
+def _handles(panels: Iterable[Axes]) -> list[Any]:
+    """One entry of the legend per model that some panel shows."""
+    found: dict[str, Any] = {}
+    for axes in panels:
+        handles, labels = axes.get_legend_handles_labels()
+        found = dict(zip(labels, handles, strict=True)) | found
+    names = [literal(display_name(model)) for model in _COLOURS]
+    return [found[name] for name in names if name in found]
 
 
 def _series(rows: pd.DataFrame, kind: str) -> list[tuple[str, float, Estimate]]:

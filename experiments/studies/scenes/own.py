@@ -21,6 +21,7 @@ from experiments.reporting.curves import (
 )
 from experiments.reporting.plot import LETTERS, handle, head, look_of, panel, wrapped
 from experiments.reporting.rows import Row, row
+from experiments.reporting.text import counted
 
 PANELS = 6  # scenes of a figure at most
 
@@ -32,7 +33,7 @@ def started(lines: pd.DataFrame) -> dict[str, list[Group]]:
     for group in Groups(runs):
         if group.pixels is None:
             scenes.setdefault(group.scene, []).append(group)
-    return dict(list(scenes.items())[:PANELS])
+    return scenes
 
 
 def curves(lines: pd.DataFrame) -> dict[str, list[Group]]:
@@ -42,22 +43,23 @@ def curves(lines: pd.DataFrame) -> dict[str, list[Group]]:
 
 
 def accuracy_vs_n(figure: Figure, lines: pd.DataFrame) -> None:
-    """A panel a scene, a line a model."""
-    shown = curves(lines)
+    """A panel per scene, a line per model."""
+    shown, left_out = _first(curves(lines))
     sizes = set()
     for axes, groups in zip(_panels(figure, list(shown)), shown.values(), strict=True):
         rows = _rows(groups)
         accuracy_curves(axes, rows, _models(groups), "n_train")
         axes.set_xlabel("training samples N")
         sizes |= {line["n_train"] for line in rows}
-    head(figure, "Test accuracy against training samples", ["95 % intervals"])
+    details = ["95 % intervals", *left_out]
+    head(figure, "Test accuracy against training samples", details)
     _finish(figure, shown)
     figure.axes[0].set_xticks(sorted(sizes), map(str, sorted(sizes)))
 
 
 def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
-    """A panel a scene: the error wherever a run was tested, and after training."""
-    shown = started(lines)
+    """A panel per scene: the error wherever a run was tested, and after training."""
+    shown, left_out = _first(started(lines))
     for axes, groups in zip(_panels(figure, list(shown)), shown.values(), strict=True):
         largest = max(map(_size, groups))
         most = [group for group in groups if _size(group) == largest]
@@ -76,11 +78,18 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
                 )
             error_bars(axes, group.model, [line["total_time_s"]], [line], floor)
         axes.set(xlabel="training time (s)", ylabel="test error")
-    details = [
-        "the most training samples, 95 % intervals after training, grey: no error"
-    ]
-    head(figure, "Test error against training time", details)
+    details = "the most training samples, 95 % intervals after training, grey: no error"
+    head(figure, "Test error against training time", [details, *left_out])
     _finish(figure, shown)
+
+
+def _first(
+    scenes: Mapping[str, list[Group]],
+) -> tuple[dict[str, list[Group]], list[str]]:
+    """As many scenes as a figure has room for, and a line on those that it leaves out."""
+    shown = dict(itertools.islice(scenes.items(), PANELS))
+    left_out = len(scenes) - len(shown)
+    return shown, [f"{counted(left_out, 'more scene')}: see the table"] * bool(left_out)
 
 
 def _are_several(groups: Sequence[Group]) -> bool:

@@ -26,7 +26,7 @@ from experiments.reporting.plot import LETTERS, head, panel, wrapped
 from experiments.reporting.rows import row
 from experiments.reporting.study import RUN, WIDTH, Numbers, Plot, Quantity, Study
 from experiments.reporting.table import Table, frame
-from experiments.reporting.text import SIMULATED, frames_of
+from experiments.reporting.text import SIMULATED, counted, frames_of, split_name
 from experiments.studies.scenes import own
 
 EXPERIMENT = "all_scenes"
@@ -70,7 +70,7 @@ def all_scenes(lines: pd.DataFrame) -> pd.DataFrame:
 
 
 def confusions(figure: Figure, lines: pd.DataFrame) -> None:
-    """A panel a scene."""
+    """A panel per scene."""
     chosen = confused(Groups.of(lines))
     down = -(-len(chosen) // 2)
     figure.set_size_inches(WIDTH, 1.4 + 1.55 * down)
@@ -163,10 +163,14 @@ def spatial(figure: Figure, lines: pd.DataFrame) -> None:
     text = f"mean {error.mean():.2f} mm, median {median:.3g} mm, "
     text += f"95th percentile {most:.3g} mm"
     panel(below, "c", text)
-    origin = group.runs[0].scene.origin
-    frames = frames_of([{"origin": origin}])
-    details = [f"{frames}, seeds: {len(group.runs)}"]
-    head(figure, "HDC: 51 positions, 1 mm apart (Fig. 7)", details)
+    run = group.runs[0]
+    frames = frames_of([{"origin": run.scene.origin}])
+    split, seeds = split_name(run.config["split"]), counted(len(group.runs), "seed")
+    head(
+        figure,
+        "HDC: 51 positions, 1 mm apart (Fig. 7)",
+        [f"{frames}, {split}, {seeds}"],
+    )
 
 
 def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:

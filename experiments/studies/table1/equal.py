@@ -16,6 +16,7 @@ from experiments.reporting import estimates
 from experiments.reporting.table import frame
 from experiments.reporting.text import number
 from experiments.studies.table1 import models
+from experiments.studies.table1.rows import hdc_seconds
 
 
 def seconds_to(run: Finished, accuracy: float) -> float:
@@ -89,11 +90,11 @@ def _as_accurate(group: Group, hdc: Group) -> dict[str, Any] | None:
             if time == math.inf and run.stop == "budget":
                 continue
             times.append(time)
-            ratios.append(time / record.training_s)
+            hdc_s = record.training_s if run is record else hdc_seconds(run, hdc)
+            if hdc_s is not None:
+                ratios.append(time / hdc_s)
     if not times or (group.pixels and max(times) == math.inf):
         return None
-    if group.machines != hdc.machines:
-        ratios = []
     return {
         "model": group.model,
         "pixels": group.pixels or "all",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import math
+from collections.abc import Iterator
 
 import numpy as np
 import pandas as pd
@@ -19,66 +19,65 @@ from experiments.reporting.curves import (
     plain_decades,
     published_point,
 )
-from experiments.reporting.plot import handle, look_of, star, title
-from experiments.reporting.rows import row
+from experiments.reporting.plot import by_panel, handle, look_of, title
+from experiments.reporting.rows import Row, row
+from experiments.reporting.study import WIDTH
+from experiments.reporting.text import split_name
 from experiments.studies.table1 import models
+from experiments.studies.table1.rows import hdc_seconds
 
 
 def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
-    """Test error against training time over HDC's, a curve for each model and seed; the paper's
-    points."""
+    """Test error against training time relative to HDC, a curve per model and seed: the paper's
+    models with its points, then the others."""
     runs = Groups.of(lines)
-    groups = _curves_of(runs)
-    rows = [row(group, groups[0]) for group in groups]
-    axes = figure.subplots()
-    floor = error_axis(axes, rows)
-    axes.set_xscale("log")
-    _draw_curves(axes, runs, floor)
-    hdc_s = _hdc_s(runs)
-    for line in rows:
-        if not isinstance(line["training_time_s"], str):
-            at = [line["total_time_s"] / hdc_s]
-            error_bars(axes, line["model"], at, [line], floor, marker=False)
-    for model in models.PAPER:
-        known = models.papers_numbers(model)
-        error = max(1 - known["published_test_accuracy"], floor)
-        ratio = known["published_training_time_over_hdc"]
-        published_point(axes, model, ratio, error, 9)
-    axes.set(xlabel="training time relative to HDC", ylabel="test error")
-    plain_decades(axes)
-    shown = [group.model for group in groups]
-    handles = [handle(model) for model in shown]
-    handles.append(star("paper, Table I"))
+    hdc = runs.group(models.scene(), "hdc")
+    groups = {group.model: group for group in _groups(runs, hdc)}
+    rows = {model: row(group, hdc) for model, group in groups.items()}
+    shown = by_panel(list(groups))
+    figure.set_size_inches(WIDTH, 0.8 + 2.3 * len(shown))
+    panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
+    for axes, names in zip(panels, shown, strict=True):
+        floor = error_axis(axes, list(rows.values()))
+        axes.set_xscale("log")
+        for model in names:
+            _draw(axes, groups[model], hdc, rows[model], floor)
+        axes.set_ylabel("test error")
+        axes.legend(
+            handles=list(map(handle, names)),
+            loc="lower left",
+            bbox_to_anchor=(0, 1),
+            ncols=2,
+        )
+    _draw_published(panels[0], floor)
+    panels[-1].set_xlabel("training time relative to HDC")
+    plain_decades(panels[-1])
+    split = split_name(hdc.runs[0].config["split"])
     text = "Test error against training time"
-    title(figure, axes, text, rows, shown, shown, handles)
+    title(figure, panels[0], text, list(rows.values()), split)
 
 
-def _tested(run: Finished) -> list[tuple[float, float]]:
-    """Seconds of training and test error wherever a run was tested."""
-    reports = [report for report in run.curve if "test_accuracy" in report]
-    return [(report["training_s"], 1 - report["test_accuracy"]) for report in reports]
+def _groups(runs: Groups, hdc: Group) -> Iterator[Group]:
+    """The groups of Table I whose times are relative to HDC: the paper's models, HDC first, fast
+    ones, one's own."""
+    known = [*configs.models("paper"), *configs.models("fast"), models.DESCENT]
+    for model in (*known, *runs.extra_models(models.scene())):
+        group = runs.group(models.scene(), model)
+        if any(hdc_seconds(run, hdc) is not None for run in group.runs):
+            yield group
 
 
-def _curves_of(runs: Groups) -> list[Group]:
-    """The groups of Table I that have runs, HDC first: the paper's models, fast ones, one's own."""
-    known = configs.models("paper", "fast")
-    every = [*known, models.DESCENT, *runs.extra_models(models.scene())]
-    groups = [runs.group(models.scene(), model) for model in every]
-    return [group for group in groups if group.runs]
-
-
-def _draw_curves(axes: Axes, runs: Groups, floor: float) -> None:
-    hdc_s = _hdc_s(runs)
-    for group in _curves_of(runs):
-        for run in group.runs:
+def _draw(axes: Axes, group: Group, hdc: Group, line: Row, floor: float) -> None:
+    """A curve per run of a model, and its error with the interval after full training."""
+    ends = []
+    for run in group.runs:
+        hdc_s = hdc_seconds(run, hdc)
+        if hdc_s is not None:
             _curve(axes, run, floor, hdc_s)
-
-
-def _hdc_s(runs: Groups) -> float:
-    """Training time of HDC in Table I, median over runs."""
-    of_hdc = runs.group(models.scene(), "hdc").runs
-    times = [estimates.training_time(run) for run in of_hdc]
-    return float(np.median(times)) if times else math.nan
+            ends.append(run.training_s / hdc_s)
+    if not isinstance(line["training_time_s"], str):
+        at = [float(np.median(ends))]
+        error_bars(axes, group.model, at, [line], floor, marker=False)
 
 
 def _curve(
@@ -87,17 +86,25 @@ def _curve(
     floor: float,
     hdc_s: float,
 ) -> None:
-    """Error over the reports of one run, times over HDC's; a marker where training accuracy passed
-    90 %."""
+    """Error over the reports of one run, times relative to HDC; a marker where training accuracy
+    passed 90 %."""
     look = look_of(run.model_label) | {"alpha": 0.75, "lw": 0.8}
-    tested = _tested(run)
+    tested = [report for report in run.curve if "test_accuracy" in report]
     if not tested:
         return
-    seconds, errors = np.array(tested).T
-    times = seconds / hdc_s
-    errors = np.maximum(errors, floor)
+    times = np.array([report["training_s"] for report in tested]) / hdc_s
+    errors = [max(1 - report["test_accuracy"], floor) for report in tested]
     reached = estimates.training_time(run) / hdc_s
     marked: list[int] = []
     if np.isfinite(reached):
         marked = [int(np.abs(times - reached).argmin())]
     axes.plot(times, errors, markevery=marked, ms=5, **look)
+
+
+def _draw_published(axes: Axes, floor: float) -> None:
+    """The paper's points."""
+    for model in models.PAPER:
+        known = models.papers_numbers(model)
+        error = max(1 - known["published_test_accuracy"], floor)
+        ratio = known["published_training_time_over_hdc"]
+        published_point(axes, model, ratio, error, 9)

@@ -17,8 +17,7 @@ from experiments.reporting.table import frame
 from experiments.studies.table1 import models
 from experiments.studies.table1.models import LINES
 
-# Training samples on a scene, five of each class: no model is near 100 %.
-FEW = {"touch": 25, "finger": 35}
+FEW = 25  # training samples, five of each class: no model is near 100 %
 RATIO, AT_PAPERS = "training_time_over_hdc", "test_accuracy_at_papers"
 OVER_NUMPY = "training_time_over_numpy_hdc"
 
@@ -29,14 +28,11 @@ def table1(lines: pd.DataFrame) -> pd.DataFrame | None:
 
 
 def table1_few(lines: pd.DataFrame) -> pd.DataFrame | None:
-    """The same rows from few samples, on two scenes; only models that were run, and only where the
-    published rival was."""
-    runs, parts = Groups.of(lines), []
-    for place, n_train in FEW.items():
-        data = rows_of_table(lines, place, n_train, paper=False)
-        if data is not None and runs.group(place, "softmax", n_train).runs:
-            parts.append(data[data.seeds > 0])
-    return pd.concat(parts, ignore_index=True) if parts else None
+    """The same rows from few samples; only models that were run, and only if softmax was."""
+    data = rows_of_table(lines, models.scene(), FEW, paper=False)
+    if data is None or not Groups.of(lines).group(models.scene(), "softmax", FEW).runs:
+        return None
+    return data[data.seeds > 0].reset_index(drop=True)
 
 
 def rows_of_table(
@@ -66,18 +62,25 @@ def _row(group: Group, hdc: Group, paper: bool) -> dict[str, Any]:
     return line | papers | relative | at_papers_accuracy(group)
 
 
+def hdc_seconds(run: Finished, hdc: Group) -> float | None:
+    """Training time of HDC that times of a run are relative to: of HDC that was trained just before
+    and just after; where none was, of its run of the same seed on the same machine."""
+    if "hdc" in run.beside_s:
+        return run.beside_s["hdc"]
+    for other in hdc.runs:
+        if other.seeds == run.seeds and _machine(other) == _machine(run):
+            return estimates.training_time(other)
+    return None
+
+
+def _machine(run: Finished) -> tuple[str, int]:
+    return run.environment.cpu, run.environment.threads
+
+
 def ratios_of_seeds(group: Group, hdc: Group) -> list[float]:
-    """Training times relative to HDC, a number a seed: to HDC that was trained just before and just
-    after; where none was, to its run of the same seed on the same machine."""
-    by_seed = {}
-    if group.machines == hdc.machines and len(group.machines) == 1:
-        by_seed = {run.seeds: estimates.training_time(run) for run in hdc.runs}
-    ratios = []
-    for run in group.runs:
-        hdc_s = run.beside_s.get("hdc", by_seed.get(run.seeds))
-        if hdc_s is not None:
-            ratios.append(estimates.training_time(run) / hdc_s)
-    return ratios
+    """Training times relative to HDC, as :func:`hdc_seconds`: one per seed that has it."""
+    pairs = [(run, hdc_seconds(run, hdc)) for run in group.runs]
+    return [estimates.training_time(run) / s for run, s in pairs if s is not None]
 
 
 def ratios_beside(group: Group, form: str) -> list[float]:

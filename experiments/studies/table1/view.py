@@ -157,9 +157,10 @@ STUDY = Study(
             },
             note="Rule: a model is as accurate as HDC at its first report of at least the test "
             "accuracy that HDC of the same seed ends with; never, if it stops before. One-pass "
-            "models report when they are fitted. × HDC: over the time of HDC of the same seed, on "
-            "the same machine. Median [lowest, highest] over seeds. Fewer pixels: the fewest with "
-            "which every seed gets there.",
+            "models report when they are fitted. × HDC: relative to HDC that was trained just "
+            "before and just after; where none was, to its run of the same seed on the same "
+            "machine. Median [lowest, highest] over seeds. Fewer pixels: the fewest with which "
+            "every seed gets there.",
             commands=[f"{RUN}table1", f"{RUN}table1_extended", f"{RUN}accuracy_vs_d"],
         ),
     ],
@@ -172,7 +173,7 @@ STUDY = Study(
             caption="Test error against training time relative to HDC (Table I): one curve "
             "per model and seed, with a marker where training accuracy exceeds 90 %. "
             "Bars: 95 %, after full training. Stars: the paper.",
-            size=(3.4, 3.9),
+            size=(3.4, 5.4),
             needs=lambda lines: bool(
                 Groups.of(lines).group(models.scene(), "hdc").runs
             ),

@@ -15,6 +15,7 @@ from experiments.records.results import Results
 from experiments.records.rows import pack_labels
 from experiments.reporting.estimates import Estimate
 from experiments.studies.claims import (
+    contest,
     faults,
     frozen,
     recalibration,
@@ -273,7 +274,8 @@ def test_simulated_frames_alone_refute_without_a_number():
         {
             "word": NO, "unit": "points",
             "mean": NAN, "mean_low": NAN, "mean_high": NAN, "predicted_low": NAN,
-            "predicted_high": NAN, "laboratories": None, "frames": "simulated",
+            "predicted_high": NAN, "equal": NAN, "equal_low": NAN, "equal_high": NAN,
+            "laboratories": None, "frames": "simulated",
         },
         nan_ok=True,
     )  # fmt: skip
@@ -542,24 +544,32 @@ def test_no_bound_of_objects_lies_above_the_papers_accuracy(record, judged):
     assert row["word"] == NO
 
 
-def drifted(write_measurement, updated, stored=30, old=90, seeds=3):
-    of = {"origin": "computed", "order": "time", "model": "hdc", "n_test_new": 100,
-          "n_test_old": 100, "n_old": 400, "draw": 0, "p": None}  # fmt: skip
-    rows = []
-    for seed in range(seeds):
-        same = of | {"seed": seed, "right_old": old}
-        rows.append(same | {"method": "stored", "n_new": 0, "right_new": stored + seed})
-        for method, p in (("replace", 0.75), ("new", None)):
-            way = {"method": method, "p": p, "n_new": 50, "right_new": updated + seed}
-            rows.append(same | way)
-    scene = configs.part("scene", "fibres_exchanged")["scene"]
-    write_measurement("drift", rows, config={"scene": scene}, scene="fibres_exchanged")
+@pytest.fixture
+def drifted(write_measurement, predicting):
+    """drifted(updated, …) leaves a measurement of drift on exchanged fibres."""
+
+    def write(updated, stored=30, old=90, seeds=3):
+        of = {"origin": "computed", "order": "time", "model": "hdc", "n_test_new": 100,
+              "n_test_old": 100, "n_old": 400, "draw": 0, "p": None}  # fmt: skip
+        rows = []
+        for seed in range(seeds):
+            same = of | {"seed": seed, "right_old": old, "n_new": 50}
+            before = {"method": "stored", "n_new": 0, "right_new": stored + seed}
+            after = {"right_new": updated + seed}
+            rows += [
+                same | before,
+                same | after | {"method": "replace", "p": 0.75},
+                same | after | {"method": "new"},
+            ]
+        config = {"scene": configs.part("scene", "fibres_exchanged")["scene"]}
+        packed = map(predicting, rows)
+        write_measurement("drift", packed, config=config, scene="fibres_exchanged")
+
+    return write
 
 
-def test_what_drift_has_not_cost_cannot_be_restored(
-    tmp_path, write_measurement, judged
-):
-    drifted(write_measurement, 85, stored=80)
+def test_what_drift_has_not_cost_cannot_be_restored(tmp_path, drifted, judged):
+    drifted(85, stored=80)
     assert judged("recalibration", "its own loss") is None
     evidence = view.evidence(Results(tmp_path).frame(*view.OF))
     remark = evidence[evidence.rival == "its own loss"].remark.iloc[0]
@@ -721,7 +731,30 @@ def test_the_whole_row_of_flipped_bits_and_of_what_stands_beside(
     assert faults.lost(pd.DataFrame(rows), "hdc", 0.1) == []
 
 
-def test_the_whole_rows_of_a_recalibration(tmp_path, write_measurement):
+@pytest.mark.parametrize(
+    ("scene", "interval", "divided"), [("fibre", True, 5), ("gelsight", False, 1)]
+)
+def test_seeds_on_one_recording_are_no_sensors(
+    write_measurement, row_of, scene, interval, divided
+):
+    """Five fibres make the variance of their mean a fifth; five draws of the flips do not."""
+    of = {"model": "hdc", "n_test": 10_000, "n_classes": 5, "model_bytes": 1}
+    lost = [0, 1000, 2000, 3000, 4000]
+    rows = [
+        of | {"seed": seed, "disturbance": kind, "level": level, "right": right}
+        for seed, less in enumerate(lost)
+        for kind, level, right in (("none", 0, 9000), ("bit_flips", 0.01, 9000 - less))
+    ]
+    config = {"scene": configs.part("scene", scene)["scene"]}
+    write_measurement("robustness", rows, config=config, scene=scene)
+    row = row_of("faults", "unflipped at 1 %", scene)
+    deviation = np.std(lost, ddof=1) / 100
+    assert row["value"] == pytest.approx(-20)
+    assert row["standard_error"] == pytest.approx(deviation / math.sqrt(divided))
+    assert math.isnan(row["value_low"]) != interval
+
+
+def test_the_whole_rows_of_a_recalibration(tmp_path, write_measurement, predicting):
     """HDC falls from 90 to 40 and 30 %, and the rule's update wins half and three quarters of that
     back; others do not count."""
     of = {"origin": "computed", "n_test_new": 100, "n_test_old": 100, "n_old": 400,
@@ -746,7 +779,8 @@ def test_the_whole_rows_of_a_recalibration(tmp_path, write_measurement):
     ]  # fmt: skip
     scene = "fibres_exchanged"
     config = {"scene": configs.part("scene", scene)["scene"]}
-    entry = write_measurement("drift", rows, config=config, scene=scene)
+    packed = map(predicting, rows)
+    entry = write_measurement("drift", packed, config=config, scene=scene)
     found = view.evidence(Results(tmp_path).frame(*view.OF)).to_dict("records")
     same = {
         "claim": "recalibration", "laboratory": "wavefrontshaping",
@@ -951,6 +985,24 @@ def test_the_note_names_the_rules_and_the_commit_that_froze_them(
         )
 
 
+def test_each_note_says_whether_its_recordings_had_been_seen(record, tmp_path):
+    record("gelsight", 95, 60)
+    record("gelsight_billets", 80, 60)
+    record("spr", 99, 60)  # the rules do not list it
+    frame = Results(tmp_path).frame(*view.OF)
+    every, unseen = (next(t.made(frame)).note for t in view.STUDY.tables[:2])
+    assert "Verdicts are exploratory" in every
+    assert "Verdicts are confirmatory" not in every
+    assert "Verdicts are confirmatory" in unseen
+    assert "Verdicts are exploratory" not in unseen
+    sentence = (
+        "With 5 frames per class published HDC exceeds 90 % on 1 of 2 recordings."
+    )
+    assert sentence in every
+    for name, reading in contest.rules().readings.items():
+        assert f"{name}: {reading}." in every
+
+
 def test_a_claim_of_ours_is_said_to_be_ours(record, judged):
     record("gelsight", 80, 60, (RULES.forms["mended"], RAW))
     row = judged("accuracy_mended")
@@ -973,10 +1025,8 @@ def test_every_row_of_the_reference_has_a_word_and_a_command():
         assert "<br>" not in made.markdown()
 
 
-def test_seeds_that_all_agree_join_no_estimate_and_break_no_table(
-    write_measurement, judged
-):
-    drifted(write_measurement, 90, stored=30, old=90, seeds=1)
+def test_seeds_that_all_agree_join_no_estimate_and_break_no_table(drifted, judged):
+    drifted(90, stored=30, old=90, seeds=1)
     assert judged("recalibration", "its own loss") is None
     assert math.isnan(recalibration._variance(pd.Series([1.0, 1.0, 1.0])))
     assert recalibration._variance(pd.Series([0.9, 1.0, 1.1])) == pytest.approx(

@@ -182,7 +182,7 @@ def test_the_table_has_every_row_before_it_is_measured(
     assert set(found) == set(cells)
     bits = "Bits, chosen"
     assert found[bits, "all laboratories"][0].startswith("+3.3 [")
-    assert found[bits, "all laboratories"][2:] == ["3", "undecided"]
+    assert found[bits, "all laboratories"][2:] == ["3", "–"]  # seven recordings are missing
     assert found[bits, "without Exhor"][0].startswith("0 [")
     assert found[bits, "Yc1007942 alone"][0] == "+10.0"
     assert found[bits, "visuotactile, by test objects"] == [
@@ -192,3 +192,20 @@ def test_the_table_has_every_row_before_it_is_measured(
         "yes",
     ]
     assert found["HDC", "all laboratories"][0] == contest.NOT_MEASURED
+
+
+def test_what_was_measured_and_ranks_nothing_is_not_called_unmeasured(tmp_path, frame):
+    """Both families have every frame of the diffusers right."""
+    frame(gelsight=(1, 2), diffuser=(0, 0))
+    found = shown(tmp_path)
+    for what in ("zcshinee alone", "without zcshinee"):
+        assert found["Bits, chosen", what][0] == contest.NO_EVIDENCE
+    assert found["Bits, chosen", "Exhor alone"][0] == contest.NOT_MEASURED
+    assert found["Bits, chosen", "all laboratories"][0] == "+10.0"
+
+
+def test_a_verdict_needs_every_recording_of_the_rules(tmp_path, frame):
+    frame(**dict.fromkeys(contest.rules().recordings, (1, 2)))
+    found = shown(tmp_path)["Bits, chosen", "all laboratories"]
+    assert found[0].startswith("+10.0 [")
+    assert found[2:] == ["7", "yes"]

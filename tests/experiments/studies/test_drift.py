@@ -291,16 +291,17 @@ def test_rows_of_a_small_experiment(small_scene):
         next(drift.rows(Run(), **common, n_new=[2], p=[0.5], order=["late"]))
 
 
-def test_accuracies_are_means_over_seeds_and_draws():
+def test_accuracies_are_means_over_seeds_and_draws(predicting):
     """p = 0.5 has 90 and 94 % in two seeds, new alone 80 and 83; two draws each, 1 point apart."""
-    rows = pd.DataFrame([
+    rows = [
         {"origin": "simulated", "seed": seed, "order": "time", "model": "hdc", "method": method,
          "p": p, "n_old": 400, "n_new": n, "draw": draw, "n_test_new": 10_000, "n_test_old": 50,
          "right_new": 100 * (right[seed] + (-1) ** draw), "right_old": 45}
         for seed in (0, 1) for draw in (0, 1)
         for method, p, n, right in (("stored", None, 0, (30, 30)), ("new", None, 50, (80, 83)),
                                     ("replace", 0.5, 50, (90, 94)))
-    ])  # fmt: skip
+    ]  # fmt: skip
+    rows = pd.DataFrame(map(predicting, rows))
     table = regained(rows).set_index("update")
     assert table.loc["bits replaced, p = 0.5", "updated"] == pytest.approx(0.92)
     assert table.loc["new samples alone", "updated"] == pytest.approx(0.815)
@@ -495,7 +496,7 @@ def test_rows_of_a_small_experiment_without_labels(scene, monkeypatch):
     assert rows[rows.model == "ridge"].method.tolist() == methods[:-1]
 
 
-def test_the_whole_row_of_what_an_update_regains():
+def test_the_whole_row_of_what_an_update_regains(predicting):
     """Accuracies in two seeds as in the next test; t(0.975, 1) = 12.7062."""
     rows = []
     for seed, old, stored, updated in ((0, 90, 40, 80), (1, 80, 50, 65)):
@@ -509,7 +510,7 @@ def test_the_whole_row_of_what_an_update_regains():
                  "method": method, "n_new": n, "share": share, "right_new": right * 100,
                  "right_old": old * 10, "n_test_new": 10_000, "n_test_old": 1000}
             )  # fmt: skip
-    found = regained(pd.DataFrame(rows)).to_dict("records")
+    found = regained(pd.DataFrame(map(predicting, rows))).to_dict("records")
     assert len(found) == 2
     half = 12.7062 * 0.05  # of two shares 10 points apart
     shares = {
@@ -536,7 +537,7 @@ def close(number):
     return pytest.approx(number, rel=1e-4, abs=1e-9)
 
 
-def test_the_best_update_has_the_highest_mean_and_few_labels():
+def test_the_best_update_has_the_highest_mean_and_few_labels(predicting):
     """Right answers of 1000 in one session; of 60 labelled frames the paper has no number."""
     common = {"order": "time", "model": "hdc", "p": None, "draw": 0, "seed": 0}
     common |= {"n_test_new": 1000, "n_test_old": 1000, "right_old": 900}
@@ -546,7 +547,7 @@ def test_the_best_update_has_the_highest_mean_and_few_labels():
         {**common, "method": method, "n_new": n, "right_new": right}
         for method, n, right in found
     ]
-    best = best_updates(regained(pd.DataFrame(lines)))
+    best = best_updates(regained(pd.DataFrame(map(predicting, lines))))
     assert list(zip(best.method, best.n_new, best.labels, strict=True)) == [
         ("new", 50, True),
         ("zeroed", 90, False),

@@ -22,12 +22,13 @@ def verdict(word, value, units=4):
 
 @pytest.fixture
 def judged(monkeypatch):
-    def set_to(*lines, unseen=None, bits=None, objects=None, **tables):
+    def set_to(*lines, unseen=None, bits=None, objects=None, left=(), **tables):
         found = [(claim, rival, verdict(*of), []) for claim, rival, *of in lines]
         monkeypatch.setattr(module, "judged", lambda _: found)
         monkeypatch.setattr(module, "confirmatory", lambda _: unseen)
         monkeypatch.setattr(contest, "measured", lambda _: bits or {})
         monkeypatch.setattr(contest, "confirmed", lambda _: objects or {})
+        monkeypatch.setattr(contest, "missing", lambda _: left)
         return module.findings(None, **tables)
 
     return set_to
@@ -146,6 +147,16 @@ def test_the_contest_of_bits_and_greys(judged, value, head):
     )
 
 
+def test_a_contest_of_a_part_of_the_recordings_has_no_verdict(judged):
+    bits = {name: contest.Measured(name, 0.0, 1e-5, 50) for name in "abcd"}
+    lines = [("accuracy", rival, "no", -0.1) for rival in RIVALS]
+    text = judged(*lines, bits=bits, left=["gelsight", "tactip"])[1]
+    assert text == (
+        "**Bits against grey values, chosen alike on training frames**: no verdict yet, "
+        "8 of 10 recordings are measured."
+    )
+
+
 def test_what_was_not_measured_has_no_sentence(judged):
     assert judged() == []
     assert len(judged(("accuracy", RIVALS[0], "no", -0.1))) == 0
@@ -207,6 +218,28 @@ def test_the_extended_form_has_its_cost_in_time(judged):
     )
     text, _ = judged(*lines, costs=costs[costs.model == "hdc"])
     assert "Training takes" not in text
+
+
+def test_the_recipe_that_comes_near_the_paper_s_softmax(judged):
+    """It is no model of its own in the order."""
+    rows = table1(("hdc", 1.0, 1.0), ("softmax", 0.89, 1.0), ("other", 0.1, 0.2))
+    descent = {
+        **dict.fromkeys(("test_accuracy_at_target", "test_accuracy_final"), 0.7),
+        **{"model": "softmax_descent", "published_test_accuracy": 0.9},
+        **{"published_training_time_over_hdc": 137.097},
+        **{"test_accuracy_at_papers": 0.8633, "test_accuracy_at_papers_low": 0.7},
+        **{"test_accuracy_at_papers_high": 1.0, "training_time_over_numpy_hdc": 93.3},
+        **{"training_time_over_numpy_hdc_low": 79.4},
+        **{"training_time_over_numpy_hdc_high": 96.4},
+    }
+    every = pd.concat([rows, pd.DataFrame([descent])], ignore_index=True)
+    text, _ = judged(table1=every)
+    assert "Converged: 100 %. Softmax by full-batch descent" in text
+    assert "comes near the paper's row: 86.3 [70.0, 100] % in testing" in text
+    assert "(paper: 90 %), and 93 [79, 96] times the training time" in text
+    assert text.endswith("(paper: 137).")
+    every.loc[3, "training_time_over_numpy_hdc"] = 500
+    assert "does not come near the paper's row" in judged(table1=every)[0]
 
 
 def table1(*rows):

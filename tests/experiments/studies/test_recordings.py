@@ -397,3 +397,36 @@ def test_values_of_one_n_are_those_of_the_rows(tmp_path, write_measurement):
     assert every.of("hdc", 5).tolist() == [0.3] * 20
     assert len(every.of("ridge", 50)) == 0
     assert np.isnan(every.mean("ridge", 50).value)
+
+
+def test_models_are_compared_in_the_draws_in_which_both_were_asked(
+    tmp_path, write_measurement
+):
+    """Models that no claim needs are asked in the first ten of twenty draws."""
+    rows = measured_of({"hdc": [40] * 10 + [100] * 10})
+    rows += measured_of({"hdc_integer": 50, "thumbnail": 60, "ridge": 55}, draws=10)
+    write_measurement("recordings", rows, scene="gelsight")
+    frame = Results(tmp_path).frame("recordings")
+    (step,) = decomposition.decomposition(frame).to_dict("records")
+    found = (step["before_accuracy"], step["after_accuracy"], step["change"])
+    assert found == pytest.approx((0.5, 0.4, -0.1))
+    told = tables.front(frame).set_index("n").told
+    assert told[50] == "coarse layout alone: more than HDC, and than any model here"
+
+
+def test_a_recording_with_no_more_than_five_frames_is_in_both_panels(
+    tmp_path, write_measurement
+):
+    rows = [
+        {**row, "n": [1, 5]}
+        for row in measured_of({"hdc": 60, "softmax_dual": 50, "hdc_levels_lda": 70})
+    ]
+    write_measurement("recordings", rows, scene="gelsight")
+    found = forest.dots(Results(tmp_path).frame("recordings"))
+    dots = {(dot.form, dot.few): round(dot.difference.value, 9) for dot in found}
+    assert dots == {
+        ("hdc", True): 0.1,
+        ("hdc", False): 0.1,
+        ("hdc_levels_lda", True): 0.2,
+        ("hdc_levels_lda", False): 0.2,
+    }

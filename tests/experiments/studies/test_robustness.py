@@ -200,3 +200,20 @@ def test_bounds_of_flips_are_the_worst_and_the_best_seed():
     flipped = [line[f"bit_flips_0.0001{end}"] for end in ("", "_low", "_high")]
     assert flipped == pytest.approx([0.55, 0.2, 0.9])
     assert {line[f"bit_flips_0.001{end}"] for end in ("", "_low", "_high")} == {0.6}
+
+
+def test_the_legend_has_every_model_that_some_panel_shows(
+    tmp_path, write_measurement, drawn
+):
+    """The last row of panels may lack one that was measured on few scenes."""
+    for scene, models in (("gelsight", ("hdc", "bits_chosen")), ("fibre", ("hdc",))):
+        rows = [
+            {"model": model, "seed": 0, "disturbance": name, "level": level, "right": 5,
+             "n_test": 10, "n_classes": 5, "origin": "measured"}
+            for model in models
+            for name, level in (("none", 0.0), ("bit_flips", 0.01), ("bit_flips", 0.1))
+        ]  # fmt: skip
+        config = {"scene": configs.part("scene", scene)["scene"]}
+        write_measurement("robustness", rows, config=config, scene=scene)
+    words = drawn(view.STUDY)["robustness"]
+    assert words.count("Bits, chosen") == words.count("HDC ") == 1

@@ -199,7 +199,7 @@ def test_the_note_names_what_is_as_accurate_as_hdc_in_less_time(tmp_path, write_
     )
 
 
-def test_few_samples_have_a_table_of_the_same_form_on_two_scenes(tmp_path, write_run):
+def test_few_samples_have_a_table_of_the_same_form(tmp_path, write_run):
     assert not [t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1_few"]
     for seed in range(3):
         write_run("hdc", seed=seed, n_train=25, wrong=range(4))
@@ -207,9 +207,7 @@ def test_few_samples_have_a_table_of_the_same_form_on_two_scenes(tmp_path, write
             "cnn3", seed=seed, n_train=25, curve=epochs(0.95, 1.0), wrong=range(20)
         )
         write_run("softmax", seed=seed, n_train=25, curve=epochs(0.95, 1.0))
-        for model, curve in (("hdc", None), ("softmax", epochs(0.95))):
-            write_run(model, seed=seed, n_train=35, scene="finger", curve=curve)
-        write_run("hdc", seed=seed, n_train=35, scene="spatial")
+        write_run("hdc", seed=seed, n_train=25, scene="finger")
         write_run("hdc", seed=seed, n_train=100, wrong=range(1))
     (made,) = (t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1_few")
     rows = [
@@ -219,10 +217,8 @@ def test_few_samples_have_a_table_of_the_same_form_on_two_scenes(tmp_path, write
         ("touch", "hdc", 25, 3),
         ("touch", "softmax", 25, 3),
         ("touch", "cnn3", 25, 3),
-        ("finger", "hdc", 35, 3),
-        ("finger", "softmax", 35, 3),
     ]
-    assert [cells[0] for cells in made.cells()] == ["Touch"] * 3 + ["Finger"] * 2
+    assert [cells[0] for cells in made.cells()] == ["Touch"] * 3
     cnn3 = records(made.data)[2]
     assert cnn3["over_hdc"] == pytest.approx(-0.16)
     assert not [name for name in made.data if name.startswith("published")]

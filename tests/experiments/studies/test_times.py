@@ -7,6 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import torch
+from matplotlib import pyplot as plt
 
 from baselines.cnn import CNN
 from baselines.softmax import SoftmaxRegression
@@ -278,3 +279,59 @@ def test_a_row_of_table_1_has_the_ratio_of_its_claim(tmp_path, write_run):
     )
     assert tuple(claimed.estimate) == (12, 8, 16)
     assert shown["training_time_over_numpy_hdc"] == 3
+
+
+def reached_after(seconds):
+    """The curve of a training that reaches 90 % at its only checkpoint."""
+    accuracies = {"train_accuracy": 0.95, "test_accuracy": 0.8}
+    return [{"training_s": seconds, "loss": 1.0, **accuracies}]
+
+
+def test_a_run_without_hdc_beside_it_counts_for_no_ratio(tmp_path, write_run):
+    """Seven runs make an interval of order statistics; the one ratio of them makes none."""
+    write_run("hdc", curve=[{"training_s": 0.5}])
+    for seed in range(7):
+        write_run("softmax", seed=seed, curve=reached_after(4.0))
+    lines = grid.every_line(Results(tmp_path).frame(*grid.OF))
+    found = {line["model"]: (line["ratio"], line["runs"]) for line in lines}
+    assert found == {"hdc": (1, 1), "softmax": (8, 1)}
+
+
+def test_a_grid_of_other_frames_does_not_displace_that_of_table_1(
+    tmp_path, write_measurement
+):
+    write_measurement("times_grid", [row("tuned", "cnn1", 0, 10.0)], scene="touch")
+    rows = [row("tuned", "cnn1", 0, 99.0)]
+    other = {"scene": "diffuser", "changed": {"scene.template": '"x"'}}
+    write_measurement("times_grid", rows, config={"scene": {}}, **other)
+    (line,) = grid.every_line(Results(tmp_path).frame(*grid.OF))
+    assert line["seconds"] == 10
+
+
+def test_the_grid_names_its_own_frames_and_no_others(tmp_path, write_run):
+    write_run("hdc", curve=[{"training_s": 0.5}], beside_s={"hdc": 0.5})
+    write_run("softmax", curve=reached_after(4.0), beside_s={"hdc": 0.5})
+    write_run("hdc", scene="fibre_grouped", origin="computed", classes="abcde")
+    results = Results(tmp_path)
+    (table,) = (t for t in STUDY.tables_of(results) if t.name == "times_grid")
+    (plot,) = (p for p in STUDY.plots_of(results) if p.name == "times_grid")
+    for text in (table.title, plot.caption):
+        assert "simulated frames" in text
+        assert "computed" not in text
+    assert plot.commands == table.commands != ()
+    assert all("fibre" not in command for command in plot.commands)
+    head = plot.draw()._suptitle.get_text().replace("\n", " ")
+    plt.close("all")
+    assert "Touch, simulated frames, random split, 20 % test" in head
+
+
+def test_a_training_that_never_got_there_is_drawn_at_its_bound(
+    tmp_path, write_measurement
+):
+    rows = [row("tuned", "hdc", 0, 2.0), row("tuned", "cnn3", 0, None)]
+    write_measurement("times_grid", rows, scene="touch")
+    (plot,) = (p for p in STUDY.plots_of(Results(tmp_path)) if p.name == "times_grid")
+    (axes,) = plot.draw().axes
+    plt.close("all")
+    heights = [line.get_ydata()[0] for line in axes.lines if line.get_marker() == "v"]
+    assert heights == [30]

@@ -25,7 +25,7 @@ COLOURS = {"float32": "#0072B2", "mixed": "#009E73", "float64": "#D55E00"}
 def table(
     rows: pd.DataFrame,
 ) -> pd.DataFrame | None:
-    """A row a method; None of records that judge nothing."""
+    """A row per method; None of records that judge nothing."""
     return own_columns(rows) if "verdict" in rows else None
 
 
@@ -38,7 +38,7 @@ def error_against_time(
     figure: Figure,
     rows: pd.DataFrame,
 ) -> None:
-    """A panel an input: a colour a precision, a marker a method."""
+    """A panel per input, a colour per precision, a marker per method."""
     every = figure.subplots(rows["input"].nunique(), 1)
     for axes, letter, (name, part) in zip(
         every, "abc", rows.groupby("input", sort=False), strict=True

@@ -40,7 +40,7 @@ NONE, LOST = 1e-19, 1e19
 
 
 def at_their_limits(figure: Figure, rows: pd.DataFrame) -> None:
-    """Both errors of each case, on a logarithmic axis, a row a family."""
+    """Both errors of each case, on a logarithmic axis, a row per family."""
     axes = figure.subplots()
     places, known = pd.factorize(rows.part)
     for column, colour, marker, name in (
@@ -94,7 +94,6 @@ TABLES = [
             "error_ours",
             "tolerance",
         ),
-        folded=True,
         note="The same input by the obvious implementation and by ours, against an exact "
         "reference. A case holds if our error is within the tolerance.",
     )

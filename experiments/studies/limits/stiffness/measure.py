@@ -84,7 +84,7 @@ def of_contrast(frames: Array, contrast: float) -> Array:
 
 
 def named_methods(adam_rates: Sequence[float]) -> dict[str, methods.Method]:
-    """The methods by their names; Adam once a rate."""
+    """The methods by their names; Adam once per rate."""
     named: dict[str, methods.Method] = {
         "gradient descent": methods.gradient_descent,
         "momentum": methods.momentum,

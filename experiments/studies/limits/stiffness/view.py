@@ -6,11 +6,11 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.reporting.columns import Column
-from experiments.reporting.plot import LETTERS, panel
+from experiments.reporting.columns import Column, scene_name
+from experiments.reporting.plot import LETTERS, head, literal, panel
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
-from experiments.reporting.text import number
+from experiments.reporting.text import frames_of, number
 
 # Okabe and Ito's.
 COLOURS = {
@@ -31,7 +31,7 @@ def small(value: float) -> str:
 def ends(
     rows: pd.DataFrame,
 ) -> pd.DataFrame:
-    """One row a problem and method: where it ended; of Adam the rate that ended best."""
+    """One row per problem and method: where it ended; of Adam the rate that ended best."""
     last = rows[rows.ended != ""]
     late = last.assign(late=last.ended != "arrived", family=family(last))
     ordered = late.sort_values(["late", "error"], kind="stable")
@@ -48,7 +48,7 @@ def error_against_time(
     figure: Figure,
     rows: pd.DataFrame,
 ) -> None:
-    """A panel a problem, a line a method, a mark where it ended."""
+    """A panel per problem, a line per method, a mark where it ended."""
     chosen = ends(rows)
     kappas = chosen.kappa.unique()
     panels = figure.subplots(-(-len(kappas) // 3), 3, squeeze=False).ravel()
@@ -68,6 +68,10 @@ def error_against_time(
         panel(axes, letter, f"condition number {small(kappa)}")
     lines = [Line2D([], [], color=c, label=name) for name, c in COLOURS.items()]
     figure.legend(handles=lines, loc="outside lower center", ncols=len(lines))
+    scene = literal(scene_name(rows.scene.iloc[0]))
+    frames = frames_of(rows[:1].to_dict("records"))
+    details = [", ".join(filter(None, [scene, frames, "training frames"]))]
+    head(figure, "Penalised softmax regression as a stiff problem", details)
 
 
 COLUMNS = {
@@ -101,7 +105,7 @@ FIGURES = [
         of="stiffness",
         size=(7, 4.2),
         caption="Penalised softmax regression on {frames}: loss minus that of the optimum against "
-        "run time, a panel a condition number. Dot: the gradient fell to 10⁻⁶ of the first; "
+        "run time, a panel per condition number. Dot: the gradient fell to 10⁻⁶ of the first; "
         "triangle: the time ended; cross: the method failed. Errors below 10⁻¹⁶ are drawn there.",
     )
 ]

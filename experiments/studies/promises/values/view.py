@@ -11,7 +11,12 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from experiments.reporting.columns import Column, display_name, scene_name
-from experiments.reporting.measured import models_of, over_units, saturated
+from experiments.reporting.measured import (
+    models_of,
+    over_units,
+    saturated,
+    seeds_are_units,
+)
 from experiments.reporting.plot import LETTERS, literal, panel, style_of, wrapped
 from experiments.reporting.study import Plot
 from experiments.reporting.table import Table
@@ -65,7 +70,7 @@ BRACKETS = (
 
 def estimated(rows: pd.DataFrame, column: str, name: str) -> dict[str, float]:
     """Mean of a column with its interval: over seeds where there are several, else over draws."""
-    several = rows.seed.nunique() > 1
+    several = seeds_are_units(rows)
     of = rows.groupby("seed" if several else "draw")[column].mean()
     units = of.astype(float).round(9)  # rounding errors are no errors
     value = over_units(units.tolist(), several)
@@ -163,7 +168,7 @@ def promise(model: str, n: int) -> str:
 
 
 def draw(figure: Figure, frame: pd.DataFrame) -> None:
-    """A panel a session and scene, a line a model."""
+    """A panel per session and scene, a line per model."""
     scenes = dict(list(frame.groupby("scene", sort=False)))
     sessions = list(frame.split.unique())
     looks = dict(zip(models_of(frame), itertools.cycle(COLOURS)))
@@ -237,7 +242,6 @@ TABLES = [
             "calibration",
             "perfect",
         ),
-        folded=True,
         note=f"{SESSION}Calibration error: the expected one, over ten bins of equal width (Guo et "
         "al., ICML 2017); by chance alone it is above zero, as the last column has it. The CSV has "
         f"the shares of frames that are refused as unknown, too. {BRACKETS}",
@@ -263,8 +267,8 @@ FIGURES = [
         draw,
         of="coverage",
         caption="Share of right answers against their probability, after most training frames; "
-        "a row of panels a session, a column a recording. On the grey diagonal probabilities are "
-        f"perfect; below it they promise too much. Points of fewer than {FEWEST} answers are "
+        "a row of panels per session, a column per recording. On the grey diagonal probabilities "
+        f"are perfect; below it they promise too much. Points of fewer than {FEWEST} answers are "
         "left out.",
         size=(7.0, 4.2),
         needs=lambda frame: "answers" in frame,

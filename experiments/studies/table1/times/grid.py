@@ -35,7 +35,7 @@ Line = dict[str, Any]
 
 
 def grid(lines: pd.DataFrame) -> pd.DataFrame:
-    """One row an implementation and model, HDC first.
+    """One row per implementation and model, HDC first.
 
     ``seconds`` is the median over ``runs``, each of a seed of its own; ``ratio`` that of the ratios
     to HDC of the same seed, between order statistics ``ratio_low`` and ``ratio_high`` that hold it
@@ -61,8 +61,9 @@ def _of_runs(runs: Groups) -> Iterator[Line]:
         ratios = [1.0] if group == hdc else ratios_of_seeds(group, hdc)
         if group.runs and ratios:
             times = [estimates.training_time(run) for run in group.runs]
-            line = _line(DEFAULT, model, times, ratios)
-            line |= {"runs": len(group.runs), **_accuracies(group)}
+            line = _line(DEFAULT, model, times, ratios) | _accuracies(group)
+            if group == hdc:
+                line["runs"] = len(group.runs)
             command = group.runs[0].command
             yield line | {"command": command, "record": "records.jsonl"}
 
@@ -80,10 +81,10 @@ def _accuracies(group: Group) -> Line:
 
 def _measured(lines: pd.DataFrame) -> Iterator[Line]:
     """Rows of the other implementations, on the experiment's own frames."""
-    measured = list(of_scenes(lines, NAME).values())
-    if not measured or measured[0].elsewhere.any():
+    measured = of_scenes(lines, NAME).values()
+    rows = next((rows for rows in measured if not rows.elsewhere.any()), None)
+    if rows is None:
         return
-    rows = measured[0]
     for (way, model), part in rows[rows.way != DEFAULT].groupby(["way", "model"]):
         seconds = part.seconds.astype(float).fillna(math.inf)
         line = _line(

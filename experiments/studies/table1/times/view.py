@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
@@ -11,12 +11,20 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from experiments.reporting.columns import Column, display_name
+from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.measured import ENDS
-from experiments.reporting.plot import handle, head, look_of, style_of
-from experiments.reporting.study import Plot
-from experiments.reporting.table import Table, records
-from experiments.reporting.text import interval, number, percent, two_digits
+from experiments.reporting.plot import handle, head, literal, look_of, style_of
+from experiments.reporting.study import RUN, Plot
+from experiments.reporting.table import Table, records, text_of
+from experiments.reporting.text import (
+    frames_of,
+    interval,
+    number,
+    percent,
+    split_name,
+    two_digits,
+)
+from experiments.studies.table1 import models
 from experiments.studies.table1.times import grid
 
 NOTE = (
@@ -27,6 +35,18 @@ NOTE = (
     "and after. Brackets contain the median with the coverage that the CSV has. A training that "
     "ended before it reached 90 % gives a lower bound."
 )
+
+
+COMMANDS = (f"{RUN}table1", f"{RUN}{grid.NAME}")
+
+
+def _text(text: str) -> Callable[[pd.DataFrame], str]:
+    """A text with the frames and the machine of the lines on the scene of Table I alone."""
+    return lambda lines: text_of(text, _own(lines))
+
+
+def _own(lines: pd.DataFrame) -> pd.DataFrame:
+    return lines[lines.scene == models.scene()]
 
 
 def _seconds(line: Mapping[str, Any]) -> str:
@@ -41,14 +61,14 @@ def _ratio(line: Mapping[str, Any]) -> str:
 
 
 def draw(figure: Figure, frame: pd.DataFrame) -> None:
-    """A group of points a way, a point a model."""
+    """A group of points per implementation, a point per model."""
     axes = figure.subplots()
     lines = records(grid.grid(frame))
     ways = list(dict.fromkeys(line["way"] for line in lines))
-    models = [m for m in dict.fromkeys(line["model"] for line in lines) if m != "hdc"]
+    others = [m for m in dict.fromkeys(line["model"] for line in lines) if m != "hdc"]
     for line in lines:
-        if line["model"] != "hdc" and np.isfinite(line["ratio"]):
-            aside = (models.index(line["model"]) - len(models) / 2) / 8
+        if line["model"] != "hdc":
+            aside = (others.index(line["model"]) - (len(others) - 1) / 2) / 8
             _draw_ratio(axes, ways.index(line["way"]) + aside, line)
     axes.axhline(1, color=style_of("hdc")[0], lw=0.8)
     axes.text(-0.57, 1.12, "HDC", color=style_of("hdc")[0], fontsize=6)
@@ -58,18 +78,32 @@ def draw(figure: Figure, frame: pd.DataFrame) -> None:
     names = [grid.WAYS.get(way, way) for way in ways]
     axes.set_xticks(range(len(ways)), names)
     axes.set_xlim(-0.6, len(ways) - 0.4)
-    head(figure, "Training time relative to HDC in the same implementation", [])
-    handles = [handle(model) for model in models]
+    own = _own(frame)
+    frames = frames_of(own.to_dict("records"))
+    about = [literal(scene_name(models.scene())), frames, _split(own)]
+    text = "Training time relative to HDC in the same implementation"
+    head(figure, text, [", ".join(filter(None, about))])
+    handles = [handle(model) for model in others]
     figure.legend(handles=handles, loc="outside lower center", ncols=2)
 
 
+def _split(lines: pd.DataFrame) -> str:
+    """The split of some lines, in words."""
+    return split_name(lines.config.iloc[0].get("split") or {})
+
+
 def _draw_ratio(axes: Axes, place: float, line: Mapping[str, Any]) -> None:
-    """A point with its interval, if it has one."""
-    ratio = line["ratio"]
+    """A point with its interval, if it has one; of a training that never got there an arrow from
+    the least that the ratio can be."""
+    look: Any = {**look_of(line["model"]), "ls": "", "ms": 4.5, "elinewidth": 1}
+    ratio, least = line["ratio"], line["at_least"]
+    if not np.isfinite(ratio):
+        if least is not None:
+            axes.errorbar([place], [least], yerr=[0.6 * least], lolims=True, **look)
+        return
     ends = (line["ratio_low"], line["ratio_high"])
     low, high = (ratio if end is None else end for end in ends)
     bars = np.array([[ratio - low], [high - ratio]])
-    look: Any = {**look_of(line["model"]), "ls": "", "ms": 4.5, "elinewidth": 1}
     axes.errorbar([place], [ratio], yerr=bars, **look)
 
 
@@ -78,7 +112,9 @@ TABLES = [
         grid.NAME,
         grid.grid,
         of=grid.OF,
-        title="Training times relative to HDC in the same implementation, {frames}. {machine}",
+        title=_text(
+            "Training times relative to HDC in the same implementation, {frames}. {machine}"
+        ),
         note=NOTE,
         key=("way", "model"),
         shown=(
@@ -94,6 +130,7 @@ TABLES = [
             "train_accuracy": Column("Training accuracy reached, %", percent),
             "test_accuracy": Column("Test accuracy there, %", percent),
         },
+        commands=COMMANDS,
     )
 ]
 FIGURES = [
@@ -101,9 +138,13 @@ FIGURES = [
         grid.NAME,
         draw,
         of=grid.OF,
-        caption="Training time relative to HDC in the same implementation, {frames}: median over "
-        "runs and its interval; the line marks HDC.",
+        caption=_text(
+            "Training time relative to HDC in the same implementation, {frames}: median over "
+            "runs and its interval; the line marks HDC. Arrow: at least, since no training "
+            "reached 90 %."
+        ),
         size=(3.4, 2.6),
         needs=lambda lines: {*grid.grid(lines).model} > {"hdc"},
+        commands=COMMANDS,
     )
 ]

@@ -155,7 +155,7 @@ def steps(frame: Array) -> Array:
 
 
 def above(differences: Array, thresholds: Sequence[float]) -> Array:
-    """Whether a frame less the reference [D] exceeds each threshold, in its deviations."""
+    """Whether a frame minus the reference [D] exceeds each threshold, in its deviations."""
     n, total = differences.size, int(differences.sum())
     squares = int((differences**2).sum())  # below 2⁶³
     sigma = math.isqrt((n * squares - total**2) // n**2)
@@ -164,7 +164,7 @@ def above(differences: Array, thresholds: Sequence[float]) -> Array:
 
 
 def relative(encoder: Encoder, levels: Sequence[Any], d: int, equal: bool) -> Any:
-    """A frame less the mean of two training frames, of which it is one, or both.
+    """A frame minus the mean of two training frames, of which it is one, or both.
 
     Of levels by rank the quantiles, of others the thresholds in deviations.
     """

@@ -56,7 +56,7 @@ def learned(readout: Readout, frames: Array, labels: Array, queries: Array) -> A
 
 
 def unit(scores: Array) -> Array:
-    """Scores [Q, L] less the mean of the classes, in units of their deviation."""
+    """Scores [Q, L] minus the mean of the classes, in units of their deviation."""
     centred = scores - scores.mean(1, keepdims=True)
     return centred / centred.std()
 
