@@ -27,7 +27,7 @@ from experiments.studies.table1.rows import AT_PAPERS, OVER_NUMPY
 OF = (*OF_CLAIMS, contest.rules().experiment)
 LAST = (
     "**No public recording is of the paper's sensor.** Diffusers (captured) and fibres (computed) "
-    "show laser speckle. The other recordings show a gel, a skin with pins, or plastic fibres."
+    "show laser speckle. The others show a gel, a skin with pins, or plastic fibres."
 )
 RAW, STRONGER = rules().rivals  # the second is the stronger one on most recordings
 PUBLISHED, EXTENDED = rules().forms["published"], rules().forms["mended"]
@@ -141,7 +141,7 @@ def _contest(frame: pd.DataFrame) -> Iterator[str]:
         )
     for scene, difference in contest.confirmed(evidence).items():
         word = contest.word_of(difference)
-        text += f" {scene_name(scene)}, seen by no model before: {_number(difference)}, *{word}*."
+        text += f" {scene_name(scene)}, unseen before: {_number(difference)}, *{word}*."
     yield text
 
 
@@ -175,7 +175,7 @@ def _unseen(frame: pd.DataFrame) -> Iterator[str]:
             parts.append(f"{name}: {published} published, {extended} extended")
     if parts:
         yield (
-            "**Recordings that no model had seen when the rules were fixed**, points relative to "
+            "**Recordings unseen when the rules were fixed**, points relative to "
             f"converged softmax on standardised frames. {'; '.join(parts)}."
         )
 
@@ -237,10 +237,10 @@ def _descent(rows: pd.DataFrame) -> str:
     times = [row[f"{OVER_NUMPY}{end}"] for end in ENDS]
     return (
         " Softmax by full-batch descent from a normal start "
-        f"{'comes near' if near else 'does not come near'} the paper's row: "
-        f"{interval(*(number(x, 3) for x in shares))} % in testing where its training accuracy is "
-        f"the paper's (paper: {100 * papers[0]:g} %), and {interval(*map(two_digits, times))} "
-        f"times the training time of an HDC whose median sorts (paper: {number(papers[1], 3)})."
+        f"{'comes near' if near else 'does not come near'} the paper's row: at the paper's "
+        f"training accuracy {interval(*(number(x, 3) for x in shares))} % in testing (paper: "
+        f"{100 * papers[0]:g} %), and {interval(*map(two_digits, times))} times the training time "
+        f"of an HDC whose median sorts (paper: {number(papers[1], 3)})."
     )
 
 

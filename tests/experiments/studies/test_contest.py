@@ -182,7 +182,10 @@ def test_the_table_has_every_row_before_it_is_measured(
     assert set(found) == set(cells)
     bits = "Bits, chosen"
     assert found[bits, "all laboratories"][0].startswith("+3.3 [")
-    assert found[bits, "all laboratories"][2:] == ["3", "–"]  # seven recordings are missing
+    assert found[bits, "all laboratories"][2:] == [
+        "3",
+        "–",
+    ]  # seven recordings are missing
     assert found[bits, "without Exhor"][0].startswith("0 [")
     assert found[bits, "Yc1007942 alone"][0] == "+10.0"
     assert found[bits, "visuotactile, by test objects"] == [

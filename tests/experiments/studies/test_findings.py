@@ -143,7 +143,7 @@ def test_the_contest_of_bits_and_greys(judged, value, head):
     )
     assert "(4 laboratories)" in text
     assert text.endswith(
-        "Dome, objects, seen by no model before: −10.0 points [−15.0, −5.0], *no*."
+        "Dome, objects, unseen before: −10.0 points [−15.0, −5.0], *no*."
     )
 
 
@@ -235,7 +235,7 @@ def test_the_recipe_that_comes_near_the_paper_s_softmax(judged):
     every = pd.concat([rows, pd.DataFrame([descent])], ignore_index=True)
     text, _ = judged(table1=every)
     assert "Converged: 100 %. Softmax by full-batch descent" in text
-    assert "comes near the paper's row: 86.3 [70.0, 100] % in testing" in text
+    assert "comes near the paper's row: at the paper's training accuracy 86.3 [" in text
     assert "(paper: 90 %), and 93 [79, 96] times the training time" in text
     assert text.endswith("(paper: 137).")
     every.loc[3, "training_time_over_numpy_hdc"] = 500
