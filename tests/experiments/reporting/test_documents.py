@@ -95,7 +95,7 @@ def test_every_scene_is_listed_once_and_every_source_with_its_licence():
     simulated = text.partition("### Simulated")[2]
     assert "Cite:" not in simulated
     assert simulated.count("`scene=") == 5
-    assert "2,400 frames of 512 × 512 pixels; 4 classes." in text
+    assert "500 frames of 41 × 82 pixels; 5 classes." in text
     assert "Test: the last 50 % of each class in time." in text
 
 
