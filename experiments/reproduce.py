@@ -3,9 +3,9 @@
 The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. Finished
 work is skipped by the commands themselves, so that the same call resumes after an interruption. A
 step that fails is named at the end, and the others run all the same. Steps that time nothing
-(``timed: false``) run two at a time, with one thread each, or by a launcher of Hydra. ``--list``
-shows steps and claims with their times, and runs none. ``reproduce.csv`` gets the time of each
-step, its calls added up, and its largest memory.
+(``timed: false``) run two at a time, with one thread each. ``--list`` shows steps and claims with
+their times, and runs none. ``reproduce.csv`` gets the time of each step, its calls added up, and
+its largest memory.
 """
 
 from __future__ import annotations
@@ -22,13 +22,11 @@ from experiments.records.files import REFERENCE, results_dir
 from experiments.reproduction import calls, claim
 from experiments.reproduction.adopt import go_on_from
 from experiments.reproduction.steps import (
-    LANES,
     WHAT,
     Step,
     claims,
     cost,
     cost_text,
-    handed_over,
     steps,
 )
 
@@ -55,7 +53,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if chosen.go_on:
         copied = go_on_from(REFERENCE, results)
         console.print(f"{copied} records of the reference taken into own results")
-    status = calls.run(found, mode, results, console, chosen.lanes)
+    status = calls.run(found, mode, results, console)
     if chosen.claim is not None and status < 128:
         claim.show(chosen.claim, results, console)
     return status
@@ -83,19 +81,6 @@ def _parser() -> argparse.ArgumentParser:
         help="this step alone; may be repeated",
     )
     parser.add_argument(
-        "--launcher",
-        metavar="NAME",
-        help="a launcher of Hydra for the steps that time nothing: joblib, submitit_local, "
-        "submitit_slurm",
-    )
-    parser.add_argument(
-        "--lanes",
-        metavar="N",
-        type=_positive,
-        default=LANES,
-        help="how many steps that time nothing run at once; more than 2 for a cluster",
-    )
-    parser.add_argument(
         "--continue",
         dest="go_on",
         action="store_true",
@@ -107,18 +92,12 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _positive(text: str) -> int:
-    if not text.isdecimal() or int(text) == 0:
-        raise argparse.ArgumentTypeError(f"expected a number from 1, found {text}")
-    return int(text)
-
-
 def _steps(chosen: argparse.Namespace) -> list[Step]:
     """The steps that the command line asks for.
 
     Raises:
         ValueError: for a claim that is unknown, has no such steps, or takes long and was not asked
-            for expressly; for a step that is unknown; for a launcher that is not there.
+            for expressly; for a step that is unknown.
     """
     mode, name = chosen.mode or "full", chosen.claim
     if name is not None and name not in claims():
@@ -131,8 +110,6 @@ def _steps(chosen: argparse.Namespace) -> list[Step]:
         found = _named(chosen.step, found)
     if name is not None and chosen.mode is None and not chosen.list:
         _ask(name, found)
-    if chosen.launcher is not None:
-        found = handed_over(found, chosen.launcher)
     return found
 
 

@@ -45,6 +45,7 @@ class Run:
         force: make everything again.
         console: shows progress.
         data: digest of the frames, where the config does not determine them.
+        timed: whether rows have times: those of another number of threads do not count.
     """
 
     name: str = "experiment"
@@ -55,6 +56,7 @@ class Run:
     force: bool = False
     console: Console = field(default_factory=lambda: Console(highlight=False))
     data: str = ""
+    timed: bool = False
 
     def note(self, text: str) -> None:
         """Show a line of progress."""
@@ -122,7 +124,11 @@ class Run:
     ) -> Measurement:
         """The record of a config in a folder; a console prints its place."""
         identity = self._id(config)
-        known = store.made_before(folder, identity, self.force, console)
+        torch = sys.modules.get("torch")
+        threads = torch.get_num_threads() if torch else 1
+        known = store.made_before(
+            folder, identity, self.force, console, threads if self.timed else None
+        )
         if isinstance(known, Measurement):
             if console:
                 text = _found_text(self.name, known)
@@ -130,8 +136,6 @@ class Run:
             return known
         start = time.perf_counter()
         rows = Rows.of(compute())
-        torch = sys.modules.get("torch")
-        threads = torch.get_num_threads() if torch else 1
         made = Measurement(
             schema=SCHEMA,
             id=identity,
@@ -223,6 +227,7 @@ def experiment(
             cache,
             force,
             data=_data_of(arguments),
+            timed=timed,
         )
         compute = functools.partial(typed_rows, run, **arguments)
         return run.measure(compute, _changed(name, arguments))

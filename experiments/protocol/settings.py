@@ -35,16 +35,6 @@ Seed = Annotated[
     ),
 ]
 
-_STUDIES = "experiments.studies."
-# The rooms that studies of version 2.0 moved into; to be left out after the next version.
-_MOVED = {
-    "values": "promises",
-    "numerics": "limits",
-    "stability": "limits",
-    "stiffness": "limits",
-    "times": "table1",
-}
-
 
 class Seeds(msgspec.Struct, frozen=True):
     """``seed``: one for each thing that is drawn."""
@@ -130,17 +120,11 @@ def named(task: Mapping[str, Any] | None) -> Callable[..., object] | None:
     try:
         found: Callable[..., object] = pkgutil.resolve_name(target)
     except (ImportError, AttributeError, ValueError) as error:
-        expected = _moved(target) or "the dotted name of an experiment"
-        text = f"task._target_: expected {expected}, found {target}"
+        text = (
+            f"task._target_: expected the dotted name of an experiment, found {target}"
+        )
         raise ValueError(f"{text} ({error})") from error
     return found
-
-
-def _moved(target: str) -> str:
-    """Where version 2.1 has what version 2.0 had at a dotted name; empty where nothing moved."""
-    before, _, rest = target.removeprefix(_STUDIES).partition(".")
-    room = _MOVED.get(before) if target.startswith(_STUDIES) else None
-    return f"{_STUDIES}{room}.{before}.{rest}" if room else ""
 
 
 def checked(

@@ -66,15 +66,6 @@ def reproduction() -> tuple[dict[str, Any], ...]:
     return tuple(steps)
 
 
-@functools.cache
-def launchers() -> dict[str, str]:
-    """The launchers of ``configs/hydra/launcher``, by name: the class of each."""
-    paths = sorted((CONFIGS / "hydra" / "launcher").glob("*.yaml"))
-    return {
-        path.stem: str(_file("hydra/launcher", path.stem)._target_) for path in paths
-    }
-
-
 def numbers(values: Sequence[str]) -> list[int | None]:
     """Values of a sweep as integers; null is None."""
     return [None if value == "null" else int(value) for value in values]

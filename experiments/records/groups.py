@@ -16,6 +16,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
+from experiments.records.results import once
 from experiments.records.run import COORDINATES, Finished
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
@@ -104,12 +105,11 @@ class Groups:
         ordered = sorted(rows, key=_whole_first)
         self._groups = {row: _group(row, rows[row]) for row in ordered}
 
-    @classmethod
-    def of(cls, frame: pd.DataFrame) -> Groups:
+    @staticmethod
+    @once
+    def of(frame: pd.DataFrame) -> Groups:
         """Those of the runs among the lines of :meth:`Results.frame`."""
-        if "run" not in frame:
-            return cls([])
-        return cls(frame.run.dropna())
+        return Groups(frame.run.dropna() if "run" in frame else [])
 
     def __iter__(self) -> Iterator[Group]:
         """Every row there is, by scene, model, number of samples and pixels."""

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+import functools
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import Any
+from typing import Any, Concatenate, ParamSpec, TypeVar
 
 import pandas as pd
 
 from experiments.records import configs, store
 from experiments.records.record import Measurement
 from experiments.records.run import Finished, Unfinished
+
+_P = ParamSpec("_P")
+_T = TypeVar("_T")
 
 RUNS = "runs"  # the name of single trainings among those of experiments
 META = (
@@ -128,6 +132,23 @@ def _is_beside(one: Measurement, other: Measurement) -> bool:
     )
 
 
+def once(
+    make: Callable[Concatenate[pd.DataFrame, _P], _T],
+) -> Callable[Concatenate[pd.DataFrame, _P], _T]:
+    """A function of a frame that computes once for each frame and arguments. Its results are kept
+    as long as the frame is, and belong to everybody: nobody may change them, or the frame."""
+
+    @functools.wraps(make)
+    def kept(frame: pd.DataFrame, *args: _P.args, **kwargs: _P.kwargs) -> _T:
+        results: dict[Any, _T] = frame.__dict__.setdefault("_once", {})
+        key = make, args, tuple(kwargs.items())
+        if key not in results:
+            results[key] = make(frame, *args, **kwargs)
+        return results[key]
+
+    return kept
+
+
 def own_columns(frame: pd.DataFrame) -> pd.DataFrame:
     """The lines of one experiment with the columns of its rows alone."""
     return frame[list(frame.of_row.iloc[0])]
@@ -143,6 +164,7 @@ def _joined(parts: list[pd.DataFrame], several: bool) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
+@once
 def of_scenes(frame: pd.DataFrame, experiment: str) -> dict[str, pd.DataFrame]:
     """The lines of one experiment by scene, in the order of the frame, with the columns of its rows
     and of records alone."""

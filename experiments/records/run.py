@@ -178,8 +178,8 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
                 raise ValueError(
                     f"{name}: expected {self.n_test} labels, found {found}"
                 )
-            if len(labels) and not 0 <= min(labels) <= max(labels) < classes:
-                limits = f"{min(labels)} to {max(labels)}"
+            if len(labels) and not 0 <= labels.min() <= labels.max() < classes:
+                limits = f"{labels.min()} to {labels.max()}"
                 expected = f"labels from 0 to {classes - 1}"
                 raise ValueError(f"{name}: expected {expected}, found {limits}")
         stated = self.test_accuracy_final

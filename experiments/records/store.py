@@ -85,6 +85,7 @@ def made_before(
     name: str,
     force: bool = False,
     console: Console | None = None,
+    threads: int | None = None,
 ) -> Made | None:
     """The finished record of this id, if today's code made it. It then belongs to the step that
     asks for it, too.
@@ -93,20 +94,23 @@ def made_before(
         folder: of the records.
         name: the id.
         force: find none.
-        console: prints why one of other code does not count.
+        console: prints why one does not count.
+        threads: of torch, where times are made: those of another number are made again.
     """
     known = None if force else find(folder, name)
     if known is None:
         return None
-    reasons = known.outdated
+    reasons, before = known.outdated, known.environment.threads
+    if threads not in (None, before):
+        reasons.append(f"{before} threads, now {threads}")
     if not reasons:
-        steps = [*known.steps, *current_steps()]
-        known.steps, before = list(dict.fromkeys(steps)), known.steps
-        if known.steps != before:
+        steps = list(dict.fromkeys([*known.steps, *current_steps()]))
+        if known.steps != steps:
+            known.steps = steps
             append(folder, known)
         return known
     if console is not None:
-        text = f"{name}: made again, finished by other code: {', '.join(reasons)}"
+        text = f"{name}: made again, finished otherwise: {', '.join(reasons)}"
         console.print(text, style="yellow", markup=False, soft_wrap=True)
     return None
 

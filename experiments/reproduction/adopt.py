@@ -40,44 +40,33 @@ def adopt(own: Path, reference: Path) -> Adopted:
         reference: folder of the reference.
     """
     known = {step.name for step in steps(WHOLE)}
-    times = {key: row for key, row in took.read(own).items() if key[0] in known}
-    finished = {
-        key: row for key, row in times.items() if row["status"] == took.FINISHED
-    }
-    names = {f"{WHOLE}/{step}" for step, mode in finished if mode == WHOLE}
+    every = {f"{WHOLE}/{name}" for name in known}
+    calls = [row for row in took.read(own).values() if row["status"] == took.FINISHED]
+    finished = every & {took.step_of(row) for row in calls}
     ours, before = Results(own).finished, Results(reference).finished
-    made = [record for record in ours if names & {*record.steps}]
+    made = [record for record in ours if finished & {*record.steps}]
     entering = [record for record in made if _may_enter(record)]
-    # A step of which nothing may enter stays as the reference has it.
+    replaced = finished & _steps_of(entering)
     refused = _steps_of(made) - _steps_of(entering)
-    names &= _steps_of(entering)
-    every = {f"{WHOLE}/{step}" for step in known}
+
+    records: dict[str, store.Made] = {}
     for record in before:
-        record.steps = sorted((every - names) & {*record.steps})
-    stay = {record.id: record for record in before if record.steps}
+        record.steps = sorted((every - replaced) & {*record.steps})
+        if record.steps:
+            records[record.id] = record
     for record in entering:
-        shared = stay[record.id].steps if record.id in stay else []
+        shared = records[record.id].steps if record.id in records else []
         record.steps = sorted(every & {*record.steps, *shared})
-    records = stay | {record.id: record for record in entering}
+        records[record.id] = record
     store.write_all(reference, (records[name] for name in sorted(records)))
-    taken = {
-        (step, mode): row
-        for (step, mode), row in finished.items()
-        if f"{mode}/{step}" not in refused
-    }
-    _take_times(reference, taken, known)
+
+    rows = took.read(reference)
+    for row in calls:
+        if took.step_of(row) not in refused:
+            rows[row["step"], row["mode"]] = row
+    took.write(reference, (row for row in rows.values() if row["step"] in known))
     left = {record.id for record in before}.difference(records)
     return Adopted(len(entering), len(left), len(ours) - len(entering))
-
-
-def _take_times(
-    reference: Path, finished: dict[tuple[str, str], took.Call], known: set[str]
-) -> None:
-    """Add the times of finished steps to the reference; steps that left lose theirs."""
-    rows = took.read(reference) | finished
-    kept = [row for key, row in rows.items() if key[0] in known]
-    if kept:
-        took.write(reference, kept)
 
 
 def _steps_of(records: Iterable[Record]) -> set[str]:
@@ -103,8 +92,7 @@ def go_on_from(reference: Path, own: Path) -> int:
     for key, row in took.read(reference).items():
         if row.get("commit") in commits:
             rows.setdefault(key, row)
-    if rows:
-        took.write(own, rows.values())
+    took.write(own, rows.values())
     return len(missing)
 
 

@@ -36,7 +36,6 @@ def run(
     mode: str,
     results: Path,
     console: Console,
-    lanes: int = LANES,
 ) -> int:
     """Run steps one after another, those that time nothing side by side; the exit status.
 
@@ -45,12 +44,11 @@ def run(
         mode: which form of the steps it is, for reproduce.csv.
         results: folder of own results.
         console: prints which step begins.
-        lanes: how many steps that time nothing run at a time.
     """
     calls = _Calls(found, mode, results, console)
     try:
         for timed, together in itertools.groupby(found, key=lambda step: step.timed):
-            calls.call_all(list(together), 1 if timed else lanes)
+            calls.call_all(list(together), 1 if timed else LANES)
     except KeyboardInterrupt:
         console.print("interrupted; the same command resumes")
         return 128 + signal.SIGINT

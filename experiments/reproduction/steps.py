@@ -4,10 +4,8 @@ from __future__ import annotations
 
 import os
 import shlex
-from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, replace
-
-from hydra.utils import get_class
+from collections.abc import Iterable
+from dataclasses import dataclass
 
 from experiments.protocol.sweep import span
 from experiments.records import configs
@@ -18,9 +16,7 @@ WHAT = {
     "full": "everything",
     "quick": "everything with fewer seeds, without the long steps",
 }
-# Words that say how a command is carried out, not what it computes.
-_HOW = ("-m", "threads=1", "exclusive=false")
-_LAUNCHER = "hydra/launcher="
+_SHARING = ("threads=1", "exclusive=false")  # how a step shares the machine
 
 
 @dataclass(frozen=True)
@@ -34,7 +30,6 @@ class Step:
         timed: whether it measures times: it has the machine alone. Others run two at a time, with
             one thread each.
         claims: of the paper, to whose evidence its numbers belong.
-        launcher: of Hydra, which carries out its runs where it times nothing; None: this process.
     """
 
     name: str
@@ -43,21 +38,14 @@ class Step:
     needs: str | None = None
     timed: bool = True
     claims: tuple[str, ...] = ()
-    launcher: str | None = None
 
     @property
     def all_words(self) -> tuple[str, ...]:
         """Its words, and those that make it share the machine."""
         if self.timed or self.words[0] != RUN:
             return self.words
-        if self.launcher is None:
-            first: tuple[str, ...] = (RUN,)
-            last = ("threads=1", "exclusive=false")
-        else:  # each of its workers waits until a core is free
-            first = (RUN, "-m")
-            last = (f"{_LAUNCHER}{self.launcher}", "threads=1")
-        own = [word for word in self.words if word not in (*first, *last)]
-        return (*first, *own, *last)
+        own = (word for word in self.words if word not in _SHARING)
+        return (*own, *_SHARING)
 
     @property
     def command(self) -> str:
@@ -111,45 +99,3 @@ def cost(found: Iterable[Step]) -> float:
 def cost_text(found: Iterable[Step]) -> str:
     """The time that steps take together, as one would say it."""
     return span(60 * cost(found))
-
-
-def handed_over(found: Sequence[Step], launcher: str) -> list[Step]:
-    """The steps, those that time nothing carried out by a launcher of Hydra.
-
-    Raises:
-        ValueError: the launcher is unknown, or not installed.
-    """
-    check_launcher(launcher)
-    return [step if step.timed else replace(step, launcher=launcher) for step in found]
-
-
-def check_launcher(name: str) -> None:
-    """Refuse a launcher that this installation does not have.
-
-    Raises:
-        ValueError: it has no file in ``configs/hydra/launcher``, or its package is not there.
-    """
-    target = configs.launchers().get(name)
-    if target is None:
-        known = ", ".join(configs.launchers())
-        raise ValueError(f"--launcher: expected one of {known}, found {name}")
-    try:
-        get_class(target)
-    except Exception as error:
-        package = target.partition(".")[2].partition(".")[0].replace("_", "-")
-        raise ValueError(
-            f"--launcher: expected an installed launcher, found no {package} for {name}; "
-            "pip install -e '.[cluster]' brings it"
-        ) from error
-
-
-def plain(command: str) -> str:
-    """A command without the words that say how it is carried out: a record's and a step's are
-    equal then, whoever carried it out."""
-    words = shlex.split(command)
-    module = words.index(RUN) + 1 if RUN in words else len(words)
-    kept = words[:module]
-    for word in words[module:]:
-        if word not in _HOW and not word.startswith(_LAUNCHER):
-            kept.append(word)
-    return shlex.join(kept)

@@ -8,7 +8,6 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.reproduction.steps import plain
 from hdc.io import write_atomically
 
 FILE = "reproduce.csv"
@@ -23,8 +22,8 @@ def begin(results: Path, row: Call) -> Call | None:
     a kill. Returns the row of earlier calls, if there were any."""
     rows = read(results)
     known = rows.get((row["step"], row["mode"]))
-    if known and plain(known["command"]) != plain(row["command"]):
-        known = None  # another command begins anew, another launcher does not
+    if known and known["command"] != row["command"]:
+        known = None  # another command begins anew
     spent = {key: known[key] for key in ("seconds", "peak_bytes")} if known else {}
     if not _is_whole(known, row):
         begun = {**row, **spent, "status": INTERRUPTED}
@@ -65,15 +64,21 @@ def _is_whole(known: Call | None, row: Call) -> bool:
     return known["status"] == FINISHED and known["commit"] == row["commit"]
 
 
+def step_of(row: Mapping[str, Any]) -> str:
+    """The step of a call as records name it: ``MODE/NAME``."""
+    return f"{row['mode']}/{row['step']}"
+
+
 def wall_seconds(row: Mapping[str, Any]) -> float:
     """Share of a step in the time that the whole took: two lanes ran at a time, or one."""
     return float(row["seconds"]) / float(row["lanes"])
 
 
 def write(results: Path, rows: Iterable[Call]) -> None:
-    """Write reproduce.csv."""
-    text = pd.DataFrame(list(rows)).to_csv(index=False, lineterminator="\n")
-    write_atomically(results / FILE, text)
+    """Write reproduce.csv, if there are any rows."""
+    if table := list(rows):
+        text = pd.DataFrame(table).to_csv(index=False, lineterminator="\n")
+        write_atomically(results / FILE, text)
 
 
 def read(results: Path) -> dict[tuple[str, str], Call]:

@@ -19,15 +19,19 @@ from omegaconf import OmegaConf
 from rich.console import Console
 
 import hdc
-from experiments import run
+from experiments import run, studies
 from experiments.protocol import job
 from experiments.protocol.settings import resolved
 from experiments.records import configs, record, store
 from experiments.records.configs import CONFIGS
 from experiments.records.environment import environment
+from experiments.records.files import REFERENCE
+from experiments.records.results import Results
 from experiments.records.revision import revisions
 from experiments.records.rows import Rows, pack_labels
 from experiments.records.run import Finished, Unfinished
+from experiments.report import Answers
+from experiments.reporting.study import studies as studies_of
 
 
 @pytest.fixture(autouse=True)
@@ -35,6 +39,12 @@ def cores_of_its_own(tmp_path_factory, monkeypatch):
     """No test waits for the cores that a run outside of it holds."""
     monkeypatch.setenv("TMPDIR", str(tmp_path_factory.mktemp("cores")))
     monkeypatch.setattr(tempfile, "tempdir", None)
+
+
+@pytest.fixture(scope="session")
+def committed():
+    """Tables and figures of the committed reference, made once; nobody may change them."""
+    return Answers("reference", Results(REFERENCE), studies_of(studies))
 
 
 @pytest.fixture

@@ -14,8 +14,7 @@ from rich.console import Console
 
 from experiments import report, studies
 from experiments.records.files import REFERENCE, ROOT
-from experiments.records.results import RUNS, Results
-from experiments.report import Answers
+from experiments.records.results import RUNS
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
@@ -39,26 +38,19 @@ def rows_of(data):
     return list(csv.DictReader(io.StringIO(data.decode())))
 
 
-def test_no_committed_record_is_left_out():
-    answers = Answers("reference", Results(REFERENCE), studies_of(studies))
-    assert answers.results.problems == []
-    names = [cells[0] for cells in answers.tables["comparison"][0].cells()]
+def test_no_committed_record_is_left_out_and_nothing_fails(committed):
+    assert committed.results.problems == []
+    assert committed.failures == []
+    names = [cells[0] for cells in committed.tables["comparison"][0].cells()]
     assert len(set(names)) == len(names)
 
 
-def test_the_committed_tables_are_those_of_the_committed_records():
-    answers = Answers("reference", Results(REFERENCE), studies_of(studies))
-    made = {
-        t.name: t.csv()
-        for same in answers.tables.values()
-        for t in same
-        if t.name != "runs"
-    }
-    committed = {
-        path.stem: path.read_text() for path in (REFERENCE / "tables").glob("*.csv")
-    }
-    assert set(made) == set(committed)
-    assert [name for name in made if made[name] != committed[name]] == []
+def test_the_committed_tables_are_those_of_the_committed_records(committed):
+    made = {table.name: table.csv() for table in committed.every_table()}
+    paths = (REFERENCE / "tables").glob("*.csv")
+    expected = {path.stem: path.read_text(encoding="utf-8") for path in paths}
+    assert set(made) == set(expected)
+    assert [name for name in made if made[name] != expected[name]] == []
 
 
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(

@@ -16,11 +16,9 @@ from rich.console import Console
 from experiments import reproduce
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
-from experiments.records.results import Results
 from experiments.reporting.table import Table
 from experiments.reproduction import calls, claim, took
-from experiments.reproduction import steps as steps_of
-from experiments.reproduction.steps import WHAT, Step, claims, cost, plain, steps
+from experiments.reproduction.steps import WHAT, Step, claims, cost, steps
 from experiments.studies.claims import frozen
 
 NOTHING, FAILING = ("json.tool", "--help"), ("json.tool", "/nowhere")
@@ -250,47 +248,6 @@ def test_a_run_that_times_nothing_has_one_thread_and_does_not_wait():
     step = Step("one", ("experiments.run", "-m", "threads=1"), 1, timed=False)
     assert step.command == "python -m experiments.run -m threads=1 exclusive=false"
     assert Step("one", ("experiments.run",), 1).command == "python -m experiments.run"
-
-
-# Launchers ----------------------------------------------------------------------------------------
-
-
-def test_a_launcher_gets_the_steps_that_time_nothing():
-    words = ("experiments.run", "experiment=drift")
-    found = [Step("a", words, 1), Step("b", words, 1, timed=False)]
-    alone, handed = steps_of.handed_over(found, "joblib")
-    assert alone.command == "python -m experiments.run experiment=drift"
-    assert handed.command == (
-        "python -m experiments.run -m experiment=drift hydra/launcher=joblib threads=1"
-    )
-    assert plain(handed.command) == plain(found[1].command) == alone.command
-
-
-def test_a_launcher_that_is_not_there_is_one_line(monkeypatch, capsys):
-    assert reproduce.main(["--launcher", "ray", "--list"]) == 2
-    (line,) = capsys.readouterr().out.splitlines()
-    assert line.startswith("error: --launcher: expected one of joblib, submitit_local")
-    missing = {"joblib": "hydra_plugins.hydra_nowhere_launcher.Launcher"}
-    monkeypatch.setattr(steps_of.configs, "launchers", lambda: missing)
-    assert reproduce.main(["--launcher", "joblib", "--list"]) == 2
-    (line,) = capsys.readouterr().out.splitlines()
-    assert "found no hydra-nowhere-launcher for joblib; pip install" in line
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("launcher", ["joblib", "submitit_local"])
-def test_a_step_by_a_launcher_leaves_its_records_and_is_found_finished(
-    launcher, recording, tmp_path, monkeypatch
-):
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "results"))
-    words = ("experiments.run", "scene=recorded", f"scene.path={recording()}")
-    step = Step("some", words, 1, timed=False, launcher=launcher)
-    assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
-    (run,) = Results(tmp_path / "results").runs
-    assert run.steps == ["full/some"]
-    assert plain(run.command) == plain(step.command)
-    assert calls.carry_out(step, "full", tmp_path / "results", 2) == "finished"
-    assert len(Results(tmp_path / "results").runs) == 1
 
 
 # Claims -------------------------------------------------------------------------------------------

@@ -1,8 +1,6 @@
-"""Lines of the experiments that claims are judged by, each read once for all claims."""
+"""Lines of the experiments that claims are judged by."""
 
 from __future__ import annotations
-
-from functools import cached_property
 
 import pandas as pd
 
@@ -21,7 +19,6 @@ class Evidence:
 
     def __init__(self, frame: pd.DataFrame) -> None:
         self.frame = frame
-        self._accuracies: dict[str, dict[str, Accuracies]] = {}
 
     def scenes(self, experiment: str) -> dict[str, pd.DataFrame]:
         """The lines of one experiment, in the order of the scenes' places."""
@@ -31,11 +28,9 @@ class Evidence:
 
     def accuracies(self, experiment: str) -> dict[str, Accuracies]:
         """Accuracies on each recording by the split that counts."""
-        if experiment not in self._accuracies:
-            self._accuracies[experiment] = accuracies_of(self.scenes(experiment))
-        return self._accuracies[experiment]
+        return accuracies_of(self.scenes(experiment))
 
-    @cached_property
+    @property
     def runs(self) -> Groups:
         """Single trainings."""
         return Groups.of(self.frame)

@@ -13,7 +13,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.records.results import RUNS
+from experiments.records.results import RUNS, once
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.study import Study
 from experiments.reporting.table import Table
@@ -61,6 +61,7 @@ READ: Mapping[str, Read] = {
 }
 
 
+@once
 def every_piece(frame: pd.DataFrame) -> list[Piece]:
     """All evidence, in the order of the claims."""
     frozen = rules()

@@ -13,7 +13,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.records.results import of_scenes
+from experiments.records.results import of_scenes, once
 from experiments.reporting.columns import (
     Column,
     display_name,
@@ -29,7 +29,7 @@ from experiments.reporting.text import number, percent, size, two_digits
 from experiments.studies.recordings.values import (
     FEW,
     SPLIT,
-    Accuracies,
+    of_recording,
     recordings,
     unsaturated,
 )
@@ -61,7 +61,7 @@ class Errors:
 
     def __init__(self, frame: pd.DataFrame, scene: str) -> None:
         found = (of_scenes(frame, name).get(scene) for name in OF[1:])
-        self.parts = [Accuracies(rows) for rows in found if rows is not None]
+        self.parts = [of_recording(rows) for rows in found if rows is not None]
 
     def of(self, model: str, n: int) -> float:
         """Mean test error of a model after n frames of each class; NaN where it is unknown."""
@@ -79,6 +79,7 @@ class Errors:
         return min(known, key=lambda model: known[model], default=USUAL[0])
 
 
+@once
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording, number of frames and model."""
     table = []

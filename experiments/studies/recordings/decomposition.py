@@ -11,6 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from experiments.records.results import once
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.plot import LETTERS, panel, wrapped
 from experiments.reporting.study import Plot
@@ -46,6 +47,7 @@ GAIN, LOSS = "#0072B2", "#D55E00"
 PANELS = 4  # in a row
 
 
+@once
 def decomposition(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording and step whose two models were asked, at the most frames."""
     found = unsaturated(recordings(frame))

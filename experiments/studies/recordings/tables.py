@@ -34,6 +34,7 @@ from experiments.studies.recordings.values import (
     forms_of,
     gaps,
     kind,
+    of_recording,
     recordings,
 )
 
@@ -54,7 +55,7 @@ def front(frame: pd.DataFrame) -> pd.DataFrame:
     table = []
     for scene, rows in found.items():
         of_first = _about(scene, rows)
-        for k, line in enumerate(_by_size(Accuracies(rows))):
+        for k, line in enumerate(_by_size(of_recording(rows))):
             described = {"kind": "", "frames": ""} if k else of_first
             table.append({"recording": scene, **described, **line})
     return _wide(table, COLUMNS, found.values())

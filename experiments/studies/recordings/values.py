@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.results import of_scenes
+from experiments.records.results import of_scenes, once
 from experiments.reporting.columns import display_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import (
@@ -130,9 +130,15 @@ class Accuracies:
         return over_units(values.tolist(), self.seeds)
 
 
+@once
+def of_recording(rows: pd.DataFrame) -> Accuracies:
+    """Of one recording."""
+    return Accuracies(rows)
+
+
 def accuracies_of(found: dict[str, pd.DataFrame]) -> dict[str, Accuracies]:
     """Of each recording."""
-    return {scene: Accuracies(rows) for scene, rows in found.items()}
+    return {scene: of_recording(rows) for scene, rows in found.items()}
 
 
 # Forms of HDC against the baseline ----------------------------------------------------------------

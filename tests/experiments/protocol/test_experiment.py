@@ -194,6 +194,20 @@ def test_a_part_is_kept_under_name_config_key_and_data_unless_forced(results):
     assert sorted(one.name for one in kept) == ["experiment"] * 4 + ["x"]
 
 
+def test_times_of_another_number_of_threads_are_made_again(results, monkeypatch):
+    calls = itertools.count()
+
+    @experiment(timed=True)
+    def timing(run):
+        yield {"call": next(calls)}
+
+    found = []
+    for threads in (2, 2, 1, 1, 2):
+        monkeypatch.setattr(torch, "get_num_threads", lambda threads=threads: threads)
+        found.append(timing().rows.values)
+    assert found == [[[0]], [[0]], [[1]], [[1]], [[2]]]
+
+
 def test_scenes_come_at_their_seeds_and_are_kept_on_disk_where_asked_for(
     results, monkeypatch
 ):

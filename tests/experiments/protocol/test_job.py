@@ -121,7 +121,7 @@ def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
         f"{name} (revision 0, now {first.revisions[name]})"
         for name in ("experiments", "hdc.HDCClassifier")
     ]
-    start = f"{first.id}: made again, finished by other code: "
+    start = f"{first.id}: made again, finished otherwise: "
     assert said in [f"{start}{', '.join(some)}\n" for some in (reasons, reasons[::-1])]
     monkeypatch.setenv(record.STEP, "full/a step")  # made by one, found by another
     for _ in range(2):

@@ -215,7 +215,7 @@ def test_a_measurement_of_today_is_found_and_one_of_other_code_made_again(result
     store.append(results, made)
     again, said = sums()
     first, second = said.splitlines()
-    assert first.startswith(f"{made.id}: made again, finished by other code: ")
+    assert first.startswith(f"{made.id}: made again, finished otherwise: ")
     for name, number in now.items():
         assert f"{name} (revision 0, now {number})" in first
     assert second.startswith("sums: 1 rows in ")

@@ -7,7 +7,6 @@ import pandas as pd
 from experiments import studies
 from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
-from experiments.records.results import Results
 from experiments.reporting import documents
 from experiments.reporting.study import Plot, Study
 from experiments.reporting.study import studies as studies_of
@@ -85,8 +84,8 @@ def test_the_page_of_results_has_every_figure_and_each_experiment_once():
     assert "Nothing" not in text
 
 
-def test_every_scene_is_listed_once_and_every_source_with_its_licence():
-    text = documents.scene_list(Results(REFERENCE))
+def test_every_scene_is_listed_once_and_every_source_with_its_licence(committed):
+    text = documents.scene_list(committed.results)
     names = [path.stem for path in (configs.CONFIGS / "scene").glob("*.yaml")]
     listed = [name for name in names if f"`scene={name}`" in text]
     assert sorted(listed) == sorted(set(names) - {"recorded"})

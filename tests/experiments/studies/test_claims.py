@@ -10,7 +10,7 @@ import pytest
 from omegaconf import OmegaConf
 
 from experiments.records import configs
-from experiments.records.files import REFERENCE, ROOT
+from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.records.rows import pack_labels
 from experiments.reporting.estimates import Estimate
@@ -1015,14 +1015,14 @@ def test_a_claim_of_ours_is_said_to_be_ours(record, judged):
 # Of the reference ---------------------------------------------------------------------------------
 
 
-def test_every_row_of_the_reference_has_a_word_and_a_command():
-    results = Results(REFERENCE)
-    table = view.claims(results.frame(*view.OF))
+def test_every_row_of_the_reference_has_a_word_and_a_command(committed):
+    made = {table.name: table for table in committed.tables["claims"]}
+    table = made["claims"].data
     assert not table.duplicated(["claim", "rival"]).any()
     assert set(table.word) <= {YES, NO, PARTLY, UNDECIDED}
     assert (table.command == view.COMMAND + " " + table.claim).all()
-    for made in view.STUDY.tables_of(results):
-        assert "<br>" not in made.markdown()
+    for each in made.values():
+        assert "<br>" not in each.markdown()
 
 
 def test_seeds_that_all_agree_join_no_estimate_and_break_no_table(drifted, judged):

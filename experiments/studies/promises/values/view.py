@@ -10,6 +10,7 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from experiments.records.results import once
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.measured import (
     models_of,
@@ -101,6 +102,7 @@ def shown(data: pd.DataFrame) -> list[str]:
     return [name for name in (*names, "regressor", "inside") if name in data]
 
 
+@once
 def coverage(frame: pd.DataFrame) -> pd.DataFrame | None:
     """A row for each scene, split, model and n; None of records without models."""
     if "model" not in frame:
@@ -146,7 +148,7 @@ def promises(frame: pd.DataFrame) -> pd.DataFrame | None:
     every = coverage(frame)
     if every is None:
         return None
-    every["place"] = pd.factorize(every.model)[0]
+    every = every.assign(place=pd.factorize(every.model)[0])
     lines = []
     for (_, n), rows in every.groupby(["place", "n"]):
         model = rows.model.iloc[0]
