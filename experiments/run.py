@@ -149,7 +149,8 @@ class Launch(Callback):
 def _keeps_memory(measured: Any) -> bool:
     """Whether freed memory stays with the process: in a run, or a task whose rows have times.
 
-    It makes times steady, and lets the memory of a long task grow to many times what it holds.
+    Large blocks then need not be cleared again, so that times are steady. What is freed between blocks
+    that stay is not given back, and the memory of a long task grows.
     """
     if measured is None:
         return True
