@@ -36,19 +36,19 @@ RECOGNISES = {
     YES: "is more accurate than converged softmax",
     NO: "is not more accurate than converged softmax",
     PARTLY: "is more accurate than converged softmax on {frames} frames",
-    UNDECIDED: "may or may not be more accurate than converged softmax (undecided)",
+    UNDECIDED: "may or may not be more accurate than converged softmax",
 }
 KEEPS_UP = {
     YES: "keeps up with converged softmax",
     NO: "does not keep up with converged softmax",
     PARTLY: "keeps up with converged softmax on {frames} frames",
-    UNDECIDED: "may or may not keep up with converged softmax (undecided)",
+    UNDECIDED: "may or may not keep up with converged softmax",
 }
 # The verdict of rules 3.
 LOSES = {
     YES: "lose nothing",
     NO: "lose accuracy",
-    UNDECIDED: "may or may not lose accuracy (undecided)",
+    UNDECIDED: "may or may not lose accuracy",
 }
 # Test accuracies closer than this are called equal, in points.
 EQUAL = 0.5
