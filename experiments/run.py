@@ -79,7 +79,7 @@ class CommandLine:
             hydra_cfg = HydraConfig.get()
             config = resolved(cfg)
             measured = named(config["task"])
-            if _keeps_memory(measured):
+            if not getattr(measured, "own_memory", False):
                 machine.keep_memory()
             torch.set_num_threads(
                 machine.threads(config["threads"], hydra_cfg.launcher)
@@ -144,18 +144,6 @@ class Launch(Callback):
         if folder:
             text = f"each run prints into {folder}/*.out"
             console.print(text, style="dim", markup=False, soft_wrap=True)
-
-
-def _keeps_memory(measured: Any) -> bool:
-    """Whether freed memory stays with the process: in a run, or a task whose rows have times.
-
-    Large blocks then need not be cleared again, so that times are steady. What is freed between blocks
-    that stay is not given back, and the memory of a long task grows.
-    """
-    if measured is None:
-        return True
-    own = getattr(measured, "own_memory", False)
-    return getattr(measured, "timed", False) and not own
 
 
 def _run(config: dict[str, Any], hydra_cfg: Any) -> bool:
