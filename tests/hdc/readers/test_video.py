@@ -133,7 +133,7 @@ def test_intervals_have_sessions_and_groups(film):
 
 
 def test_an_interval_is_on_one_side_of_a_split(film):
-    """Frames of an interval are near copies of each other; a random split had them on both sides."""
+    """Frames of an interval are near copies, and a random split had them on both sides."""
     rows = ["start_s,end_s,label", "0,1,a", "1,2,b", "2,3,a", "3,4,b"]
     film.with_suffix(".csv").write_text("\n".join(rows))
     recording = open_recording(film)
