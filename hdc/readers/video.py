@@ -1,7 +1,6 @@
 """A video with a table: labelled intervals, or a row of values a frame; or frame by frame.
 
 A frame belongs to the interval with start ≤ time < end, and has its label, session and group.
-Without a column ``group`` an interval is a group, if every class has two intervals or more.
 Frames outside all intervals are left out. PyAV (FFmpeg) decodes. Times are those of the container,
 in seconds from its first frame, evenly spaced or not. A frame is turned as the file says. Grey of
 more than 8 bits comes as it is stored.
@@ -122,15 +121,7 @@ def _of_intervals(
     columns = Columns.of(places, [interval.row for interval in intervals])
     for name, numbers in columns.only(("session", "group")).samples().items():
         samples[name] = numbers[members]
-    if "group" not in samples and _has_several_of_each(indices, samples["interval"]):
-        samples["group"] = samples["interval"]  # frames of one are nearly alike
     return {"classes": classes, "labels": indices, "samples": samples}
-
-
-def _has_several_of_each(labels: np.ndarray, intervals: np.ndarray) -> bool:
-    """Whether each class has two intervals or more."""
-    pairs = np.unique(np.stack([labels, intervals], 1), axis=0)
-    return int(np.bincount(pairs[:, 0]).min()) > 1
 
 
 def _of_frames(

@@ -11,7 +11,6 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.command.holdout import UNSEEN_GROUPS, hold_out
 from hdc.readers import BadFrame, Window, open_recording, video
 from hdc.readers.video import stream_video
 
@@ -130,22 +129,6 @@ def test_intervals_have_sessions_and_groups(film):
         ValueError, match=r"csv, line 5: expected the session of each row"
     ):
         open_recording(film)
-
-
-def test_an_interval_is_on_one_side_of_a_split(film):
-    """Frames of an interval are near copies, and a random split had them on both sides."""
-    rows = ["start_s,end_s,label", "0,1,a", "1,2,b", "2,3,a", "3,4,b"]
-    film.with_suffix(".csv").write_text("\n".join(rows))
-    recording = open_recording(film)
-    train, test, how = hold_out(recording, 0.4)
-    assert how == UNSEEN_GROUPS
-    sides = [set(recording.samples["interval"][side]) for side in (train, test)]
-    assert sides[1]
-    assert sides[0].isdisjoint(sides[1])
-    film.with_suffix(".csv").write_text("\n".join(rows[:4]))  # one interval of b
-    recording = open_recording(film)
-    assert recording.group is None
-    assert hold_out(recording, 0.4)[2] == "at random"
 
 
 def test_a_video_that_ends_early_is_named(tmp_path):
