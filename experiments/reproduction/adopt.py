@@ -49,6 +49,22 @@ def adopt(own: Path, reference: Path) -> Adopted:
     replaced = finished & _steps_of(entering)
     refused = _steps_of(made) - _steps_of(entering)
 
+    records = _joined(before, entering, replaced, every)
+    store.write_all(reference, (records[name] for name in sorted(records)))
+    entered = [row for row in calls if took.step_of(row) not in refused]
+    _take_times(reference, entered, known)
+    left = {record.id for record in before}.difference(records)
+    return Adopted(len(entering), len(left), len(ours) - len(entering))
+
+
+def _joined(
+    before: Iterable[store.Made],
+    entering: Iterable[store.Made],
+    replaced: set[str],
+    every: set[str],
+) -> dict[str, store.Made]:
+    """Records by id: those of before without the steps that are replaced, and those that enter.
+    Each then names its steps among all there are."""
     records: dict[str, store.Made] = {}
     for record in before:
         record.steps = sorted((every - replaced) & {*record.steps})
@@ -58,15 +74,15 @@ def adopt(own: Path, reference: Path) -> Adopted:
         shared = records[record.id].steps if record.id in records else []
         record.steps = sorted(every & {*record.steps, *shared})
         records[record.id] = record
-    store.write_all(reference, (records[name] for name in sorted(records)))
+    return records
 
+
+def _take_times(reference: Path, calls: Iterable[took.Call], known: set[str]) -> None:
+    """Add the times of calls to the reference; steps that are not known lose theirs."""
     rows = took.read(reference)
     for row in calls:
-        if took.step_of(row) not in refused:
-            rows[row["step"], row["mode"]] = row
+        rows[row["step"], row["mode"]] = row
     took.write(reference, (row for row in rows.values() if row["step"] in known))
-    left = {record.id for record in before}.difference(records)
-    return Adopted(len(entering), len(left), len(ours) - len(entering))
 
 
 def _steps_of(records: Iterable[Record]) -> set[str]:
