@@ -32,6 +32,7 @@ class Case:
     d: int  # pixels
     l: int  # noqa: E741  (classes)
     seed: int = 0
+    device: str = "cpu"  # a GPU has routes of its own
 
     def __post_init__(self) -> None:
         self.labels = np.arange(self.n) % self.l

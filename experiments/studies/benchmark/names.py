@@ -1,7 +1,8 @@
 """Names of routes and the order of operations; ordinary routes are those of other libraries."""
 
 OPERATIONS = ("encode", "bundle", "hamming", "train", "predict", "folder", "video")
-OURS, OURS_COMPILED = "hdc", "hdc, compiled"
+OURS, OURS_COMPILED, OURS_GPU = "hdc", "hdc, compiled", "hdc, on the GPU"
+ENCODE_GPU = "torch.median, compare, on the GPU"
 READ, COPY = "one read of the bytes", "one copy of the bytes"
 NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
 DECODE_IMAGES, DECODE_VIDEO = (

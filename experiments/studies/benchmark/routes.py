@@ -2,7 +2,8 @@
 
 :data:`OPERATIONS` is the registry: a function per operation, which yields its routes for a case.
 The routes of a case share its inputs, in the form that their users have at hand. A call prepares
-anything else that it needs when it is first made, which is not timed.
+anything else that it needs when it is first made, which is not timed. Routes on a GPU find their
+input in its memory; those that train or predict begin in the machine's, as all others do.
 """
 
 from __future__ import annotations
@@ -20,6 +21,7 @@ import torch
 from torch import Tensor
 
 from baselines.libraries import multisets, opencv_median
+from experiments.protocol.clock import synchronise
 from experiments.studies.benchmark import names
 from experiments.studies.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
 from hdc import HDCClassifier, bits
@@ -41,6 +43,10 @@ def encode_routes(case: Case) -> Iterator[Route]:
     """Frames to hypervectors."""
     frames = case.pixels
     yield from ours(lambda backend: partial(Median().encode, frames, backend=backend))
+    if case.device != "cpu":
+        there = frames.to(case.device)
+        yield on_gpu(case, names.OURS_GPU, partial(Median().encode, there))
+        yield on_gpu(case, names.ENCODE_GPU, partial(torch_bits, there))
     yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
     yield Route(
         "cv2.calcHist, compare, packbits", "cv2", lambda: opencv_words(frames.numpy())
@@ -51,7 +57,10 @@ def bundle_routes(case: Case) -> Iterator[Route]:
     """Hypervectors to prototypes."""
     # As torchhd has them, a byte per bit.
     classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
-    yield from ours(lambda backend: partial(count, case, backend))
+    yield from ours(lambda backend: partial(count, case, case.words, backend))
+    if case.device != "cpu":
+        there = case.words.to(case.device)
+        yield on_gpu(case, names.OURS_GPU, partial(count, case, there, "numpy"))
     yield Route(names.TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
 
 
@@ -70,6 +79,9 @@ def hamming_routes(case: Case) -> Iterator[Route]:
         return numkong.cdist(queries, prototypes, metric="hamming", dtype="uint1")
 
     yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
+    if case.device != "cpu":
+        there = [words.to(case.device) for words in pair]
+        yield on_gpu(case, names.OURS_GPU, partial(bits.hamming, *there))
     yield Route(names.NUMKONG, "numkong", numkong_distances)
     yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
@@ -80,8 +92,9 @@ def train_routes(case: Case) -> Iterator[Route]:
     pixels = frames.numpy()
     copied = np.zeros(pixels.shape, np.uint8)
 
-    def train(backend: str) -> HDCClassifier:
-        return HDCClassifier(backend=backend).fit(frames, case.labels)
+    def train(backend: str, device: str = "cpu") -> HDCClassifier:
+        model = HDCClassifier(backend=backend, device=device)
+        return model.fit(frames, case.labels)
 
     def ordinary(ones: Callable[[Tensor], Tensor]) -> Tensor:
         return multisets(by_class(case, ones(frames)))
@@ -90,6 +103,8 @@ def train_routes(case: Case) -> Iterator[Route]:
         return np.bitwise_xor.reduce(pixels.view(np.uint64))
 
     yield from ours(lambda backend: partial(train, backend))
+    if case.device != "cpu":
+        yield on_gpu(case, names.OURS_GPU, partial(train, "auto", case.device))
     yield Route(names.READ, "numpy", read)
     yield Route(names.COPY, "numpy", partial(np.copyto, copied, pixels))
     of_frames = (torch_bits, numpy_bits, opencv_bits)
@@ -122,11 +137,13 @@ def predict_routes(case: Case) -> Iterator[Route]:
         turn = itertools.cycle(frames)
         return lambda: label(next(turn))
 
-    def predict(backend: str) -> Callable[[], Any]:
-        model = HDCClassifier(backend=backend).fit(case.examples, labels)
-        return each(model.predict)
+    def predict(backend: str, device: str = "cpu") -> Callable[[], Any]:
+        model = HDCClassifier(backend=backend, device=device)
+        return each(model.fit(case.examples, labels).predict)
 
     yield from ours(predict)
+    if case.device != "cpu":
+        yield on_gpu(case, names.OURS_GPU, predict("auto", case.device))
     yield Route(
         "torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label)
     )
@@ -190,6 +207,8 @@ def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
     result: Any = call()
     if isinstance(result, HDCClassifier):
         result = result.prototypes_
+    if isinstance(result, Tensor):
+        result = result.cpu()
     is_packed = isinstance(result, Tensor) and result.dtype == torch.int64
     if is_packed and case.operation != "hamming":
         result = unpack_bits(result, case.d)
@@ -203,10 +222,21 @@ def ours(build: Callable[[str], Callable[[], Any]]) -> Iterator[Route]:
     yield Route(names.OURS_COMPILED, "numba", build("compiled"))
 
 
-def count(case: Case, backend: str) -> Tensor:
-    """Prototypes int64 [L, W] of the case's hypervectors by our counters."""
-    counters = Counters(case.l, case.d, backend=backend)
-    counters.add(case.words, torch.from_numpy(case.labels))
+def on_gpu(case: Case, name: str, call: Callable[[], Any]) -> Route:
+    """A route whose call ends when the GPU has finished its queue."""
+
+    def finished() -> Any:
+        result = call()
+        synchronise(case.device)
+        return result
+
+    return Route(name, "torch", finished)
+
+
+def count(case: Case, words: Tensor, backend: str) -> Tensor:
+    """Prototypes int64 [L, W] of the case's hypervectors by our counters, on their device."""
+    counters = Counters(case.l, case.d, words.device, backend)
+    counters.add(words, torch.from_numpy(case.labels))
     return counters.majority()
 
 
