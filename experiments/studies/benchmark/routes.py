@@ -174,7 +174,7 @@ def video_routes(case: Case) -> Iterator[Route]:
         while capture.read()[0]:
             pass
 
-    yield from ours(partial(trained_on, case.folder / "video.avi"))
+    yield from ours(partial(trained_on, case.folder / "video.avi"), "av")
     yield Route(names.DECODE_VIDEO, "cv2", decode)
 
 
@@ -216,10 +216,15 @@ def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
     return pack_bits(array) if array.dtype == np.bool_ else array
 
 
-def ours(build: Callable[[str], Callable[[], Any]]) -> Iterator[Route]:
-    """Routes of both backends of hdc, by a function that makes a call of its name."""
-    yield Route(names.OURS, "torch", build("numpy"))
-    yield Route(names.OURS_COMPILED, "numba", build("compiled"))
+def ours(
+    build: Callable[[str], Callable[[], Any]], package: str | None = None
+) -> Iterator[Route]:
+    """Routes of both backends of hdc, by a function that makes a call of its name.
+
+    A reader may need a package of its own.
+    """
+    yield Route(names.OURS, package or "torch", build("numpy"))
+    yield Route(names.OURS_COMPILED, package or "numba", build("compiled"))
 
 
 def on_gpu(case: Case, name: str, call: Callable[[], Any]) -> Route:
