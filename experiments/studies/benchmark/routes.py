@@ -80,8 +80,9 @@ def hamming_routes(case: Case) -> Iterator[Route]:
 
     yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
     if case.device != "cpu":
-        there = [words.to(case.device) for words in pair]
-        yield on_gpu(case, names.OURS_GPU, partial(bits.hamming, *there))
+        queries_there, prototypes_there = (words.to(case.device) for words in pair)
+        call = partial(bits.hamming, queries_there, prototypes_there)
+        yield on_gpu(case, names.OURS_GPU, call)
     yield Route(names.NUMKONG, "numkong", numkong_distances)
     yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
