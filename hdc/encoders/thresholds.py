@@ -19,9 +19,10 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.encoders.ties import count_ones, first_ties, places
+from hdc.encoders.ties import count_ones, first_ties, in_order
 
-_STEP = 2**20  # pixels of several frames ordered at once, at up to 30 bytes each
+# Pixels of several frames ordered at once, at up to 30 bytes each. A GPU is idle with fewer.
+_STEP, _STEP_ON_GPU = 2**20, 2**25
 _SMALL = 4096
 """Pixels per frame up to which that is faster than one frame after another."""
 _BLOCK = 16  # frames that are counted one after another, the bits of each being kept
@@ -45,7 +46,7 @@ def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
     It makes levels of pixels [B, D], numbers of ones, and a rule of ties.
     """
     if frames.device.type != "cpu":
-        return max(1, _STEP // n_pixels), by_torch
+        return max(1, _STEP_ON_GPU // n_pixels), by_torch
     if n_pixels > _SMALL:
         return _BLOCK, one_by_one
     return max(1, _STEP // n_pixels), by_partition
@@ -61,7 +62,7 @@ def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
     elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
         pixels = pixels.long()  # torch compares and selects few other unsigned types
     n_pixels = pixels.shape[1]
-    order = torch.from_numpy(places(n_pixels, rule)).to(pixels.device)
+    order = _order_on(pixels.device, n_pixels, rule)
     levels = []
     for wanted in ones:
         threshold = _kth(pixels, _place(n_pixels, wanted))
@@ -76,7 +77,7 @@ def by_partition(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
     if images.dtype.kind in "iu" and images.itemsize < 4:
         images = images.astype(np.int32)  # which numpy orders in less time
     n_pixels = images.shape[1]
-    order = places(n_pixels, rule)
+    order = in_order(n_pixels, rule)
     at = [_place(n_pixels, wanted) for wanted in ones]
     ordered = np.partition(images, sorted(set(at)), axis=1)
     levels = []
@@ -96,7 +97,7 @@ def _ones_of(
     Args:
         pixels, threshold: [B, D] and [B, 1], tensors or arrays.
         wanted: ones of a frame.
-        rule, order: of ties, and the :func:`hdc.encoders.ties.places` of it.
+        rule, order: of ties, and the pixels :func:`hdc.encoders.ties.in_order` of it.
     """
     above = pixels > threshold
     equal = pixels == threshold
@@ -109,10 +110,24 @@ def _ones_of(
         return above | (equal & ~split[:, None]), n_equal, split
     if not split.any():
         return above | equal, n_equal, split
-    where: Any = np.where if isinstance(pixels, np.ndarray) else torch.where
-    behind = len(order) + bits.WORD
-    ranks = where(above, -1, where(equal, order, behind))
-    return ranks <= _kth(ranks, wanted - 1), n_equal, split
+    pixels_in_order, places = order
+    ties = _taken(equal, pixels_in_order)
+    ties &= ties.cumsum(1) <= missing[:, None]
+    return above | _taken(ties, places), n_equal, split
+
+
+def _taken(rows: Any, columns: Any) -> Any:
+    """Some columns of rows [B, D]."""
+    if isinstance(rows, np.ndarray):
+        return rows.take(columns, 1)  # indexing takes ten times as long
+    return rows.index_select(1, columns)
+
+
+@functools.lru_cache(maxsize=4)
+def _order_on(device: torch.device, n_pixels: int, rule: str) -> tuple[Tensor, ...]:
+    """:func:`hdc.encoders.ties.in_order` in the memory of a device."""
+    arrays = in_order(n_pixels, rule)
+    return tuple(torch.from_numpy(array).to(device) for array in arrays)
 
 
 def _place(n_pixels: int, wanted: int) -> int:

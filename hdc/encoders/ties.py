@@ -29,15 +29,17 @@ MULTIPLIER = 0x9E3779B1  # 2^32 over the golden ratio
 
 
 @functools.lru_cache(maxsize=4)
-def places(n_pixels: int, rule: str) -> np.ndarray:
-    """The key of each pixel, int32 [D] below 64·W; the tie with the least becomes a one first."""
+def in_order(n_pixels: int, rule: str) -> tuple[np.ndarray, np.ndarray]:
+    """All pixels, int64 [D], the tie first that becomes a one first, and the place of each pixel
+    there."""
     pixel = np.arange(n_pixels)
     if rule == "raster":
-        return pixel.astype(np.int32)
+        return pixel, pixel
     width = words_for(n_pixels)
     word, bit = np.divmod(pixel, WORD)
     round_ = (bit + _rotations(width)[word]) % WORD
-    return (round_ * width + word).astype(np.int32)
+    order = (round_ * width + word).argsort()
+    return order, order.argsort()
 
 
 def first_ties(ties: np.ndarray, n_ties: int, wanted: int, rule: str) -> np.ndarray:

@@ -8,7 +8,7 @@ import torch
 
 from hdc import bits
 from hdc.encoders import Median
-from hdc.encoders.ties import TIES, first_ties, places
+from hdc.encoders.ties import TIES, first_ties, in_order
 
 
 @pytest.mark.parametrize("ties", TIES)
@@ -37,8 +37,10 @@ def test_the_first_ties_by_plain_loops(d: int, ties: str, order_of_pixels) -> No
 
 @pytest.mark.parametrize("ties", ["spread", "raster"])
 @pytest.mark.parametrize("d", [1, 64, 700, 4161])
-def test_places_are_in_that_order(d: int, ties: str, order_of_pixels) -> None:
-    assert np.array_equal(places(d, ties).argsort(), order_of_pixels(d, ties).argsort())
+def test_all_pixels_are_in_that_order(d: int, ties: str, order_of_pixels) -> None:
+    order, places = in_order(d, ties)
+    assert np.array_equal(order, order_of_pixels(d, ties).argsort())
+    assert np.array_equal(order[places], np.arange(d))
 
 
 def test_the_key_of_a_pixel_is_as_stated(order_of_pixels) -> None:
