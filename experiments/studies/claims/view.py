@@ -40,6 +40,7 @@ from experiments.studies.claims.piece import (
     EXPLORATORY,
     Piece,
 )
+from experiments.studies.claims.rules import UNDECIDED
 from experiments.studies.claims.verdict import (
     Verdict,
     of_one_sensor,
@@ -174,10 +175,22 @@ def _range(row: Row) -> str:
     return f"{low} to {high} {row['unit']}" if low and high else "–"
 
 
+# What the readings of rules 3 make of a verdict by the rules of version 2.
+READ_AS = {"recalibration": UNDECIDED}
+
+
+def _word(row: Row) -> str:
+    """The verdict; where rules 3 read it otherwise, theirs first."""
+    word: str = row["word"]
+    read: str = READ_AS.get(row["claim"], word)
+    shown = read[:1].upper() + read[1:]
+    return shown if read == word else f"{shown} (rules 2: {word})"
+
+
 COLUMNS = {
     "says": Column("Claim"),
     "rival": Column("Held against", rival_name),
-    "word": Column("Verdict", lambda word: word[:1].upper() + word[1:]),
+    "word": Column("Verdict", cell=_word),
     "mean": Column("Number [95 %]", cell=_number),
     "equal": Column("Equal weights", cell=lambda row: _with_unit(row, "equal")),
     "predicted": Column("New sensor, 95 %", cell=_range),

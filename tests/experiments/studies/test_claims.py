@@ -1032,3 +1032,14 @@ def test_seeds_that_all_agree_join_no_estimate_and_break_no_table(drifted, judge
     assert recalibration._variance(pd.Series([0.9, 1.0, 1.1])) == pytest.approx(
         0.01 / 3
     )
+
+
+def test_a_verdict_is_shown_as_rules_3_read_it():
+    for name, word in view.READ_AS.items():
+        assert word in contest.rules().readings[name]
+    shown = view.COLUMNS["word"].cell
+    assert shown({"claim": "recalibration", "word": "no"}) == (
+        "Undecided (rules 2: no)"
+    )
+    assert shown({"claim": "recalibration", "word": "undecided"}) == "Undecided"
+    assert shown({"claim": "contrast", "word": "no"}) == "No"
