@@ -89,5 +89,7 @@ def _write(
         ha="left",
         va="bottom",
         arrowprops=line,
+        # No line of the figure runs through a name.
+        bbox={"boxstyle": "square,pad=0.05", "facecolor": "white", "edgecolor": "none"},
     )
     text.set_in_layout(False)
