@@ -57,7 +57,11 @@ GOAL = 1.5
 
 
 class Errors:
-    """Test errors on one recording, by the split that counts, whichever experiment has them."""
+    """Test errors on one recording, by the split that counts, whichever experiment has them.
+
+    A draw of one experiment is that of the other: the same frames. Errors are those of the draws
+    that both have, for one draw of a few objects can be far easier than another.
+    """
 
     def __init__(self, frame: pd.DataFrame, scene: str) -> None:
         found = (of_scenes(frame, name).get(scene) for name in OF[1:])
@@ -65,8 +69,18 @@ class Errors:
 
     def of(self, model: str, n: int) -> float:
         """Mean test error of a model after n frames of each class; NaN where it is unknown."""
-        means = (part.mean(model, n).value for part in self.parts)
-        return next((1 - mean for mean in means if not math.isnan(mean)), math.nan)
+        shared = self._shared(n)
+        for part in self.parts:
+            accuracies = part.of(model, n)
+            accuracies = accuracies[accuracies.index.isin(shared)]
+            if len(accuracies):
+                return 1 - float(accuracies.mean())
+        return math.nan
+
+    def _shared(self, n: int) -> set[Any]:
+        """The draws, or seeds, of all experiments that were asked with n frames of each class."""
+        every = [set(part.table.loc[n].index) for part in self.parts if n in part.sizes]
+        return set.intersection(*every) if every else set()
 
     def largest(self) -> int:
         """The most frames of each class."""
@@ -196,7 +210,8 @@ NOTE = (
     "nothing computed of them before, the least of several interleaved repetitions; by "
     "NumPy, and by the compiled kernels where the model has them; prediction in batches "
     "of 100 frames. Training of a chosen form includes the choice. Error: by the split "
-    "that counts; forms that are chosen, and models that take long, have fewer resamples."
+    "that counts, on the draws on which forms were chosen, the same for all models; those "
+    "of torchhd had two of them."
 )
 _PACE = (
     " Relative to softmax: by the faster implementation, over converged softmax on grey values. "

@@ -383,6 +383,20 @@ def test_each_compared_form_has_its_error_and_its_times_or_says_that_it_has_none
     assert len(tables_of["recording_costs"].data) == 4
 
 
+def test_errors_are_those_of_the_draws_that_both_experiments_have(
+    results, write_measurement, tmp_path
+):
+    results(gelsight={"softmax_dual": [100, 100, *18 * [90]]})  # the first two are easy
+    chosen = measured_of({"bits_chosen": [95, 97]}, draws=2)
+    write_measurement("recordings_chosen", chosen, scene="gelsight")
+    frame = Results(tmp_path).frame("recordings", "recordings_chosen")
+    errors = costs.Errors(frame, "gelsight")
+    assert errors.of("softmax_dual", 50) == 0.0
+    assert errors.of("bits_chosen", 50) == pytest.approx(0.04)
+    alone = costs.Errors(frame[frame.experiment == "recordings"], "gelsight")
+    assert alone.of("softmax_dual", 50) == pytest.approx(0.09)
+
+
 def test_the_front_has_no_point_with_less_of_both():
     times, errors = [1, 2, 3, 3, 4], [9, 5, 5, 4, 4]
     assert costs.is_on_front(times, errors) == [True, True, False, True, False]
