@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self
@@ -264,8 +265,8 @@ class HDCClassifier(Estimator):
 
         Raises:
             ValueError: if p is outside [0, 1], or 1 with new frames of a single class for lda and
-                kernel; if a label is not among ``classes_``, or bits are to be replaced of a class
-                that has no training frames.
+                kernel; if a label is not among ``classes_``, bits are to be replaced of a class
+                that has no training frames, or the read-out does not use an argument.
             AttributeError: for a read-out that does not adapt; ``hasattr`` is False.
         """
         self._check_is_trained()
@@ -273,6 +274,7 @@ class HDCClassifier(Estimator):
             raise ValueError(
                 "recalibrate: expected labels y, found None; without labels: rezero(frames)"
             )
+        self._check_used(p=p, seed=seed, method=method)
         frames, labels = self._samples(frames, y)
         inputs.check_among(labels, self._learned.index)
         words = torch.cat(list(self._encoded(frames)))
@@ -281,6 +283,17 @@ class HDCClassifier(Estimator):
         backend = self._backend(frames)
         self._learned = self._learned.adapted(words, labels, options, backend)
         return self
+
+    def _check_used(self, **given: Any) -> None:
+        """Raise ValueError for an argument of :meth:`recalibrate` that the read-out ignores."""
+        defaults = inspect.signature(HDCClassifier.recalibrate).parameters
+        for name, value in given.items():
+            default = defaults[name].default
+            if name not in self.readout_.adapts_by and value != default:
+                raise ValueError(
+                    f"{name}: expected {default!r} with the read-out {self.readout_!r}, which "
+                    f"does not use it, found {value!r}"
+                )
 
     @available_unless(without_reference)
     def rezero(self, frames: Any) -> Self:

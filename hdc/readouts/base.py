@@ -57,6 +57,8 @@ class Readout(Parametrised, ABC):
     """The tensors of a file, of :mod:`hdc.tensors`; by default all that are learned."""
     predicts: ClassVar[tuple[str, ...]] = ()
     """Those of them that :meth:`state` has; by default all."""
+    adapts_by: ClassVar[tuple[str, ...]] = ("p", "seed", "method")
+    """Arguments of :meth:`hdc.HDCClassifier.recalibrate` that ``adapt`` uses."""
     _dimension: int
 
     def check(self) -> None:

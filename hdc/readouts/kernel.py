@@ -62,6 +62,7 @@ class Kernel(Readout):
         "penalty": "float64",
     }
     predicts = ("frames", "dual", "offsets", "reach")
+    adapts_by = ("p",)
     _held_out: HeldOut | None = None  # not in files
 
     def __init__(

@@ -64,6 +64,7 @@ class LDA(Readout):
         "shrinkage": "float64",
     }
     predicts = ("weights", "scales", "offsets")
+    adapts_by = ("p",)
     _held_out: HeldOut | None = None  # not in files
 
     def __init__(self, shrinkage: float | str = "ledoit_wolf"):

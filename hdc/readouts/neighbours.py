@@ -31,6 +31,7 @@ class Neighbours(Updatable):
     rows_: Tensor
     kept: ClassVar = {"frames": "int64 N W", "rows": "int64 N"}
     predicts = ("frames",)
+    adapts_by = ()
     _n_classes: int
 
     def __init__(self, n_neighbours: int = 1):

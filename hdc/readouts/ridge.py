@@ -43,6 +43,7 @@ class Ridge(Readout):
 
     linear_: Linear
     predicts = ("weights", "scales")
+    adapts_by = ()
     _held_out: HeldOut | None = None  # not in files
 
     def __init__(self, penalty: float | None = None):
