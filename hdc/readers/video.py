@@ -1,6 +1,7 @@
 """A video with a table: labelled intervals, or a row of values a frame; or frame by frame.
 
 A frame belongs to the interval with start ≤ time < end, and has its label, session and group.
+Where neither sessions nor groups say what was recorded together, an interval is a group.
 Frames outside all intervals are left out. PyAV (FFmpeg) decodes. Times are those of the container,
 in seconds from its first frame, evenly spaced or not. A frame is turned as the file says. Grey of
 more than 8 bits comes as it is stored.
@@ -121,7 +122,24 @@ def _of_intervals(
     columns = Columns.of(places, [interval.row for interval in intervals])
     for name, numbers in columns.only(("session", "group")).samples().items():
         samples[name] = numbers[members]
+    if "group" not in samples and len(np.unique(samples.get("session", 0))) < 2:
+        alone = _of_one_interval(indices, samples["interval"])
+        if not alone.all():
+            apart = len(intervals) + np.arange(len(indices))
+            samples["group"] = np.where(alone, apart, samples["interval"])
+            names = ", ".join(classes[c] for c in np.unique(indices[alone]))
+            _note(
+                film.notes,
+                names != "",
+                f"{names}: one interval, whose frames are split",
+            )
     return {"classes": classes, "labels": indices, "samples": samples}
+
+
+def _of_one_interval(labels: np.ndarray, intervals: np.ndarray) -> np.ndarray:
+    """Which frames [N] are of a class of a single interval."""
+    pairs = np.unique(np.stack([labels, intervals]), axis=1)
+    return np.bincount(pairs[0])[labels] == 1
 
 
 def _of_frames(
