@@ -182,8 +182,20 @@ class Learned:
         if not isinstance(readout, Updatable):
             after = readout.held_out(*adapted._kept())
             factor = 1.0 if factor is None else factor
-            adapted._held_out = _with_others(after, before, rows, factor)
+            change = self._change_to(adapted, factor, backend)
+            adapted._held_out = _with_others(after, before, rows, factor, change)
         return adapted
+
+    def _change_to(self, adapted: Self, factor: float, backend: str) -> Tensor:
+        """Mean change of the scores of the sample beyond a factor, by class: float64 [L, L]."""
+        words, rows = self._kept()
+        old, new = (
+            one.scores(words, backend).double().cpu() for one in (self, adapted)
+        )
+        sums = torch.zeros(len(self.labels), len(self.labels), dtype=torch.float64)
+        sums.index_add_(0, rows, new - factor * old)
+        counts = torch.bincount(rows, minlength=len(sums))
+        return sums / counts.clamp(min=1)[:, None]
 
     def _warn_of_missing(self, labels: Sequence[Label]) -> None:
         """Warn where classes have no new frames: they keep prototypes of before the change."""
@@ -351,14 +363,19 @@ def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | Non
 
 
 def _with_others(
-    found: HeldOut | None, before: HeldOut | None, rows: Tensor, factor: float
+    found: HeldOut | None,
+    before: HeldOut | None,
+    rows: Tensor,
+    factor: float,
+    change: Tensor,
 ) -> HeldOut | None:
-    """Scores of frames of the classes `rows`, and those of before of the others, by a factor."""
+    """Scores of frames of the classes `rows`, and those of before of the others, as these moved."""
     if found is None or before is None:
         return found
     others = ~torch.isin(before.rows, rows)
-    scores = torch.cat((factor * before.scores[others], found.scores))
-    return HeldOut(scores, torch.cat((before.rows[others], found.rows)))
+    kept = before.rows[others]
+    moved = factor * before.scores[others] + change[kept]
+    return HeldOut(torch.cat((moved, found.scores)), torch.cat((kept, found.rows)))
 
 
 def _of_several(found: HeldOut, counts: Tensor) -> HeldOut:
