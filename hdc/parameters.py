@@ -203,6 +203,10 @@ class Named(Mapping[str, type]):
     def __len__(self) -> int:
         return len(self._paths)
 
+    def __contains__(self, name: object) -> bool:
+        """Without the import of the class."""
+        return name in self._paths
+
     def name_of(self, part: object) -> str:
         """Name by which :func:`find_class` finds an object's class; dotted if from elsewhere."""
         kind = type(part)

@@ -7,7 +7,6 @@ from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from hdc.encoders.base import Encoder
@@ -81,9 +80,8 @@ class Reference(RelativeEncoder):
         assert isinstance(base, RankEncoder)
         n_pixels = differences[0].shape[1]
         ones = base.ones(n_pixels)
-        found = encode_differences(*differences, ones, base.ties, words)
-        equal, split = map(torch.from_numpy, found)
-        base.warn(ties_of(equal, split, n_pixels), n_pixels, first)
+        counted = encode_differences(*differences, ones, base.ties, words)
+        base.warn(ties_of(*counted, n_pixels), n_pixels, first)
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         return encode_with(self.base_, differences, first, "numpy")

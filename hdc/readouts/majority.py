@@ -216,9 +216,9 @@ class Counting(Updatable):
     def distances(self, words: Tensor) -> Tensor:
         """Hamming distances int64 [Q, L] to the prototypes; D + 1 of a class without samples."""
         distances = bits.hamming(words, self.prototypes_, self.backend)
-        empty = self.counters_.n == 0
-        if empty.any():
-            distances[:, empty] = self.counters_.dimension + 1
+        counts = self.counters_.n
+        if 0 in counts.tolist():
+            distances[:, counts == 0] = self.counters_.dimension + 1
         return distances
 
     def stored(self) -> dict[str, Tensor]:
