@@ -105,7 +105,7 @@ def test_which_frames_are_labelled_is_part_of_the_fingerprint(film):
 def test_a_table_elsewhere(film, tmp_path):
     table = tmp_path / "other.csv"
     table.write_text("label,start_s,end_s,note\nb,1,2,\na,0,1,x\n")
-    scene = open_recording(film, intervals=table)
+    scene = open_recording(film, table=table)
     assert scene.classes == ("a", "b")
     assert scene.labels.tolist() == [0] * 10 + [1] * 10
     assert scene.fingerprint() != open_recording(film).fingerprint()
