@@ -138,12 +138,12 @@ def test_votes_of_unequal_classes_are_of_as_many_as_the_smallest(ties: str) -> N
     votes, _ = merged(old.thinned(4, seed=11), new.thinned(3, seed=5), 0.6)
     assert torch.equal(readout.counters_.n, votes.n)
     assert torch.equal(readout.counters_.counts(), votes.counts())
-    assert torch.equal(readout.prototypes_, votes.prototypes(ties, 11))
+    assert torch.equal(readout.prototypes_, votes.majority(ties, 11))
     published = Majority(ties, balance=False, seed=11).fit(words, rows, 3, d)
     published.adapt(new_words, new_rows, 0.6, 5, "merge")
     votes, _ = merged(old, new, 0.6)
     assert torch.equal(published.counters_.counts(), votes.counts())
-    assert torch.equal(published.prototypes_, votes.prototypes(ties, 11))
+    assert torch.equal(published.prototypes_, votes.majority(ties, 11))
 
 
 def test_votes_of_a_class_without_new_frames_stay_as_they_are() -> None:
