@@ -191,7 +191,7 @@ class Film:
         self.shape = (height, width)
 
     def _start(self) -> Iterator[tuple[float, np.ndarray]]:
-        from hdc.readers.video import stream_video
+        from hdc.readers.film import stream_video
 
         return stream_video(self._path, self._window)
 

@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from hdc.command.holdout import UNSEEN_GROUPS, hold_out
-from hdc.readers import BadFrame, Window, open_recording, video
-from hdc.readers.video import stream_video
+from hdc.readers import BadFrame, Window, open_recording
+from hdc.readers.film import _Times, stream_video
 
 RATE, N = 10, 60
 # What OpenCV cannot write: uniform frames of grey_of(k), 32 × 32 pixels, 25 Hz, written by FFmpeg
@@ -356,7 +356,7 @@ def test_frames_are_missing_by_their_times_or_the_header(times, stated, early, f
     """At an even rate one gap in nine steps is a loss; more are a rate that varies."""
     container = SimpleNamespace(duration=None, streams=[None])
     stream = SimpleNamespace(frames=stated, metadata={})
-    kept = video._Times(Path("x.mkv"), container, stream)
+    kept = _Times(Path("x.mkv"), container, stream)
 
     def read():
         for time in times:
