@@ -14,8 +14,10 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.availability import (
+    available_unless,
     fixed,
     not_compared,
+    renamed,
     whole_only,
     without_held_out,
     without_reference,
@@ -27,7 +29,7 @@ from hdc.estimator import Estimator
 from hdc.learned import Learned
 from hdc.learner import learn
 from hdc.merging import check_kind, check_mergeable
-from hdc.parameters import available_unless, check_share, renamed
+from hdc.parameters import check_share
 from hdc.prototypes import Counters
 from hdc.readouts import READOUTS, Readout, make_readout
 

@@ -11,13 +11,14 @@ import numpy as np
 from torch import Tensor
 
 from hdc import bits
+from hdc.availability import renamed
 from hdc.classifier import HDCClassifier
 from hdc.conformal import Peers
 from hdc.encoders import Deviation, Levels, Median, Quantile
 from hdc.encoders.ranks import RankEncoder
 from hdc.export.sizes import Sizes
 from hdc.export.thresholds import distance_thresholds
-from hdc.parameters import check_choice, renamed
+from hdc.parameters import check_choice
 from hdc.readers import Window
 from hdc.readouts import LDA, Counts, Kernel, Majority, Neighbours, Ridge, Trained
 from hdc.readouts.majority import EXTRAS

@@ -9,12 +9,11 @@ import pytest
 from sklearn.base import clone
 
 from hdc import HDCClassifier
+from hdc.availability import UnavailableError, available_unless
 from hdc.encoders import ENCODERS, Deviation, Levels, Median, Quantile, Reference
 from hdc.parameters import (
     Named,
     Parametrised,
-    UnavailableError,
-    available_unless,
     describe,
     make_part,
     rebuild,
