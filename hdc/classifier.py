@@ -276,17 +276,17 @@ class HDCClassifier(Estimator):
             raise ValueError(
                 "recalibrate: expected labels y, found None; without labels: rezero(frames)"
             )
-        self._check_used(p=p, seed=seed, method=method)
+        options = {"p": p, "seed": seed, "method": method}
+        self._check_used(options)
         frames, labels = self._samples(frames, y)
         inputs.check_among(labels, self._learned.index)
         words = torch.cat(list(self._encoded(frames)))
         # A copy: a call that raises leaves the model as it was.
-        options = p, seed, method
         backend = self._backend(frames)
         self._learned = self._learned.adapted(words, labels, options, backend)
         return self
 
-    def _check_used(self, **given: Any) -> None:
+    def _check_used(self, given: Mapping[str, Any]) -> None:
         """Raise ValueError for an argument of :meth:`recalibrate` that the read-out ignores."""
         defaults = inspect.signature(HDCClassifier.recalibrate).parameters
         for name, value in given.items():

@@ -157,10 +157,10 @@ class Learned:
         self,
         words: Tensor,
         labels: Sequence[Label],
-        options: tuple[float, int, str | None],
+        options: Mapping[str, Any],
         backend: str,
     ) -> Self:
-        """This, moved to hypervectors [N, W] of N of its labels; options as of the read-out."""
+        """This, moved to hypervectors [N, W] of N of its labels by the options of recalibrate."""
         rows = self.rows_of(labels)
         self._warn_of_missing(labels)
         before = self._held_out
@@ -169,11 +169,12 @@ class Learned:
         adapted = copy.copy(self)
         readout: Any = copy.copy(self.readout)
         readout.backend = backend
-        factor = readout.adapt(words, rows, *options)
+        used = [options[name] for name in readout.adapts_by]
+        factor = readout.adapt(words, rows, *used)
         adapted.readout = adapted.majority = readout
         if self.majority is not self.readout:
             adapted.majority = copy.copy(self.majority)
-            adapted.majority.adapt(words, rows, *options)
+            adapted.majority.adapt(words, rows, *options.values())
         adapted.sample = copy.copy(self.sample)
         adapted.sample.replace(words, labels)
         adapted.recalibrated = True

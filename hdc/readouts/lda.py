@@ -106,10 +106,8 @@ class LDA(Readout):
         self._held_out = HeldOut(held_out, rows[places])
         return self
 
-    def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
-    ) -> float:
-        """Mix the discriminants of before with those of new frames, whatever else is asked.
+    def adapt(self, words: Tensor, rows: Tensor, share: float) -> float:
+        """Mix the discriminants of before with those of new frames.
 
         Each in units of the length of its weights; `share` is that of the new ones. A class without
         new frames has those of before alone.

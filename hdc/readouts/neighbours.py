@@ -60,10 +60,8 @@ class Neighbours(Updatable):
         new_row = torch.tensor(list(places), dtype=torch.int64)
         self.add(other.frames_, new_row[other.rows_])
 
-    def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
-    ) -> None:
-        """Take the new hypervectors in place of the kept ones of their classes, whatever else."""
+    def adapt(self, words: Tensor, rows: Tensor) -> None:
+        """Take the new hypervectors in place of the kept ones of their classes."""
         others = ~torch.isin(self.rows_, rows)
         kept = self.frames_[others.to(self.frames_.device)]
         self.frames_ = torch.cat((kept, words))

@@ -61,10 +61,8 @@ class Ridge(Readout):
         self._held_out = HeldOut(targets - fitted.residuals, rows)
         return self
 
-    def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
-    ) -> None:
-        """Go to the weights near those of before that fit new frames, whatever else is asked."""
+    def adapt(self, words: Tensor, rows: Tensor) -> None:
+        """Go to the weights near those of before that fit new frames."""
         targets = _signs(rows, len(self.linear_.planes))
         prior = self.linear_
         fitted = solve(words, targets, prior.dimension, None, self.backend, prior)
