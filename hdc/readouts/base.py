@@ -115,6 +115,19 @@ class Readout(Parametrised, ABC):
             vars(self).update(tensors)
 
 
+class Whole(Readout):
+    """A read-out that learns all frames at once, and keeps their scores without themselves.
+
+    They are in no file.
+    """
+
+    _held_out: HeldOut | None = None
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+        """Scores of frames of the last training, in closed form; None once loaded."""
+        return self._held_out
+
+
 class Updatable(Readout):
     """A read-out that goes on learning, batch by batch, and new classes on the way."""
 
