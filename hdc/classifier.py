@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import inspect
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self
@@ -13,8 +14,10 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.availability import (
+    available_unless,
     fixed,
     not_compared,
+    renamed,
     whole_only,
     without_held_out,
     without_reference,
@@ -26,7 +29,7 @@ from hdc.estimator import Estimator
 from hdc.learned import Learned
 from hdc.learner import learn
 from hdc.merging import check_kind, check_mergeable
-from hdc.parameters import available_unless, check_share, renamed
+from hdc.parameters import check_share
 from hdc.prototypes import Counters
 from hdc.readouts import READOUTS, Readout, make_readout
 
@@ -264,8 +267,8 @@ class HDCClassifier(Estimator):
 
         Raises:
             ValueError: if p is outside [0, 1], or 1 with new frames of a single class for lda and
-                kernel; if a label is not among ``classes_``, or bits are to be replaced of a class
-                that has no training frames.
+                kernel; if a label is not among ``classes_``, bits are to be replaced of a class
+                that has no training frames, or the read-out does not use an argument.
             AttributeError: for a read-out that does not adapt; ``hasattr`` is False.
         """
         self._check_is_trained()
@@ -273,14 +276,26 @@ class HDCClassifier(Estimator):
             raise ValueError(
                 "recalibrate: expected labels y, found None; without labels: rezero(frames)"
             )
+        options = {"p": p, "seed": seed, "method": method}
+        self._check_used(options)
         frames, labels = self._samples(frames, y)
         inputs.check_among(labels, self._learned.index)
         words = torch.cat(list(self._encoded(frames)))
         # A copy: a call that raises leaves the model as it was.
-        options = p, seed, method
         backend = self._backend(frames)
         self._learned = self._learned.adapted(words, labels, options, backend)
         return self
+
+    def _check_used(self, given: Mapping[str, Any]) -> None:
+        """Raise ValueError for an argument of :meth:`recalibrate` that the read-out ignores."""
+        defaults = inspect.signature(HDCClassifier.recalibrate).parameters
+        for name, value in given.items():
+            default = defaults[name].default
+            if name not in self.readout_.adapts_by and value != default:
+                raise ValueError(
+                    f"{name}: expected {default!r} with the read-out {self.readout_!r}, which "
+                    f"does not use it, found {value!r}"
+                )
 
     @available_unless(without_reference)
     def rezero(self, frames: Any) -> Self:

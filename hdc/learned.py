@@ -157,10 +157,10 @@ class Learned:
         self,
         words: Tensor,
         labels: Sequence[Label],
-        options: tuple[float, int, str | None],
+        options: Mapping[str, Any],
         backend: str,
     ) -> Self:
-        """This, moved to hypervectors [N, W] of N of its labels; options as of the read-out."""
+        """This, moved to hypervectors [N, W] of N of its labels by the options of recalibrate."""
         rows = self.rows_of(labels)
         self._warn_of_missing(labels)
         before = self._held_out
@@ -169,11 +169,12 @@ class Learned:
         adapted = copy.copy(self)
         readout: Any = copy.copy(self.readout)
         readout.backend = backend
-        factor = readout.adapt(words, rows, *options)
+        used = [options[name] for name in readout.adapts_by]
+        factor = readout.adapt(words, rows, *used)
         adapted.readout = adapted.majority = readout
         if self.majority is not self.readout:
             adapted.majority = copy.copy(self.majority)
-            adapted.majority.adapt(words, rows, *options)
+            adapted.majority.adapt(words, rows, *options.values())
         adapted.sample = copy.copy(self.sample)
         adapted.sample.replace(words, labels)
         adapted.recalibrated = True
@@ -182,8 +183,20 @@ class Learned:
         if not isinstance(readout, Updatable):
             after = readout.held_out(*adapted._kept())
             factor = 1.0 if factor is None else factor
-            adapted._held_out = _with_others(after, before, rows, factor)
+            change = self._change_to(adapted, factor, backend)
+            adapted._held_out = _with_others(after, before, rows, factor, change)
         return adapted
+
+    def _change_to(self, adapted: Self, factor: float, backend: str) -> Tensor:
+        """Mean change of the scores of the sample beyond a factor, by class: float64 [L, L]."""
+        words, rows = self._kept()
+        old, new = (
+            one.scores(words, backend).double().cpu() for one in (self, adapted)
+        )
+        sums = torch.zeros(len(self.labels), len(self.labels), dtype=torch.float64)
+        sums.index_add_(0, rows, new - factor * old)
+        counts = torch.bincount(rows, minlength=len(sums))
+        return sums / counts.clamp(min=1)[:, None]
 
     def _warn_of_missing(self, labels: Sequence[Label]) -> None:
         """Warn where classes have no new frames: they keep prototypes of before the change."""
@@ -351,14 +364,19 @@ def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | Non
 
 
 def _with_others(
-    found: HeldOut | None, before: HeldOut | None, rows: Tensor, factor: float
+    found: HeldOut | None,
+    before: HeldOut | None,
+    rows: Tensor,
+    factor: float,
+    change: Tensor,
 ) -> HeldOut | None:
-    """Scores of frames of the classes `rows`, and those of before of the others, by a factor."""
+    """Scores of frames of the classes `rows`, and those of before of the others, as these moved."""
     if found is None or before is None:
         return found
     others = ~torch.isin(before.rows, rows)
-    scores = torch.cat((factor * before.scores[others], found.scores))
-    return HeldOut(scores, torch.cat((before.rows[others], found.rows)))
+    kept = before.rows[others]
+    moved = factor * before.scores[others] + change[kept]
+    return HeldOut(torch.cat((moved, found.scores)), torch.cat((kept, found.rows)))
 
 
 def _of_several(found: HeldOut, counts: Tensor) -> HeldOut:

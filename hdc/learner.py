@@ -82,5 +82,4 @@ def _add_in_one_read(
         frames, rows, list(chosen), n_ones, encoder.ties
     )
     learned.sample.keep(chosen, kept)
-    counted = torch.from_numpy(equal), torch.from_numpy(split)
-    encoder.warn(ties_of(*counted, n_pixels), n_pixels, first)
+    encoder.warn(ties_of(equal, split, n_pixels), n_pixels, first)

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import copy
 import difflib
-import functools
 import importlib
 import inspect
 import math
@@ -18,7 +17,6 @@ import pkgutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
-Method = TypeVar("Method", bound=Callable[..., Any])
 Part = TypeVar("Part")
 
 
@@ -77,62 +75,6 @@ def _parameters_of(kind: type) -> list[str]:
     named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     parameters = inspect.signature(kind).parameters.values()
     return [parameter.name for parameter in parameters if parameter.kind in named]
-
-
-class UnavailableError(AttributeError, ValueError):
-    """A method that an object of these parameters does not have."""
-
-
-def available_unless(reason: Callable[[Any], str | None]) -> Callable[[Method], Method]:
-    """A decorator: the method is there only where `reason` of the object is None.
-
-    Elsewhere ``hasattr`` is False, as scikit-learn expects of a method that always raises, and
-    asking for the method raises :class:`UnavailableError` with the reason, one line.
-    """
-
-    def decorate(method: Method) -> Method:
-        return _Available(method, reason)  # type: ignore[return-value]
-
-    return decorate
-
-
-def renamed(old: str, new: str) -> Callable[[Method], Method]:
-    """A decorator: an argument that had another name up to version 2.0 is refused by its new one.
-
-    Args:
-        old: keyword that is no longer taken.
-        new: what stands for it, in words.
-    """
-
-    def decorate(method: Method) -> Method:
-        @functools.wraps(method)
-        def refusing(*arguments: Any, **named: Any) -> Any:
-            if old in named:
-                raise TypeError(
-                    f"{method.__name__}: expected {new}, found {old!r}, which was of version 2.0"
-                )
-            return method(*arguments, **named)
-
-        return refusing  # type: ignore[return-value]
-
-    return decorate
-
-
-class _Available:
-    """The descriptor of :func:`available_unless`."""
-
-    def __init__(self, method: Callable[..., Any], reason: Callable[[Any], str | None]):
-        self.__doc__ = method.__doc__
-        self._method = method
-        self._reason = reason
-
-    def __get__(self, owner: Any, kind: type | None = None) -> Any:
-        if owner is None:
-            return self._method
-        reason = self._reason(owner)
-        if reason is not None:
-            raise UnavailableError(f"{self._method.__name__}: {reason}")
-        return self._method.__get__(owner, kind)
 
 
 def make_part(
@@ -202,6 +144,10 @@ class Named(Mapping[str, type]):
 
     def __len__(self) -> int:
         return len(self._paths)
+
+    def __contains__(self, name: object) -> bool:
+        """Without the import of the class."""
+        return name in self._paths
 
     def name_of(self, part: object) -> str:
         """Name by which :func:`find_class` finds an object's class; dotted if from elsewhere."""

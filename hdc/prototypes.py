@@ -192,25 +192,14 @@ class Counters:
             sliced.append(bits.pack(has_bit))
         return torch.stack(sliced)
 
-    def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
-        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1).
-
-        With ``ties="random"``, class c takes the random hypervector of (seed, c).
-
-        Raises:
-            ValueError: for a class without samples or an unknown rule.
-        """
-        empty = (self.n == 0).nonzero()
-        if len(empty):
-            raise ValueError(
-                f"class {int(empty[0])}: expected at least one sample, found none"
-            )
-        return self.prototypes(ties, seed)
-
-    def prototypes(
+    def majority(
         self, ties: str = "zero", seed: int = 0, size: int | None = None
     ) -> Tensor:
-        """:meth:`majority`, zeros for classes without samples; `size` as of :meth:`thinned`."""
+        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros of no samples.
+
+        With ``ties="random"``, class c takes the random hypervector of (seed, c). `size` is as of
+        :meth:`thinned`.
+        """
         shape = len(self.n), self.planes.shape[2]
         prototypes = planes.zeros(shape, self.device)
         for c in self.n.nonzero().flatten().tolist():
@@ -225,7 +214,7 @@ class Counters:
         extra: int = 0,
         size: int | None = None,
     ) -> Tensor:
-        """The majority of class c, int64 [W]; arguments as of :meth:`majority` and :meth:`thinned`.
+        """The majority of class c, int64 [W]; arguments as of :meth:`majority`.
 
         A bit needs more than (n + extra)/2 ones. Without one hypervector of the class it is that of
         ``extra=1`` where the hypervector has a one, of ``extra=-1`` where it has a zero: 2·(count −

@@ -91,7 +91,7 @@ def _of_array(
 
 
 def _of_video(path: Path, window: Window) -> Iterator[Placed]:
-    from hdc.readers.video import stream_video  # late: PyAV is of the extra files
+    from hdc.readers.film import stream_video  # late: PyAV is of the extra files
 
     for time, frame in stream_video(path, window):
         yield f"{path} at {time:.3f} s", frame

@@ -28,13 +28,6 @@ from hdc.io import write_atomically
     help="Bits of a pixel of the frames; a model has no such number.",
 )
 @click.option(
-    "--subsample",
-    type=click.IntRange(1),
-    default=1,
-    metavar="N",
-    help="Compare only every N-th word of 64 bits: 1/N of the table, less exact.",
-)
-@click.option(
     "--reject",
     type=click.FloatRange(0, 0.5, min_open=True),
     metavar="RATE",
@@ -51,7 +44,6 @@ def export(
     model: Path,
     output: Path,
     bits: str,
-    subsample: int,
     reject: float | None,
     test_vectors: int,
 ) -> None:
@@ -69,7 +61,7 @@ def export(
         _check_replaceable(program)
     found, window = work.load(model)
     try:
-        plan = exporting.Plan.of(found, name, int(bits), subsample, reject, window)
+        plan = exporting.Plan.of(found, name, int(bits), reject, window)
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from error
     for line in _size_lines(plan):
@@ -116,7 +108,7 @@ def _size_lines(plan: Any) -> list[str]:
     sizes = plan.sizes
     return [
         f"classes: {sizes.classes}, frames of {messages.size(plan.frame_shape)} of "
-        f"{sizes.pixel_bits} bits, {sizes.compared} bits compared",
+        f"{sizes.pixel_bits} bits, {sizes.dimension} bits compared",
         f"tables: {sizes.constant_bytes} bytes",
         f"memory: {sizes.scratch_bytes} bytes, and {sizes.frame_bytes} of the frame",
         f"operations a frame: {sizes.pixel_steps} of a pixel, {sizes.word_steps} of a word of 64 "

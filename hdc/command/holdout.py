@@ -75,25 +75,46 @@ def last_sessions(recording: Recording, fraction: float) -> np.ndarray | None:
 def split_groups(
     labels: np.ndarray, group: np.ndarray, fraction: float, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices to train on and to hold out, increasing; whole groups [N] are held out, at random,
-    until they are a `fraction` of the frames. Every class keeps a group to train on.
+    """Indices to train on and to hold out, increasing; whole groups [N] are held out.
+
+    In random order, each group that brings what is held out nearer to a `fraction` of each class.
+    Of a class for which none does, it is the smallest. Every class keeps a group to train on.
 
     Raises:
         ValueError: each group is the only one of some class.
     """
-    held = np.zeros(len(labels), bool)
-    known = np.unique(group)
-    for name in np.random.default_rng(seed).permutation(known):
-        members = group == name
-        trained = labels[~(held | members)]
-        if held.sum() < fraction * len(labels) and set(labels) == set(trained):
-            held |= members
+    _, class_of = np.unique(labels, return_inverse=True)
+    known, group_of = np.unique(group, return_inverse=True)
+    frames = np.zeros((len(known), class_of.max() + 1), np.int64)  # of each class
+    np.add.at(frames, (group_of, class_of), 1)
+    trained = frames.sum(0)
+    wanted = fraction * trained
+    held = np.zeros(len(known), bool)
+
+    def can_hold(g: int) -> bool:
+        inside = frames[g] > 0
+        return not held[g] and bool((trained > frames[g])[inside].all())
+
+    def hold(g: int) -> None:
+        held[g] = True
+        trained[:] -= frames[g]
+        wanted[:] -= frames[g]
+
+    drawn = np.random.default_rng(seed).permutation(len(known))
+    for g in drawn:
+        is_nearer = np.abs(wanted - frames[g]).sum() < np.abs(wanted).sum()
+        if is_nearer and can_hold(g):
+            hold(g)
+    for c in range(frames.shape[1]):
+        possible = [g for g in drawn if frames[g, c] and can_hold(g)]
+        if possible and not frames[held, c].any():
+            hold(min(possible, key=lambda g: frames[g].sum()))
     if not held.any():
         raise ValueError(
             f"group: expected two groups or more of each class, found {len(known)} groups, each "
             "the only one of some class"
         )
-    return np.flatnonzero(~held), np.flatnonzero(held)
+    return np.flatnonzero(~held[group_of]), np.flatnonzero(held[group_of])
 
 
 def split(

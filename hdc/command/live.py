@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from hdc.command import options, work
-from hdc.command.source import pixels
+from hdc.command.source import Source, pixels, reading
 from hdc.readers import Window
 
 
@@ -22,6 +23,7 @@ from hdc.readers import Window
 @click.option(
     "--video", type=options.FILE, metavar="FILE", help="Play this, without labels."
 )
+@reading
 @pixels
 @click.option(
     "--host",
@@ -34,6 +36,7 @@ def live(
     camera: int | None,
     folder: Path | None,
     video: Path | None,
+    settings: dict[str, Any],
     window: Window,
     host: str | None,
     port: int,
@@ -47,13 +50,16 @@ def live(
         raise click.UsageError("expected one of --camera, --folder and --video")
     if model is not None and window != Window():
         raise click.UsageError("expected no --crop or --subsample with a MODEL")
+    _, *others = Source(Path(), settings).words(Window())
+    if folder is None and others:
+        raise click.UsageError(f"expected no {others[0]} without --folder")
     from hdc.live import open_source
     from hdc.live.page import serve
 
     trained = None
     if model is not None:
         trained, window = work.load(model)
-    source = open_source(window, folder, video, camera or 0)
+    source = open_source(window, folder, video, camera or 0, settings)
     if trained is not None:
         work.check_size(trained, source.shape, source.title)
     serve(source, host, port, trained)

@@ -83,7 +83,7 @@ def _arrays(path: Path) -> list[str]:
 
 
 def _video(path: Path) -> list[str]:
-    from hdc.readers.video import opened
+    from hdc.readers.film import opened
 
     with opened(path) as (_, stream):
         rate = float(stream.average_rate or 0)

@@ -86,33 +86,17 @@ def _by_labels(model: Any, frames: Recording, options: dict[str, Any]) -> str:
             "recalibrate: expected the read-out majority, counts, ridge, neighbours, lda or "
             f"kernel, found {model.readout_!r}; hdc train on the new frames"
         )
-    used = _used_by(model.readout_)
-    _refuse(options, used, f"the read-out {type(model.readout_).__name__}")
-    if used == ("p", "method"):  # counts have no bits to replace
-        options.setdefault("method", "merge")
+    readout = model.readout_
+    used = readout.adapts_by
+    _refuse(options, used, f"the read-out {type(readout).__name__}")
     by_name = {str(c): c for c in model.classes_.tolist()}
     labels = [by_name[name] for name in frames.names]
     model.recalibrate(_batches(frames), labels, **options)
     names, counts = np.unique(frames.names, return_counts=True)
     line = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
-    if "method" in used:
-        line += f", {options.get('method', 'replace')}"
+    if hasattr(readout, "methods"):
+        line += f", {options.get('method', readout.methods[0])}"
     return f"{line}, p = {options.get('p', 0.5):g}" if "p" in used else line
-
-
-def _used_by(readout: Any) -> tuple[str, ...]:
-    """Names of the options that a read-out uses; all of one's own."""
-    from hdc import readouts  # late: torch takes seconds
-
-    options = {
-        readouts.Counts: ("p", "method"),
-        readouts.LDA: ("p",),
-        readouts.Kernel: ("p",),
-        readouts.Ridge: (),
-        readouts.Neighbours: (),
-    }
-    kinds = [names for kind, names in options.items() if isinstance(readout, kind)]
-    return kinds[0] if kinds else ("p", "method", "seed")
 
 
 def _refuse(options: dict[str, Any], used: tuple[str, ...], what: str) -> None:

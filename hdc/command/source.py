@@ -18,7 +18,6 @@ from hdc.readers import Recording, Window
 from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
-    click.argument("recording", type=FILE),
     click.option(
         "--template",
         metavar="PATTERN",
@@ -167,13 +166,23 @@ def _typed(option: click.Option, value: Any) -> list[str]:
 def recording(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the argument RECORDING and its options, as a Source."""
 
+    @reading
     @functools.wraps(command)
-    def with_source(recording: Path, **given: Any) -> Any:
-        names = [name for name in given if name in _SETTINGS]
-        settings = {name: given.pop(name) for name in names}
+    def with_source(recording: Path, settings: dict[str, Any], **given: Any) -> Any:
         return command(source=Source(recording, settings), **given)
 
-    return _with(with_source, _OPTIONS)
+    return click.argument("recording", type=FILE)(with_source)
+
+
+def reading(command: Callable[..., Any]) -> Callable[..., Any]:
+    """Give a command the options of a recording, as settings of a Source."""
+
+    @functools.wraps(command)
+    def with_settings(**given: Any) -> Any:
+        settings = {name: given.pop(name) for name in _SETTINGS}
+        return command(settings=settings, **given)
+
+    return _with(with_settings, _OPTIONS)
 
 
 def pixels(command: Callable[..., Any]) -> Callable[..., Any]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdc.compiled.encode import RULES, encode_rows
+from hdc.compiled.encode import RULES, counted, encode_rows
 from hdc.compiled.operations import compile_kernel, ones, share
 
 _BLOCK = 512
@@ -54,9 +54,7 @@ def count_uint8(
     share(work, len(images), images.nbytes)
     for c, part in shared:
         _add(counts[c], part[0])
-    equal = ties[:, :1]
-    missing = ties[:, 1:]
-    return equal, (missing > 0) & (missing < equal)
+    return counted(ties)
 
 
 def count_into(

@@ -38,6 +38,11 @@ def encode_uint8(
             _encode_levels(images, rows, into, ties, wanted, code)
 
     share(work, len(images), images.nbytes)
+    return counted(ties)
+
+
+def counted(ties: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """What :func:`encode_uint8` returns, of pixels at a threshold and ones of them, [N, 2·T]."""
     n_equal = ties[:, ::2]
     missing = ties[:, 1::2]
     return n_equal, (missing > 0) & (missing < n_equal)

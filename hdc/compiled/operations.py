@@ -35,7 +35,10 @@ _SHARE_BYTES = 2**17  # of input that are worth another thread
 def share(work: Callable[[int, int], object], n: int, n_bytes: int) -> None:
     """work(start, stop) on consecutive pieces of range(n), one a thread."""
     worth = n_bytes // _SHARE_BYTES
-    n_threads = max(1, min(torch.get_num_threads(), n, worth))
+    n_threads = min(torch.get_num_threads(), n, worth)
+    if n_threads < 2:
+        work(0, n)
+        return
     cuts = [n * i // n_threads for i in range(n_threads + 1)]
     pool = _pool(os.getpid())
     pieces = itertools.pairwise(cuts[1:])

@@ -8,7 +8,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from hdc.compiled.encode import RULES, add_ties, histogram, put, rotations_of
+from hdc.compiled.encode import RULES, add_ties, counted, histogram, put, rotations_of
 from hdc.compiled.operations import WORD, compile_kernel, exceeds, ones, share
 
 _LEAST = -(2**31)  # of int32; less than any difference and any level
@@ -94,9 +94,7 @@ def encode_differences(
         )
 
     share(work, len(images), images.nbytes * len(wanted))
-    n_equal = ties[:, ::2]
-    missing = ties[:, 1::2]
-    return n_equal, (missing > 0) & (missing < n_equal)
+    return counted(ties)
 
 
 @compile_kernel("void(uint8[:, ::1], int64[:, ::1], intp, intp)")

@@ -40,7 +40,7 @@ class Levels(RankEncoder):
         [[1, 1, 0, 1], [0, 1, 0, 1], [0, 1, 0, 0]]
     """
 
-    tied_share = Fraction(1, 2)
+    tied_share = 0.5
 
     lit_: Tensor
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable, Mapping
 from typing import Any
 
 from torch import Tensor
@@ -43,3 +45,27 @@ def encode_with(
     if ENCODERS.name_of(encoder) in ENCODERS:
         return encoder.encode(frames, first, backend, out)  # type: ignore[call-arg]
     return encoder.encode(frames)
+
+
+class Around(Encoder):
+    """An encoder that asks another one, its parameter `base`: a name or an object."""
+
+    base: Any
+
+    @property
+    def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
+        return {"base": functools.partial(make_encoder, what="base")}
+
+    @property
+    def base_(self) -> Encoder:
+        """The other encoder, which may learn."""
+        kept = getattr(self, "_base", None)
+        if kept is None or kept[0] is not self.base:  # set since
+            kept = self._base = self.base, self.parts["base"](self.base).unlearned()
+        return kept[1]
+
+    def check(self) -> None:
+        self.base_.check()
+
+    def dimension(self, n_pixels: int) -> int:
+        return self.base_.dimension(n_pixels)

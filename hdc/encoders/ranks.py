@@ -17,6 +17,7 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -35,7 +36,7 @@ class RankEncoder(Encoder):
     """
 
     ties: str
-    tied_share = Fraction(1, 10)
+    tied_share = 0.1
     """Share of the pixels that may tie at a threshold before a warning says so, once."""
     _warned = False
 
@@ -149,13 +150,13 @@ def encode_ranks(
     ones = count_ones(quantiles, n_pixels)
     width = bits.words_for(len(ones) * n_pixels)
     if out is None:
-        out = torch.empty(n, width, dtype=torch.int64, device=frames.device)
-    words = out[:n]
+        words = torch.empty(n, width, dtype=torch.int64, device=frames.device)
+    else:
+        words = out[:n]
     if kernels and frames.dtype == torch.uint8 and n_pixels > 1:
         images = frames.reshape(n, n_pixels).numpy()
         equal, split = kernels.encode_uint8(images, words.numpy(), ones, rule)
-        ties = ties_of(torch.from_numpy(equal), torch.from_numpy(split), n_pixels)
-        return words, ties
+        return words, ties_of(equal, split, n_pixels)
     if n == 0:
         return words, Ties([], 0)
     step, route = route_of(frames, n_pixels)
@@ -164,16 +165,18 @@ def encode_ranks(
         chosen = slice(start, start + step)
         pixels = _pixels(frames[chosen], first + start)
         levels = route(pixels, ones, rule)
-        equal, split = _encode_block(levels, n_pixels, words[chosen])
-        equals.append(equal)
-        splits.append(split)
-    ties = ties_of(torch.cat(equals).cpu(), torch.cat(splits).cpu(), n_pixels)
-    return words, ties
+        counted = _encode_block(levels, n_pixels, words[chosen])
+        equals.append(counted[0])
+        splits.append(counted[1])
+    equal, split = (torch.cat(part).numpy(force=True) for part in (equals, splits))
+    return words, ties_of(equal, split, n_pixels)
 
 
 def count_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
     """⌊(1 − q)·D⌋ for each quantile q."""
-    return [math.floor((1 - q) * n_pixels) for q in quantiles]
+    return [
+        (q.denominator - q.numerator) * n_pixels // q.denominator for q in quantiles
+    ]
 
 
 def check_frames(frames: Tensor) -> None:
@@ -207,13 +210,12 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
     )
 
 
-def ties_of(equal: Tensor, split: Tensor, n_pixels: int) -> Ties:
+def ties_of(equal: np.ndarray, split: np.ndarray, n_pixels: int) -> Ties:
     """Make it from counts of pixels equal to a threshold, [N, T], and whether some became ones."""
     constant = equal[:, 0] == n_pixels
     counted = equal[split & ~constant[:, None]]
-    most = int(counted.max()) if len(counted) else 0
-    numbers = constant.nonzero().flatten().tolist()
-    return Ties(numbers, most)
+    most = int(counted.max(initial=0))
+    return Ties(np.flatnonzero(constant).tolist(), most)
 
 
 def _pixels(frames: Tensor, first: int) -> Tensor:

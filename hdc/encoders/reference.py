@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
-import torch
 from torch import Tensor
 
-from hdc.encoders.base import Encoder
 from hdc.encoders.levels import Levels
 from hdc.encoders.median import Median
-from hdc.encoders.named import encode_with, make_encoder
+from hdc.encoders.named import Around, encode_with
 from hdc.encoders.quantile import Quantile
 from hdc.encoders.ranks import RankEncoder, ties_of
 from hdc.encoders.relative import RelativeEncoder
 
 
-class Reference(RelativeEncoder):
+class Reference(Around, RelativeEncoder):
     """Standardises each frame, subtracts a reference frame, and asks another encoder.
 
     A standardised frame is (x − mean(x))/std(x), in steps of 2⁻¹⁶. The reference is the mean of the
@@ -43,27 +39,12 @@ class Reference(RelativeEncoder):
         self.base = base
         self.frame = frame
 
-    @property
-    def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
-        return {"base": functools.partial(make_encoder, what="base")}
-
-    @property
-    def base_(self) -> Encoder:
-        """The encoder of the differences."""
-        kept = getattr(self, "_base", None)
-        if kept is None or kept[0] is not self.base:  # set since
-            kept = self._base = self.base, self.parts["base"](self.base)
-        return kept[1]
-
     def check(self) -> None:
-        self.base_.check()
+        super().check()
         if self.base_.learns:
             raise ValueError(
                 f"base: expected an encoder that learns nothing, found {self.base_!r}"
             )
-
-    def dimension(self, n_pixels: int) -> int:
-        return self.base_.dimension(n_pixels)
 
     @property
     def is_compiled(self) -> bool:
@@ -81,9 +62,8 @@ class Reference(RelativeEncoder):
         assert isinstance(base, RankEncoder)
         n_pixels = differences[0].shape[1]
         ones = base.ones(n_pixels)
-        found = encode_differences(*differences, ones, base.ties, words)
-        equal, split = map(torch.from_numpy, found)
-        base.warn(ties_of(equal, split, n_pixels), n_pixels, first)
+        counted = encode_differences(*differences, ones, base.ties, words)
+        base.warn(ties_of(*counted, n_pixels), n_pixels, first)
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         return encode_with(self.base_, differences, first, "numpy")

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
 import torch
 from torch import Tensor
 
 from hdc import inputs
-from hdc.encoders.base import Encoder, into
-from hdc.encoders.named import encode_with, make_encoder
+from hdc.encoders.base import into
+from hdc.encoders.named import Around, encode_with
 from hdc.encoders.ranks import check_frames
 from hdc.encoders.standardised import LARGEST, integers
 from hdc.parameters import check_integer
@@ -25,7 +25,7 @@ _STEP = 2**20  # pixels of several frames at a time; 8 bytes each, several times
 _BITS = {torch.uint8: 8, torch.int8: 8, torch.int16: 16, torch.uint16: 16}
 
 
-class Smoothed(Encoder):
+class Smoothed(Around):
     """Smooths each image, and asks another encoder.
 
     A pixel becomes the weighted mean of those around it, along columns and then along rows, with
@@ -58,21 +58,9 @@ class Smoothed(Encoder):
         self.base = base
         self.smooth = smooth
 
-    @property
-    def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
-        return {"base": functools.partial(make_encoder, what="base")}
-
-    @property
-    def base_(self) -> Encoder:
-        """The encoder of the smoothed frames."""
-        kept = getattr(self, "_base", None)
-        if kept is None or kept[0] is not self.base:  # set since
-            kept = self._base = self.base, self.parts["base"](self.base).unlearned()
-        return kept[1]
-
     def check(self) -> None:
         check_integer("smooth", self.smooth, 1, _MOST)
-        self.base_.check()
+        super().check()
 
     def fit(self, frames: Any) -> Self:
         """Learn the shape of images [N, H, W], and what the other encoder learns of them smoothed.
@@ -89,9 +77,6 @@ class Smoothed(Encoder):
         if self.base_.learns:
             self.base_.fit(_Frames(self, frames))
         return self
-
-    def dimension(self, n_pixels: int) -> int:
-        return self.base_.dimension(n_pixels)
 
     def encode(
         self,

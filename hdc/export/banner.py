@@ -76,19 +76,14 @@ def _frames_expected(plan: Plan) -> str:
 
 
 def _bit_order(plan: Plan) -> str:
-    sizes, every = plan.sizes, plan.sizes.every
+    sizes = plan.sizes
     order = (
         f"Bits: pixel j has at threshold t bit i = {sizes.ranked} t + j of {sizes.dimension}. That "
         "is bit (i mod 64) of word i / 64, where bit 0 is the least significant."
     )
     if sizes.has_lit:
         order += f" Pixels are counted among those of {plan.name}_lit."
-    if every == 1:
-        return f"{order} The rest of the last word is 0."
-    return (
-        f"{order} Only the words 0, {every}, {2 * every} ... are kept and compared, "
-        f"{sizes.compared} bits; the ranks of pixels are those in the whole frame."
-    )
+    return f"{order} The rest of the last word is 0."
 
 
 def _score_meaning(plan: Plan) -> str:
@@ -97,12 +92,9 @@ def _score_meaning(plan: Plan) -> str:
             "Scores: discriminants in the units of hdc.readouts.LDA, the same as in Python. The "
             "largest wins, of equal ones the first."
         )
-    same = "the same as in Python"
-    if plan.sizes.every > 1:
-        same = "of the words that are kept"
     return (
-        f"Scores: minus the Hamming distance to each prototype, {same}. The largest wins, of equal "
-        "ones the first."
+        "Scores: minus the Hamming distance to each prototype, the same as in Python. The largest "
+        "wins, of equal ones the first."
     )
 
 

@@ -95,9 +95,8 @@ def _sizes(plan: Plan) -> str:
     numbers += [
         ("RANKED", sizes.ranked, "pixels that become bits"),
         ("THRESHOLDS", sizes.thresholds, "bits of a pixel"),
-        ("BITS", sizes.dimension, "of a whole hypervector"),
-        ("EVERY", sizes.every, "one word of so many is kept"),
-        ("WORDS", sizes.words, "that are kept"),
+        ("BITS", sizes.dimension, "of a hypervector"),
+        ("WORDS", sizes.words, "of 64 of them"),
         ("CLASSES", sizes.classes, "places of scores and names"),
     ]
     lines = []

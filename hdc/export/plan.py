@@ -11,13 +11,14 @@ import numpy as np
 from torch import Tensor
 
 from hdc import bits
+from hdc.availability import renamed
 from hdc.classifier import HDCClassifier
 from hdc.conformal import Peers
 from hdc.encoders import Deviation, Levels, Median, Quantile
 from hdc.encoders.ranks import RankEncoder
 from hdc.export.sizes import Sizes
 from hdc.export.thresholds import distance_thresholds
-from hdc.parameters import check_choice, renamed
+from hdc.parameters import check_choice
 from hdc.readers import Window
 from hdc.readouts import LDA, Counts, Kernel, Majority, Neighbours, Ridge, Trained
 from hdc.readouts.majority import EXTRAS
@@ -75,7 +76,6 @@ class Plan:
         model: Any,
         name: str,
         pixel_bits: int = 8,
-        subsample: int = 1,
         alpha: float | None = None,
         window: Window | None = None,
     ) -> Self:
@@ -85,7 +85,6 @@ class Plan:
             model: an :class:`hdc.HDCClassifier`.
             name: beginning of all names in the header, an identifier of C.
             pixel_bits: of the frames, one of :data:`PIXEL_BITS`.
-            subsample: compare only every n-th word of 64 bits; the frame stays whole.
             alpha: share of frames of known classes that may be refused, in (0, 1); None exports
                 no rejection.
             window: how training frames were cut out of images.
@@ -98,7 +97,6 @@ class Plan:
         check_name(name)
         check_choice("bits", pixel_bits, PIXEL_BITS)
         encoder, readout = model.encoder_, model.readout_
-        _check_subsample(subsample, readout)
         known = model.counts_ > 0
         rows = np.flatnonzero(known).tolist()
         names = np.array([str(label) for label in model.classes_.tolist()])
@@ -107,9 +105,9 @@ class Plan:
         if relative:
             _check_size(model.n_features_in_, pixel_bits)
         tables = _encoding(encoder, model.n_features_in_)
-        tables |= _classes(readout, rows, model.dimension_, subsample)
+        tables |= _classes(readout, rows, model.dimension_)
         if share is not None:
-            tables |= _rejection(model, rows, subsample, share)
+            tables |= _rejection(model, rows, share)
         sizes = Sizes(
             pixels=model.n_features_in_,
             ranked=_ranked(encoder, model.n_features_in_),
@@ -118,7 +116,6 @@ class Plan:
             classes=len(rows),
             ties="" if relative else encoder.ties,
             planes=PLANES if "weights" in tables else 1,
-            every=subsample,
             extra=int("majority" in tables),
             rejects=share is not None,
             relative=relative,
@@ -166,16 +163,6 @@ def _check_exportable(model: Any) -> None:
         )
 
 
-def _check_subsample(subsample: int, readout: Any) -> None:
-    if subsample < 1:
-        raise ValueError(f"subsample: expected an integer ≥ 1, found {subsample}")
-    if subsample > 1 and isinstance(readout, LDA):
-        raise ValueError(
-            "subsample: expected 1 with the read-out lda, whose weights were fitted to all bits "
-            f"together, found {subsample}; hdc train --subsample makes a smaller model"
-        )
-
-
 def _exact_share(alpha: float) -> Fraction:
     """The share as it is written: 0.05 is 1/20."""
     share = Fraction(str(alpha))
@@ -215,22 +202,21 @@ def _encoding(encoder: RankEncoder | Deviation, n_pixels: int) -> dict[str, np.n
     ranked = _ranked(encoder, n_pixels)
     tables = {"ones": np.array(encoder.ones(ranked), np.int64)}
     if isinstance(encoder, Levels) and ranked < n_pixels:
-        tables["lit"] = _kept(bits.pack(encoder.lit_.cpu()), 1)
+        tables["lit"] = _unsigned(bits.pack(encoder.lit_.cpu()))
     return tables
 
 
 def _classes(
-    readout: Majority | Trained | LDA, rows: list[int], dimension: int, every: int
+    readout: Majority | Trained | LDA, rows: list[int], dimension: int
 ) -> dict[str, np.ndarray]:
     """Tables of the read-out."""
     if isinstance(readout, LDA):
         return _weights(readout, rows, dimension)
-    return {"prototypes": _kept(readout.prototypes_[rows], every)}
+    return {"prototypes": _unsigned(readout.prototypes_[rows])}
 
 
-def _kept(words: Tensor, every: int) -> np.ndarray:
-    """Every so many of the words [..., W], as uint64."""
-    return np.ascontiguousarray(words.numpy(force=True)[..., ::every]).view(np.uint64)
+def _unsigned(words: Tensor) -> np.ndarray:
+    return words.numpy(force=True).view(np.uint64)
 
 
 def _weights(readout: LDA, rows: list[int], dimension: int) -> dict[str, np.ndarray]:
@@ -247,27 +233,26 @@ def _weights(readout: LDA, rows: list[int], dimension: int) -> dict[str, np.ndar
         total = sum(n << plane for plane, n in enumerate(of_planes))
         biases.append(offset + scale * (_WEIGHT_OFFSET * dimension - total))
     return {
-        "weights": _kept(weights, 1),
+        "weights": _unsigned(weights),
         "scales": np.array(scales, np.int64),
         "biases": np.array(biases, np.int64),
     }
 
 
 def _rejection(
-    model: HDCClassifier, rows: list[int], every: int, share: Fraction
+    model: HDCClassifier, rows: list[int], share: Fraction
 ) -> dict[str, np.ndarray]:
     """Thresholds, and the prototypes that they are of where the scores are of others."""
     deciding = model._learned.majority.deciding()[rows]
     labels = model.classes_.tolist()
     peers = []
-    for row, prototypes in zip(rows, deciding[..., ::every], strict=True):
-        kept = model._learned.sample.of(labels[row])[:, ::every]
-        peers.append(Peers.of(kept.contiguous(), prototypes.contiguous()))
+    for row, prototypes in zip(rows, deciding, strict=True):
+        peers.append(Peers.of(model._learned.sample.of(labels[row]), prototypes))
     thresholds = distance_thresholds(peers, share, model.dimension_)
     tables = {"thresholds": np.array(thresholds, np.int64)}
     # Those of classes of unequal size are thinned for the scores, and whole for rejection.
     whole = deciding[:, EXTRAS.index(0)]
     readout = model.readout_
     if not isinstance(readout, Majority) or not whole.equal(readout.prototypes_[rows]):
-        tables["majority"] = _kept(whole, every)
+        tables["majority"] = _unsigned(whole)
     return tables

@@ -22,7 +22,6 @@ class Sizes:
         classes: that have training frames.
         ties: rule of an encoder that ranks, one of :data:`hdc.encoders.ties.TIES`.
         planes: hypervectors that the read-out has of a class: a prototype, or four of weights.
-        every: only every so many words of a hypervector are compared.
         extra: hypervectors of a class that rejection compares with, besides.
         rejects: whether there are thresholds of rejection.
         relative: whether pixels are compared with a reference, and not ranked.
@@ -35,26 +34,19 @@ class Sizes:
     classes: int
     ties: str = "spread"
     planes: int = 1
-    every: int = 1
     extra: int = 0
     rejects: bool = False
     relative: bool = False
 
     @property
     def dimension(self) -> int:
-        """Bits of a whole hypervector."""
+        """Bits of a hypervector."""
         return self.thresholds * self.ranked
 
     @property
     def words(self) -> int:
-        """Words of a hypervector that are kept and compared."""
-        return -(-bits.words_for(self.dimension) // self.every)
-
-    @property
-    def compared(self) -> int:
-        """Bits in these words."""
-        last = (self.words - 1) * self.every * bits.WORD
-        return (self.words - 1) * bits.WORD + min(bits.WORD, self.dimension - last)
+        """Words of a hypervector."""
+        return bits.words_for(self.dimension)
 
     @property
     def has_lit(self) -> bool:

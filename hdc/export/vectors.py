@@ -83,15 +83,12 @@ def frame(plan: Plan, number: int) -> np.ndarray:
 def answer(
     plan: Plan, model: HDCClassifier, pixels: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Answer of the model to a frame [1, D]: words uint64 [W] that are kept, scores int64 [L]."""
+    """Answer of the model to a frame [1, D]: words uint64 [W], scores int64 [L]."""
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of constant frames and ties, which are wanted
         words = plan.encoder.encode(torch.from_numpy(pixels).to(model.device))
-    kept = words.numpy(force=True).view(np.uint64)[0, :: plan.sizes.every]
-    if plan.sizes.every > 1:
-        return kept, -distances(kept, plan.tables["prototypes"])
     scores = plan.readout.scores(words)[0, list(plan.rows)]
-    return kept, scores.numpy(force=True)
+    return words.numpy(force=True).view(np.uint64)[0], scores.numpy(force=True)
 
 
 def is_known(plan: Plan, words: np.ndarray) -> bool:
@@ -99,13 +96,8 @@ def is_known(plan: Plan, words: np.ndarray) -> bool:
     if plan.share is None:
         return True
     table = "majority" if "majority" in plan.tables else "prototypes"
-    near = distances(words, plan.tables[table]) <= plan.tables["thresholds"]
-    return bool(near.any())
-
-
-def distances(words: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
-    """Hamming distances int64 [L] of words uint64 [W] to prototypes uint64 [L, W]."""
-    return np.bitwise_count(words ^ prototypes).sum(1, dtype=np.int64)
+    distances = np.bitwise_count(words ^ plan.tables[table]).sum(1, dtype=np.int64)
+    return bool((distances <= plan.tables["thresholds"]).any())
 
 
 def digest(words: np.ndarray) -> int:

@@ -9,14 +9,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
-from urllib.parse import urlsplit
 
 from nicegui import app, ui
 from nicegui.server import Server
-from starlette.requests import HTTPConnection
-from starlette.responses import PlainTextResponse, RedirectResponse, Response
+from starlette.responses import Response
 
 from hdc import HDCClassifier, HDCRegressor
+from hdc.live.guard import Guard
 from hdc.live.pad import Pad, colour, slider
 from hdc.live.session import ALPHA, READOUTS, RECENT, Answer, Session
 from hdc.live.sources import Pressable, Recorded, Source
@@ -64,51 +63,6 @@ async def _announce(address: str) -> None:
     while not Server.instance.started:
         await asyncio.sleep(0.02)
     print(f"open {address} (Ctrl+C ends it)", flush=True)
-
-
-class Guard:
-    """ASGI middleware that refuses (403) every request and socket without the token.
-
-    The token comes in the address once, ``/?token=…``, and in a cookie from then on. Neither a page
-    of another site nor another user of this computer has it. The cookie has the port in its name,
-    as browsers share cookies between the ports of a host; and what a page of another address asks
-    for, be it of another port of this host, is refused by its ``Origin``.
-    """
-
-    def __init__(self, app: Any, token: str, cookie: str) -> None:
-        self._app, self._token, self._cookie = app, token, cookie
-
-    async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        answer: Any = self._app
-        if scope["type"] in ("http", "websocket"):
-            answer = self._checked(scope)
-        await answer(scope, receive, send)
-
-    def _checked(self, scope: Any) -> Any:
-        """The application, or the answer instead of it."""
-        request = HTTPConnection(scope)
-        if not _is_of_this_page(request):
-            return PlainTextResponse("This is not for pages of another address.", 403)
-        if scope["type"] == "http" and self._is_token(
-            request.query_params.get("token")
-        ):
-            # Not to the path that was asked for: //elsewhere is the address of another host.
-            answer = RedirectResponse("/")
-            answer.set_cookie(self._cookie, self._token, httponly=True, samesite="lax")
-            return answer
-        if self._is_token(request.cookies.get(self._cookie)):
-            return self._app
-        text = "Open this page with the address that was printed."
-        return PlainTextResponse(text, 403)
-
-    def _is_token(self, text: str | None) -> bool:
-        return secrets.compare_digest((text or "").encode(), self._token.encode())
-
-
-def _is_of_this_page(request: HTTPConnection) -> bool:
-    """Whether no page asks, or one that came from the address that is asked."""
-    origin = request.headers.get("origin")
-    return origin is None or urlsplit(origin).netloc == request.headers.get("host")
 
 
 class Page:

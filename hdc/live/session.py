@@ -285,5 +285,7 @@ def _classifier(samples: Sequence[Sample], readout: str) -> HDCClassifier | None
         if model is None:
             model = HDCClassifier(readout=part).fit(frames, labels)
         else:
-            model.recalibrate(frames, labels, lesson.p, lesson.number)
+            given: dict[str, Any] = {"p": lesson.p, "seed": lesson.number}
+            used = given.keys() & model.readout_.adapts_by
+            model.recalibrate(frames, labels, **{name: given[name] for name in used})
     return model

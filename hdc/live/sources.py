@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
@@ -59,15 +59,19 @@ class Pressable(Source, Protocol):
 
 
 def open_source(
-    window: readers.Window, folder: Path | None, video: Path | None, camera: int
+    window: readers.Window,
+    folder: Path | None,
+    video: Path | None,
+    camera: int,
+    settings: Mapping[str, Any],
 ) -> Source:
-    """A recording played back, else a video without labels, else a camera.
+    """A recording opened with these settings, else a video without labels, else a camera.
 
     Raises:
         ValueError: see :class:`Recorded`, :class:`Film` and :class:`Camera`.
     """
     if folder is not None:
-        return Recorded(folder, window)
+        return Recorded(folder, window, **settings)
     if video is not None:
         return Film(video, window)
     return Camera(camera, window)
@@ -109,6 +113,9 @@ class Camera:
 class Recorded:
     """A recording played back in its order, over and over.
 
+    Args:
+        path, window, settings: of :func:`hdc.readers.open_recording`.
+
     Attributes:
         classes: names of the classes.
         playing: False: paused.
@@ -117,8 +124,9 @@ class Recorded:
         ValueError: see :func:`hdc.readers.open_recording`.
     """
 
-    def __init__(self, path: Path, window: readers.Window) -> None:
-        self._recording = recording = readers.open_recording(path, window=window)
+    def __init__(self, path: Path, window: readers.Window, **settings: Any) -> None:
+        recording = readers.open_recording(path, window=window, **settings)
+        self._recording = recording
         self.title = f"Recording {path.name}"
         self.metadata = _kept(window)
         if len(recording.frame_shape) != 2 or recording.labels is None:
@@ -183,7 +191,7 @@ class Film:
         self.shape = (height, width)
 
     def _start(self) -> Iterator[tuple[float, np.ndarray]]:
-        from hdc.readers.video import stream_video
+        from hdc.readers.film import stream_video
 
         return stream_video(self._path, self._window)
 

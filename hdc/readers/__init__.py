@@ -47,7 +47,6 @@ SUFFIXES = (*FRAMES, *VIDEO_SUFFIXES)
 @missing_named()
 def open_recording(
     path: str | Path,
-    intervals: str | Path | None = None,
     crop: Sequence[int] | None = None,
     subsample: int = 1,
     memory_bytes: int = 2**28,
@@ -69,7 +68,6 @@ def open_recording(
     Args:
         path: a folder of images; an .npz, .npy, .mat, .h5 or TIFF, of which ``FILE:/NAME`` is one
             array; a .parquet with images; a .csv of vectors; or a video. ``~`` is the home folder.
-        intervals: table of a video; default: beside the video, its suffix replaced by .csv.
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
             would lower the contrast of a speckle).
@@ -79,7 +77,8 @@ def open_recording(
             are not learnt.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
         table: CSV with a row per image, in or relative to the folder, or with a row per frame of an
-            array or a video; its columns of numbers are values.
+            array or a video; its columns of numbers are values. Of a video also one with a row per
+            interval. Default for both: beside the file, its suffix replaced by .csv.
         image_column: column of the table, or of the .parquet, that has the images.
         value_columns: columns, or arrays of a file, that are values; default: all numeric ones
             but order, session and group (none of a manifest.csv or of a .csv of vectors).
@@ -105,7 +104,6 @@ def open_recording(
         kind,
         template=template,
         table=sheet,
-        intervals=intervals,
         axes=axes,
         labels=name,
         skip_damaged=skip_damaged or None,
@@ -138,10 +136,8 @@ def open_recording(
         return open_table(path, window, value_columns, fewest_classes)
     from hdc.readers.video import open_video
 
-    beside = Path(intervals or path.with_suffix(TABLE)).expanduser()
-    return open_video(
-        path, where or beside, window, learnt, fewest_classes, memory_bytes
-    )
+    where = where or path.with_suffix(TABLE)
+    return open_video(path, where, window, learnt, fewest_classes, memory_bytes)
 
 
 def _table_and_labels(
@@ -162,7 +158,6 @@ VECTORS, VIDEO = "a table", "a video"
 _KINDS = {
     "template": (FOLDER,),
     "table": (FOLDER, ARRAY, VIDEO),
-    "intervals": (VIDEO,),
     "axes": (ARRAY,),
     "labels": (ARRAY, IMAGES),
     "skip_damaged": (FOLDER,),

@@ -62,7 +62,7 @@ def open_arrays(
     if axes is None:
         where = f"{path}[{name}]"
         axes = store.axes.get(name) or reading(
-            where, array.shape, known.count, store.frames_last
+            where, array, known.count, store.frames_last
         )
     frames = Frames(path, array, axes, window)
     n = len(frames)

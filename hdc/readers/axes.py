@@ -17,26 +17,27 @@ ALONG = ("label", "order", "session", "group", "value", "frame")
 INSIDE = ("height", "width", "channel", "feature")
 """Axes of one frame; channels are grey, or red, green and blue."""
 CHANNELS = (1, 3)
+_COLOURS, _SEVERAL = "frame,channel,height,width", "frame,order,height,width"
+"""Readings of three planes a label: channels of one frame, or frames."""
 READINGS = {
     2: ("frame,feature", "feature,frame"),
     3: ("frame,height,width", "height,width,frame"),
     4: (
         "frame,height,width,channel",
-        "frame,channel,height,width",
+        _COLOURS,
         "height,width,channel,frame",
     ),
 }
 
 
-def reading(
-    where: str, shape: Sequence[int], n: int | None, frames_last: bool
-) -> list[str]:
+def reading(where: str, array: Any, n: int | None, frames_last: bool) -> list[str]:
     """The reading of an array's axes that its shape and the number of labels leave.
 
     Raises:
-        Ambiguous: two are left.
+        Ambiguous: two are left, or planes [N, 3, H, W] of floats may be colours or frames.
         SettingError: none is left.
     """
+    shape = array.shape
     possible = [r.split(",") for r in READINGS.get(len(shape), ())]
     possible = [axes for axes in possible if _fits(axes, shape)]
     if n is None:
@@ -52,9 +53,14 @@ def reading(
         raise SettingError(
             f"{where}: expected {wanted}, found {tuple(shape)} (--axes names them)"
         )
-    if len(possible) > 1:
-        choices = [f"--axes {','.join(axes)}" for axes in possible]
-        raise Ambiguous(f"{where} {tuple(shape)} for {n} labels", choices)
+    readings = [",".join(axes) for axes in possible]
+    if _COLOURS in readings and shape[1] > 1 and array.dtype.kind == "f":
+        readings.append(_SEVERAL)
+    if len(readings) > 1:
+        labels = "" if n is None else f" for {n} labels"
+        choices = [f"--axes {axes}" for axes in readings]
+        found = f"{array.dtype} {tuple(shape)}"
+        raise Ambiguous(f"{where} {found}{labels}", choices)
     return possible[0]
 
 

@@ -30,10 +30,10 @@ class Readout(Parametrised, ABC):
     A subclass writes :meth:`fit` and :meth:`scores`. Learned tensors are int64 or float64, in
     attributes that end in an underscore: they are what is saved, sized and flipped, unless it
     writes :meth:`state` and :meth:`restore`. Classes are rows 0 … L − 1; which labels they have is
-    the model's business. One that can follow a drift also has a method ``adapt(words, rows, share,
-    seed, method)``, which is given new hypervectors of known classes and the arguments of
-    :meth:`hdc.HDCClassifier.recalibrate`; it changes no tensor in place, and may return the factor
-    by which the scores of classes without new frames change.
+    the model's business. One that can follow a drift also has a method ``adapt(words, rows, p,
+    seed, method)``, which is given new hypervectors of known classes and those arguments of
+    :meth:`hdc.HDCClassifier.recalibrate` that `adapts_by` names; it changes no tensor in place, and
+    may return the factor by which the scores of classes without new frames change.
 
     Example:
         >>> import torch
@@ -57,6 +57,8 @@ class Readout(Parametrised, ABC):
     """The tensors of a file, of :mod:`hdc.tensors`; by default all that are learned."""
     predicts: ClassVar[tuple[str, ...]] = ()
     """Those of them that :meth:`state` has; by default all."""
+    adapts_by: ClassVar[tuple[str, ...]] = ("p", "seed", "method")
+    """Arguments of :meth:`hdc.HDCClassifier.recalibrate` that ``adapt`` is given."""
     _dimension: int
 
     def check(self) -> None:
@@ -111,6 +113,19 @@ class Readout(Parametrised, ABC):
             take(self, tensors, self.kept, L=n_classes, D=dimension)
         else:
             vars(self).update(tensors)
+
+
+class Whole(Readout):
+    """A read-out that learns all frames at once, and keeps their scores without themselves.
+
+    They are in no file.
+    """
+
+    _held_out: HeldOut | None = None
+
+    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+        """Scores of frames of the last training, in closed form; None once loaded."""
+        return self._held_out
 
 
 class Updatable(Readout):

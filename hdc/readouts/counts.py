@@ -29,11 +29,6 @@ class Counts(Counting):
     methods = ("merge",)  # counts have no bits to replace
     predicts = ("planes",)
 
-    def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
-        self.ties = ties
-        self.balance = balance
-        self.seed = seed
-
     def scores(self, words: Tensor) -> Tensor:
         """The cosines, float64 [Q, L]."""
         counters = self.counters_

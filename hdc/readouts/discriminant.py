@@ -19,8 +19,10 @@ import torch
 from torch import Tensor
 
 from hdc.parameters import check_share
+from hdc.readouts.base import HeldOut
 from hdc.readouts.leave_one_out import (
     Products,
+    discriminants,
     inverse_diagonal,
     spread_over,
 )
@@ -134,6 +136,24 @@ def _centre_within_classes(
         products[rows] -= of_means[rows] @ onehot.T
         products[rows] -= member @ of_means.T
         products[rows] += (member @ between) @ onehot.T
+
+
+def held_out_of(
+    products: Products, place: Tensor, known: Tensor, n_classes: int, unit: float = 1.0
+) -> HeldOut:
+    """Scores of up to 400 training frames without themselves, times a unit.
+
+    Args:
+        products: of a solution.
+        place: which of the `known` classes, int64 [K], each frame is of, int64 [N].
+        known: classes with a frame; the other columns are zero.
+        n_classes: L.
+        unit: of the scores.
+    """
+    found, places = discriminants(products, place)
+    scores = torch.zeros(len(places), n_classes, dtype=torch.float64)
+    scores[:, known] = unit * found
+    return HeldOut(scores, known[place[places]])
 
 
 def check_mixed(share: float, rows: Tensor) -> None:

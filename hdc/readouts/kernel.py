@@ -25,14 +25,14 @@ from torch import Tensor
 from hdc import bits
 from hdc.parameters import is_number
 from hdc.readouts.arithmetic import check_memory
-from hdc.readouts.base import HeldOut, Readout
-from hdc.readouts.discriminant import Problem, Solution, check_mixed
+from hdc.readouts.base import HeldOut, Whole
+from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
 from hdc.readouts.leave_one_out import discriminants
 
 _LOWEST = -1e300  # offset of a class without frames
 
 
-class Kernel(Readout):
+class Kernel(Whole):
     """Discriminant analysis with a kernel; it keeps the hypervectors of all training frames.
 
     Args:
@@ -62,7 +62,7 @@ class Kernel(Readout):
         "penalty": "float64",
     }
     predicts = ("frames", "dual", "offsets", "reach")
-    _held_out: HeldOut | None = None  # not in files
+    adapts_by = ("p",)
 
     def __init__(
         self,
@@ -100,16 +100,11 @@ class Kernel(Readout):
         self.reach_ = _number(best.reach)
         self.scale_ = _number(best.scale)
         self.penalty_ = _number(best.penalty)
-        found, places = discriminants(best.solution.products, place)
-        held_out = torch.zeros(len(places), n_classes, dtype=torch.float64)
-        held_out[:, known] = found
-        self._held_out = HeldOut(held_out, rows[places])
+        self._held_out = held_out_of(best.solution.products, place, known, n_classes)
         return self
 
-    def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
-    ) -> float:
-        """Mix the discriminants of before with those of new frames, whatever else is asked.
+    def adapt(self, words: Tensor, rows: Tensor, share: float) -> float:
+        """Mix the discriminants of before with those of new frames.
 
         Each in units of its length in the space of the kernel, whose factors stay; `share` is that
         of the new ones. A class without new frames has those of before alone.
@@ -140,10 +135,6 @@ class Kernel(Readout):
         mixed = before * self.offsets_ + after * offsets
         self.offsets_ = torch.where(learnt, mixed, self.offsets_)
         return before
-
-    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
-        """Scores of up to 400 frames of training; None once loaded."""
-        return self._held_out
 
     def scores(self, words: Tensor) -> Tensor:
         """The discriminants, float64 [Q, L]."""

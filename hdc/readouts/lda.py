@@ -29,9 +29,9 @@ from hdc import bits
 from hdc.parameters import is_number
 from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
-from hdc.readouts.base import NOWHERE, HeldOut, Readout
-from hdc.readouts.discriminant import Problem, Solution, check_mixed
-from hdc.readouts.leave_one_out import discriminants, spread_over
+from hdc.readouts.base import NOWHERE, HeldOut, Whole
+from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
+from hdc.readouts.leave_one_out import spread_over
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
@@ -40,7 +40,7 @@ _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
 _UNIT_BITS = 20  # of the largest scale
 
 
-class LDA(Readout):
+class LDA(Whole):
     """Shrinkage discriminant analysis; classes count alike, however many frames they have.
 
     Args:
@@ -64,7 +64,7 @@ class LDA(Readout):
         "shrinkage": "float64",
     }
     predicts = ("weights", "scales", "offsets")
-    _held_out: HeldOut | None = None  # not in files
+    adapts_by = ("p",)
 
     def __init__(self, shrinkage: float | str = "ledoit_wolf"):
         self.shrinkage = shrinkage
@@ -99,16 +99,11 @@ class LDA(Readout):
         planes = planes.to(words.device)
         unit = self._take(planes, scales, offsets, known, n_classes, dimension)
         self.shrinkage_ = torch.tensor(alpha, dtype=torch.float64)
-        found, places = discriminants(products, place)
-        held_out = torch.zeros(len(places), n_classes, dtype=torch.float64)
-        held_out[:, known] = unit * found
-        self._held_out = HeldOut(held_out, rows[places])
+        self._held_out = held_out_of(products, place, known, n_classes, unit)
         return self
 
-    def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
-    ) -> float:
-        """Mix the discriminants of before with those of new frames, whatever else is asked.
+    def adapt(self, words: Tensor, rows: Tensor, share: float) -> float:
+        """Mix the discriminants of before with those of new frames.
 
         Each in units of the length of its weights; `share` is that of the new ones. A class without
         new frames has those of before alone.
@@ -171,10 +166,6 @@ class LDA(Readout):
         """Offsets float64 [L]; 0 of a class without frames."""
         known = self.offsets_ > NOWHERE // 2
         return torch.where(known, self.offsets_, 0).double()
-
-    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
-        """Scores of up to 400 frames of training, before weights are rounded; None once loaded."""
-        return self._held_out
 
     def _take(
         self,

@@ -41,9 +41,6 @@ class Counting(Updatable):
 
     methods: ClassVar[tuple[str, ...]] = METHODS
     """Ways to adapt, the first by default."""
-    ties: str
-    balance: bool
-    seed: int
     counters_: Counters
     prototypes_: Tensor
     recalibrated_: bool
@@ -51,6 +48,11 @@ class Counting(Updatable):
     """Samples per class that prototypes count as; −1: none are made yet."""
     _changed: set[int]  # classes that have samples that their prototypes have not
     _deciding: Tensor | None  # [L, 5, W], see EXTRAS, where counters do not tell them
+
+    def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
+        self.ties = ties
+        self.balance = balance
+        self.seed = seed
 
     def check(self) -> None:
         check_choice("ties", self.ties, bits.TIES)
@@ -177,7 +179,7 @@ class Counting(Updatable):
             )
         self.counters_ = votes
         self._deciding = deciding
-        self.prototypes_ = votes.prototypes(self.ties, self.seed)
+        self.prototypes_ = votes.majority(self.ties, self.seed)
 
     def _replace_bits(
         self,
@@ -193,7 +195,7 @@ class Counting(Updatable):
         mask = replaced_bits(len(before), new.dimension, share, seed)
         mask = mask.to(before.device)
         after = before.clone()
-        fresh = new.prototypes(self.ties, self.seed, size)
+        fresh = new.majority(self.ties, self.seed, size)
         for i, c in enumerate(classes):
             after[c] ^= (before[c] ^ fresh[i]) & mask[c]
             near = deciding_prototypes(new, i, self.ties, self.seed)
@@ -216,9 +218,9 @@ class Counting(Updatable):
     def distances(self, words: Tensor) -> Tensor:
         """Hamming distances int64 [Q, L] to the prototypes; D + 1 of a class without samples."""
         distances = bits.hamming(words, self.prototypes_, self.backend)
-        empty = self.counters_.n == 0
-        if empty.any():
-            distances[:, empty] = self.counters_.dimension + 1
+        counts = self.counters_.n
+        if 0 in counts.tolist():
+            distances[:, counts == 0] = self.counters_.dimension + 1
         return distances
 
     def stored(self) -> dict[str, Tensor]:
@@ -289,11 +291,6 @@ class Majority(Counting):
     """
 
     predicts = ("prototypes",)
-
-    def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
-        self.ties = ties
-        self.balance = balance
-        self.seed = seed
 
     def scores(self, words: Tensor) -> Tensor:
         """Minus the Hamming distances, int64 [Q, L]."""

@@ -31,6 +31,7 @@ class Neighbours(Updatable):
     rows_: Tensor
     kept: ClassVar = {"frames": "int64 N W", "rows": "int64 N"}
     predicts = ("frames",)
+    adapts_by = ()
     _n_classes: int
 
     def __init__(self, n_neighbours: int = 1):
@@ -59,10 +60,8 @@ class Neighbours(Updatable):
         new_row = torch.tensor(list(places), dtype=torch.int64)
         self.add(other.frames_, new_row[other.rows_])
 
-    def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
-    ) -> None:
-        """Take the new hypervectors in place of the kept ones of their classes, whatever else."""
+    def adapt(self, words: Tensor, rows: Tensor) -> None:
+        """Take the new hypervectors in place of the kept ones of their classes."""
         others = ~torch.isin(self.rows_, rows)
         kept = self.frames_[others.to(self.frames_.device)]
         self.frames_ = torch.cat((kept, words))

@@ -20,7 +20,7 @@ from torch import Tensor
 
 from hdc.parameters import is_number
 from hdc.readouts.arithmetic import check_memory, gram
-from hdc.readouts.base import HeldOut, Readout
+from hdc.readouts.base import HeldOut, Whole
 from hdc.readouts.linear import Linear, quantised
 from hdc.readouts.values import RESIDUALS, ValueReadout
 from hdc.tensors import checked
@@ -30,7 +30,7 @@ PENALTIES = tuple(10.0**k for k in range(-4, 5))
 _LOWEST = -1e300  # intercept of a class without frames
 
 
-class Ridge(Readout):
+class Ridge(Whole):
     """Ridge regression of 1 for the class of a frame and −1 for the others.
 
     Args:
@@ -43,7 +43,7 @@ class Ridge(Readout):
 
     linear_: Linear
     predicts = ("weights", "scales")
-    _held_out: HeldOut | None = None  # not in files
+    adapts_by = ()
 
     def __init__(self, penalty: float | None = None):
         self.penalty = penalty
@@ -60,19 +60,13 @@ class Ridge(Readout):
         self._held_out = HeldOut(targets - fitted.residuals, rows)
         return self
 
-    def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
-    ) -> None:
-        """Go to the weights near those of before that fit new frames, whatever else is asked."""
+    def adapt(self, words: Tensor, rows: Tensor) -> None:
+        """Go to the weights near those of before that fit new frames."""
         targets = _signs(rows, len(self.linear_.planes))
         prior = self.linear_
         fitted = solve(words, targets, prior.dimension, None, self.backend, prior)
         self.linear_ = fitted.linear
         self._held_out = HeldOut(targets - fitted.residuals, rows)
-
-    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
-        """Scores of all frames of the last training, by its exact residuals; None once loaded."""
-        return self._held_out
 
     def scores(self, words: Tensor) -> Tensor:
         """The linear functions, float64 [Q, L]."""

@@ -587,3 +587,19 @@ def test_a_file_of_version_2_0_predicts_and_says_where_it_lacks_scores(
     for call in (loaded.predict_set, loaded.is_known):
         with pytest.raises(ValueError, match=r"saved by version 2\.0, of .*; fit anew"):
             call(queries, 0.2)
+
+
+@pytest.mark.parametrize("drifts", [False, True])
+def test_classes_without_new_frames_are_still_known(drifts: bool) -> None:
+    """Their left-out scores were those of the weights of before, and 1 % of them was known."""
+    speckle = Speckle(1)
+    frames, labels = speckle.frames(200)
+    queries, truth = speckle.frames(400)
+    new, now = speckle.frames(100, speckle.of_new_classes() if drifts else None)
+    model = HDCClassifier(readout="ridge").fit(frames, labels)
+    others = truth > 1
+    before = model.is_known(queries[others], 0.2).mean()
+    with pytest.warns(UserWarning, match="no new frames of 2, 3, 4"):
+        model.recalibrate(new[now < 2], now[now < 2])
+    assert model.score(queries[others], truth[others]) > 0.9
+    assert model.is_known(queries[others], 0.2).mean() > before - 0.1

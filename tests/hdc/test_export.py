@@ -251,23 +251,6 @@ def test_classes_without_frames_are_left_out(gcc, tmp_path):
     )
 
 
-@pytest.mark.parametrize("readout", ["majority", "trained"])
-@pytest.mark.parametrize("every", [2, 5])
-@pytest.mark.parametrize("encoder", [Levels(2), Deviation()], ids=repr)
-def test_subsampled_words_are_those_of_the_whole(
-    encoder, readout, every, gcc, tmp_path
-):
-    model, frames = trained_on(4097, encoder, readout)
-    plan = Plan.of(model, "touch", subsample=every)
-    answers = compiled(gcc, tmp_path, plan, frames)
-    words = model.encoder_.encode(torch.from_numpy(frames))[:, ::every].contiguous()
-    prototypes = model.readout_.prototypes_[:, ::every].contiguous()
-    assert np.array_equal(answers.words, words.numpy().view(np.uint64))
-    assert np.array_equal(answers.scores, -bits.hamming(words, prototypes).numpy())
-    mask = bits.pack(torch.ones(plan.sizes.dimension, dtype=torch.bool))
-    assert plan.sizes.compared == int(bits.count_ones(mask[::every]))
-
-
 def test_the_window_of_training_is_cut_out(gcc, tmp_path):
     window = Window((2, 1, 11, 7), 2)
     image = np.random.default_rng(0).integers(0, 256, (9, 14), np.uint8)
@@ -448,7 +431,6 @@ CASES = [
         "500 × 500 × 8 bits, 10 classes, median, majority",
         Sizes(250_000, 250_000, 8, 1, 10),
     ),
-    ("the same with `--subsample 8`", Sizes(250_000, 250_000, 8, 1, 10, every=8)),
     ("the same with 16 bits", Sizes(250_000, 250_000, 16, 1, 10)),
     (
         "100 × 100 × 8 bits, 10 classes, levels (7), majority",
@@ -570,7 +552,6 @@ def test_what_is_not_exported_is_refused_with_the_reason(encoder, readout, messa
     [
         ({"name": "1"}, "name: expected letters"),
         ({"pixel_bits": 12}, "bits: expected one of 8, 16, found 12"),
-        ({"subsample": 0}, "subsample: expected an integer ≥ 1"),
         ({"alpha": 1.0}, r"alpha: expected a share in \(0, 1\), found 1.0"),
         ({"alpha": 0.0}, r"alpha: expected a share in \(0, 1\), found 0.0"),
     ],
@@ -597,16 +578,13 @@ def test_frames_too_large_for_sums_of_64_bits_are_refused():
         Plan.of(model, "touch", 16)
 
 
-def test_a_regressor_an_untrained_model_and_part_of_lda_are_refused():
+def test_a_regressor_and_an_untrained_model_are_refused():
     frames = np.random.default_rng(0).integers(0, 256, (9, 64), np.uint8)
     values = HDCRegressor().fit(frames, np.arange(9.0))
     with pytest.raises(ValueError, match="expected a classifier, found HDCRegressor"):
         Plan.of(values, "touch")
     with pytest.raises(ValueError, match="expected a trained model"):
         Plan.of(HDCClassifier(), "touch")
-    model, _ = trained_on(65, readout="lda")
-    with pytest.raises(ValueError, match="expected 1 with the read-out lda"):
-        Plan.of(model, "touch", subsample=2)
 
 
 # The command -------------------------------------------------------------------------------------

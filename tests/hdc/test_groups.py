@@ -80,3 +80,20 @@ def test_a_group_that_is_all_of_a_class_cannot_be_held_out():
     labels, group = np.array([0, 0, 1, 1]), np.array([7, 7, 8, 8])
     with pytest.raises(ValueError, match="group: expected two groups or more of each"):
         holdout.split_groups(labels, group, 0.5, 0)
+
+
+def test_groups_are_held_out_of_each_class_alike():
+    """They were drawn until they were enough: of one class more than of another."""
+    labels = np.repeat(np.arange(3), 50)
+    for seed in range(20):
+        group = np.random.default_rng(seed).permutation(30)[np.arange(150) // 5]
+        train, test = holdout.split_groups(labels, group, 0.2, seed)
+        assert np.bincount(labels[test]).tolist() == [10, 10, 10]
+        assert apart(group, train, test)
+
+
+def test_each_class_is_tested_by_its_smallest_group_where_all_are_large():
+    labels = np.repeat([0, 1], [9, 30])
+    group = np.repeat([5, 6, 7, 8], [5, 4, 10, 20])
+    _, test = holdout.split_groups(labels, group, 0.05, 0)
+    assert set(group[test]) == {6, 7}

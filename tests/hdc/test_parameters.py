@@ -9,11 +9,11 @@ import pytest
 from sklearn.base import clone
 
 from hdc import HDCClassifier
+from hdc.availability import UnavailableError, available_unless
 from hdc.encoders import ENCODERS, Deviation, Levels, Median, Quantile, Reference
 from hdc.parameters import (
+    Named,
     Parametrised,
-    UnavailableError,
-    available_unless,
     describe,
     make_part,
     rebuild,
@@ -123,3 +123,9 @@ def test_methods_that_are_there_for_some() -> None:
         Switch(False).shine(3)
     assert issubclass(UnavailableError, AttributeError)
     assert issubclass(UnavailableError, ValueError)  # commands print these as one line
+
+
+def test_a_name_is_known_without_the_import_of_its_class() -> None:
+    known = Named({"bright": "no_such_module.Bright"})
+    assert "bright" in known
+    assert "Bright" not in known

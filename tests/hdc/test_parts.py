@@ -135,7 +135,9 @@ def test_every_combination_recalibrates_or_says_why_not(encoder, readout: str) -
         model.rezero(new)
         assert not model._learned.recalibrated
     if adapts:
-        model.recalibrate(new, truth, p=0.6, method="merge")
+        used = model.readout_.adapts_by
+        given = {"p": 0.6, "method": "merge"}
+        model.recalibrate(new, truth, **{k: given[k] for k in given if k in used})
         assert model.score(new, truth) > 0.8
         assert model.is_known(new, 0.2).mean() > 0.5
     else:

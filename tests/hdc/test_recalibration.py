@@ -138,12 +138,12 @@ def test_votes_of_unequal_classes_are_of_as_many_as_the_smallest(ties: str) -> N
     votes, _ = merged(old.thinned(4, seed=11), new.thinned(3, seed=5), 0.6)
     assert torch.equal(readout.counters_.n, votes.n)
     assert torch.equal(readout.counters_.counts(), votes.counts())
-    assert torch.equal(readout.prototypes_, votes.prototypes(ties, 11))
+    assert torch.equal(readout.prototypes_, votes.majority(ties, 11))
     published = Majority(ties, balance=False, seed=11).fit(words, rows, 3, d)
     published.adapt(new_words, new_rows, 0.6, 5, "merge")
     votes, _ = merged(old, new, 0.6)
     assert torch.equal(published.counters_.counts(), votes.counts())
-    assert torch.equal(published.prototypes_, votes.prototypes(ties, 11))
+    assert torch.equal(published.prototypes_, votes.majority(ties, 11))
 
 
 def test_votes_of_a_class_without_new_frames_stay_as_they_are() -> None:
@@ -374,3 +374,26 @@ def test_one_new_frame_of_each_class_is_the_nearest_mean_mixed_in(readout: str) 
     ):
         model.recalibrate(second[places], labels[places])
     assert model.score(first, labels) > 0.85
+
+
+@pytest.mark.parametrize(
+    ("readout", "argument", "default"),
+    [
+        ("ridge", {"p": 0.75}, "0.5"),
+        ("neighbours", {"seed": 1}, "0"),
+        ("ridge", {"method": "merge"}, "None"),
+        ("lda", {"method": "replace"}, "None"),
+        ("kernel", {"seed": 3}, "0"),
+    ],
+)
+def test_an_argument_that_a_readout_ignores_is_refused(readout, argument, default):
+    (old, new), labels = sessions()
+    model = HDCClassifier(readout=readout).fit(old, labels)
+    before = model.decision_function(new)
+    ((name, value),) = argument.items()
+    with pytest.raises(ValueError, match=f"^{name}: expected {default} ") as caught:
+        model.recalibrate(new, labels, **argument)
+    assert str(caught.value).endswith(f"does not use it, found {value!r}")
+    assert (model.decision_function(new) == before).all()
+    model.recalibrate(new, labels, p=0.5, seed=0, method=None)
+    assert model.score(new, labels) == 1

@@ -20,7 +20,7 @@ pytest.importorskip(
     "nicegui", reason="the page needs nicegui: pip install 'speckle-hdc[live]'"
 )
 
-from hdc.live.page import Guard
+from hdc.live.guard import Guard
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 PLACES = {"left": (28, -8), "middle": (40, 8), "right": (52, -8)}  # mm

@@ -1,6 +1,7 @@
 """A page that shows a model trained before: classes with their distances, or values."""
 
 import asyncio
+import shlex
 from concurrent.futures import ThreadPoolExecutor
 
 import cv2
@@ -150,6 +151,11 @@ def test_the_page_teaches_a_recording(tmp_path, frames):
             "r.npz: expected 40 × 32 pixels as in training",
         ),
         (["--folder", "s.npz"], 1, "s.npz: expected images with labels, found"),
+        (
+            ["--video", "v.mkv", "--labels", "kind"],
+            2,
+            "expected no --labels without --folder",
+        ),
     ],
 )
 def test_what_does_not_fit_is_one_line(
@@ -165,3 +171,19 @@ def test_what_does_not_fit_is_one_line(
     out, err = capfd.readouterr()
     assert (caught.value.code, out, len(err.splitlines())) == (code, "", 1)
     assert message in err
+
+
+def test_the_advice_for_an_ambiguous_folder_works(frames, tmp_path, monkeypatch, capfd):
+    for number, frame in enumerate(frames):
+        image = tmp_path / f"day{number % 2}" / "ab"[number // N] / f"{number}.png"
+        image.parent.mkdir(parents=True, exist_ok=True)
+        cv2.imwrite(str(image), frame)
+    with pytest.raises(SystemExit):
+        main(["live", "--folder", str(tmp_path)])
+    *_, advice = capfd.readouterr().err.split("; or ")
+    served = []
+    monkeypatch.setattr(pages, "serve", lambda source, *_: served.append(source))
+    with pytest.raises(SystemExit):
+        main(["live", "--folder", str(tmp_path), *shlex.split(advice)])
+    assert capfd.readouterr().err == ""
+    assert served[0].classes == ("a", "b")

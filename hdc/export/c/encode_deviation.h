@@ -56,8 +56,8 @@ static inline void ${name}_encode(${name}_scratch *s, const ${name}_pixel *frame
         int64_t d = ${name}_difference(frame[j], j, total, deviation);
         for (uint32_t t = 0; t < ${NAME}_THRESHOLDS; t++) {
             uint32_t n = t * ${NAME}_PIXELS + j;
-            if (d > s->levels[t] && n / 64 % ${NAME}_EVERY == 0) {
-                s->hypervector[n / 64 / ${NAME}_EVERY] |= (uint64_t)1 << (n % 64);
+            if (d > s->levels[t]) {
+                s->hypervector[n / 64] |= (uint64_t)1 << (n % 64);
             }
         }
     }

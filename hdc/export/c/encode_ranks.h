@@ -14,10 +14,7 @@ static inline void ${name}_encode(${name}_scratch *s, const ${name}_pixel *frame
             }
             n++;
             if (n % 64 == 0 || n == ${NAME}_BITS) {
-                uint32_t place = (n - 1) / 64;
-                if (place % ${NAME}_EVERY == 0) {
-                    s->hypervector[place / ${NAME}_EVERY] = word;
-                }
+                s->hypervector[(n - 1) / 64] = word;
                 word = 0;
             }
         }

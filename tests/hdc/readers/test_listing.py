@@ -228,7 +228,7 @@ def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
         ({"crop": [0, 0, 5]}, r"crop: expected null or \[x, y, width, height\]"),
         ({"crop": [-1, 0, 5, 5]}, "crop: expected null or"),
         ({"crop": [0, 0, 5.0, 5]}, "crop: expected null or"),
-        ({"intervals": "x.csv"}, "intervals: expected null unless path is a video"),
+        ({"axes": ("frame",)}, "axes: expected null unless path is a file of arrays"),
     ],
 )
 def test_settings_of_the_wrong_type_or_out_of_range_are_named(

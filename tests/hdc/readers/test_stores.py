@@ -389,3 +389,30 @@ def test_a_missing_library_is_named_with_its_extra(tmp_path, name, package, extr
     )
     said = f"expected the package {package}, found none; pip install 'speckle-hdc[{extra}]'"
     assert done.stdout == f"{said} . {package}\n"
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".npy", ".h5"])
+def test_three_planes_of_floats_are_colours_or_frames_as_it_is_said(tmp_path, suffix):
+    """They were read as red, green and blue without a word."""
+    cube = np.random.default_rng(0).random((6, 3, 8, 10)).astype(np.float32)
+    labels, path = np.arange(6) % 2, tmp_path / f"cube{suffix}"
+    if suffix == ".npz":
+        np.savez(path, frames=cube, labels=labels)
+    elif suffix == ".npy":
+        np.save(path, cube)
+        rows = "\n".join(map(str, ["label", *labels]))
+        path.with_suffix(".csv").write_text(rows)
+    else:
+        with h5py.File(path, "w") as file:
+            file["frames"], file["labels"] = cube, labels
+    readings = ["frame,channel,height,width", "frame,order,height,width"]
+    with pytest.raises(Ambiguous) as caught:
+        open_recording(path)
+    assert str(caught.value).startswith(f"{path}[frames] float32 (6, 3, 8, 10)")
+    assert caught.value.choices == tuple(f"--axes {reading}" for reading in readings)
+    assert open_recording(path, axes=readings[0].split(",")).shape == (6, 8, 10)
+    several = {"labels": tmp_path / "each.csv", "axes": readings[1].split(",")}
+    several["labels"].write_text("\n".join(["label", *map(str, np.repeat(labels, 3))]))
+    frames = open_recording(path, **several)
+    assert np.array_equal(frames[:], cube.reshape(18, 8, 10))
+    assert frames.labels.tolist() == np.repeat(labels, 3).tolist()

@@ -11,8 +11,9 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.readers import BadFrame, Window, open_recording, video
-from hdc.readers.video import stream_video
+from hdc.command.holdout import UNSEEN_GROUPS, hold_out
+from hdc.readers import BadFrame, Window, open_recording
+from hdc.readers.film import _Times, stream_video
 
 RATE, N = 10, 60
 # What OpenCV cannot write: uniform frames of grey_of(k), 32 × 32 pixels, 25 Hz, written by FFmpeg
@@ -104,7 +105,7 @@ def test_which_frames_are_labelled_is_part_of_the_fingerprint(film):
 def test_a_table_elsewhere(film, tmp_path):
     table = tmp_path / "other.csv"
     table.write_text("label,start_s,end_s,note\nb,1,2,\na,0,1,x\n")
-    scene = open_recording(film, intervals=table)
+    scene = open_recording(film, table=table)
     assert scene.classes == ("a", "b")
     assert scene.labels.tolist() == [0] * 10 + [1] * 10
     assert scene.fingerprint() != open_recording(film).fingerprint()
@@ -355,7 +356,7 @@ def test_frames_are_missing_by_their_times_or_the_header(times, stated, early, f
     """At an even rate one gap in nine steps is a loss; more are a rate that varies."""
     container = SimpleNamespace(duration=None, streams=[None])
     stream = SimpleNamespace(frames=stated, metadata={})
-    kept = video._Times(Path("x.mkv"), container, stream)
+    kept = _Times(Path("x.mkv"), container, stream)
 
     def read():
         for time in times:
@@ -409,3 +410,29 @@ def test_a_table_of_frames_that_does_not_fit_is_named(film, tmp_path, rows, mess
     (tmp_path / "t.csv").write_text(rows)
     with pytest.raises(ValueError, match=message):
         open_recording(film, table=tmp_path / "t.csv")
+
+
+@pytest.mark.parametrize("fraction", [0.1, 0.25, 0.4])
+def test_whole_intervals_are_held_out_of_each_class_alike(film, fraction):
+    """Frames of one touch were trained on and tested on."""
+    rows = [f"{k / 2},{k / 2 + 0.5},{'ab'[k % 2]}" for k in range(8)]
+    film.with_suffix(".csv").write_text("\n".join(["start_s,end_s,label", *rows]))
+    recording = open_recording(film)
+    train, test, how = hold_out(recording, fraction)
+    assert how == UNSEEN_GROUPS
+    counts = [np.bincount(recording.labels[side]) for side in (train, test)]
+    assert all(len(set(found.tolist())) == 1 for found in counts)
+    intervals = [set(recording.samples["interval"][side]) for side in (train, test)]
+    assert intervals[0].isdisjoint(intervals[1])
+
+
+def test_the_frames_of_a_class_of_one_interval_are_split_and_it_is_said(film):
+    rows = ["start_s,end_s,label", "0,1,a", "1,2,b", "2,3,a"]
+    film.with_suffix(".csv").write_text("\n".join(rows))
+    recording = open_recording(film)
+    assert recording.notes == ("b: one interval, whose frames are split",)
+    train, test, _ = hold_out(recording, 0.5)
+    assert np.bincount(recording.labels[test]).tolist() == [10, 5]
+    assert set(recording.labels[train]) == {0, 1}
+    film.with_suffix(".csv").write_text("\n".join(rows[:3]))  # one interval of each
+    assert hold_out(open_recording(film), 0.5)[2] == "at random"

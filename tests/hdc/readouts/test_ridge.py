@@ -160,7 +160,7 @@ def test_recalibrated_classes_are_held_out_as_by_retraining() -> None:
     readout = Ridge(0.1).fit(words, torch.arange(30) % 3, 3, 200)
     old = readout.linear_
     rows = torch.tensor([0, 2, 2, 0, 2, 0, 0, 2])
-    readout.adapt(new, rows, 0.5, 0, "replace")
+    readout.adapt(new, rows)
     found, of = readout.held_out(words, torch.arange(30) % 3)
     assert torch.equal(of, rows)
     targets = np.where(rows.numpy()[:, None] == np.arange(3), 1.0, -1.0)
