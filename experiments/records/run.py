@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -215,7 +215,12 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
             and "steps" not in self.curve[0]
         )
 
-    @property
+    @functools.cached_property
+    def every_seed(self) -> str:
+        """Every seed in its config, in the order of the keys, as text."""
+        return json.dumps(list(_seeds(self.config)))
+
+    @functools.cached_property
     def made_by(self) -> str:
         """Revisions of its code, as text."""
         return json.dumps(self.revisions, sort_keys=True)
@@ -264,6 +269,18 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
 def _order_of_key(key: str) -> int:
     group, _, _ = key.partition(".")
     return _FRAMES_FIRST.get(group, 4)
+
+
+def _seeds(config: Any) -> Iterator[Any]:
+    if isinstance(config, Mapping):
+        for key in sorted(config):
+            if key in configs.SEEDS:
+                yield config[key]
+            else:
+                yield from _seeds(config[key])
+    elif isinstance(config, list | tuple):
+        for part in config:
+            yield from _seeds(part)
 
 
 def _core(config: Any) -> Any:

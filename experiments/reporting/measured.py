@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.records import configs
+from experiments.records.results import once
 from experiments.records.rows import unpack_labels
 from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.text import CAPTURED, kind_of
@@ -24,12 +25,18 @@ def each_scene(
 ) -> pd.DataFrame:
     """Results of a function of the rows of each scene, one below the other, with ``scene``."""
     parts = []
-    for scene, of_scene in rows.groupby("scene", sort=False):
-        made = make(of_scene)
+    for scene, of_scene in by_scene(rows).items():
+        made = make(of_scene).copy()  # what is made once belongs to everybody
         if len(made):
             made.insert(0, "scene", scene)
             parts.append(made)
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+@once
+def by_scene(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The rows of each scene, in their order."""
+    return {str(scene): of for scene, of in rows.groupby("scene", sort=False)}
 
 
 def values_of(data: pd.DataFrame) -> list[str]:
@@ -110,10 +117,11 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each split, model, n and unit: ``accuracy``. The unit is the seed where seeds are
     units, else the resample."""
     counted = with_right(rows, ("seed", "split", "draw"))
-    every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
-    every["unit"] = every.seed
-    if not seeds_are_units(every):
-        every["unit"] = every.seed * (1 + every.draw.max()) + every.draw
+    unit = counted.seed
+    if not seeds_are_units(counted):
+        unit = counted.seed * (1 + counted.draw.max()) + counted.draw
+    needed = counted[["split", "model", "n", "right", "n_test"]].assign(unit=unit)
+    every = needed.explode(["n", "right"]).astype({"n": int, "right": float})
     every["accuracy"] = every.right / every.n_test
     by_unit = every.groupby(["split", "model", "n", "unit"])
     return by_unit.accuracy.mean().reset_index()

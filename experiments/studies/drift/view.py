@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.measured import each_scene
+from experiments.reporting.measured import by_scene, each_scene
 from experiments.reporting.plot import literal
 from experiments.reporting.study import Numbers, Plot, Quantity, Study
 from experiments.reporting.table import Table
@@ -57,7 +57,7 @@ def paper_scene(rows: pd.DataFrame) -> pd.DataFrame:
 def unlabelled(figure: Figure, rows: pd.DataFrame) -> None:
     """A panel per scene, a row per model, a marker per update."""
     panels = {}
-    for _, of_scene in rows.groupby("scene", sort=False):
+    for of_scene in by_scene(rows).values():
         found = regained(of_scene)
         without = found[~found.labels].model.unique()
         labels = unpack_labels(of_scene.labels.dropna().iloc[0])
