@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from experiments.records import configs
-from experiments.records.record import Record
+from experiments.records.record import Record, labelled
 from hdc.accuracy import accuracy
 
 # Keys of a config that whoever reads a run counts on.
@@ -245,14 +245,14 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
         if self.scene.origin == "recorded":
             path = Path(str(self.config["scene"].get("path", "")))
             name += f" {path.name} ({self.data[:6]})"
-        return _labelled(name, changed)
+        return labelled(name, changed)
 
     @functools.cached_property
     def model_label(self) -> str:
         """Name of the model's config, and what differs of it and of the stopping rule."""
         differing = self.differences.items()
         changed = {key: v for key, v in differing if key.startswith(_OF_MODEL)}
-        return _labelled(self.choices.model, changed)
+        return labelled(self.choices.model, changed)
 
     @functools.cached_property
     def configuration(self) -> str:
@@ -286,13 +286,3 @@ def _seeds(config: Any) -> Iterator[Any]:
 def _core(config: Any) -> Any:
     """A config without what differs from seed to seed, or from device to device."""
     return configs.without((*configs.SEEDS, "device"), config)
-
-
-def _labelled(name: str, changed: Mapping[str, str]) -> str:
-    """A name, and in brackets what was changed."""
-    text = ", ".join(
-        f"{key.partition('.')[2]}={value}" for key, value in changed.items()
-    )
-    if text:
-        return f"{name} ({text})"
-    return name

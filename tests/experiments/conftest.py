@@ -19,7 +19,7 @@ from omegaconf import OmegaConf
 from rich.console import Console
 
 import hdc
-from experiments import run, studies
+from experiments import report, run, studies
 from experiments.protocol import job
 from experiments.protocol.settings import resolved
 from experiments.records import configs, record, store
@@ -42,9 +42,25 @@ def cores_of_its_own(tmp_path_factory, monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def committed():
+def committed_results():
+    """The records of the committed reference; nobody may change them."""
+    return Results(REFERENCE)
+
+
+@pytest.fixture(scope="session")
+def committed(committed_results):
     """Tables and figures of the committed reference, made once; nobody may change them."""
-    return Answers("reference", Results(REFERENCE), studies_of(studies))
+    return Answers("reference", committed_results, studies_of(studies))
+
+
+@pytest.fixture
+def beside_the_reference(committed, monkeypatch):
+    """Reports have the tables of the committed reference without making them again."""
+
+    def answers(name, results, questions):
+        return committed if name == "reference" else Answers(name, results, questions)
+
+    monkeypatch.setattr(report, "Answers", answers)
 
 
 @pytest.fixture
@@ -412,10 +428,10 @@ class FakeModel:
         pass
 
     def train(self, frames, labels):
-        for report in self.reports:
-            if isinstance(report, BaseException):
-                raise report
-            yield report
+        for one in self.reports:
+            if isinstance(one, BaseException):
+                raise one
+            yield one
 
     def predict(self, frames):
         return np.zeros(len(frames), np.int64)

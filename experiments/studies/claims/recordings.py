@@ -135,11 +135,9 @@ def _rival_name(rival: str) -> str:
 
 
 def is_split(rows: pd.DataFrame, recording: Recording) -> bool:
-    """Whether the split that counts is that of the rules."""
+    """Whether the record says that the split that counts is that of the rules."""
     splits = rows.config.iloc[0].get("splits") or {}
-    counts = splits.get("counts")
-    if counts is None:  # a record that does not say
-        return True
+    counts = splits.get("counts") or {}
     return all(counts.get(key) == value for key, value in recording.split.items())
 
 

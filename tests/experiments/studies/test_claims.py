@@ -824,6 +824,15 @@ def test_the_whole_row_of_a_recording(record, row_of, judged):
     )  # fmt: skip
 
 
+def test_a_record_that_does_not_say_its_split_is_not_of_that_of_the_rules():
+    listed = RULES.recordings["gelsight"]
+    said = {"splits": {"counts": dict(listed.split)}}
+    for config, expected in ((said, True), ({}, False), ({"splits": None}, False)):
+        assert (
+            recordings.is_split(pd.DataFrame({"config": [config]}), listed) == expected
+        )
+
+
 def test_the_largest_size_that_is_open_counts():
     """At 50 frames of each class both models are saturated."""
     means = {5: (0.6, 0.5), 20: (0.9, 1.0), 50: (0.995, 1.0)}
