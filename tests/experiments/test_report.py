@@ -56,8 +56,13 @@ def test_the_committed_tables_are_those_of_the_committed_records(committed):
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
     tmp_path, write_run, alone, monkeypatch, full_disk
 ):
-    few = [study for study in studies_of(studies) if study.name == "table1"]
-    monkeypatch.setattr(report, "studies_of", lambda _: few)
+    tables = [
+        Table(name, lambda lines: lines[["seed"]], of=RUNS, title="Seeds")
+        for name in ("one", "two")
+    ]
+    empty = Plot("empty", lambda *_: None, of=RUNS, caption="Nothing.")
+    small = Study("small", "Small", "Is it whole?", 0, tables=tables, figures=[empty])
+    monkeypatch.setattr(report, "studies_of", lambda _: [small])
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     write_run("hdc")
     first, records = written(tmp_path)[1], (tmp_path / "records.jsonl").read_bytes()
