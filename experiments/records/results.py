@@ -173,15 +173,20 @@ def _joined(parts: list[pd.DataFrame], several: bool) -> pd.DataFrame:
 
 
 @once
+def by_scene(lines: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The lines of each scene, in their order."""
+    return {str(scene): of for scene, of in lines.groupby("scene", sort=False)}
+
+
+@once
 def of_scenes(frame: pd.DataFrame, experiment: str) -> dict[str, pd.DataFrame]:
     """The lines of one experiment by scene, in the order of the frame, with the columns of its rows
     and of records alone."""
     found = {}
     if len(frame):
-        lines = frame[frame.experiment == experiment]
-        for scene, rows in lines.groupby("scene", sort=False):
+        for scene, rows in by_scene(frame[frame.experiment == experiment]).items():
             names = dict.fromkeys([*rows.of_row.iloc[0], *META])
-            found[str(scene)] = rows[list(names)].infer_objects()
+            found[scene] = rows[list(names)].infer_objects()
     return found
 
 

@@ -10,7 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.records import configs
-from experiments.records.results import once
+from experiments.records.results import by_scene
 from experiments.records.rows import unpack_labels
 from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.text import CAPTURED, kind_of
@@ -31,12 +31,6 @@ def each_scene(
             made.insert(0, "scene", scene)
             parts.append(made)
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
-
-
-@once
-def by_scene(rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The rows of each scene, in their order."""
-    return {str(scene): of for scene, of in rows.groupby("scene", sort=False)}
 
 
 def values_of(data: pd.DataFrame) -> list[str]:
@@ -98,19 +92,25 @@ def with_right(rows: pd.DataFrame, resample: Sequence[str]) -> pd.DataFrame:
     """The rows with ``right``, how many predictions are right at each n of a row.
 
     Rows keep what was predicted and, once a resample, the true classes, or ``right`` itself.
+    """
+    if "right" in rows:
+        return rows
+    right = [
+        [int((unpack_labels(text) == truth).sum()) for text in texts]
+        for texts, truth in zip(rows.predicted, truths(rows, resample), strict=True)
+    ]
+    return rows.assign(right=right)
+
+
+def truths(rows: pd.DataFrame, resample: Sequence[str]) -> pd.Series:
+    """The true classes of the test samples of each row, int [Q].
 
     Args:
         rows: of a study that compares models.
         resample: columns that are equal for the rows of one resample.
     """
-    if "right" in rows:
-        return rows
-    labels = rows.groupby(list(resample)).labels.transform("first").map(unpack_labels)
-    right = [
-        [int((unpack_labels(text) == truth).sum()) for text in texts]
-        for texts, truth in zip(rows.predicted, labels, strict=True)
-    ]
-    return rows.assign(right=right)
+    of_resample = rows.groupby(list(resample)).labels
+    return of_resample.transform("first").map(unpack_labels)
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:

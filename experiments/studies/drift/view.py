@@ -9,10 +9,11 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
+from experiments.records.results import by_scene
 from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.measured import by_scene, each_scene
+from experiments.reporting.measured import each_scene
 from experiments.reporting.plot import literal
 from experiments.reporting.study import Numbers, Plot, Quantity, Study
 from experiments.reporting.table import Table

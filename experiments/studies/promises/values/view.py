@@ -11,11 +11,10 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.records.results import once
+from experiments.records.results import by_scene, once
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import (
-    by_scene,
     models_of,
     over_units,
     saturated,
@@ -186,7 +185,7 @@ def promise(model: str, n: int) -> str:
 
 def draw(figure: Figure, frame: pd.DataFrame) -> None:
     """A panel per session and scene, a line per model."""
-    scenes = dict(list(frame.groupby("scene", sort=False)))
+    scenes = by_scene(frame)
     sessions = list(frame.split.unique())
     looks = dict(zip(models_of(frame), itertools.cycle(COLOURS)))
     panels = figure.subplots(
