@@ -293,23 +293,31 @@ def read_run(tmp_path):
     return lambda identity: store.find(tmp_path, identity)
 
 
-def epochs(*accuracies, step=10.0, test=None):
-    """A curve of an iterative model: training accuracies, one report each `step` seconds."""
-    return [
-        {
-            "training_s": step * (k + 1),
-            "samples_seen": 400 * (k + 1),
-            "epoch": k + 1.0,
-            "loss": 1.0 / (k + 1),
-            "train_accuracy": accuracy,
-            "test_accuracy": accuracy if test is None else test[k],
-        }
-        for k, accuracy in enumerate(accuracies)
-    ]
+@pytest.fixture(scope="session")
+def epochs():
+    """epochs(*training accuracies, step, test) → the curve of an iterative model.
+
+    It has one report each `step` seconds.
+    """
+
+    def curve(*accuracies, step=10.0, test=None):
+        return [
+            {
+                "training_s": step * (k + 1),
+                "samples_seen": 400 * (k + 1),
+                "epoch": k + 1.0,
+                "loss": 1.0 / (k + 1),
+                "train_accuracy": accuracy,
+                "test_accuracy": accuracy if test is None else test[k],
+            }
+            for k, accuracy in enumerate(accuracies)
+        ]
+
+    return curve
 
 
 @pytest.fixture
-def a_full_set(write_run):
+def a_full_set(write_run, epochs):
     """Records of several models, seeds, sizes and dimensions, one failed and some missing."""
     for seed in (0, 1):
         write_run("hdc", seed=seed, curve=[
