@@ -74,7 +74,8 @@ def pieces(
             if not claim.recordings or scene in claim.recordings:
                 yield from _piece(name, claim, frozen, rival, rows, every[scene])
         if not claim.recordings and claim.sizes == "full":
-            yield from _simulated(name, claim, frozen, rival, evidence.runs)
+            runs = Groups.of(evidence.frame)
+            yield from _simulated(name, claim, frozen, rival, runs)
 
 
 def _piece(
