@@ -2,6 +2,7 @@
 
 import pandas as pd
 
+from experiments.records import store
 from experiments.records.configs import scene_display
 from experiments.records.groups import Groups
 from experiments.records.results import META, RUNS, Results
@@ -91,6 +92,19 @@ def test_a_scene_that_the_command_line_changed_stands_beside_its_config_and_says
     assert dict(zip(frame.seed, frame.scene, strict=True)) == {0: "drift", 1: label}
     assert scene_name(label) == 'Drift (sessions.1.offset=0.8, note="a b")'
     assert scene_display(label)["kind"] == scene_display("drift")["kind"]
+
+
+def test_a_command_with_an_open_quote_costs_its_record_alone(
+    tmp_path, write_measurement
+):
+    for name in ("drift", "robustness"):
+        write_measurement(name, [{"seed": 0}], scene="drift", command=f"typed {name}")
+    path = tmp_path / store.FILE
+    path.write_text(path.read_text().replace("typed drift", "typed 'drift"))
+    results = Results(tmp_path)
+    (problem,) = results.problems
+    assert "No closing quotation" in problem
+    assert [measured.name for measured in results.measurements] == ["robustness"]
 
 
 def test_times_of_two_calls_do_not_stand_beside_each_other(tmp_path, write_measurement):
