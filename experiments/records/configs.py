@@ -14,6 +14,14 @@ from experiments.records.files import ROOT
 
 CONFIGS = ROOT / "configs"
 SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
+_DISPLAYS = {"model": "display", "scene": "scene_display"}
+_FRAMES = {
+    "frames": "recording",
+    "kind": "captured",
+    "place": math.inf,
+    "fitted": False,
+    "figure": "",
+}
 _LOOK = {
     "colour": "#666666",
     "marker": ".",
@@ -56,7 +64,7 @@ def models(*groups: str) -> tuple[str, ...]:
     """Models of ``configs/model/`` whose ``display.group`` is one of these, HDC first."""
     names = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
     names.sort(key=lambda name: (name != "hdc", name))
-    return tuple(name for name in names if _display(name)["group"] in groups)
+    return tuple(name for name in names if display(name)["group"] in groups)
 
 
 @functools.cache
@@ -85,7 +93,7 @@ def show_as(
 
 def display(model: str) -> dict[str, str]:
     """How tables and figures show a model; one without a display by its name, in grey."""
-    return _display(model) | dict(_own_displays.get(("model", model), {}))
+    return _shown("model", model) | dict(_own_displays.get(("model", model), {}))
 
 
 def scene_display(scene: str) -> dict[str, Any]:
@@ -97,25 +105,17 @@ def scene_display(scene: str) -> dict[str, Any]:
 
     One that is not in ``configs/scene/`` is shown by its name, as a family of its own, last.
     """
-    shown: dict[str, Any] = {
-        "name": scene,
-        "frames": "recording",
-        "kind": "captured",
-        "family": scene,
-        "place": math.inf,
-        "fitted": False,
-        "figure": "",
-    }
-    if is_known("scene", scene):
-        return shown | _inherited("scene", scene, "scene_display")
-    return shown | dict(_own_displays.get(("scene", scene), {}))
+    return _shown("scene", scene) | dict(_own_displays.get(("scene", scene), {}))
 
 
 @functools.cache
-def _display(model: str) -> dict[str, str]:
-    shown = {"name": model, **_LOOK}
-    if is_known("model", model):
-        shown |= _inherited("model", model, "display")
+def _shown(group: str, name: str) -> dict[str, Any]:
+    """How a model or a scene is shown by its file; by its name where there is none."""
+    shown = {"name": name, **(_LOOK if group == "model" else _FRAMES)}
+    if group == "scene":
+        shown["family"] = name
+    if is_known(group, name):
+        shown |= _inherited(group, name, _DISPLAYS[group])
     return shown
 
 

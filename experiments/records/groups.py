@@ -6,9 +6,8 @@ same revisions of the code made them. The rest of a row's choice is a preference
 
 from __future__ import annotations
 
-import json
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -144,23 +143,28 @@ def _group(row: _Key, runs: list[Finished]) -> Group:
     alike = defaultdict[tuple[str, str], list[Finished]](list)
     for run in runs:
         alike[run.configuration, run.made_by].append(run)
-    best = runs if len(alike) == 1 else min(alike.values(), key=_preference)
-    by_seeds = {}
-    for run in best:
-        seeds = list(_seeds(run.config))
-        by_seeds[json.dumps(seeds)] = run
+    best = _best(list(alike.values()))
+    by_seeds = {run.every_seed: run for run in best}
     ordered = sorted(by_seeds.values(), key=lambda run: run.seed)
     left_out = len(runs) - len(best)
     return Group(*row, ordered, left_out)
 
 
-def _preference(runs: list[Finished]) -> tuple[Any, ...]:
-    first = runs[0]
-    stop = first.choices.stop
-    rank = STOPS.index(stop) if stop in STOPS else len(STOPS)
-    beside = not first.environment.exclusive
-    others = bool(first.outdated), beside, rank, _is_of_other_files(first)
-    return *others, -len(runs), first.made_by
+def _best(alternatives: list[list[Finished]]) -> list[Finished]:
+    """The alternative that is least by the first of :data:`_PREFERENCES` that tells them apart."""
+    for preference in _PREFERENCES:
+        if len(alternatives) == 1:
+            break  # files of configs/ take long to compose
+        costs = [preference(runs) for runs in alternatives]
+        least = min(costs)
+        pairs = zip(alternatives, costs, strict=True)
+        alternatives = [runs for runs, cost in pairs if cost == least]
+    return alternatives[0]
+
+
+def _place_of_stop(run: Finished) -> int:
+    stop = run.choices.stop
+    return STOPS.index(stop) if stop in STOPS else len(STOPS)
 
 
 def _is_of_other_files(run: Finished) -> bool:
@@ -179,14 +183,11 @@ def _is_of_other_files(run: Finished) -> bool:
     return False
 
 
-def _seeds(config: Any) -> Iterator[Any]:
-    """Every seed in a config, in the order of its keys."""
-    if isinstance(config, Mapping):
-        for key in sorted(config):
-            if key in configs.SEEDS:
-                yield config[key]
-            else:
-                yield from _seeds(config[key])
-    elif isinstance(config, list | tuple):
-        for part in config:
-            yield from _seeds(part)
+_PREFERENCES: tuple[Callable[[list[Finished]], Any], ...] = (
+    lambda runs: bool(runs[0].outdated),
+    lambda runs: not runs[0].environment.exclusive,
+    lambda runs: _place_of_stop(runs[0]),
+    lambda runs: _is_of_other_files(runs[0]),
+    lambda runs: -len(runs),
+    lambda runs: runs[0].made_by,
+)

@@ -12,6 +12,7 @@ import functools
 import hashlib
 import json
 import os
+import shlex
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -19,6 +20,7 @@ import msgspec
 import numpy as np
 
 from experiments.records import revision
+from experiments.records.configs import SEEDS
 from experiments.records.environment import Environment, changes
 from experiments.records.revision import Revisions
 from experiments.records.rows import Rows, pack_labels
@@ -98,6 +100,9 @@ class Measurement(Record, tag="measurement", kw_only=True, omit_defaults=True):
     scene: str = ""
     seconds: float | None = None
 
+    def __post_init__(self) -> None:
+        _ = self.scene_label  # a command with an open quote is no record
+
     @property
     def full_config(self) -> dict[str, Any]:
         return {"_target_": self.task, **self.config}
@@ -108,6 +113,17 @@ class Measurement(Record, tag="measurement", kw_only=True, omit_defaults=True):
         import pandas as pd  # a run does not wait for it
 
         return pd.DataFrame(self.rows.values, columns=self.rows.columns)
+
+    @functools.cached_property
+    def scene_label(self) -> str:
+        """Name of the scene's config, and what the command line changed of it, but for seeds."""
+        changed = {}
+        for word in shlex.split(self.command):
+            key = word.partition("=")[0].lstrip("+~")
+            is_seed = key.rpartition(".")[2] in SEEDS
+            if key.startswith("scene.") and not is_seed:
+                changed[key] = json.dumps(_at(self.config, key))
+        return labelled(self.scene, changed)
 
     @property
     def of_other_frames(self) -> bool:
@@ -128,6 +144,21 @@ def _packed(value: Any) -> str:
     if isinstance(value, np.ndarray):
         return pack_labels(value)
     raise TypeError(f"record: expected plain values, found {type(value).__name__}")
+
+
+def labelled(name: str, changed: Mapping[str, str]) -> str:
+    """A name, and in brackets what was changed."""
+    values = [f"{key.partition('.')[2]}={value}" for key, value in changed.items()]
+    return f"{name} ({', '.join(values)})" if values else name
+
+
+def _at(config: Any, key: str) -> Any:
+    """The value of a dotted key, in which a number is a place of a list; None where none is."""
+    for part in key.split("."):
+        if isinstance(config, list):
+            config = {str(place): value for place, value in enumerate(config)}
+        config = config.get(part) if isinstance(config, Mapping) else None
+    return config
 
 
 def name_of(

@@ -52,6 +52,7 @@ class Results:
             if isinstance(record, ValueError):
                 self.problems.append(str(record))
             elif isinstance(record, Measurement):
+                _show_as_its_scene(record)
                 self.measurements.insert(0, record)  # the last comes first
             else:
                 self._take(record)
@@ -87,7 +88,7 @@ class Results:
         found: dict[str, list[Measurement]] = {}
         for measured in self.measurements:  # those changed least come first
             if measured.name == name:
-                of_scene = found.setdefault(measured.scene, [])
+                of_scene = found.setdefault(measured.scene_label, [])
                 if all(_is_beside(measured, other) for other in of_scene):
                     of_scene.append(measured)
         places = {scene: configs.scene_display(scene)["place"] for scene in found}
@@ -113,6 +114,13 @@ def _of_version_2(folder: Path) -> Iterator[str]:
                 f"{folder / name}: records of version 2.0, which this version does not read; "
                 "set RESULTS_DIR to another folder, or report on them by version 2.0"
             )
+
+
+def _show_as_its_scene(measured: Measurement) -> None:
+    """A scene of which something was changed is of the kind and the family of its config."""
+    label = measured.scene_label
+    if label != measured.scene:
+        configs.show_as("scene", label, configs.scene_display(measured.scene))
 
 
 def _is_beside(one: Measurement, other: Measurement) -> bool:
@@ -165,15 +173,20 @@ def _joined(parts: list[pd.DataFrame], several: bool) -> pd.DataFrame:
 
 
 @once
+def by_scene(lines: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The lines of each scene, in their order."""
+    return {str(scene): of for scene, of in lines.groupby("scene", sort=False)}
+
+
+@once
 def of_scenes(frame: pd.DataFrame, experiment: str) -> dict[str, pd.DataFrame]:
     """The lines of one experiment by scene, in the order of the frame, with the columns of its rows
     and of records alone."""
     found = {}
     if len(frame):
-        lines = frame[frame.experiment == experiment]
-        for scene, rows in lines.groupby("scene", sort=False):
+        for scene, rows in by_scene(frame[frame.experiment == experiment]).items():
             names = dict.fromkeys([*rows.of_row.iloc[0], *META])
-            found[str(scene)] = rows[list(names)].infer_objects()
+            found[scene] = rows[list(names)].infer_objects()
     return found
 
 
@@ -183,7 +196,7 @@ def _frame_of(measured: Measurement) -> pd.DataFrame:
     frame = measured.frame.copy()
     of_record = {
         "experiment": measured.name,
-        "scene": measured.scene,
+        "scene": measured.scene_label,
         "record": measured.id,
         "command": measured.command,
         "config": measured.config,

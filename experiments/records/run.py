@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,7 @@ import msgspec
 import numpy as np
 
 from experiments.records import configs
-from experiments.records.record import Record
+from experiments.records.record import Record, labelled
 from hdc.accuracy import accuracy
 
 # Keys of a config that whoever reads a run counts on.
@@ -215,7 +215,12 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
             and "steps" not in self.curve[0]
         )
 
-    @property
+    @functools.cached_property
+    def every_seed(self) -> str:
+        """Every seed in its config, in the order of the keys, as text."""
+        return json.dumps(list(_seeds(self.config)))
+
+    @functools.cached_property
     def made_by(self) -> str:
         """Revisions of its code, as text."""
         return json.dumps(self.revisions, sort_keys=True)
@@ -240,14 +245,14 @@ class Finished(RunRecord, tag="run", kw_only=True, omit_defaults=True):
         if self.scene.origin == "recorded":
             path = Path(str(self.config["scene"].get("path", "")))
             name += f" {path.name} ({self.data[:6]})"
-        return _labelled(name, changed)
+        return labelled(name, changed)
 
     @functools.cached_property
     def model_label(self) -> str:
         """Name of the model's config, and what differs of it and of the stopping rule."""
         differing = self.differences.items()
         changed = {key: v for key, v in differing if key.startswith(_OF_MODEL)}
-        return _labelled(self.choices.model, changed)
+        return labelled(self.choices.model, changed)
 
     @functools.cached_property
     def configuration(self) -> str:
@@ -266,16 +271,18 @@ def _order_of_key(key: str) -> int:
     return _FRAMES_FIRST.get(group, 4)
 
 
+def _seeds(config: Any) -> Iterator[Any]:
+    if isinstance(config, Mapping):
+        for key in sorted(config):
+            if key in configs.SEEDS:
+                yield config[key]
+            else:
+                yield from _seeds(config[key])
+    elif isinstance(config, list | tuple):
+        for part in config:
+            yield from _seeds(part)
+
+
 def _core(config: Any) -> Any:
     """A config without what differs from seed to seed, or from device to device."""
     return configs.without((*configs.SEEDS, "device"), config)
-
-
-def _labelled(name: str, changed: Mapping[str, str]) -> str:
-    """A name, and in brackets what was changed."""
-    text = ", ".join(
-        f"{key.partition('.')[2]}={value}" for key, value in changed.items()
-    )
-    if text:
-        return f"{name} ({text})"
-    return name

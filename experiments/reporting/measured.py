@@ -10,6 +10,7 @@ import pandas as pd
 from numpy.typing import NDArray
 
 from experiments.records import configs
+from experiments.records.results import by_scene
 from experiments.records.rows import unpack_labels
 from experiments.reporting.estimates import Estimate, mean_interval
 from experiments.reporting.text import CAPTURED, kind_of
@@ -24,8 +25,8 @@ def each_scene(
 ) -> pd.DataFrame:
     """Results of a function of the rows of each scene, one below the other, with ``scene``."""
     parts = []
-    for scene, of_scene in rows.groupby("scene", sort=False):
-        made = make(of_scene)
+    for scene, of_scene in by_scene(rows).items():
+        made = make(of_scene).copy()  # what is made once belongs to everybody
         if len(made):
             made.insert(0, "scene", scene)
             parts.append(made)
@@ -91,29 +92,36 @@ def with_right(rows: pd.DataFrame, resample: Sequence[str]) -> pd.DataFrame:
     """The rows with ``right``, how many predictions are right at each n of a row.
 
     Rows keep what was predicted and, once a resample, the true classes, or ``right`` itself.
+    """
+    if "right" in rows:
+        return rows
+    right = [
+        [int((unpack_labels(text) == truth).sum()) for text in texts]
+        for texts, truth in zip(rows.predicted, truths(rows, resample), strict=True)
+    ]
+    return rows.assign(right=right)
+
+
+def truths(rows: pd.DataFrame, resample: Sequence[str]) -> pd.Series:
+    """The true classes of the test samples of each row, int [Q].
 
     Args:
         rows: of a study that compares models.
         resample: columns that are equal for the rows of one resample.
     """
-    if "right" in rows:
-        return rows
-    labels = rows.groupby(list(resample)).labels.transform("first").map(unpack_labels)
-    right = [
-        [int((unpack_labels(text) == truth).sum()) for text in texts]
-        for texts, truth in zip(rows.predicted, labels, strict=True)
-    ]
-    return rows.assign(right=right)
+    of_resample = rows.groupby(list(resample)).labels
+    return of_resample.transform("first").map(unpack_labels)
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
     """A row for each split, model, n and unit: ``accuracy``. The unit is the seed where seeds are
     units, else the resample."""
     counted = with_right(rows, ("seed", "split", "draw"))
-    every = counted.explode(["n", "right"]).astype({"n": int, "right": float})
-    every["unit"] = every.seed
-    if not seeds_are_units(every):
-        every["unit"] = every.seed * (1 + every.draw.max()) + every.draw
+    unit = counted.seed
+    if not seeds_are_units(counted):
+        unit = counted.seed * (1 + counted.draw.max()) + counted.draw
+    needed = counted[["split", "model", "n", "right", "n_test"]].assign(unit=unit)
+    every = needed.explode(["n", "right"]).astype({"n": int, "right": float})
     every["accuracy"] = every.right / every.n_test
     by_unit = every.groupby(["split", "model", "n", "unit"])
     return by_unit.accuracy.mean().reset_index()

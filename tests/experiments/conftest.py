@@ -19,7 +19,7 @@ from omegaconf import OmegaConf
 from rich.console import Console
 
 import hdc
-from experiments import run, studies
+from experiments import report, run, studies
 from experiments.protocol import job
 from experiments.protocol.settings import resolved
 from experiments.records import configs, record, store
@@ -42,9 +42,25 @@ def cores_of_its_own(tmp_path_factory, monkeypatch):
 
 
 @pytest.fixture(scope="session")
-def committed():
+def committed_results():
+    """The records of the committed reference; nobody may change them."""
+    return Results(REFERENCE)
+
+
+@pytest.fixture(scope="session")
+def committed(committed_results):
     """Tables and figures of the committed reference, made once; nobody may change them."""
-    return Answers("reference", Results(REFERENCE), studies_of(studies))
+    return Answers("reference", committed_results, studies_of(studies))
+
+
+@pytest.fixture
+def beside_the_reference(committed, monkeypatch):
+    """Reports have the tables of the committed reference without making them again."""
+
+    def answers(name, results, questions):
+        return committed if name == "reference" else Answers(name, results, questions)
+
+    monkeypatch.setattr(report, "Answers", answers)
 
 
 @pytest.fixture
@@ -277,23 +293,31 @@ def read_run(tmp_path):
     return lambda identity: store.find(tmp_path, identity)
 
 
-def epochs(*accuracies, step=10.0, test=None):
-    """A curve of an iterative model: training accuracies, one report each `step` seconds."""
-    return [
-        {
-            "training_s": step * (k + 1),
-            "samples_seen": 400 * (k + 1),
-            "epoch": k + 1.0,
-            "loss": 1.0 / (k + 1),
-            "train_accuracy": accuracy,
-            "test_accuracy": accuracy if test is None else test[k],
-        }
-        for k, accuracy in enumerate(accuracies)
-    ]
+@pytest.fixture(scope="session")
+def epochs():
+    """epochs(*training accuracies, step, test) → the curve of an iterative model.
+
+    It has one report each `step` seconds.
+    """
+
+    def curve(*accuracies, step=10.0, test=None):
+        return [
+            {
+                "training_s": step * (k + 1),
+                "samples_seen": 400 * (k + 1),
+                "epoch": k + 1.0,
+                "loss": 1.0 / (k + 1),
+                "train_accuracy": accuracy,
+                "test_accuracy": accuracy if test is None else test[k],
+            }
+            for k, accuracy in enumerate(accuracies)
+        ]
+
+    return curve
 
 
 @pytest.fixture
-def a_full_set(write_run):
+def a_full_set(write_run, epochs):
     """Records of several models, seeds, sizes and dimensions, one failed and some missing."""
     for seed in (0, 1):
         write_run("hdc", seed=seed, curve=[
@@ -412,10 +436,10 @@ class FakeModel:
         pass
 
     def train(self, frames, labels):
-        for report in self.reports:
-            if isinstance(report, BaseException):
-                raise report
-            yield report
+        for one in self.reports:
+            if isinstance(one, BaseException):
+                raise one
+            yield one
 
     def predict(self, frames):
         return np.zeros(len(frames), np.int64)

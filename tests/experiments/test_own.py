@@ -17,6 +17,8 @@ from experiments.records.results import Results
 from experiments.reporting import columns
 from hdc import HDCClassifier
 
+pytestmark = pytest.mark.usefixtures("beside_the_reference")
+
 COMPETITOR = '''
 import numpy as np
 import torch

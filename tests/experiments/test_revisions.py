@@ -11,9 +11,8 @@ import pytest
 
 import hdc
 from experiments.records import revision, store
+from experiments.records.files import ROOT
 from experiments.records.run import Finished
-
-CHECKOUT = Path(__file__).resolve().parents[2]
 
 
 def loaded():
@@ -103,7 +102,7 @@ def copy(tmp_path):
     folder = tmp_path / "checkout"
     for name in (*revision.PACKAGES, "configs"):
         ignored = shutil.ignore_patterns("__pycache__")
-        shutil.copytree(CHECKOUT / name, folder / name, ignore=ignored)
+        shutil.copytree(ROOT / name, folder / name, ignore=ignored)
     return folder
 
 

@@ -7,14 +7,13 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from experiments.records import locks, store
+from experiments.records.files import ROOT
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 HEAVY = (
     "cv2",
     "sklearn",
@@ -40,7 +39,7 @@ def command_line(tmp_path):
             capture_output=True,
             text=True,
             timeout=120,
-            env={**os.environ, "PYTHONPATH": str(CHECKOUT), **environment},
+            env={**os.environ, "PYTHONPATH": str(ROOT), **environment},
         )
 
     return call
@@ -242,7 +241,7 @@ def test_a_reader_that_has_read_enough_sees_no_traceback(tmp_path):
         stderr=subprocess.PIPE,
         text=True,
         timeout=60,
-        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )
     os.close(write)
     assert (done.returncode, done.stderr) == (128 + signal.SIGPIPE, "")
@@ -285,7 +284,7 @@ def test_a_killed_run_is_recorded_and_run_again(
     process = subprocess.Popen(
         [sys.executable, "-c", STUCK, *overrides, "threads=1", "exclusive=false"], cwd=tmp_path,
         stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     try:
         limit = time.monotonic() + 60

@@ -10,17 +10,16 @@ import signal
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import psutil
 import pytest
 
 from experiments.protocol import machine
 from experiments.records import record, store
+from experiments.records.files import ROOT
 from experiments.records.locks import LEFT
 from experiments.records.run import Finished
 
-CHECKOUT = Path(__file__).resolve().parents[2]
 pytestmark = pytest.mark.usefixtures("results", "one_thread")
 
 
@@ -174,7 +173,7 @@ def test_workers_of_a_launcher_run_a_sweep_and_name_its_failures(
         [sys.executable, "-m", "experiments.run", "-m", f"hydra/launcher={launcher}", *scene,
          "seed.run=0,-1"],
         capture_output=True, text=True, timeout=120,
-        env={**os.environ, "PYTHONPATH": str(CHECKOUT)},
+        env={**os.environ, "PYTHONPATH": str(ROOT)},
     )  # fmt: skip
     assert done.returncode == 1
     assert "Traceback" not in done.stderr

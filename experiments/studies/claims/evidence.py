@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import pandas as pd
 
-from experiments.records.groups import Groups
 from experiments.records.results import of_scenes
 from experiments.reporting.measured import place_of
 from experiments.studies.recordings.values import Accuracies, accuracies_of
@@ -29,8 +28,3 @@ class Evidence:
     def accuracies(self, experiment: str) -> dict[str, Accuracies]:
         """Accuracies on each recording by the split that counts."""
         return accuracies_of(self.scenes(experiment))
-
-    @property
-    def runs(self) -> Groups:
-        """Single trainings."""
-        return Groups.of(self.frame)

@@ -74,7 +74,8 @@ def pieces(
             if not claim.recordings or scene in claim.recordings:
                 yield from _piece(name, claim, frozen, rival, rows, every[scene])
         if not claim.recordings and claim.sizes == "full":
-            yield from _simulated(name, claim, frozen, rival, evidence.runs)
+            runs = Groups.of(evidence.frame)
+            yield from _simulated(name, claim, frozen, rival, runs)
 
 
 def _piece(
@@ -135,11 +136,9 @@ def _rival_name(rival: str) -> str:
 
 
 def is_split(rows: pd.DataFrame, recording: Recording) -> bool:
-    """Whether the split that counts is that of the rules."""
+    """Whether the record says that the split that counts is that of the rules."""
     splits = rows.config.iloc[0].get("splits") or {}
-    counts = splits.get("counts")
-    if counts is None:  # a record that does not say
-        return True
+    counts = splits.get("counts") or {}
     return all(counts.get(key) == value for key, value in recording.split.items())
 
 
@@ -152,38 +151,41 @@ def compare(
     if not set(models) <= set(every.models):
         return None
     wanted = frozen.sizes[sizes]
-    units = every.table[models].unstack("n").dropna(how="all")
-    complete = [
-        n
-        for n in wanted
-        if n in every.sizes and units.xs(n, axis=1, level="n").notna().all(axis=None)
-    ]
+    complete = _complete(every, models, wanted)
     if sizes == "few":
         chosen = list(wanted) if len(complete) == len(wanted) else []
     else:
-        chosen = _largest_open(units, complete, frozen.saturated)
+        chosen = _largest_open(complete, frozen.saturated)
     if not chosen:
         return None
-    less = np.mean([_less(units, models, n) for n in chosen], axis=0)
+    less = np.mean([_less(complete[n]) for n in chosen], axis=0)
     return Compared(less.tolist(), chosen, every.n_test[form], every.seeds)
 
 
-def _largest_open(
-    units: pd.DataFrame, sizes: Sequence[int], saturated: float
-) -> list[int]:
+def _complete(
+    every: Accuracies, models: Sequence[str], sizes: Sequence[int]
+) -> dict[int, np.ndarray]:
+    """Accuracies at those sizes, [model, unit], that no unit lacks in which one of the models was
+    asked at any size."""
+    at = {n: np.stack([every.by_unit(m, n) for m in models]) for n in every.sizes}
+    asked = ~np.isnan(np.concatenate([*at.values()])).all(axis=0)
+    found = {n: at[n][:, asked] for n in sizes if n in at}
+    return {n: units for n, units in found.items() if not np.isnan(units).any()}
+
+
+def _largest_open(complete: Mapping[int, np.ndarray], saturated: float) -> list[int]:
     """The largest size at which a model is below the accuracy that counts as saturated."""
-    for n in sorted(sizes, reverse=True):
-        if units.xs(n, axis=1, level="n").mean().min() < saturated:
+    for n in sorted(complete, reverse=True):
+        if complete[n].mean(axis=1).min() < saturated:
             return [n]
     return []
 
 
-def _less(units: pd.DataFrame, models: Sequence[str], n: int) -> np.ndarray:
+def _less(units: np.ndarray) -> np.ndarray:
     """A form minus its baseline, or minus the paper's accuracy, a number per unit."""
-    of_form = units[models[0], n].to_numpy(float)
-    if len(models) == 1:
-        return of_form - _of_the_paper()
-    return of_form - units[models[1], n].to_numpy(float)
+    if len(units) == 1:
+        return units[0] - _of_the_paper()
+    return units[0] - units[1]
 
 
 def _of_the_paper() -> float:

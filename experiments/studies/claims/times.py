@@ -22,7 +22,7 @@ def pieces(
     name: str, claim: Claim, frozen: Rules, evidence: Evidence
 ) -> Iterator[Piece]:
     """A piece for each baseline and implementation in the grid of times."""
-    every = every_line(evidence.frame, evidence.runs)
+    every = every_line(evidence.frame)
     lines = {(line["model"], line["way"]): line for line in every}
     for rival in frozen.rivals_of(name):
         for way in frozen.ways:

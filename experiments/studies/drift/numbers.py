@@ -6,7 +6,9 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
+from experiments.records.results import once
 from experiments.reporting import estimates
 from experiments.reporting.estimates import Estimate
 from experiments.studies.drift.sessions import SESSIONS, accuracies
@@ -15,6 +17,7 @@ N_NEW = 50  # at which the paper reports the recovered accuracy
 UNLABELLED = ("zeroed", "untouched")
 
 
+@once
 def regained(rows: pd.DataFrame) -> pd.DataFrame:
     """How much of what a drift costs each update wins back, in the new session.
 
@@ -30,32 +33,33 @@ def regained(rows: pd.DataFrame) -> pd.DataFrame:
         (updated − stored)/lost, a ratio of means.
     """
     n_new, n_old = (int(rows[f"n_test_{name}"].iloc[0]) for name in SESSIONS)
+    every = accuracies(rows)
+    stored = every[every.method == "stored"]
+    at = ["order", "model", "seed"]
+    updated = every[every.method != "stored"].merge(
+        stored[[*at, *SESSIONS]], on=at, suffixes=("", "_stored"), validate="m:1"
+    )
     lines: list[dict[str, Any]] = []
-    for (order, model), part in accuracies(rows).groupby(
-        ["order", "model"], sort=False
-    ):
-        stored = part[part.method == "stored"].set_index("seed")
-        updated = part[part.method != "stored"]
-        keys = ["method", "update", "share", "n_new"]
-        for key, way in updated.groupby(keys, sort=False, dropna=False):
-            after = way.set_index("seed").new
-            at = stored.loc[after.index]
-            lost = at.old - at.new
-            gained = after - at.new
+    keys = ["method", "update", "share", "n_new"]
+    for (order, model), part in updated.groupby(["order", "model"], sort=False):
+        for key, way in part.groupby(keys, sort=False, dropna=False):
+            new, old = way.new.to_numpy(), way.old.to_numpy()
+            new_stored, before = way.new_stored.to_numpy(), way.old_stored.to_numpy()
+            lost = before - new_stored
             line: dict[str, Any] = {"order": order, "model": model}
             line |= dict(zip(keys, key, strict=True))
             line["labels"] = key[0] not in UNLABELLED
-            line |= estimates.mean_share(at.old.tolist(), n_old).columns("before")
-            line |= estimates.mean_share(at.new.tolist(), n_new).columns("stored")
-            line |= estimates.mean_share(after.tolist(), n_new).columns("updated")
-            line |= estimates.mean_share(way.old.tolist(), n_old).columns("old")
+            line |= estimates.mean_share(before.tolist(), n_old).columns("before")
+            line |= estimates.mean_share(new_stored.tolist(), n_new).columns("stored")
+            line |= estimates.mean_share(new.tolist(), n_new).columns("updated")
+            line |= estimates.mean_share(old.tolist(), n_old).columns("old")
             line |= estimates.mean_interval(lost.tolist()).columns("lost")
-            line |= ratio(gained, lost).columns("regained")
+            line |= ratio(new - new_stored, lost).columns("regained")
             lines.append(line)
     return pd.DataFrame(lines)
 
 
-def ratio(parts: pd.Series, wholes: pd.Series) -> Estimate:
+def ratio(parts: NDArray[np.float64], wholes: NDArray[np.float64]) -> Estimate:
     """Mean of the parts over mean of the wholes, a value a seed, with Student's interval of the
     linearised ratio (Cochran, Sampling Techniques, 1977, Sec. 6.4)."""
     whole = float(wholes.mean())

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from experiments.records.rows import unpack_labels
+from experiments.reporting.measured import truths
 
 UPDATES = {
     "stored": "not updated",
@@ -22,8 +23,7 @@ SESSIONS = ("new", "old")
 
 def with_right(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with ``right_new`` and ``right_old``, counted from what was predicted."""
-    draws = rows.groupby(["seed", "order"]).labels
-    labels = draws.transform("first").map(unpack_labels)
+    labels = truths(rows, ("seed", "order"))
     new, old = [], []
     for text, truth, first in zip(rows.predicted, labels, rows.n_test_new, strict=True):
         right = unpack_labels(text) == truth

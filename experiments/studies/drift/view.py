@@ -9,6 +9,7 @@ from typing import Any
 import pandas as pd
 from matplotlib.figure import Figure
 
+from experiments.records.results import by_scene
 from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import Column, scene_name
@@ -57,7 +58,7 @@ def paper_scene(rows: pd.DataFrame) -> pd.DataFrame:
 def unlabelled(figure: Figure, rows: pd.DataFrame) -> None:
     """A panel per scene, a row per model, a marker per update."""
     panels = {}
-    for _, of_scene in rows.groupby("scene", sort=False):
+    for of_scene in by_scene(rows).values():
         found = regained(of_scene)
         without = found[~found.labels].model.unique()
         labels = unpack_labels(of_scene.labels.dropna().iloc[0])

@@ -24,7 +24,7 @@ from experiments.reporting.curves import plain_decades
 from experiments.reporting.labels import name_points
 from experiments.reporting.plot import LETTERS, head, literal, panel
 from experiments.reporting.study import Plot
-from experiments.reporting.table import Table
+from experiments.reporting.table import Table, records
 from experiments.reporting.text import number, percent, size, two_digits
 from experiments.studies.recordings.values import (
     FEW,
@@ -123,17 +123,22 @@ def _known(value: float) -> float | None:
 
 def compared(frame: pd.DataFrame, few: bool) -> pd.DataFrame:
     """A row for each recording and model that is compared, measured or not."""
-    found = costs(frame)
+    names = ["bytes", *_times({})]
+    unknown: dict[str, Any] = dict.fromkeys(names)
+    found = {
+        (row["recording"], row["n"], row["model"]): {name: row[name] for name in names}
+        for row in records(costs(frame))
+    }
     table = []
     for scene in unsaturated(recordings(frame)):
         errors = Errors(frame, scene)
         n = FEW if few else errors.largest()
-        names = {**COMPARED, errors.best(n): "best usual baseline"}
-        pace = _costs_of(found, scene, n, PACE)
-        for model, role in names.items():
+        roles = {**COMPARED, errors.best(n): "best usual baseline"}
+        pace = found.get((scene, n, PACE), unknown)
+        for model, role in roles.items():
             line = {"recording": scene, "n": n, "role": role, "model": model}
             line["error"] = _known(errors.of(model, n))
-            measured = _costs_of(found, scene, n, model)
+            measured = found.get((scene, n, model), unknown)
             table.append({**line, **measured, **_relative(measured, pace)})
     return pd.DataFrame(table)
 
@@ -151,18 +156,6 @@ def _fastest(row: Mapping[str, Any], time: str) -> float | None:
     """Seconds by NumPy or by the compiled kernels, whichever are fewer; None: not measured."""
     times = [row[f"{time}_s"], row[f"{time}_compiled_s"]]
     return min((seconds for seconds in times if seconds is not None), default=None)
-
-
-def _costs_of(found: pd.DataFrame, scene: str, n: int, model: str) -> dict[str, Any]:
-    """Stored bytes and times, if they were measured."""
-    names = ["bytes", *_times({})]
-    empty: dict[str, Any] = dict.fromkeys(names)
-    if not len(found):
-        return empty
-    at = (found.recording == scene) & (found.n == n) & (found.model == model)
-    rows = found[at][names].astype(object)
-    rows = rows.where(rows.notna(), None)
-    return rows.iloc[0].to_dict() if len(rows) else empty
 
 
 def _of_either(time: str, show: Any) -> Any:

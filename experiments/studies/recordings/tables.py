@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
@@ -74,8 +75,9 @@ def _by_size(every: Accuracies) -> Iterator[dict[str, Any]]:
     for n in every.ends():
         line: dict[str, Any] = {"n": n, "told": _told(every, n)}
         for model in every.models:
-            if len(every.of(model, n)):
-                line |= every.mean(model, n).columns(model)
+            mean = every.mean(model, n)
+            if not math.isnan(mean.value):
+                line |= mean.columns(model)
         yield line
 
 

@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 import pandas as pd
+from numpy.typing import NDArray
 
 from experiments.records import configs
 from experiments.records.results import of_scenes, once
@@ -76,7 +77,7 @@ class Accuracies:
         models: names, in the order of the rows.
         seeds: whether units are seeds, not draws of one recording.
         n_test: test frames of a unit by model.
-        table: a row for each n and unit; NaN where a model was not asked.
+        n_units: how many units there are.
     """
 
     def __init__(self, of_recording: pd.DataFrame) -> None:
@@ -85,11 +86,17 @@ class Accuracies:
         self.seeds = seeds_are_units(rows)
         self.sizes: list[int] = []
         self.n_test: dict[Any, float] = rows.groupby("model").n_test.mean().to_dict()
+        self.n_units = 0
+        self._by_unit: dict[tuple[str, int], NDArray[np.float64]] = {}
         if len(rows):
             every = accuracies(rows)
             self.sizes = sorted(every.n.unique().tolist())
-            index = ["n", "unit"]
-            self.table = every.pivot(index=index, columns="model", values="accuracy")
+            asked = ["model", "n"]
+            table = every.pivot(index="unit", columns=asked, values="accuracy")
+            self.n_units = len(table)
+            self._by_unit = dict(
+                zip(table.columns, table.to_numpy(float).T, strict=True)
+            )
 
     def ends(self) -> list[int]:
         """The fewest frames per class, five, and the most."""
@@ -98,25 +105,23 @@ class Accuracies:
         middle = [n for n in self.sizes if n == FEW]
         return list(dict.fromkeys((self.sizes[0], *middle, self.sizes[-1])))
 
-    def of(self, model: str, n: int) -> pd.Series:
-        """Accuracies by unit; empty where the model was not asked."""
-        if model not in self.models or n not in self.sizes:
-            return pd.Series(dtype=float)
-        return self.table.loc[n][model].dropna()
+    def by_unit(self, model: str, n: int) -> NDArray[np.float64]:
+        """Accuracy in each unit, [n_units]; NaN where the model was not asked."""
+        found = self._by_unit.get((model, n))
+        return np.full(self.n_units, math.nan) if found is None else found
 
     def mean(self, model: str, n: int) -> Estimate:
         """Mean accuracy with its interval; NaN where the model was not asked."""
-        return self._estimate(self.of(model, n))
+        return self._estimate(self.by_unit(model, n))
 
-    def pair(self, first: str, second: str, n: int) -> tuple[pd.Series, pd.Series]:
-        """Accuracies of two models in the units in which both were asked."""
-        both = pd.concat([self.of(first, n), self.of(second, n)], axis=1).dropna()
-        return both.iloc[:, 0], both.iloc[:, 1]
+    def pair(self, first: str, second: str, n: int) -> NDArray[np.float64]:
+        """Accuracies of two models in the units in which both were asked, [2, units]."""
+        both = np.stack([self.by_unit(first, n), self.by_unit(second, n)])
+        return both[:, ~np.isnan(both).any(axis=0)]
 
     def difference(self, first: str, second: str, n: int) -> Estimate:
         """How much more accurate one model is than another in the same units."""
-        of_first, of_second = self.pair(first, second, n)
-        return self._estimate(of_first - of_second)
+        return self._estimate(self.by_unit(first, n) - self.by_unit(second, n))
 
     def stronger(self, models: Sequence[str], n: int) -> str | None:
         """The one with the largest mean, which favours it; None where none was asked."""
@@ -124,10 +129,9 @@ class Accuracies:
         known = {name: value for name, value in means.items() if not math.isnan(value)}
         return max(known, key=lambda name: known[name], default=None)
 
-    def _estimate(self, values: pd.Series) -> Estimate:
-        if not len(values):
-            return Estimate(math.nan)
-        return over_units(values.tolist(), self.seeds)
+    def _estimate(self, by_unit: NDArray[np.float64]) -> Estimate:
+        values = by_unit[~np.isnan(by_unit)].tolist()
+        return over_units(values, self.seeds) if values else Estimate(math.nan)
 
 
 @once

@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from experiments.records.results import by_scene
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.curves import errors
 from experiments.reporting.estimates import Estimate, mean_share
@@ -100,7 +101,7 @@ _NOTE = (
 
 def curves(figure: Figure, rows: pd.DataFrame) -> None:
     """A row per scene, a column per disturbance, a line per model."""
-    scenes = dict(list(drawn(rows).groupby("scene", sort=False)))
+    scenes = by_scene(drawn(rows))
     figure.set_size_inches(7.0, 1.2 + 1.35 * len(scenes))
     grid = figure.subplots(len(scenes), len(_PANELS), sharey=True, squeeze=False)
     for line, (scene, of_scene) in zip(grid, scenes.items(), strict=True):

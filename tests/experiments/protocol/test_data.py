@@ -13,23 +13,6 @@ from experiments.protocol import data
 from experiments.protocol.clock import Clock
 from scenes.frames import Frames
 
-
-def make_scene(
-    n=60, classes=3, shape=(5, 7), dtype=np.uint8, origin="simulated", sessions=1
-):
-    rng = np.random.default_rng(0)
-    labels = np.tile(np.arange(classes), n // classes)
-    base = rng.integers(0, np.iinfo(dtype).max // 2, (classes, *shape))
-    noise = rng.integers(0, np.iinfo(dtype).max // 2, (n, *shape))
-    return Frames(
-        torch.from_numpy((base[labels] + noise).astype(dtype)),
-        labels,
-        tuple("abc"[:classes]),
-        {"session": np.repeat(np.arange(sessions), n // sessions)},
-        origin=origin,
-    )
-
-
 QUIET = Console(quiet=True)
 
 
@@ -48,7 +31,7 @@ class Interrupted(Frames):
 @pytest.mark.parametrize(
     "index", [slice(8, 200), [4, 0, 4], torch.tensor([5, 3]), -1], ids=repr
 )
-def test_lazy_frames_index_as_a_tensor_does(index):
+def test_lazy_frames_index_as_a_tensor_does(index, make_scene):
     scene = make_scene(dtype=np.uint16)
     chosen = np.random.default_rng(1).permutation(60)[:12]
     lazy = data.LazyFrames(scene, chosen, Clock())
@@ -62,7 +45,7 @@ def test_lazy_frames_index_as_a_tensor_does(index):
     np.testing.assert_array_equal(lazy[index].numpy(), expected)
 
 
-def test_take_reads_lazily_above_the_limit_and_gives_the_same(monkeypatch):
+def test_take_reads_lazily_above_the_limit_and_gives_the_same(monkeypatch, make_scene):
     scene = make_scene(dtype=np.uint16)
     indices = np.arange(40)[::-1].copy()
     in_memory = data.take(scene, indices, Clock())
@@ -80,7 +63,7 @@ def test_take_reads_lazily_above_the_limit_and_gives_the_same(monkeypatch):
 # The cache -----------------------------------------------------------------------------------
 
 
-def test_cached_frames_are_the_scenes(tmp_path):
+def test_cached_frames_are_the_scenes(tmp_path, make_scene):
     scene = make_scene(dtype=np.uint16)
     cached = data.cached(scene, tmp_path, QUIET)
     indices = [59, 0, 17]
@@ -96,7 +79,7 @@ def test_cached_frames_are_the_scenes(tmp_path):
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
 
 
-def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch):
+def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, make_scene):
     scene = make_scene()
     broken = Interrupted(
         scene.images, scene.labels, scene.classes, scene.samples, scene.origin
@@ -115,7 +98,9 @@ def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch):
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
 
 
-def test_frames_that_cannot_be_written_name_their_file(tmp_path, monkeypatch):
+def test_frames_that_cannot_be_written_name_their_file(
+    tmp_path, monkeypatch, make_scene
+):
     def full(*_):
         raise OSError(28, "No space left on device")
 
@@ -146,7 +131,7 @@ class Counted(Frames):
         return super().frames(indices)
 
 
-def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path):
+def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path, make_scene):
     scene = Counted(*vars(make_scene()).values())
     scene.made.value = 0
     fork = multiprocessing.get_context("fork")
@@ -165,7 +150,7 @@ def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path):
 
 
 @pytest.mark.parametrize("damage", ["truncated", "other"])
-def test_a_damaged_cache_file_is_named(tmp_path, damage):
+def test_a_damaged_cache_file_is_named(tmp_path, damage, make_scene):
     scene = make_scene()
     data.cached(scene, tmp_path, QUIET)
     (path,) = tmp_path.glob("*.npy")
@@ -181,7 +166,7 @@ def test_a_damaged_cache_file_is_named(tmp_path, damage):
 # Which pixels and which samples --------------------------------------------------------------
 
 
-def test_fewer_pixels_are_some_of_more():
+def test_fewer_pixels_are_some_of_more(make_scene):
     scene = make_scene(dtype=np.uint16)
     few, more = data.PixelSubset(scene, 6, 1), data.PixelSubset(scene, 20, 1)
     assert few.shape == (1, 6)
@@ -202,7 +187,7 @@ def test_fewer_pixels_are_some_of_more():
 
 
 def test_frames_are_made_again_for_another_revision_of_their_scene(
-    tmp_path, monkeypatch
+    tmp_path, monkeypatch, make_scene
 ):
     scene = make_scene()
     data.cached(scene, tmp_path, QUIET)
@@ -213,7 +198,9 @@ def test_frames_are_made_again_for_another_revision_of_their_scene(
     assert len(list(tmp_path.glob("*.npy"))) == 2
 
 
-def test_frames_are_made_again_for_other_code_of_an_own_part(tmp_path, monkeypatch):
+def test_frames_are_made_again_for_other_code_of_an_own_part(
+    tmp_path, monkeypatch, make_scene
+):
     """A contact of one's own, say: the fingerprint has its parameters, not its code."""
     scene, config = make_scene(), {"contact": {"_target_": "an_own_press.Press"}}
     for digest in ("first", "first", "second"):

@@ -11,27 +11,11 @@ from experiments.protocol.splits import choose, nested, resample_split
 from scenes.frames import Frames
 
 
-def make_scene(
-    n=60, classes=3, shape=(5, 7), dtype=np.uint8, origin="simulated", sessions=1
-):
-    rng = np.random.default_rng(0)
-    labels = np.tile(np.arange(classes), n // classes)
-    base = rng.integers(0, np.iinfo(dtype).max // 2, (classes, *shape))
-    noise = rng.integers(0, np.iinfo(dtype).max // 2, (n, *shape))
-    return Frames(
-        torch.from_numpy((base[labels] + noise).astype(dtype)),
-        labels,
-        tuple("abc"[:classes]),
-        {"session": np.repeat(np.arange(sessions), n // sessions)},
-        origin=origin,
-    )
-
-
 def split(kind="random", n_train=None, test_fraction=0.2):
     return Split(kind, test_fraction, n_train=n_train)
 
 
-def test_two_sessions():
+def test_two_sessions(make_scene):
     scene = make_scene(sessions=2)
     for kind in ("random", "ordered"):
         train, test = choose(scene, split(kind), 0)
@@ -56,7 +40,7 @@ def test_two_sessions():
         (split(n_train=49), r"split\.n_train: expected .* 48 .* found 49"),
     ],
 )
-def test_a_split_that_does_not_fit_names_its_key(wanted, message):
+def test_a_split_that_does_not_fit_names_its_key(wanted, message, make_scene):
     with pytest.raises(ValueError, match=message):
         choose(make_scene(), wanted, 0)
 
@@ -81,11 +65,10 @@ def test_frames_beside_each_other_are_warned_of_whatever_the_sessions(sessions):
         choose(scene, split("random"), 0)
 
 
-def in_order_of_class(origin):
+def in_order_of_class(scene):
     """Frames of each class one after another, as a camera records them."""
-    scene = make_scene(origin=origin)
-    order = np.argsort(scene.labels, kind="stable")
-    return Frames(scene.images, scene.labels[order], scene.classes, {}, origin=origin)
+    labels = np.sort(scene.labels)
+    return Frames(scene.images, labels, scene.classes, {}, origin=scene.origin)
 
 
 @pytest.mark.parametrize(
@@ -97,14 +80,16 @@ def in_order_of_class(origin):
         ("measured", "random", False),
     ],
 )
-def test_only_a_random_split_of_a_recording_warns_of_copies(origin, kind, warned):
+def test_only_a_random_split_of_a_recording_warns_of_copies(
+    make_scene, origin, kind, warned
+):
     with warnings.catch_warnings(record=True) as said:
         warnings.simplefilter("always")
-        choose(in_order_of_class(origin), split(kind), 0)
+        choose(in_order_of_class(make_scene(origin=origin)), split(kind), 0)
     assert [str(each.message)[:19] for each in said] == ["split.kind=random: "] * warned
 
 
-def test_a_class_that_only_test_frames_have_is_named():
+def test_a_class_that_only_test_frames_have_is_named(make_scene):
     """A split by session trained without one of the classes, and said nothing."""
     scene = make_scene(sessions=2)
     labels = scene.labels.copy()
@@ -117,7 +102,7 @@ def test_a_class_that_only_test_frames_have_is_named():
         choose(scene, split("session"), 0)
 
 
-def test_a_draw_is_that_of_its_seed_and_its_order_has_a_stream_of_its_own():
+def test_a_draw_is_that_of_its_seed_and_its_order_has_a_stream_of_its_own(make_scene):
     """By definition: a split's seed is the first integer of the stream (seed, draw), and the order
     of the samples is of the stream (seed, draw, 1)."""
     scene = make_scene()

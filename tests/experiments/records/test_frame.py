@@ -2,8 +2,11 @@
 
 import pandas as pd
 
+from experiments.records import store
+from experiments.records.configs import scene_display
 from experiments.records.groups import Groups
 from experiments.records.results import META, RUNS, Results
+from experiments.reporting.columns import scene_name
 
 
 def test_lines_of_an_experiment_have_what_their_rows_and_records_have(
@@ -70,6 +73,38 @@ def test_models_that_were_measured_apart_stand_beside_the_others(
         ("hdc", False),
         ("bits_chosen", False),
     }
+
+
+def test_a_scene_that_the_command_line_changed_stands_beside_its_config_and_says_how(
+    tmp_path, write_measurement
+):
+    command = "python -m experiments.run experiment=drift"
+    typed = ["scene.sessions.1.offset=0.8", "'+scene.note=a b'", "scene.sensor.seed=3"]
+    rooms = [{"offset": 0.0}, {"offset": 0.8}]
+    config = {"scene": {"sessions": rooms, "note": "a b", "sensor": {"seed": 3}}}
+    write_measurement("drift", [{"seed": 0}], scene="drift", command=command)
+    write_measurement(
+        "drift", [{"seed": 1}], config=config, scene="drift",
+        command=" ".join([command, *typed]),
+    )  # fmt: skip
+    frame = Results(tmp_path).frame("drift")
+    label = 'drift (sessions.1.offset=0.8, note="a b")'
+    assert dict(zip(frame.seed, frame.scene, strict=True)) == {0: "drift", 1: label}
+    assert scene_name(label) == 'Drift (sessions.1.offset=0.8, note="a b")'
+    assert scene_display(label)["kind"] == scene_display("drift")["kind"]
+
+
+def test_a_command_with_an_open_quote_costs_its_record_alone(
+    tmp_path, write_measurement
+):
+    for name in ("drift", "robustness"):
+        write_measurement(name, [{"seed": 0}], scene="drift", command=f"typed {name}")
+    path = tmp_path / store.FILE
+    path.write_text(path.read_text().replace("typed drift", "typed 'drift"))
+    results = Results(tmp_path)
+    (problem,) = results.problems
+    assert "No closing quotation" in problem
+    assert [measured.name for measured in results.measurements] == ["robustness"]
 
 
 def test_times_of_two_calls_do_not_stand_beside_each_other(tmp_path, write_measurement):

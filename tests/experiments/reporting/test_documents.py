@@ -84,8 +84,10 @@ def test_the_page_of_results_has_every_figure_and_each_experiment_once():
     assert "Nothing" not in text
 
 
-def test_every_scene_is_listed_once_and_every_source_with_its_licence(committed):
-    text = documents.scene_list(committed.results)
+def test_every_scene_is_listed_once_and_every_source_with_its_licence(
+    committed_results,
+):
+    text = documents.scene_list(committed_results)
     names = [path.stem for path in (configs.CONFIGS / "scene").glob("*.yaml")]
     listed = [name for name in names if f"`scene={name}`" in text]
     assert sorted(listed) == sorted(set(names) - {"recorded"})

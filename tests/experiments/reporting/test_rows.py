@@ -14,18 +14,6 @@ from experiments.reporting.estimates import least_variance, mean_interval
 from experiments.reporting.rows import runs_table, swept
 
 
-def epochs(*accuracies, step=10.0):
-    return [
-        {
-            "training_s": step * (k + 1),
-            "loss": 1.0,
-            "train_accuracy": a,
-            "test_accuracy": a,
-        }
-        for k, a in enumerate(accuracies)
-    ]
-
-
 def line(tmp_path, model, **place):
     results = Results(tmp_path)
     groups = (
@@ -50,7 +38,7 @@ def test_numbers_are_those_of_the_records(tmp_path, write_run):
     assert (row["cpu"], row["threads"], row["over_hdc"]) == ("A CPU", 2, None)
 
 
-def test_a_model_is_compared_with_hdc(tmp_path, write_run):
+def test_a_model_is_compared_with_hdc(tmp_path, write_run, epochs):
     for seed in range(2):
         write_run("hdc", seed=seed, wrong=[0], curve=[{"training_s": 2.0}])
         write_run(
@@ -66,7 +54,7 @@ def test_a_model_is_compared_with_hdc(tmp_path, write_run):
     assert row["training_time_over_hdc"] == pytest.approx(15)
 
 
-def test_not_reached_is_said_never_a_number(tmp_path, write_run):
+def test_not_reached_is_said_never_a_number(tmp_path, write_run, epochs):
     write_run("hdc")
     write_run("cnn1", curve=epochs(0.5, 0.6))
     row = line(tmp_path, "cnn1")

@@ -824,16 +824,23 @@ def test_the_whole_row_of_a_recording(record, row_of, judged):
     )  # fmt: skip
 
 
+def test_a_record_that_does_not_say_its_split_is_not_of_that_of_the_rules():
+    listed = RULES.recordings["gelsight"]
+    said = {"splits": {"counts": dict(listed.split)}}
+    for config, expected in ((said, True), ({}, False), ({"splits": None}, False)):
+        assert (
+            recordings.is_split(pd.DataFrame({"config": [config]}), listed) == expected
+        )
+
+
 def test_the_largest_size_that_is_open_counts():
     """At 50 frames of each class both models are saturated."""
-    of = {("hdc", 5): 0.6, ("hdc", 20): 0.9, ("hdc", 50): 0.995,
-          (RAW, 5): 0.5, (RAW, 20): 1.0, (RAW, 50): 1.0}  # fmt: skip
-    columns = pd.MultiIndex.from_tuples(of, names=["model", "n"])
-    units = pd.DataFrame([[*of.values()]] * 2, columns=columns)
+    means = {5: (0.6, 0.5), 20: (0.9, 1.0), 50: (0.995, 1.0)}
+    units = {n: np.array([of] * 2).T for n, of in means.items()}
     limit = RULES.saturated
-    assert recordings._largest_open(units, [5, 20, 50], limit) == [20]
-    assert recordings._largest_open(units, [5], limit) == [5]
-    assert recordings._largest_open(units, [50], limit) == []
+    assert recordings._largest_open(units, limit) == [20]
+    assert recordings._largest_open({5: units[5]}, limit) == [5]
+    assert recordings._largest_open({50: units[50]}, limit) == []
 
 
 def test_what_was_predicted_is_held_against_the_classes_of_its_draw(

@@ -408,8 +408,8 @@ def test_values_of_one_n_are_those_of_the_rows(tmp_path, write_measurement):
     (measured,) = values.recordings(Results(tmp_path).frame("recordings")).values()
     every = values.Accuracies(measured)
     assert every.sizes == [5, 50]
-    assert every.of("hdc", 5).tolist() == [0.3] * 20
-    assert len(every.of("ridge", 50)) == 0
+    assert every.by_unit("hdc", 5).tolist() == [0.3] * 20
+    assert np.isnan(every.by_unit("ridge", 50)).all()
     assert np.isnan(every.mean("ridge", 50).value)
 
 

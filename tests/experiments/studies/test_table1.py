@@ -13,13 +13,6 @@ from experiments.studies.table1.models import LINES
 from experiments.studies.table1.view import STUDY
 
 
-def epochs(*accuracies):
-    return [
-        {"training_s": 10.0 * k, "loss": 1.0, "train_accuracy": a, "test_accuracy": a}
-        for k, a in enumerate(accuracies, 1)
-    ]
-
-
 def table(folder, name="table1"):
     (made,) = (t for t in STUDY.tables_of(Results(folder)) if t.name == name)
     return {row["model"]: row for row in records(made.data)}, made
@@ -37,7 +30,7 @@ def test_the_papers_models_have_a_row_each_whatever_was_run(tmp_path, a_full_set
     assert {len(cells) for cells in made.cells()} == {len(made.heads)}
 
 
-def test_numbers_of_table_1(tmp_path, write_run, number):
+def test_numbers_of_table_1(tmp_path, write_run, number, epochs):
     for seed in (0, 1, 2):
         write_run(
             "hdc", seed=seed, curve=[{"training_s": 0.6 * 2**seed}], wrong=range(2)
@@ -63,7 +56,7 @@ def test_numbers_of_table_1(tmp_path, write_run, number):
 
 
 def test_a_row_is_of_its_own_runs_and_other_implementations_stand_beside(
-    tmp_path, write_run, write_measurement, number
+    tmp_path, write_run, write_measurement, number, epochs
 ):
     for seed in range(3):
         write_run("hdc", seed=seed, curve=[{"training_s": 0.5 * 2**seed}])
@@ -92,7 +85,7 @@ def test_a_row_is_of_its_own_runs_and_other_implementations_stand_beside(
     )
 
 
-def test_times_of_two_machines_have_no_ratio(tmp_path, write_run):
+def test_times_of_two_machines_have_no_ratio(tmp_path, write_run, epochs):
     write_run("hdc", environment={"cpu": "Another"})
     write_run("softmax", curve=epochs(0.5, 0.95))
     assert table(tmp_path)[0]["softmax"].get("training_time_over_hdc") is None
@@ -162,7 +155,9 @@ def test_descent_from_a_normal_start_has_the_papers_softmax_beside(tmp_path, wri
     assert line["published_training_accuracy"] == level
 
 
-def test_a_training_that_ran_out_of_time_shows_where_it_stood(tmp_path, write_run):
+def test_a_training_that_ran_out_of_time_shows_where_it_stood(
+    tmp_path, write_run, epochs
+):
     write_run("hdc")
     write_run("cnn3", curve=epochs(0.5, 0.8), stop="quick", train_accuracy_final=0.8)
     cells = {cells[0]: cells[1] for cells in table(tmp_path)[1].cells()}
@@ -173,7 +168,7 @@ def test_a_training_that_ran_out_of_time_shows_where_it_stood(tmp_path, write_ru
     ("stop", "text"),
     [("budget", "not finished: 100 [96.3, 100]"), ("trained", "100 [96.3, 100]")],
 )
-def test_the_note_says_how_the_trainings_end(tmp_path, write_run, stop, text):
+def test_the_note_says_how_the_trainings_end(tmp_path, write_run, stop, text, epochs):
     write_run("hdc")
     write_run("cnn1", curve=epochs(0.5, 0.95), stop="paper")
     path = tmp_path / "records.jsonl"
@@ -185,7 +180,9 @@ def test_the_note_says_how_the_trainings_end(tmp_path, write_run, stop, text):
     )
 
 
-def test_the_note_names_what_is_as_accurate_as_hdc_in_less_time(tmp_path, write_run):
+def test_the_note_names_what_is_as_accurate_as_hdc_in_less_time(
+    tmp_path, write_run, epochs
+):
     write_run("hdc", curve=[{"training_s": 0.04}], wrong=range(2))
     write_run("softmax", curve=epochs(0.5, 1.0))
     write_run("ridge", curve=[{"training_s": 0.1}])
@@ -199,7 +196,7 @@ def test_the_note_names_what_is_as_accurate_as_hdc_in_less_time(tmp_path, write_
     )
 
 
-def test_few_samples_have_a_table_of_the_same_form(tmp_path, write_run):
+def test_few_samples_have_a_table_of_the_same_form(tmp_path, write_run, epochs):
     assert not [t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1_few"]
     for seed in range(3):
         write_run("hdc", seed=seed, n_train=25, wrong=range(4))
@@ -225,7 +222,7 @@ def test_few_samples_have_a_table_of_the_same_form(tmp_path, write_run):
 
 
 def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(
-    tmp_path, write_run
+    tmp_path, write_run, epochs
 ):
     for seed in (0, 1):
         write_run("hdc", seed=seed, curve=[{"training_s": 0.5}], wrong=range(4))

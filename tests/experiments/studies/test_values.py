@@ -110,7 +110,7 @@ def bins_of(sure, right):
 def test_the_calibration_error_is_that_of_the_bins():
     sure = np.array([0.95, 0.95, 0.95, 0.95, 0.55, 0.55, 1.0])
     right = np.array([True, True, True, False, True, False, True])
-    found = view._calibration(bins_of(sure, right))
+    found = view._calibration(bins_of(sure, right)).iloc[0]
     # Bins of 0.5 to 0.6 and of 0.9 to 1: 2 · |0.55 − 0.5| and 5 · |0.96 − 0.8|.
     assert found["calibration"] == pytest.approx((2 * 0.05 + 5 * 0.16) / 7)
     assert found["accuracy"] == pytest.approx(5 / 7)
@@ -119,11 +119,10 @@ def test_the_calibration_error_is_that_of_the_bins():
 def test_perfect_probabilities_have_the_error_of_chance():
     rng = np.random.default_rng(0)
     sure = rng.uniform(0.5, 1, 1000)
-    drawn = [
-        view._calibration(bins_of(sure, rng.random(1000) < sure)) for _ in range(200)
-    ]
-    expected = np.mean([found["calibration"] for found in drawn])
-    assert drawn[0]["perfect"] == pytest.approx(expected, rel=0.1)
+    rows = [bins_of(sure, rng.random(1000) < sure) for _ in range(200)]
+    drawn = view._calibration(pd.concat(rows))
+    expected = drawn.calibration.mean()
+    assert drawn.perfect.iloc[0] == pytest.approx(expected, rel=0.1)
 
 
 def test_a_bin_of_few_answers_is_not_drawn():

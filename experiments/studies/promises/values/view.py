@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -10,8 +11,9 @@ import pandas as pd
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from experiments.records.results import once
+from experiments.records.results import by_scene, once
 from experiments.reporting.columns import Column, display_name, scene_name
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.measured import (
     models_of,
     over_units,
@@ -29,6 +31,10 @@ COUNTING = ("hdc", "hdc_integer")
 """Models whose promise is proven, and from how many frames of a class at 90 %."""
 PROVEN_FROM = 9
 OF_BINS = ["answers", "right", "sure", "spread"]
+MEASURED = (
+    *("covered", "size", "refused", "unknown_refused"),
+    *("accuracy", "calibration", "perfect"),
+)
 SHARES = ("covered", "inside", "refused", "unknown_refused", "accuracy", "calibration")
 # Okabe and Ito's: all models are HDC, and of one colour elsewhere.
 COLOURS = (
@@ -69,30 +75,47 @@ BRACKETS = (
 )
 
 
-def estimated(rows: pd.DataFrame, column: str, name: str) -> dict[str, float]:
-    """Mean of a column with its interval: over seeds where there are several, else over draws."""
+def estimated(
+    rows: pd.DataFrame, by: list[str], columns: Sequence[str]
+) -> dict[Any, dict[str, Estimate]]:
+    """Of groups of the rows of one scene, in their order, means of those columns that no row of a
+    group lacks: over seeds where there are several, else over draws."""
     several = seeds_are_units(rows)
-    of = rows.groupby("seed" if several else "draw")[column].mean()
-    units = of.astype(float).round(9)  # rounding errors are no errors
-    value = over_units(units.tolist(), several)
-    return (value.within(0, 1) if column in SHARES else value).columns(name)
+    names = [name for name in columns if name in rows]
+    units = rows[[*by, "seed", "draw"]].join(rows[names].astype(float))
+    means = units.groupby([*by, "seed" if several else "draw"])[names].mean().round(9)
+    complete = units[names].notna().groupby([rows[name] for name in by]).all()
+    by_group = {key: of.to_numpy().T for key, of in means.groupby(level=by)}
+    found: dict[Any, dict[str, Estimate]] = {}
+    for key in dict.fromkeys(zip(*(rows[name] for name in by), strict=True)):
+        found[key] = {}
+        known = complete.loc[key]
+        for name, values in zip(names, by_group[key], strict=True):
+            if known[name]:
+                value = over_units(values.tolist(), several)
+                found[key][name] = value.within(0, 1) if name in SHARES else value
+    return found
 
 
 def errors(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each scene, split and number of training frames."""
     lines = []
-    for (scene, split, n), rows in frame.groupby(["scene", "split", "n"], sort=False):
-        first = rows.iloc[0]
-        note = ", saturated" if saturated(rows) else ""
-        line: dict[str, Any] = {"recording": f"{scene}{note}"}
-        line |= {"answer": f"{first.value}, {first.unit}", "split": split, "n": n}
-        for model, of in rows.groupby("model"):
-            line |= estimated(of, "error", str(model))
-        own = rows[rows.model == "regressor"]
-        if "inside" in own:
-            line |= estimated(own, "inside", "inside")
-            line |= estimated(own, "width", "width")
-        lines.append(line)
+    for scene, rows in by_scene(frame).items():
+        by_model = estimated(
+            rows, ["split", "n", "model"], ("error", "inside", "width")
+        )
+        for (split, n), own in rows.groupby(["split", "n"], sort=False):
+            first = own.iloc[0]
+            note = ", saturated" if saturated(own) else ""
+            line: dict[str, Any] = {"recording": f"{scene}{note}"}
+            line |= {"answer": f"{first.value}, {first.unit}", "split": split, "n": n}
+            for model in sorted(own.model.unique()):
+                line |= by_model[split, n, model]["error"].columns(str(model))
+            of_own = by_model.get((split, n, "regressor"), {})
+            for name in ("inside", "width"):
+                if name in of_own:
+                    line |= of_own[name].columns(name)
+            lines.append(line)
     return pd.DataFrame(lines)
 
 
@@ -107,40 +130,31 @@ def coverage(frame: pd.DataFrame) -> pd.DataFrame | None:
     """A row for each scene, split, model and n; None of records without models."""
     if "model" not in frame:
         return None
+    every = frame.join(_calibration(frame[frame.answers.notna()]))
     lines = []
-    for scene, rows in frame.groupby("scene", sort=False):
-        for model in models_of(rows):
-            own = rows[rows.model == model]
-            for (n, split), part in own.groupby(["n", "split"], sort=False):
-                line = {"recording": scene, "model": model, "n": n, "split": split}
-                lines.append(line | _of_unit(part))
+    for scene, rows in by_scene(every).items():
+        found = estimated(rows, ["model", "n", "split"], MEASURED)
+        places = models_of(rows)
+        for model, n, split in sorted(found, key=lambda key: places.index(key[0])):
+            line = {"recording": scene, "model": model, "n": n, "split": split}
+            for name, value in found[model, n, split].items():
+                line |= value.columns(name)
+            lines.append(line)
     return pd.DataFrame(lines)
 
 
-def _of_unit(rows: pd.DataFrame) -> dict[str, Any]:
-    """Sets, refusal and calibration of one model, split and n."""
-    found: dict[str, Any] = {}
-    for column in ("covered", "size", "refused", "unknown_refused"):
-        if rows[column].notna().all():
-            found |= estimated(rows, column, column)
-    if rows.answers.notna().all():
-        judged = rows.assign(**_calibration(rows))
-        for column in ("accuracy", "calibration", "perfect"):
-            found |= estimated(judged, column, column)
-    return found
-
-
-def _calibration(rows: pd.DataFrame) -> dict[str, np.ndarray]:
+def _calibration(rows: pd.DataFrame) -> pd.DataFrame:
     """Of each row the share of right answers, the expected calibration error
     Σ_b |right answers − probabilities| / n of bins b (Guo et al., ICML 2017), and what perfect
     probabilities have on average: Σ_b √(2/π · Σ p(1 − p)) / n, for sums that are nearly normal."""
-    n, right, sure, spread = (np.array(rows[name].tolist()) for name in OF_BINS)
+    n, right, sure, spread = (np.stack([*rows[name]]) for name in OF_BINS)
     of = n.sum(1)
-    return {
+    found = {
         "accuracy": right.sum(1) / of,
         "calibration": np.abs(right - sure).sum(1) / of,
         "perfect": np.sqrt(2 / np.pi * spread).sum(1) / of,
     }
+    return pd.DataFrame(found, rows.index)
 
 
 def promises(frame: pd.DataFrame) -> pd.DataFrame | None:
@@ -171,7 +185,7 @@ def promise(model: str, n: int) -> str:
 
 def draw(figure: Figure, frame: pd.DataFrame) -> None:
     """A panel per session and scene, a line per model."""
-    scenes = dict(list(frame.groupby("scene", sort=False)))
+    scenes = by_scene(frame)
     sessions = list(frame.split.unique())
     looks = dict(zip(models_of(frame), itertools.cycle(COLOURS)))
     panels = figure.subplots(

@@ -45,9 +45,9 @@ def grid(lines: pd.DataFrame) -> pd.DataFrame:
     return frame(every_line(lines), COLUMNS)
 
 
-def every_line(lines: pd.DataFrame, runs: Groups | None = None) -> list[Line]:
+def every_line(lines: pd.DataFrame) -> list[Line]:
     """The rows of :func:`grid`, each with the ``command`` that made it and its ``record``."""
-    found = [*_of_runs(runs or Groups.of(lines)), *_measured(lines)]
+    found = [*_of_runs(Groups.of(lines)), *_measured(lines)]
     ways, names = list(WAYS), list(MODELS)
     found.sort(key=lambda line: (ways.index(line["way"]), names.index(line["model"])))
     return found
