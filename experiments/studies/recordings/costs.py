@@ -71,16 +71,16 @@ class Errors:
         """Mean test error of a model after n frames of each class; NaN where it is unknown."""
         shared = self._shared(n)
         for part in self.parts:
-            accuracies = part.of(model, n)
-            accuracies = accuracies[accuracies.index.isin(shared)]
-            if len(accuracies):
-                return 1 - float(accuracies.mean())
+            accuracies = part.by_unit(model, n)[np.isin(part.units, shared)]
+            known = accuracies[~np.isnan(accuracies)]
+            if len(known):
+                return 1 - float(known.mean())
         return math.nan
 
-    def _shared(self, n: int) -> set[Any]:
+    def _shared(self, n: int) -> list[Any]:
         """The draws, or seeds, of all experiments that were asked with n frames of each class."""
-        every = [set(part.table.loc[n].index) for part in self.parts if n in part.sizes]
-        return set.intersection(*every) if every else set()
+        every = [set(part.units) for part in self.parts if n in part.sizes]
+        return list(set.intersection(*every)) if every else []
 
     def largest(self) -> int:
         """The most frames of each class."""

@@ -77,7 +77,7 @@ class Accuracies:
         models: names, in the order of the rows.
         seeds: whether units are seeds, not draws of one recording.
         n_test: test frames of a unit by model.
-        n_units: how many units there are.
+        units: draws or seeds, in rising order.
     """
 
     def __init__(self, of_recording: pd.DataFrame) -> None:
@@ -86,14 +86,14 @@ class Accuracies:
         self.seeds = seeds_are_units(rows)
         self.sizes: list[int] = []
         self.n_test: dict[Any, float] = rows.groupby("model").n_test.mean().to_dict()
-        self.n_units = 0
+        self.units: list[Any] = []
         self._by_unit: dict[tuple[str, int], NDArray[np.float64]] = {}
         if len(rows):
             every = accuracies(rows)
             self.sizes = sorted(every.n.unique().tolist())
             asked = ["model", "n"]
             table = every.pivot(index="unit", columns=asked, values="accuracy")
-            self.n_units = len(table)
+            self.units = table.index.tolist()
             self._by_unit = dict(
                 zip(table.columns, table.to_numpy(float).T, strict=True)
             )
@@ -106,9 +106,9 @@ class Accuracies:
         return list(dict.fromkeys((self.sizes[0], *middle, self.sizes[-1])))
 
     def by_unit(self, model: str, n: int) -> NDArray[np.float64]:
-        """Accuracy in each unit, [n_units]; NaN where the model was not asked."""
+        """Accuracy in each unit, [units]; NaN where the model was not asked."""
         found = self._by_unit.get((model, n))
-        return np.full(self.n_units, math.nan) if found is None else found
+        return np.full(len(self.units), math.nan) if found is None else found
 
     def mean(self, model: str, n: int) -> Estimate:
         """Mean accuracy with its interval; NaN where the model was not asked."""
