@@ -17,7 +17,7 @@ from hdc.readouts import Readout, Ridge
 from hdc.readouts.majority import EXTRAS, deciding_prototypes
 from hdc.sample import KEPT, Sample, random_place
 
-D = 4096
+D = 2048
 
 
 class Speckle:

@@ -136,8 +136,7 @@ ENCODERS = [
 ]
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
-@pytest.mark.parametrize("d", [65, 4097])
+@pytest.mark.parametrize(("d", "dtype"), [(65, "uint16"), (4097, "uint8")])
 @pytest.mark.parametrize("encoder", ENCODERS, ids=repr)
 def test_any_frame_with_any_ties(encoder, d, dtype, gcc, tmp_path, kinds_of_frames):
     """Constant frames, two grey levels, few, saturated ones, and the extremes of each type."""
@@ -168,8 +167,11 @@ def test_compilers_of_cpp_have_nothing_to_say(encoder, readout, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("encoder", [Levels(3), Deviation()], ids=repr)
-@pytest.mark.parametrize("d", [1, 2, 63, 64])
+@pytest.mark.parametrize(
+    ("d", "encoder"),
+    [*((d, Levels(3)) for d in (1, 2, 63, 64)), (1, Deviation()), (64, Deviation())],
+    ids=repr,
+)
 def test_few_pixels(d, encoder, gcc, tmp_path, kinds_of_frames):
     model, _ = trained_on(d, encoder)
     queries = kinds_of_frames(d)
@@ -177,9 +179,12 @@ def test_few_pixels(d, encoder, gcc, tmp_path, kinds_of_frames):
     assert_equal_to_python(answers, model, queries)
 
 
-@pytest.mark.parametrize("encoder", [Median(), Levels(3), Deviation()], ids=repr)
 @pytest.mark.parametrize("readout", ["majority", "trained", "lda"])
-@pytest.mark.parametrize("options", [(), ("-mpopcnt",)], ids=["portable", "builtin"])
+@pytest.mark.parametrize(
+    ("encoder", "options"),
+    [(Median(), ()), (Levels(3), ("-mpopcnt",)), (Deviation(), ())],
+    ids=repr,
+)
 def test_any_readout(readout, encoder, options, gcc, tmp_path, kinds_of_frames):
     """With the machine's instruction for counting ones, too, where it is one of x86."""
     if options and "x86" not in subprocess.getoutput(f"{gcc} -dumpmachine"):
@@ -188,26 +193,21 @@ def test_any_readout(readout, encoder, options, gcc, tmp_path, kinds_of_frames):
     queries = np.concatenate([kinds_of_frames(4097), frames])
     answers = compiled(gcc, tmp_path, Plan.of(model, "touch"), queries, *options)
     assert_equal_to_python(answers, model, queries)
-    assert (
-        model.classes_[answers.classes[-len(frames) :]] == model.predict(frames)
-    ).all()
     assert len(np.unique(answers.classes)) == 4
 
 
 @pytest.mark.parametrize(
     ("encoder", "readout", "dtype"),
     [
-        ("median", "majority", "uint16"),
-        ("median", "trained", "uint8"),
-        ("median", "lda", "uint8"),
+        ("median", "majority", "uint8"),
         ("deviation", "lda", "uint16"),
     ],
 )
 def test_a_camera_of_250000_pixels(
     encoder, readout, dtype, gcc, tmp_path, camera_frames
 ):
-    frames = camera_frames(12, dtype=dtype)
-    model = HDCClassifier(encoder, readout).fit(frames[:10], np.arange(10) % 2)
+    frames = camera_frames(6, dtype=dtype)
+    model = HDCClassifier(encoder, readout).fit(frames[:4], np.arange(4) % 2)
     plan = Plan.of(model, "touch", 8 * np.dtype(dtype).itemsize)
     constant = np.full((1, 500, 500), 7, dtype)
     two_valued = np.where(frames[:1] > 100, 200, 3).astype(dtype)
@@ -251,9 +251,15 @@ def test_classes_without_frames_are_left_out(gcc, tmp_path):
     )
 
 
-@pytest.mark.parametrize("readout", ["majority", "trained"])
-@pytest.mark.parametrize("every", [2, 5])
-@pytest.mark.parametrize("encoder", [Levels(2), Deviation()], ids=repr)
+@pytest.mark.parametrize(
+    ("encoder", "readout", "every"),
+    [
+        (Levels(2), "majority", 2),
+        (Levels(2), "trained", 5),
+        (Deviation(), "trained", 2),
+    ],
+    ids=repr,
+)
 def test_subsampled_words_are_those_of_the_whole(
     encoder, readout, every, gcc, tmp_path
 ):
@@ -384,25 +390,30 @@ def test_too_few_frames_refuse_none_and_say_so():
 
 def sample_plans():
     for encoder in ENCODERS:
-        for readout in ("majority", "lda"):
+        for readout, pixel_bits in (("majority", 8), ("lda", 16)):
             model, _ = trained_on(130, encoder, readout)
-            for pixel_bits in (8, 16):
-                yield Plan.of(model, "touch", pixel_bits, alpha=0.2)
+            yield Plan.of(model, "touch", pixel_bits, alpha=0.2)
 
 
-def test_no_floating_point_no_allocation_no_library(gcc, tmp_path):
+def test_no_floating_point_no_allocation_no_library_and_little_code(gcc, tmp_path):
+    """2 KB with -Os; the rest of what `size` calls text are tables and names."""
     for plan in sample_plans():
         text = header(plan, "touch.h", "a test")
         assert not re.search(r"float|double|malloc|calloc", text)
         assert re.findall(r"#include.*", text) == ["#include <stdint.h>"]
         (tmp_path / "touch.h").write_text(text)
         (tmp_path / "touch.c").write_text(ANSWER)
-        command = [gcc, "-std=c99", "-O0", "-ffreestanding", *STRICT, "-c", "touch.c"]
+        command = [gcc, "-std=c99", "-Os", "-ffreestanding", *STRICT, "-c", "touch.c"]
         subprocess.run(command, cwd=tmp_path, check=True)
-        symbols = subprocess.run(
-            ["nm", "-u", "touch.o"], cwd=tmp_path, capture_output=True, check=True
-        )
-        assert symbols.stdout == b""
+
+        def asked(*words):
+            command = [*words, "touch.o"]
+            return subprocess.check_output(command, cwd=tmp_path, text=True)
+
+        assert asked("nm", "-u") == ""
+        text, data, bss = (int(n) for n in asked("size").split()[6:9])
+        assert (data, bss) == (0, 0)
+        assert plan.sizes.constant_bytes < text < plan.sizes.constant_bytes + 2048
 
 
 def test_sizes_are_those_of_the_compiler(gcc, tmp_path):
@@ -422,21 +433,6 @@ def test_sizes_are_those_of_the_compiler(gcc, tmp_path):
         constants, scratch = (int(n) for n in done.stdout.split())
         assert constants == plan.sizes.constant_bytes
         assert scratch == plan.sizes.scratch_bytes
-
-
-def test_code_takes_less_than_the_page_says(gcc, tmp_path):
-    """2 KB with -Os; the rest of what `size` calls text are tables and names."""
-    for plan in sample_plans():
-        (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a test"))
-        (tmp_path / "touch.c").write_text(ANSWER)
-        command = [gcc, "-std=c99", "-Os", "-c", "touch.c"]
-        subprocess.run(command, cwd=tmp_path, check=True)
-        done = subprocess.run(
-            ["size", "touch.o"], cwd=tmp_path, capture_output=True, check=True
-        )
-        text, data, bss = (int(n) for n in done.stdout.split()[6:9])
-        assert (data, bss) == (0, 0)
-        assert plan.sizes.constant_bytes < text < plan.sizes.constant_bytes + 2048
 
 
 CASES = [
@@ -626,11 +622,16 @@ def model(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("compiler", [("gcc", "-std=c99"), ("g++", "-std=c++11")])
-@pytest.mark.parametrize("level", ["-O0", "-O3"])
-@pytest.mark.parametrize("pixel_bits", [8, 16])
+@pytest.mark.parametrize(
+    ("compiler", "pixel_bits"),
+    [
+        (("gcc", "-std=c99", "-O0"), 8),
+        (("gcc", "-std=c99", "-O3"), 16),
+        (("g++", "-std=c++11", "-O3", "-x", "c++"), 8),
+    ],
+)
 def test_test_vectors_agree_and_notice_a_change(
-    compiler, level, pixel_bits, model, tmp_path, capsys
+    compiler, pixel_bits, model, tmp_path, capsys
 ):
     if shutil.which(compiler[0]) is None:
         pytest.skip(f"no compiler here: looked for {compiler[0]}")
@@ -647,8 +648,7 @@ def test_test_vectors_agree_and_notice_a_change(
         f"{target}: written",
         f"{tmp_path / 'my-touch_test.c'}: written, 9 frames",
     ]
-    language = ["-x", "c++"] if compiler[0] == "g++" else []
-    command = [*compiler, level, *STRICT, "-o", "vectors", *language, "my-touch_test.c"]
+    command = [*compiler, *STRICT, "-o", "vectors", "my-touch_test.c"]
     subprocess.run(command, cwd=tmp_path, check=True)
     assert subprocess.run([tmp_path / "vectors"], check=False).returncode == 0
     text = target.read_text()

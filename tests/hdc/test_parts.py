@@ -26,7 +26,12 @@ from hdc.encoders import (
 from hdc.readouts import READOUTS, Updatable, make_readout
 
 CHECKOUT = Path(__file__).parents[2]
-EXTRA_ENCODERS = [Levels(3, lit=0.5), Reference("levels"), Reference(Quantile("1/3"))]
+PAIRS = [
+    *((encoder, readout) for encoder in ENCODERS for readout in READOUTS),
+    (Levels(3, lit=0.5), "majority"),
+    (Reference("levels"), "lda"),
+    (Reference(Quantile("1/3")), "counts"),
+]
 
 
 def touches(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
@@ -51,8 +56,7 @@ def known_by_chance(encoder) -> float:
     return max(0.05, chance + 2 * (chance * (1 - chance) / 60) ** 0.5) + 1e-9
 
 
-@pytest.mark.parametrize("readout", READOUTS)
-@pytest.mark.parametrize("encoder", [*ENCODERS, *EXTRA_ENCODERS], ids=repr)
+@pytest.mark.parametrize(("encoder", "readout"), PAIRS, ids=repr)
 def test_every_encoder_with_every_read_out(
     encoder, readout: str, tmp_path: Path
 ) -> None:
@@ -87,8 +91,7 @@ def test_a_class_without_frames_never_wins(readout: str) -> None:
     assert not scores.isnan().any()
 
 
-@pytest.mark.parametrize("readout", READOUTS)
-@pytest.mark.parametrize("encoder", [*ENCODERS, *EXTRA_ENCODERS], ids=repr)
+@pytest.mark.parametrize(("encoder", "readout"), PAIRS, ids=repr)
 def test_every_combination_goes_on_learning_or_says_why_not(
     encoder, readout: str
 ) -> None:
@@ -120,8 +123,7 @@ def test_every_combination_goes_on_learning_or_says_why_not(
         assert np.array_equal(model.decision_function(queries), expected)
 
 
-@pytest.mark.parametrize("readout", READOUTS)
-@pytest.mark.parametrize("encoder", [*ENCODERS, *EXTRA_ENCODERS], ids=repr)
+@pytest.mark.parametrize(("encoder", "readout"), PAIRS, ids=repr)
 def test_every_combination_recalibrates_or_says_why_not(encoder, readout: str) -> None:
     frames, labels = touches(80)
     new, truth = touches(60, 1)
