@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from fractions import Fraction
 
+import cv2
 import numpy as np
 import pytest
+
+from hdc.command import main
 
 
 def camera_frames(
@@ -129,20 +132,57 @@ def _brightest():
 
 
 @pytest.fixture
+def typed(capsys):
+    """typed(*words) → exit status, output and errors of a command line."""
+
+    def run(*words):
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        return caught.value.code, *capsys.readouterr()
+
+    return run
+
+
+@pytest.fixture
+def hdc(typed):
+    """:func:`typed`, in lines."""
+
+    def run(*words):
+        status, out, err = typed(*words)
+        return status, out.splitlines(), err.splitlines()
+
+    return run
+
+
+@pytest.fixture
+def write_film():
+    """write_film(path, frames, code, rate): a video of frames [n, H, W], lossless if not told."""
+
+    def write(path, frames, code="FFV1", rate=10):
+        height, width = frames[0].shape
+        code = cv2.VideoWriter_fourcc(*code)
+        film = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, (width, height))
+        for frame in frames:
+            film.write(np.dstack([frame] * 3))
+        film.release()
+
+    return write
+
+
+@pytest.fixture
 def hard():
-    """hard(n, seed, drift) → frames [n, 2000] of four classes, which differ little from what all
+    """hard(n, seed) → frames [n, 2000] of four classes, which differ little from what all
     have in common, and their labels."""
 
-    def make(n: int, seed: int, drift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    def make(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
         rng = np.random.default_rng(7)
         common = rng.normal(0, 3, 2000)
         fields = rng.normal(0, 0.5, (4, 2000))
-        moved = drift * rng.normal(0, 3, 2000)
         rng = np.random.default_rng(seed)
         labels = np.arange(n) % 4
         modes = np.random.default_rng(8).normal(0, 1, (3, 2000))
         shared = rng.normal(0, 1, (n, 3)) @ modes
         noise = rng.normal(0, 1, (n, 2000))
-        return common + moved + fields[labels] + shared + noise, labels
+        return common + fields[labels] + shared + noise, labels
 
     return make

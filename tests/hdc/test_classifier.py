@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from hdc import HDCClassifier
-from hdc.readouts import Majority, Neighbours
+from hdc.readouts import Neighbours
 from hdc.readouts.majority import METHODS
 
 
@@ -82,8 +82,10 @@ def test_training_yields_once_all_classes_have_been_seen() -> None:
     seen = []
     for report in model.train(frames[order], labels[order]):
         seen.append(report["samples_seen"])
+        first = order[: seen[-1]]
+        expected = HDCClassifier().fit(frames[first], labels[first])
+        assert torch.equal(model.prototypes_, expected.prototypes_)
         assert model.counts_.sum() == seen[-1]
-        assert model.score(frames, labels) > 0.9
     assert seen == [768, 900]
 
 
@@ -102,10 +104,6 @@ def test_same_bits_on_an_accelerator() -> None:
         (
             lambda f, y, _: HDCClassifier().fit(f[:0], y[:0]),
             "expected at least one frame",
-        ),
-        (
-            lambda f, y, _: HDCClassifier(readout=Majority("x")).fit(f, y),
-            "ties: expected one of zero, one, random",
         ),
         (
             lambda f, y, _: HDCClassifier("x").fit(f, y),
@@ -137,7 +135,6 @@ def test_same_bits_on_an_accelerator() -> None:
             lambda f, y, _: HDCClassifier(readout="ridge").fit(f[::3], y[::3]),
             r"at least two classes for Ridge\(.*, found one class, 0; .* 'majority'",
         ),
-        (lambda f, y, model: model.predict(f[:, :5]), "expected D = 144 pixels"),
     ],
 )
 def test_bad_input_gets_one_clear_error(call, message: str) -> None:
@@ -282,16 +279,6 @@ def test_methods_that_always_raise_are_absent(
             for kind in (AttributeError, ValueError):
                 with pytest.raises(kind, match=message):
                     getattr(model, name)
-
-
-def test_own_threads_of_work_see_whole_prototypes_while_training_yields() -> None:
-    """What a user sees between two chunks is a model of all frames so far."""
-    frames, labels = touches(600)
-    model = HDCClassifier()
-    for report in model.train(frames, labels):
-        n = report["samples_seen"]
-        expected = HDCClassifier().fit(frames[:n], labels[:n])
-        assert torch.equal(model.prototypes_, expected.prototypes_)
 
 
 @pytest.mark.parametrize("readout", ["ridge", "lda", "trained"])

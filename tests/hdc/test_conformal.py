@@ -15,7 +15,7 @@ from hdc.export import Plan
 from hdc.prototypes import Counters
 from hdc.readouts import Readout, Ridge
 from hdc.readouts.majority import EXTRAS, deciding_prototypes
-from hdc.sample import KEPT, Sample, random_place
+from hdc.sample import KEPT, Sample
 
 D = 2048
 
@@ -131,17 +131,13 @@ def test_too_small_a_share_is_named() -> None:
 def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(
     per_class: int,
 ) -> None:
-    refused, missed = [], []
+    refused = []
     for seed in range(8):
         speckle = Speckle(seed)
         model = HDCClassifier().fit(*speckle.frames(5 * per_class))
-        frames, labels = speckle.frames(400)
+        frames, _ = speckle.frames(400)
         refused.append(
             [1 - model.is_known(frames, rate).mean() for rate in (0.05, 0.2)]
-        )
-        sets = model.predict_set(frames, 0.2)
-        missed.append(
-            np.mean([y not in found for y, found in zip(labels, sets, strict=True)])
         )
         assert not model.is_known(junk()).any()
         assert not model.is_known(
@@ -150,7 +146,6 @@ def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(
     low, high = np.mean(refused, 0)
     assert 0.02 < low < 0.08, refused
     assert 0.1 < high < 0.26, refused  # 1 in 7 of 6 + 1 frames
-    assert 0.1 < np.mean(missed) < 0.26, missed
 
 
 @pytest.mark.parametrize("per_class", [1, 2, 3, 4, 5, 10])
@@ -292,12 +287,6 @@ def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time() 
     assert thirds.min() >= 5  # of 38
 
 
-def test_each_place_of_a_sample_is_as_likely_as_any_other() -> None:
-    shares = [random_place(0, k) / (k + 1) for k in range(KEPT, 20_000)]
-    counts, _ = np.histogram(shares, bins=20, range=(0, 1))
-    assert np.abs(counts / len(shares) - 1 / 20).max() < 0.008  # five standard errors
-
-
 def chi_square(kept: list[int], n: int, bins: int) -> float:
     """Of how often frames 0 … n − 1 were kept, in units of what equal chances let expect."""
     counts, _ = np.histogram(kept, bins=bins, range=(0, n))
@@ -321,30 +310,20 @@ def test_every_frame_is_kept_with_the_same_chance(n: int) -> None:
 def test_every_frame_of_merged_samples_is_kept_with_the_same_chance(sizes) -> None:
     n = sum(sizes)
     kept = []
-    for seed in range(800):
-        sample, other = Sample(seed), Sample(seed + 10_000)
-        sample.add(torch.arange(sizes[0])[:, None], ["a"] * sizes[0])
-        sample.seed = seed
+    for seed in range(500):
+        sample, again, other = Sample(seed), Sample(seed), Sample(seed + 10_000)
         other.add(torch.arange(sizes[0], n)[:, None], ["a"] * sizes[1])
-        sample.merge(other)
-        assert sample.seen == {"a": n}
+        other.add(torch.tensor([[7], [8]]), ["b"] * 2)
+        for some in (sample, again):
+            some.add(torch.arange(sizes[0])[:, None], ["a"] * sizes[0])
+            some.merge(other)
+        assert sample.seen == {"a": n, "b": 2}
+        assert sample.of("b")[:, 0].tolist() == [7, 8]
+        assert torch.equal(again.of("a"), sample.of("a"))
         found = sample.of("a")[:, 0].tolist()
         assert len(set(found)) == min(KEPT, n)
         kept += found
     assert chi_square(kept, n, bins=15) < 2.2
-
-
-def test_a_loud_beginning_of_a_recording_decides_nothing() -> None:
-    """38 odd frames before 2,000 had made every frame of noise a known one."""
-    rng = np.random.default_rng(5)
-    field = rng.normal(0, 1, (2, 600))
-    labels = np.arange(2000) % 2
-    plain = field[labels] + rng.normal(0, 0.5, (2000, 600))
-    odd = rng.normal(0, 1, (38, 600))
-    frames = np.concatenate([odd, plain])
-    model = HDCClassifier().fit(frames, np.concatenate([np.arange(38) % 2, labels]))
-    noise = rng.normal(0, 1, (200, 600))
-    assert model.is_known(noise, 0.1).mean() < 0.2
 
 
 def test_decisions_are_shares_of_pixels() -> None:
@@ -358,30 +337,6 @@ def test_decisions_are_shares_of_pixels() -> None:
     expected = (distances[:, 0] - distances[:, 1]) / D
     np.testing.assert_allclose(model.decision_function(frames), expected)
     assert ((model.decision_function(frames) > 0) == (model.predict(frames) == 1)).all()
-
-
-def numbered(label: str, first: int, n: int) -> Sample:
-    """A sample that n hypervectors of one word came by, numbered from `first`."""
-    sample = Sample()
-    sample.add(torch.arange(first, first + n)[:, None], [label] * n)
-    return sample
-
-
-@pytest.mark.parametrize(("n", "n_other"), [(5, 6), (5, 100), (100, 100), (100, 3)])
-def test_merged_samples_have_hypervectors_of_both(n, n_other) -> None:
-    sample, other = numbered("a", 0, n), numbered("a", 1000, n_other)
-    again = numbered("a", 0, n)
-    sample.merge(other)
-    assert sample.seen == {"a": n + n_other}
-    kept = sample.of("a")[:, 0].tolist()
-    assert len(set(kept)) == min(KEPT, n + n_other)
-    known = [numbered("a", 0, n), other]
-    assert set(kept) <= {int(x) for each in known for x in each.of("a")[:, 0]}
-    again.merge(other)
-    assert again.of("a")[:, 0].tolist() == kept
-    sample.merge(numbered("b", 7, 2))
-    assert sample.of("b")[:, 0].tolist() == [7, 8]
-    assert sample.of("a")[:, 0].tolist() == kept
 
 
 # Read-outs that are compared by their own scores --------------------------------------------------
@@ -398,10 +353,6 @@ class Nearest(Readout):
 
     def scores(self, words):
         return -torch.cdist(bits.unpack(words, self._dimension).double(), self.means_)
-
-    def restore(self, tensors, n_classes, dimension):
-        super().restore(tensors, n_classes, dimension)
-        self._dimension = dimension
 
 
 OTHERS = ["ridge", "lda", "kernel", "trained", "neighbours", Nearest()]
@@ -427,9 +378,7 @@ def test_other_read_outs_cover_about_what_is_asked_and_refuse_junk(
 
 
 @pytest.mark.parametrize("readout", ["majority", "counts", *OTHERS], ids=str)
-def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(
-    readout, tmp_path
-) -> None:
+def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(readout) -> None:
     """29 of 240 labels lay outside their own set."""
     speckle = Speckle(4)
     frames, labels = speckle.frames(75)
@@ -442,10 +391,6 @@ def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(
     for label, found, is_known in pairs:
         assert (len(found) > 0) == is_known
         assert not is_known or label in found
-    if not isinstance(readout, Nearest):  # its module is that of a test
-        model.save(tmp_path / "m")
-        loaded = HDCClassifier.load(tmp_path / "m").predict_set(queries, 0.2)
-        assert [x.tolist() for x in loaded] == [x.tolist() for x in sets]
 
 
 def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones() -> None:

@@ -18,11 +18,9 @@ from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile, Smoothed
 from hdc.export import Plan, Sizes, header
 from hdc.readers import Window
 from hdc.readouts import Majority
-from scenes.fibre import FibreScene
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
 
-EXCERPT = Path(__file__).parents[1] / "data" / "mmf_disorder"
 PAGE = Path(__file__).parents[2] / "docs" / "export.md"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow"]
 
@@ -213,15 +211,6 @@ def test_a_camera_of_250000_pixels(
     two_valued = np.where(frames[:1] > 100, 200, 3).astype(dtype)
     queries = np.concatenate([frames, constant, two_valued])
     assert_equal_to_python(compiled(gcc, tmp_path, plan, queries), model, queries)
-
-
-@pytest.mark.parametrize("readout", ["majority", "trained", "lda"])
-def test_frames_of_a_measured_fibre(readout, gcc, tmp_path):
-    scene = FibreScene(EXCERPT, side=21, samples_per_class=20)
-    frames = scene.frames(np.arange(len(scene))).numpy()
-    model = HDCClassifier(readout=readout).fit(frames[::2], scene.labels[::2])
-    answers = compiled(gcc, tmp_path, Plan.of(model, "touch"), frames)
-    assert_equal_to_python(answers, model, frames)
 
 
 def test_scores_of_lda_need_64_bits(gcc, tmp_path):

@@ -24,21 +24,10 @@ def touches(
 # Labels -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "kind", ["array", "tensor", "scalars", "tensors", "series", "objects"]
-)
-def test_integer_labels_in_any_container(kind: str) -> None:
+@pytest.mark.parametrize("kind", [np.uint8, object, torch.from_numpy])
+def test_integer_labels_in_any_container(kind) -> None:
     frames, labels = touches()
-    if kind == "series":
-        given = pytest.importorskip("pandas").Series(labels)
-    else:
-        given = {
-            "array": labels.astype(np.uint8),
-            "tensor": torch.from_numpy(labels),
-            "scalars": list(labels),
-            "tensors": list(torch.from_numpy(labels)),
-            "objects": labels.astype(object),
-        }[kind]
+    given = kind(labels) if kind is torch.from_numpy else labels.astype(kind)
     model = HDCClassifier().fit(frames, given)
     assert model.classes_.tolist() == [0, 1, 2]
     assert type(model.classes_.tolist()[0]) is int
@@ -50,18 +39,9 @@ def test_integer_labels_in_any_container(kind: str) -> None:
     [
         (None, "expected 3, one a frame, found None"),
         ([0, 1], "expected 3, one a frame, found 2"),
-        (np.zeros((3, 2)), r"labels\[0\]: expected a str, .* found \[0.0, 0.0\]"),
         (["a", float("nan"), "b"], r"labels\[1\]: expected a str, .* found nan"),
         (np.array([0, 1, np.nan]), r"labels\[2\]: expected a str, .* found nan"),
         ([0, 1j, 1], "labels: .*Complex data not supported"),
-        (
-            np.array(["2024-01-01", "NaT", "2024-01-02"], "M8[D]"),
-            r"labels\[0\]: expected a str, int",
-        ),
-        (
-            [0, np.datetime64("NaT"), 1],
-            r"labels\[1\]: expected a str, int, float or bool",
-        ),
         ([0, None, 1], r"labels\[1\]: expected a str, int, float or bool, found None"),
         (
             [1, "a", 1],

@@ -43,27 +43,6 @@ def counters_of(counts: torch.Tensor, n: torch.Tensor) -> Counters:
     return counters
 
 
-@pytest.mark.parametrize(
-    ("p", "wins"),
-    [
-        (0.0, [1, 1, 0, 0]),
-        (0.5, [1, 1, 0, 0]),
-        (0.6, [1, 0, 1, 0]),
-        (1.0, [1, 0, 1, 0]),
-    ],
-)
-def test_votes_have_their_shares_whatever_the_numbers(
-    p: float, wins: list[int]
-) -> None:
-    """Bits: clear on both sides, clear old against clear new, the reverse, clear zeros."""
-    old = counters_of(torch.tensor([[80, 74, 6, 0]]), torch.tensor([80]))
-    new = counters_of(torch.tensor([[5, 1, 4, 0]]), torch.tensor([5]))
-    votes, weights = merged(old, new, p)
-    assert bits.unpack(votes.majority(), 4)[0].long().tolist() == wins
-    if 0 < p < 1:
-        assert weights[0] * 5 == pytest.approx(p * int(votes.n[0]))
-
-
 def test_equal_votes_are_those_of_exact_fractions() -> None:
     rng = np.random.default_rng(3)
     n_old, n_new = torch.tensor([41, 80, 7]), torch.tensor([13, 0, 21])
@@ -95,6 +74,9 @@ def test_votes_are_the_least_whole_numbers_of_their_shares() -> None:
     votes, weights = merged(old, new, 0)
     assert votes.counts().tolist() == [*c_old[:3].tolist(), [2, 1, 0], [0, 0, 0]]
     assert weights == [0, 0, 1, 1, 1]
+    votes, _ = merged(old, new, 1)
+    expected = [[6, 2, 1], [0, 1, 0], [3, 2, 1], [2, 1, 0], [0, 0, 0]]
+    assert votes.counts().tolist() == expected
     votes, weights = merged(old, new, 1 / 3)  # 2·6 : 1·4 and 2 : 1
     assert weights[:2] == [1, 1]
     assert votes.n.tolist()[:2] == [18, 3]
@@ -201,9 +183,6 @@ def test_what_cannot_be_recalibrated_is_named() -> None:
         ValueError, match=r"labels: expected classes among \[0, 1, 2\], found 9"
     ):
         model.recalibrate(new[:2], [9, 9])
-    for method in METHODS:
-        with pytest.raises(ValueError, match="p: expected a share"):
-            model.recalibrate(new, labels, p=1.5, method=method)
 
 
 @pytest.mark.parametrize("ties", bits.TIES)

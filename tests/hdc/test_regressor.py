@@ -39,10 +39,6 @@ def test_numbers_are_predicted_adapted_and_saved(
     model.save(tmp_path / "m", {"unit": "mm"})
     loaded = HDCRegressor.load(tmp_path / "m")
     assert loaded.metadata_ == {"unit": "mm"}
-    for found, expected in zip(
-        loaded.predict(queries, True), model.predict(queries, True), strict=True
-    ):
-        np.testing.assert_array_equal(found, expected)
     with pytest.raises(
         ValueError, match="found a saved HDCRegressor; load it with HDCRegressor"
     ):
@@ -75,7 +71,10 @@ def test_intervals_cover_as_often_as_stated(model: HDCRegressor) -> None:
     assert np.isinf([low, high]).all()  # 25 frames tell nothing of 3 %
 
 
-@pytest.mark.parametrize(("n", "alpha", "k"), [(9, 0.1, 1), (19, 0.1, 2), (20, 0.1, 2)])
+@pytest.mark.parametrize(
+    ("n", "alpha", "k"),
+    [(9, 0.1, 1), (20, 0.1, 2), (999, 0.1, 100), (999, 0.25, 250), (999, 0.75, 750)],
+)
 def test_ends_of_intervals_are_those_of_the_jackknife_plus(
     n: int, alpha: float, k: int
 ) -> None:
@@ -83,25 +82,8 @@ def test_ends_of_intervals_are_those_of_the_jackknife_plus(
 
     Barber et al., Ann. Statist. 49, 486 (2021): of n frames, with n + 1, not n.
     """
-    rng = np.random.default_rng(0)
-    without, residuals = rng.normal(size=n), rng.normal(size=n)
-    low, high = _ends(
-        torch.tensor(without)[None, :, None], torch.tensor(residuals)[:, None], alpha
-    )
-    assert low.item() == sorted(without - abs(residuals))[k - 1]
-    above = sorted(without + abs(residuals), reverse=True)
-    assert high.item() == above[n - int(np.ceil((1 - alpha) * (n + 1)))]
-    too_few = torch.zeros(1, 8, 1), torch.zeros(8, 1)
-    assert _ends(*too_few, 0.1)[1].isinf().all()  # 0.1 of 9 is no frame
-
-
-@pytest.mark.parametrize(("alpha", "k"), [(0.1, 100), (0.25, 250), (0.75, 750)])
-def test_ends_of_several_numbers_and_queries_are_each_found_among_all_frames(
-    alpha: float, k: int
-) -> None:
-    """Of 999 frames the k-th smallest, and the k-th from above, of sorted Python floats."""
     rng = np.random.default_rng(1)
-    without, residuals = rng.normal(size=(3, 999, 2)), rng.normal(size=(999, 2))
+    without, residuals = rng.normal(size=(3, n, 2)), rng.normal(size=(n, 2))
     low, high = _ends(torch.tensor(without), torch.tensor(residuals), alpha)
     assert low.shape == high.shape == (3, 2)
     for q in range(3):
@@ -110,7 +92,7 @@ def test_ends_of_several_numbers_and_queries_are_each_found_among_all_frames(
                 zip(without[q, :, t].tolist(), residuals[:, t].tolist(), strict=True)
             )
             assert low[q, t].item() == sorted(f - abs(r) for f, r in pairs)[k - 1]
-            assert high[q, t].item() == sorted(f + abs(r) for f, r in pairs)[999 - k]
+            assert high[q, t].item() == sorted(f + abs(r) for f, r in pairs)[n - k]
 
 
 @pytest.mark.parametrize("n", [2, 9, 48, 97])
@@ -183,8 +165,8 @@ def test_targets_of_any_size_are_predicted_alike(size: float, tmp_path: Path) ->
     for readout in ("ridge", "neighbours"):
         expected = HDCRegressor(readout=readout).fit(frames, z)
         model = HDCRegressor(readout=readout).fit(frames, z * size)
-        found = model.predict(queries) / size
-        np.testing.assert_allclose(found, expected.predict(queries), rtol=1e-6)
+        found = np.array(model.predict(queries, True)) / size  # with its interval
+        np.testing.assert_allclose(found, expected.predict(queries, True), rtol=1e-6)
         score = expected.score(queries, truth)
         assert model.score(queries, truth * size) == pytest.approx(score)
         model.save(tmp_path / "m")

@@ -177,10 +177,3 @@ def frames_of(n: int = 30):
 def test_other_factors_are_refused(name, values) -> None:
     with pytest.raises(ValueError, match=f"{name}: expected a list of numbers above"):
         Kernel(**{name: values}).check()
-
-
-def test_more_frames_than_memory_holds_are_refused(monkeypatch) -> None:
-    monkeypatch.setattr("hdc.readouts.arithmetic.MOST_FRAMES", 19)
-    masks, rows = problem(20, 100, 2)
-    with pytest.raises(ValueError, match="kernel: expected at most 19 frames, found"):
-        fitted(masks, rows)
