@@ -167,22 +167,3 @@ def write_film():
         film.release()
 
     return write
-
-
-@pytest.fixture
-def hard():
-    """hard(n, seed) → frames [n, 2000] of four classes, which differ little from what all
-    have in common, and their labels."""
-
-    def make(n: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
-        rng = np.random.default_rng(7)
-        common = rng.normal(0, 3, 2000)
-        fields = rng.normal(0, 0.5, (4, 2000))
-        rng = np.random.default_rng(seed)
-        labels = np.arange(n) % 4
-        modes = np.random.default_rng(8).normal(0, 1, (3, 2000))
-        shared = rng.normal(0, 1, (n, 3)) @ modes
-        noise = rng.normal(0, 1, (n, 2000))
-        return common + fields[labels] + shared + noise, labels
-
-    return make

@@ -13,7 +13,6 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.command import main
 from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile, Smoothed
 from hdc.export import Plan, Sizes, header
 from hdc.readers import Window
@@ -597,13 +596,6 @@ def test_a_regressor_an_untrained_model_and_part_of_lda_are_refused():
 # The command -------------------------------------------------------------------------------------
 
 
-def run(capsys, *words):
-    with pytest.raises(SystemExit) as caught:
-        main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return caught.value.code, out.splitlines(), err.splitlines()
-
-
 @pytest.fixture
 def model(tmp_path):
     path = tmp_path / "m.safetensors"
@@ -620,13 +612,13 @@ def model(tmp_path):
     ],
 )
 def test_test_vectors_agree_and_notice_a_change(
-    compiler, pixel_bits, model, tmp_path, capsys
+    compiler, pixel_bits, model, tmp_path, hdc
 ):
     if shutil.which(compiler[0]) is None:
         pytest.skip(f"no compiler here: looked for {compiler[0]}")
     target = tmp_path / "my-touch.h"
     words = ("--bits", pixel_bits, "--reject", 0.2, "--test-vectors", 9)
-    status, out, err = run(capsys, "export", model, "-o", target, *words)
+    status, out, err = hdc("export", model, "-o", target, *words)
     assert (status, err) == (0, [])
     assert out == [
         f"classes: 4, frames of 130 pixels of {pixel_bits} bits, 130 bits compared",
@@ -650,35 +642,35 @@ def test_test_vectors_agree_and_notice_a_change(
         assert subprocess.run([tmp_path / "vectors"], check=False).returncode > 0
 
 
-def test_only_own_files_are_replaced(model, tmp_path, capsys):
+def test_only_own_files_are_replaced(model, tmp_path, hdc):
     target, vectors = tmp_path / "touch.h", tmp_path / "touch_test.c"
     vectors.write_text("int main(void) { return 0; }")
-    status, _, err = run(capsys, "export", model, "-o", target, "--test-vectors", 1)
+    status, _, err = hdc("export", model, "-o", target, "--test-vectors", 1)
     assert (status, len(err)) == (1, 1)
     assert str(vectors) in err[0]
     assert not target.exists()
     vectors.unlink()
     for _ in range(2):
-        assert run(capsys, "export", model, "-o", target, "--test-vectors", 1)[0] == 0
+        assert hdc("export", model, "-o", target, "--test-vectors", 1)[0] == 0
     first = target.read_text()
-    assert run(capsys, "export", model, "-o", target)[0] == 0
+    assert hdc("export", model, "-o", target)[0] == 0
     assert target.read_text() == first
     target.write_text("mine")
-    assert run(capsys, "export", model, "-o", target)[0] == 1
+    assert hdc("export", model, "-o", target)[0] == 1
     assert target.read_text() == "mine"
 
 
 @pytest.mark.parametrize("name", ["touch.txt", "1.h", "nowhere/touch.h"])
-def test_other_names_of_a_header_are_refused_in_one_line(name, model, tmp_path, capsys):
-    status, out, err = run(capsys, "export", model, "-o", tmp_path / name)
+def test_other_names_of_a_header_are_refused_in_one_line(name, model, tmp_path, hdc):
+    status, out, err = hdc("export", model, "-o", tmp_path / name)
     assert (status, out, len(err)) == (1, [], 1)
     assert "expected" in err[0]
 
 
-def test_the_file_of_a_model_is_named_in_refusals(tmp_path, capsys):
+def test_the_file_of_a_model_is_named_in_refusals(tmp_path, hdc):
     path = tmp_path / "m.safetensors"
     trained_on(65, readout="ridge")[0].save(path)
-    status, out, err = run(capsys, "export", path, "-o", tmp_path / "touch.h")
+    status, out, err = hdc("export", path, "-o", tmp_path / "touch.h")
     assert (status, out, len(err)) == (1, [], 1)
     assert err[0].startswith(f"error: {path}: export: expected the read-out majority")
     assert not (tmp_path / "touch.h").exists()

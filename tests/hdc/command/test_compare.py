@@ -562,26 +562,6 @@ def test_training_frames_that_are_all_equal_stop_no_rival(learns_values):
         assert answers.item() == pytest.approx(expected), rival.name
 
 
-def test_folds_are_whole_sessions_or_even_at_random():
-    labels = np.tile([0, 1, 2], 20)
-    frames = np.zeros((60, 4, 4), np.uint8)
-    rows = np.arange(0, 60, 2)
-    session = np.arange(60) // 10
-    made, how = selection.folds(in_memory(frames, labels, session), rows)
-    assert (len(made), how) == (5, "by session")
-    for train, test in made:
-        assert not set(session[train]) & set(session[test])
-        assert sorted([*train, *test]) == rows.tolist()
-    made, how = selection.folds(in_memory(frames, labels), rows)
-    assert (len(made), how) == (5, "at random")
-    assert sorted(np.concatenate([test for _, test in made])) == rows.tolist()
-    for _, test in made:
-        assert np.bincount(labels[test]).tolist() == [2, 2, 2]
-    alone = np.where(labels == 2, 1, 0)  # a class of one session only
-    assert selection.folds(in_memory(frames, labels, alone), rows)[1] == "at random"
-    assert selection.folds(in_memory(frames, labels), np.arange(3))[0] == []
-
-
 def test_nothing_that_is_tested_was_chosen_by(tmp_path):
     labels, session = np.tile([0, 1], 30), np.arange(60) // 12
     frames = np.random.default_rng(0).integers(0, 255, (60, 5, 5), np.uint8)

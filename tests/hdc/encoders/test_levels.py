@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, bits
-from hdc.encoders import Levels, Median
+from hdc.encoders import Levels
 
 
 def test_distances_are_those_of_ranks() -> None:
@@ -17,11 +17,6 @@ def test_distances_are_those_of_ranks() -> None:
     words = Levels(7).encode(torch.from_numpy(frames))
     expected = np.abs(frames[:, None].astype(int) - frames).sum(2)
     assert np.array_equal(bits.hamming(words, words).numpy(), expected)
-
-
-def test_one_threshold_is_the_median() -> None:
-    frames = torch.from_numpy(np.random.default_rng(0).integers(0, 99, (5, 333)))
-    assert torch.equal(Levels(1).encode(frames), Median().encode(frames))
 
 
 def test_lit_pixels_alone_are_ranked() -> None:
@@ -57,21 +52,6 @@ def test_which_pixels_are_lit_is_by_the_mean_of_all_training_frames() -> None:
         ValueError, match="lit: expected at least two lit pixels, found 1"
     ):
         Levels(lit=0.99).fit(np.array([[0, 0, 9]]))
-
-
-@pytest.mark.parametrize("backend", ["numpy", "compiled"])
-def test_a_model_keeps_its_lit_pixels(backend: str, tmp_path) -> None:
-    rng = np.random.default_rng(0)
-    frames = rng.integers(0, 200, (300, 9, 11)).astype(np.uint8)
-    frames[:, :4] //= 50
-    labels = np.arange(300) % 3
-    model = HDCClassifier(Levels(5, lit=0.5), backend=backend).fit(frames, labels)
-    assert model.dimension_ == 5 * 5 * 11
-    model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    assert torch.equal(loaded.encoder_.lit_, model.encoder_.lit_)
-    assert np.array_equal(loaded.distances(frames), model.distances(frames))
-    assert "lit" in model.state_tensors()
 
 
 @pytest.mark.parametrize(

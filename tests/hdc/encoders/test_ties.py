@@ -7,7 +7,6 @@ import pytest
 import torch
 
 from hdc import bits
-from hdc.encoders import Median
 from hdc.encoders.ties import TIES, first_ties, places
 
 
@@ -70,21 +69,3 @@ def test_the_spread_is_even_over_rows_and_columns(
         assert float((means - share).square().mean().sqrt()) < 2 * random, axis
     quarters = [part.mean() for half in chosen.chunk(2, 0) for part in half.chunk(2, 1)]
     assert max(abs(float(quarter) - share) for quarter in quarters) < 0.01
-
-
-def test_raster_takes_the_top_of_a_constant_area() -> None:
-    frame = torch.full((1, 20, 64), 7, dtype=torch.uint8)
-    with pytest.warns(UserWarning, match="constant frame"):
-        words = Median("raster").encode(frame)
-    assert words[0].tolist() == [-1] * 10 + [0] * 10
-    with pytest.warns(UserWarning, match="constant frame"):
-        words = Median("below").encode(frame)
-    assert not words.any()
-
-
-def test_below_is_the_plain_comparison() -> None:
-    """With an odd number of pixels the median is a pixel, and those above it are ones."""
-    frames = np.random.default_rng(0).integers(0, 30, (20, 999)).astype(np.uint8)
-    words = Median("below").encode(torch.from_numpy(frames))
-    expected = frames > np.median(frames, axis=1, keepdims=True)
-    assert np.array_equal(bits.unpack(words, 999).numpy(), expected)

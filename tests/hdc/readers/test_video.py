@@ -29,16 +29,11 @@ def grey_of(number):
 
 
 @pytest.fixture(params=["x.avi", "x.mp4", "x.mkv"])
-def film(request, tmp_path):
+def film(request, write_film, tmp_path):
     """Frame k is uniformly grey_of(k), 48 × 32 pixels, 10 Hz."""
     path = tmp_path / request.param
     code = {".avi": "MJPG", ".mp4": "mp4v", ".mkv": "FFV1"}[path.suffix]
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), RATE, (48, 32))
-    if not writer.isOpened():
-        pytest.skip(f"this build of OpenCV cannot write {code} videos")
-    for k in range(N):
-        writer.write(np.full((32, 48, 3), grey_of(k), np.uint8))
-    writer.release()
+    write_film(path, [np.full((32, 48), grey_of(k), np.uint8) for k in range(N)], code)
     path.with_suffix(".csv").write_text(TABLE)
     return path
 
@@ -131,16 +126,12 @@ def test_intervals_have_sessions_and_groups(film):
         open_recording(film)
 
 
-def test_a_video_that_ends_early_is_named(tmp_path):
-    path = tmp_path / "x.avi"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"MJPG"), RATE, (48, 32))
-    noise = np.random.default_rng(0).integers(0, 256, (N, 32, 48, 3), dtype=np.uint8)
-    for image in noise:
-        writer.write(image)
-    writer.release()
+def test_a_video_that_ends_early_is_named(write_film, tmp_path):
+    path, rng = tmp_path / "x.avi", np.random.default_rng(0)
+    write_film(path, rng.integers(0, 256, (N, 32, 48), dtype=np.uint8), "MJPG")
     path.with_suffix(".csv").write_text("start_s,end_s,label\n0,1,a\n1,6,b\n")
     assert len(open_recording(path)) == N
-    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 3])
     with pytest.raises(
         BadFrame, match=r"x.avi: expected a whole video, found: Invalid data"
     ):
@@ -260,20 +251,17 @@ def turned(path, degrees):
 
 
 @pytest.mark.parametrize("degrees", [0, 90, 180, 270])
-def test_frames_are_turned_as_the_file_says(tmp_path, degrees):
+def test_frames_are_turned_as_the_file_says(write_film, tmp_path, degrees):
     """Decided by OpenCV's version before; shown clockwise by so much (ISO/IEC 14496-12)."""
-    image = np.zeros((32, 48, 3), np.uint8)
+    image = np.zeros((32, 48), np.uint8)
     image[:16, :24] = 200  # the upper left quarter
     image[:16, 24:] = 100
     path = tmp_path / "x.mp4"
-    writer = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*"mp4v"), RATE, (48, 32))
-    for _ in range(4):
-        writer.write(image)
-    writer.release()
+    write_film(path, [image] * 4, "mp4v")
     turned(path, degrees)
     path.with_suffix(".csv").write_text("frame,label\n0,a\n1,b\n")
     scene = open_recording(path)
-    shown = np.rot90(image[..., 0], -degrees // 90)
+    shown = np.rot90(image, -degrees // 90)
     assert scene.frame_shape == shown.shape
     assert np.abs(scene[0].astype(int) - shown).mean() < 8
     assert len(scene.notes) == (degrees > 0)
@@ -286,15 +274,10 @@ def test_a_video_that_does_not_fit_in_memory_is_decoded_anew(film):
         assert np.array_equal(again.frames(index), whole.frames(index))
 
 
-def test_frames_lost_in_the_middle_are_noticed(tmp_path):
+def test_frames_lost_in_the_middle_are_noticed(write_film, tmp_path):
     """cracks: two frames fewer were learnt, without a word."""
-    path = tmp_path / "x.mkv"
-    code = cv2.VideoWriter_fourcc(*"MJPG")
-    writer = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, RATE, (48, 32))
-    rng = np.random.default_rng(0)
-    for image in rng.integers(0, 256, (N, 32, 48, 3), dtype=np.uint8):
-        writer.write(image)
-    writer.release()
+    path, rng = tmp_path / "x.mkv", np.random.default_rng(0)
+    write_film(path, rng.integers(0, 256, (N, 32, 48), dtype=np.uint8), "MJPG")
     table = path.with_suffix(".csv")
     table.write_text("start_s,end_s,label\n0,3,a\n3,6,b\n")
     assert len(open_recording(path)) == N
