@@ -13,7 +13,7 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture
-def measured_data(monkeypatch, tmp_path_factory) -> None:
+def measured_data(monkeypatch, tmp_path_factory):
     """``MEASURED_DATA`` with the matrices of the first fibre: as it is set, else a folder with the
     copy beside the checkout."""
     beside = CHECKOUT.parent / "shared" / "data" / "mmf_disorder"

@@ -60,7 +60,7 @@ def make(name: str) -> Any:
 
 
 @pytest.fixture(params=NAMES)
-def model(request: pytest.FixtureRequest) -> Classifier:
+def model(request):
     return make(request.param)
 
 
@@ -217,7 +217,7 @@ def test_queries_are_checked(model, small):
     assert model.predict(small[0][0]).shape == (1,)
 
 
-def test_satisfies_the_protocol_of_the_runner(model: Classifier):
+def test_satisfies_the_protocol_of_the_runner(model):
     assert isinstance(model, Model)
 
 

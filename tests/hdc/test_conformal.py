@@ -85,9 +85,7 @@ def plain_p(peers: list[Peers | None], words: torch.Tensor, alpha: float) -> np.
 
 @pytest.mark.parametrize("alpha", [0.5, 0.2, 0.05, 0.025, 0.01])
 @pytest.mark.filterwarnings("ignore:alpha=.* needs at least")
-def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(
-    alpha: float,
-) -> None:
+def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(alpha):
     """Few bits, so that distances are often equal; classes of 19, 19, 3 and one frame, and none."""
     rng = np.random.default_rng(0)
     words = [torch.from_numpy(rng.integers(0, 2**14, (m, 1))) for m in (19, 19, 3, 1)]
@@ -110,7 +108,7 @@ def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(
         )
 
 
-def test_too_small_a_share_is_named() -> None:
+def test_too_small_a_share_is_named():
     words = torch.arange(39).reshape(-1, 1)
     counters = Counters(1, 14)
     counters.add(words, torch.zeros(39, dtype=torch.int64))
@@ -128,9 +126,7 @@ def test_too_small_a_share_is_named() -> None:
 
 @pytest.mark.parametrize("per_class", [6, 40])
 @pytest.mark.filterwarnings("ignore:.*constant frame")
-def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(
-    per_class: int,
-) -> None:
+def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(per_class):
     refused = []
     for seed in range(8):
         speckle = Speckle(seed)
@@ -150,7 +146,7 @@ def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(
 
 @pytest.mark.parametrize("per_class", [1, 2, 3, 4, 5, 10])
 @pytest.mark.filterwarnings("ignore:alpha=.* needs at least")
-def test_sets_cover_what_is_asked_however_few_frames_there_are(per_class: int) -> None:
+def test_sets_cover_what_is_asked_however_few_frames_there_are(per_class):
     """Fewer than four frames of a class: two of them were covered half as often as asked."""
     asked = np.array([0.8, 0.9, 0.95])
     covered = []
@@ -168,7 +164,7 @@ def _share_of_right(sets, labels) -> float:
     return float(np.mean([y in one for y, one in zip(labels, sets, strict=True)]))
 
 
-def test_too_few_frames_of_a_class_are_named() -> None:
+def test_too_few_frames_of_a_class_are_named():
     frames, labels = Speckle(0).frames(15)
     model = HDCClassifier().fit(frames, labels)
     text = "alpha=0.1 needs at least 4 stored frames of each class, found 3; no frame"
@@ -178,7 +174,7 @@ def test_too_few_frames_of_a_class_are_named() -> None:
 
 
 @pytest.mark.parametrize("share", [0.1, 0.2, 0.5])
-def test_each_class_is_covered_whatever_its_spread_and_number(share: float) -> None:
+def test_each_class_is_covered_whatever_its_spread_and_number(share):
     """Classes of unlike noise and number: the guarantee is for each, never exceeded by chance."""
     missed = []
     for seed in range(12):
@@ -195,7 +191,7 @@ def test_each_class_is_covered_whatever_its_spread_and_number(share: float) -> N
 
 
 @pytest.mark.filterwarnings("ignore:.*constant frame")
-def test_predictions_are_labels_and_what_is_known_is_asked_apart() -> None:
+def test_predictions_are_labels_and_what_is_known_is_asked_apart():
     speckle = Speckle(1)
     frames, labels = speckle.frames(100)
     names = np.array(list("edcba"))
@@ -218,7 +214,7 @@ def test_predictions_are_labels_and_what_is_known_is_asked_apart() -> None:
 
 @pytest.mark.parametrize("ties", bits.TIES)
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 7, 12])
-def test_distances_are_those_of_counting_anew(n: int, ties: str) -> None:
+def test_distances_are_those_of_counting_anew(n, ties):
     """With the new frame in the place of a kept one, and with a kept one left out."""
     rng = np.random.default_rng(n)
     words = bits.pack(torch.from_numpy(rng.random((n + 3, 333)) < rng.random(333)))
@@ -242,7 +238,7 @@ def test_distances_are_those_of_counting_anew(n: int, ties: str) -> None:
             assert peers.held_out[i] + peers.mean == pytest.approx(expected)
 
 
-def test_recalibrated_models_compare_with_the_new_frames() -> None:
+def test_recalibrated_models_compare_with_the_new_frames():
     """By exchanging frames in the second recalibration and counting anew."""
     speckle = Speckle(3)
     old, labels = speckle.frames(50)
@@ -271,7 +267,7 @@ def test_recalibrated_models_compare_with_the_new_frames() -> None:
 # What is kept -------------------------------------------------------------------------------------
 
 
-def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time() -> None:
+def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time():
     words, labels = torch.arange(3000)[:, None], ["a", "b", "a"] * 1000
     samples = []
     for cuts in ([3000], [128] * 24, [1] * 3000):
@@ -295,7 +291,7 @@ def chi_square(kept: list[int], n: int, bins: int) -> float:
 
 
 @pytest.mark.parametrize("n", [40, 3000])
-def test_every_frame_is_kept_with_the_same_chance(n: int) -> None:
+def test_every_frame_is_kept_with_the_same_chance(n):
     """No frame after the 108th used to be."""
     kept = []
     for seed in range(600 if n == 40 else 100):
@@ -307,7 +303,7 @@ def test_every_frame_is_kept_with_the_same_chance(n: int) -> None:
 
 
 @pytest.mark.parametrize("sizes", [(300, 300), (30, 400), (5, 40)])
-def test_every_frame_of_merged_samples_is_kept_with_the_same_chance(sizes) -> None:
+def test_every_frame_of_merged_samples_is_kept_with_the_same_chance(sizes):
     n = sum(sizes)
     kept = []
     for seed in range(500):
@@ -326,7 +322,7 @@ def test_every_frame_of_merged_samples_is_kept_with_the_same_chance(sizes) -> No
     assert chi_square(kept, n, bins=15) < 2.2
 
 
-def test_decisions_are_shares_of_pixels() -> None:
+def test_decisions_are_shares_of_pixels():
     frames, labels = Speckle(0).frames(50)
     model = HDCClassifier().fit(frames, labels)
     expected = -model.distances(frames) / D
@@ -360,9 +356,7 @@ OTHERS = ["ridge", "lda", "kernel", "trained", "neighbours", Nearest()]
 
 @pytest.mark.parametrize("readout", OTHERS, ids=str)
 @pytest.mark.parametrize("per_class", [8, 25])
-def test_other_read_outs_cover_about_what_is_asked_and_refuse_junk(
-    readout, per_class: int
-) -> None:
+def test_other_read_outs_cover_about_what_is_asked_and_refuse_junk(readout, per_class):
     covered, refused, unknown = [], [], []
     for seed in range(6):
         speckle = Speckle(seed)
@@ -378,7 +372,7 @@ def test_other_read_outs_cover_about_what_is_asked_and_refuse_junk(
 
 
 @pytest.mark.parametrize("readout", ["majority", "counts", *OTHERS], ids=str)
-def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(readout) -> None:
+def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(readout):
     """29 of 240 labels lay outside their own set."""
     speckle = Speckle(4)
     frames, labels = speckle.frames(75)
@@ -393,7 +387,7 @@ def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(readout) -> Non
         assert not is_known or label in found
 
 
-def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones() -> None:
+def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones():
     """With ridge regression, whose left-out scores are those of models without the frame."""
     speckle = Speckle(2, classes=2)
     frames, labels = speckle.frames(40)
@@ -417,7 +411,7 @@ def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones() -> N
     assert len(np.unique(found)) > 5
 
 
-def test_classes_without_new_frames_keep_their_left_out_scores() -> None:
+def test_classes_without_new_frames_keep_their_left_out_scores():
     speckle = Speckle(6)
     frames, labels = speckle.frames(100)
     model = HDCClassifier(readout="ridge").fit(frames, labels)
@@ -430,9 +424,7 @@ def test_classes_without_new_frames_keep_their_left_out_scores() -> None:
 
 @pytest.mark.parametrize("p", [0.5, 1])
 @pytest.mark.parametrize("readout", ["lda", "kernel"])
-def test_left_out_scores_have_the_unit_of_the_scores_beside_them(
-    readout: str, p: float
-) -> None:
+def test_left_out_scores_have_the_unit_of_the_scores_beside_them(readout, p):
     """A recalibration changes the unit in which discriminants are given."""
     speckle = Speckle(6)
     frames, labels = speckle.frames(100)
@@ -440,7 +432,7 @@ def test_left_out_scores_have_the_unit_of_the_scores_beside_them(
     model = HDCClassifier(readout=readout).fit(frames, labels)
     words = model.encoder_.encode(torch.from_numpy(queries))
 
-    def found() -> list[np.ndarray]:
+    def found():
         kept = model._learned.conformal().peers[4].distances
         return [kept, -model.readout_.scores(words)[:, 4].double().numpy()]
 
@@ -460,7 +452,7 @@ def test_left_out_scores_have_the_unit_of_the_scores_beside_them(
 
 
 @pytest.mark.parametrize("readout", ["majority", "counts", "neighbours"])
-def test_one_class_is_told_from_what_is_unknown(readout: str, tmp_path) -> None:
+def test_one_class_is_told_from_what_is_unknown(readout, tmp_path):
     speckle = Speckle(0, classes=1)
     frames, labels = speckle.frames(60)
     model = HDCClassifier(readout=readout).fit(frames, ["touch"] * 60)
@@ -480,7 +472,7 @@ def test_one_class_is_told_from_what_is_unknown(readout: str, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("readout", ["ridge", "lda", "kernel", "trained"])
-def test_a_read_out_that_tells_classes_apart_refuses_one(readout: str) -> None:
+def test_a_read_out_that_tells_classes_apart_refuses_one(readout):
     frames, labels = Speckle(0, classes=1).frames(10)
     with pytest.raises(
         ValueError, match=r"^labels: expected at least two classes for "
@@ -491,7 +483,7 @@ def test_a_read_out_that_tells_classes_apart_refuses_one(readout: str) -> None:
 # Words of version 2.0 -----------------------------------------------------------------------------
 
 
-def test_words_of_version_2_0_name_those_of_today() -> None:
+def test_words_of_version_2_0_name_those_of_today():
     frames, labels = Speckle(0).frames(50)
     model = HDCClassifier("reference").fit(frames, labels)
     for call, message in (
@@ -508,8 +500,8 @@ def test_words_of_version_2_0_name_those_of_today() -> None:
 
 @pytest.mark.parametrize("readout", ["majority", "neighbours", "ridge", "lda"])
 def test_a_file_of_version_2_0_predicts_and_says_where_it_lacks_scores(
-    readout: str, tmp_path
-) -> None:
+    readout, tmp_path
+):
     """Such a file has the sharpness of probabilities, and no scores of left-out frames."""
     speckle = Speckle(0)
     model = HDCClassifier(readout=readout).fit(*speckle.frames(50))

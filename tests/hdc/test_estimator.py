@@ -32,7 +32,7 @@ from hdc.readouts import LDA, NeighbourValues
     ],
     ids=lambda x: repr(x)[:60],
 )
-def test_all_checks_are_met(model) -> None:
+def test_all_checks_are_met(model):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         checks = check_estimator(model, on_fail=None)
@@ -45,7 +45,7 @@ def test_all_checks_are_met(model) -> None:
     assert {"check_supervised_y_2d", "check_estimators_dtypes"} <= names
 
 
-def test_parameters_are_set(frames_and_labels) -> None:
+def test_parameters_are_set(frames_and_labels):
     frames, labels = frames_and_labels()
     model = HDCClassifier().set_params(readout__ties="one", readout__seed=3)
     assert repr(clone(model)) == (
@@ -56,7 +56,7 @@ def test_parameters_are_set(frames_and_labels) -> None:
     assert not hasattr(clone(model.fit(frames, labels)), "prototypes_")
 
 
-def test_importing_loads_neither_images_nor_tables() -> None:
+def test_importing_loads_neither_images_nor_tables():
     code = (
         "import sys; from hdc import HDCClassifier; "
         "print([m for m in sys.argv[1:] if m in sys.modules])"
@@ -77,7 +77,7 @@ def test_importing_loads_neither_images_nor_tables() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_the_version_is_that_of_the_project() -> None:
+def test_the_version_is_that_of_the_project():
     """pyproject.toml reads it from the package, without importing it."""
     setuptools = pytest.importorskip("setuptools.config.pyprojecttoml")
     found = setuptools.read_configuration(

@@ -141,7 +141,7 @@ class Calls(RuleBasedStateMachine):
         ]
 
 
-def test_any_order_of_calls() -> None:
+def test_any_order_of_calls():
     run_state_machine_as_test(
         Calls, settings=settings(max_examples=60, stateful_step_count=15, deadline=None)
     )

@@ -43,7 +43,7 @@ def unpacked(words: torch.Tensor, dimension: int) -> np.ndarray:
     ("d", "dtype"), [(1, "uint8"), (2, "int16"), (65, "float64"), (300, "uint8")]
 )
 @pytest.mark.parametrize("thresholds", [DEFAULT, ODD], ids=repr)
-def test_bits_by_their_definition(d, dtype, thresholds, kinds_of_frames) -> None:
+def test_bits_by_their_definition(d, dtype, thresholds, kinds_of_frames):
     """Constant frames, two grey levels, few, and saturated ones among them."""
     frames = kinds_of_frames(d, dtype)
     encoder = Deviation(thresholds).fit(frames)
@@ -53,7 +53,7 @@ def test_bits_by_their_definition(d, dtype, thresholds, kinds_of_frames) -> None
     assert np.array_equal(found, plainly(frames, thresholds))
 
 
-def test_bits_by_floats(camera_frames) -> None:
+def test_bits_by_floats(camera_frames):
     """All but those whose difference is at a threshold, to steps of 2⁻¹⁶."""
     frames = camera_frames(8, side=100)
     words = Deviation().fit(frames).encode(torch.from_numpy(frames))
@@ -77,7 +77,7 @@ def test_bits_by_floats(camera_frames) -> None:
     ],
     ids=repr,
 )
-def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames) -> None:
+def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames):
     pytest.importorskip("numba")
     frames = torch.from_numpy(kinds_of_frames(d))
     encoder = Deviation(thresholds).fit(frames[:9])
@@ -95,7 +95,7 @@ def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames) -> 
 
 
 @pytest.mark.parametrize("backend", backends.BACKENDS)
-def test_no_sum_overflows_at_many_pixels(backend: str) -> None:
+def test_no_sum_overflows_at_many_pixels(backend):
     """Two frames of 2²⁴ + 1 pixels whose one bright pixel stands apart by all that can be."""
     if backend == "compiled":
         pytest.importorskip("numba")
@@ -111,7 +111,7 @@ def test_no_sum_overflows_at_many_pixels(backend: str) -> None:
     assert ones[-1] == d + 5
 
 
-def test_the_largest_sums_are_whole() -> None:
+def test_the_largest_sums_are_whole():
     """Differences as large as they get, of both signs, at 2²⁴ + 1 pixels."""
     n = 2**24 + 1
     differences = torch.full((1, n), 2**17, dtype=torch.int32)
@@ -121,7 +121,7 @@ def test_the_largest_sums_are_whole() -> None:
     assert deviations_of(differences) == [isqrt(floor(variance))]
 
 
-def test_frames_that_say_nothing_are_named() -> None:
+def test_frames_that_say_nothing_are_named():
     frames = np.random.default_rng(0).integers(0, 256, (40, 50)).astype(np.uint8)
     frames[7] = 9
     encoder = Deviation(frame=frames[33]).fit(frames)
@@ -137,7 +137,7 @@ def test_frames_that_say_nothing_are_named() -> None:
         ]
 
 
-def test_brightness_and_contrast_change_no_bit_but_at_thresholds() -> None:
+def test_brightness_and_contrast_change_no_bit_but_at_thresholds():
     frames = torch.from_numpy(
         np.random.default_rng(2).integers(0, 60, (9, 200)).astype(np.int16)
     )
@@ -165,11 +165,11 @@ def test_brightness_and_contrast_change_no_bit_but_at_thresholds() -> None:
     ],
     ids=repr,
 )
-def test_other_thresholds_are_refused(thresholds) -> None:
+def test_other_thresholds_are_refused(thresholds):
     with pytest.raises(ValueError, match="thresholds: expected a list of rising num"):
         Deviation(thresholds).check()
 
 
-def test_a_file_with_too_large_a_reference_is_refused() -> None:
+def test_a_file_with_too_large_a_reference_is_refused():
     with pytest.raises(ValueError, match="reference: expected a mean of standard"):
         Deviation().restore({"reference": torch.full((9,), -(2**62))}, 9)

@@ -10,7 +10,7 @@ from hdc import HDCClassifier, bits
 from hdc.encoders import Levels
 
 
-def test_distances_are_those_of_ranks() -> None:
+def test_distances_are_those_of_ranks():
     """With T + 1 pixels, all different, the distance is the L1 distance of their ranks."""
     rng = np.random.default_rng(0)
     frames = np.stack([rng.permutation(8) for _ in range(12)]).astype(np.uint8)
@@ -19,7 +19,7 @@ def test_distances_are_those_of_ranks() -> None:
     assert np.array_equal(bits.hamming(words, words).numpy(), expected)
 
 
-def test_lit_pixels_alone_are_ranked() -> None:
+def test_lit_pixels_alone_are_ranked():
     rng = np.random.default_rng(0)
     frames = rng.integers(50, 200, (30, 10, 20)).astype(np.uint8)
     dark = rng.random((10, 20)) < 0.4
@@ -33,7 +33,7 @@ def test_lit_pixels_alone_are_ranked() -> None:
     assert torch.equal(encoder.encode(torch.from_numpy(frames)), Levels(3).encode(lit))
 
 
-def test_which_pixels_are_lit_is_by_the_mean_of_all_training_frames() -> None:
+def test_which_pixels_are_lit_is_by_the_mean_of_all_training_frames():
     """More frames than are summed at a time."""
     frames = np.zeros((150, 4), np.uint8)
     frames[:75, 0] = 160  # mean 80
@@ -71,12 +71,12 @@ def test_which_pixels_are_lit_is_by_the_mean_of_all_training_frames() -> None:
         ({"lit": "x"}, r"lit: expected a share in \[0, 1\), found 'x'"),
     ],
 )
-def test_parameters_that_do_not_fit_are_named(parameters: dict, message: str) -> None:
+def test_parameters_that_do_not_fit_are_named(parameters, message):
     with pytest.raises(ValueError, match=message):
         HDCClassifier(Levels(**parameters)).fit(np.eye(4), [0, 1, 0, 1])
 
 
-def test_a_pixel_as_bright_as_it_has_to_be_is_lit() -> None:
+def test_a_pixel_as_bright_as_it_has_to_be_is_lit():
     """A share of at least half of the mean of 4: the sums of the frames are 2, 4, 1 and 9."""
     frames = np.array([[1, 3, 0, 5], [1, 1, 1, 4]], np.uint8)
     assert Levels(3, lit=0.5).fit(frames).lit_.tolist() == [True, True, False, True]

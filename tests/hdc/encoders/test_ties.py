@@ -12,7 +12,7 @@ from hdc.encoders.ties import TIES, first_ties, places
 
 @pytest.mark.parametrize("ties", TIES)
 @pytest.mark.parametrize("d", [1, 2, 63, 64, 65, 130, 700])
-def test_the_first_ties_by_plain_loops(d: int, ties: str, order_of_pixels) -> None:
+def test_the_first_ties_by_plain_loops(d, ties, order_of_pixels):
     order = order_of_pixels(d, ties)
     rng = np.random.default_rng(d)
     masks = rng.random((40, d)) < rng.random((40, 1))
@@ -36,11 +36,11 @@ def test_the_first_ties_by_plain_loops(d: int, ties: str, order_of_pixels) -> No
 
 @pytest.mark.parametrize("ties", ["spread", "raster"])
 @pytest.mark.parametrize("d", [1, 64, 700, 4161])
-def test_places_are_in_that_order(d: int, ties: str, order_of_pixels) -> None:
+def test_places_are_in_that_order(d, ties, order_of_pixels):
     assert np.array_equal(places(d, ties).argsort(), order_of_pixels(d, ties).argsort())
 
 
-def test_the_key_of_a_pixel_is_as_stated(order_of_pixels) -> None:
+def test_the_key_of_a_pixel_is_as_stated(order_of_pixels):
     """Pixels of the first two words: h(0) = 0, and h(1) = 0x9E3779B1 >> 26 = 39."""
     order = order_of_pixels(128, "spread")
     assert order[:3].tolist() == [0, 2, 4]
@@ -51,9 +51,7 @@ def test_the_key_of_a_pixel_is_as_stated(order_of_pixels) -> None:
 
 @pytest.mark.parametrize("shape", [(64, 64), (100, 150), (480, 640), (500, 500)])
 @pytest.mark.parametrize("share", [0.1, 0.25, 0.5, 0.8])
-def test_the_spread_is_even_over_rows_and_columns(
-    shape: tuple[int, int], share: float
-) -> None:
+def test_the_spread_is_even_over_rows_and_columns(shape, share):
     """Shares of rows and columns differ less than twice those of a random choice do, and those of
     quarters by less than 1 %; in raster order they differ by half."""
     d = shape[0] * shape[1]

@@ -35,9 +35,7 @@ def problem(
 
 @given(st.integers(3, 30), st.integers(1, 300), st.integers(1, 3), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
-def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(
-    n, d, t, seed
-) -> None:
+def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(n, d, t, seed):
     x, words, y = problem(n, d, t, seed)
     queries, asked, _ = problem(5, d, t, seed + 1)
     model, residuals = solve(words, y, d)
@@ -62,7 +60,7 @@ def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(
     np.testing.assert_allclose(residuals, errors, atol=1e-6)
 
 
-def test_the_penalty_is_the_one_with_the_least_left_out_error() -> None:
+def test_the_penalty_is_the_one_with_the_least_left_out_error():
     _, words, y = problem(25, 400, 1, 0)
     fitted = solve(words, y, 400)
     products = gram(words, words, 400)
@@ -80,9 +78,7 @@ def test_the_penalty_is_the_one_with_the_least_left_out_error() -> None:
     assert len({round(error, 6) for error in errors}) > 3
 
 
-def test_weights_are_those_of_floats_in_any_block(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_weights_are_those_of_floats_in_any_block(monkeypatch):
     monkeypatch.setattr(linear, "_STEP", 2)  # words that are rounded at once
     x, words, y = problem(30, 300, 2, 0)
     fitted = solve(words, y, 300).linear
@@ -108,7 +104,7 @@ def adapted_without(
     return before + change.predict(x).reshape(y.shape)
 
 
-def test_recalibrated_numbers_are_held_out_as_by_retraining() -> None:
+def test_recalibrated_numbers_are_held_out_as_by_retraining():
     """Residuals, predictions without each frame, and the numbers themselves.
 
     min Σ (y − b − w·x)² + λ‖w − w₀‖² is the fit of what the old weights leave.
@@ -132,7 +128,7 @@ def test_recalibrated_numbers_are_held_out_as_by_retraining() -> None:
         np.testing.assert_allclose(change, whole - expected, atol=1e-6)
 
 
-def test_recalibrated_classes_are_held_out_as_by_retraining() -> None:
+def test_recalibrated_classes_are_held_out_as_by_retraining():
     """Targets are 1 for the class of a frame and −1 for the others, of one without frames, too."""
     _, words, _ = problem(30, 200, 1, 0)
     x, new, _ = problem(8, 200, 1, 1)
@@ -150,7 +146,7 @@ def test_recalibrated_classes_are_held_out_as_by_retraining() -> None:
 # Classifier ---------------------------------------------------------------------------------------
 
 
-def test_a_given_penalty_is_used() -> None:
+def test_a_given_penalty_is_used():
     frames = np.random.default_rng(0).normal(size=(80, 300))
     train = frames, np.arange(80) % 4
     for penalty in (1e-3, 1, np.float32(10)):

@@ -58,7 +58,7 @@ def problem(n: int, d: int, seed: int) -> tuple[np.ndarray, torch.Tensor, torch.
 @pytest.mark.parametrize("backend", ["numpy", "compiled"])
 @pytest.mark.parametrize("passes", [0, 1, 2, 5, 12])
 @pytest.mark.parametrize("margin", [0, 0.02, 0.3])
-def test_the_rule_by_plain_loops(margin: float, passes: int, backend: str) -> None:
+def test_the_rule_by_plain_loops(margin, passes, backend):
     if backend == "compiled":
         pytest.importorskip("numba")
     x, words, rows = problem(17, 90, passes)
@@ -82,6 +82,6 @@ def test_the_rule_by_plain_loops(margin: float, passes: int, backend: str) -> No
         ({"passes": 1.0}, "passes: expected an integer ≥ 0, found 1.0"),
     ],
 )
-def test_parameters_that_do_not_fit_are_named(parameters, message) -> None:
+def test_parameters_that_do_not_fit_are_named(parameters, message):
     with pytest.raises(ValueError, match=message):
         HDCClassifier(readout=Trained(**parameters)).fit(np.eye(8), [0, 1] * 4)
