@@ -4,6 +4,7 @@ import os
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -107,3 +108,18 @@ def frames_and_labels():
         ), labels
 
     return make
+
+
+@pytest.fixture
+def write_film():
+    """write_film(path, frames, code, rate): a video of frames [n, H, W], lossless if not told."""
+
+    def write(path, frames, code="FFV1", rate=10):
+        height, width = frames[0].shape
+        code = cv2.VideoWriter_fourcc(*code)
+        film = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, (width, height))
+        for frame in frames:
+            film.write(np.dstack([frame] * 3))
+        film.release()
+
+    return write

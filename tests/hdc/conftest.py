@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from fractions import Fraction
 
-import cv2
 import numpy as np
 import pytest
 
@@ -152,18 +151,3 @@ def hdc(typed):
         return status, out.splitlines(), err.splitlines()
 
     return run
-
-
-@pytest.fixture
-def write_film():
-    """write_film(path, frames, code, rate): a video of frames [n, H, W], lossless if not told."""
-
-    def write(path, frames, code="FFV1", rate=10):
-        height, width = frames[0].shape
-        code = cv2.VideoWriter_fourcc(*code)
-        film = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, (width, height))
-        for frame in frames:
-            film.write(np.dstack([frame] * 3))
-        film.release()
-
-    return write

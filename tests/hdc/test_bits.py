@@ -78,6 +78,14 @@ def test_wrong_types_and_widths_are_named():
         bits.unpack(torch.zeros(3, 1, dtype=torch.int64), 65)
     with pytest.raises(ValueError, match="found 2 and 3 words"):
         bits.hamming(torch.zeros(1, 2).long(), torch.zeros(1, 3).long())
+    with pytest.raises(TypeError, match="hamming: expected packed words of int64"):
+        bits.hamming(torch.zeros(2, 3).long(), torch.zeros(2, 3).double())
+    others = (bits.popcount, bits.count_ones, bits.majority)
+    for call in (*others, lambda words: bits.unpack(words, 3 * bits.WORD)):
+        with pytest.raises(
+            TypeError, match="expected packed words of int64, found int32"
+        ):
+            call(torch.full((2, 3), -1, dtype=torch.int32))
     words = torch.zeros(2, 1).long()
     with pytest.raises(
         ValueError, match="ties: expected one of zero, one, random, found 'half'"

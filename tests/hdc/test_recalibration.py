@@ -213,9 +213,12 @@ def drifted(n: int = 90) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize(
-    "readout", ["majority", "counts", "ridge", "neighbours", "lda", "trained"]
+    ("base", "readout"),
+    [
+        *(("median", name) for name in ("majority", "counts", "ridge", "neighbours")),
+        *(("levels", name) for name in ("lda", "trained")),
+    ],
 )
-@pytest.mark.parametrize("base", ["median", "levels"])
 def test_a_reference_is_zeroed_again_without_labels(base, readout):
     old, new, labels = drifted()
     model = HDCClassifier(Reference(base), readout).fit(old, labels)

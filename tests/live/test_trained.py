@@ -3,7 +3,6 @@
 import asyncio
 from concurrent.futures import ThreadPoolExecutor
 
-import cv2
 import numpy as np
 import pytest
 
@@ -35,13 +34,9 @@ def frames():
 
 
 @pytest.fixture
-def film(tmp_path, frames):
-    path, code = tmp_path / "v.mkv", cv2.VideoWriter_fourcc(*"FFV1")
-    writer = cv2.VideoWriter(str(path), code, 10, (40, 32), isColor=False)
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
-    return path
+def film(write_film, tmp_path, frames):
+    write_film(tmp_path / "v.mkv", frames)
+    return tmp_path / "v.mkv"
 
 
 @pytest.fixture

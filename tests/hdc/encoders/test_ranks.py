@@ -180,6 +180,9 @@ def test_quantiles_outside_are_named(at):
 def test_other_rules_of_ties_are_named():
     message = "ties: expected one of spread, raster, below, found 'half'"
     for encoder in (Median("half"), Quantile(ties="half"), Levels(ties="half")):
+        for dtype in (torch.uint8, torch.float32):
+            with pytest.raises(ValueError, match=message):
+                encoder.encode(torch.zeros(2, 9, dtype=dtype))
         with pytest.raises(ValueError, match=message):
             encoder.check()
 

@@ -51,9 +51,13 @@ def test_standardised_frames_are_those_of_integers(d, dtype, kinds_of_frames):
 @pytest.mark.parametrize("size", [1e-310, 1e-200, 1e-40, 1e45, 1e300])
 def test_floats_of_any_size_are_standardised_alike(size):
     frames = np.random.default_rng(0).normal(0, 1, (3, 99)) * size
+    frames[:, 0] = 0
     found = standardised(torch.from_numpy(frames))
     assert found.tolist() == [plainly(frame) for frame in frames]
     assert found.any(1).all()
+    dark = np.abs(frames)
+    found = standardised(torch.from_numpy(dark))
+    assert found.tolist() == [plainly(frame) for frame in dark]
 
 
 @pytest.mark.parametrize("tiny", [2.0**-19, 2.0**-21, 2.0**-40, 5e-324])

@@ -156,14 +156,6 @@ def test_constant_and_two_valued_and_equal_frames(encoder):
     assert model.score(frames, np.arange(12) // 6) == 1
 
 
-def test_order_of_frames_decides_nothing():
-    masks, rows = problem(60, 500, 3)
-    asked = bits.pack(torch.from_numpy(problem(50, 500, 3, seed=1)[0]))
-    order = np.random.default_rng(0).permutation(60)
-    one, other = fitted(masks, rows), fitted(masks[order], rows[order])
-    np.testing.assert_allclose(one.scores(asked), other.scores(asked), atol=1e-10)
-
-
 def frames_of(n: int = 30):
     rng = np.random.default_rng(0)
     labels = np.arange(n) % 3

@@ -23,11 +23,11 @@ def frames_of(numbers: list[int], seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("readout", [Majority, Counts])
-@pytest.mark.parametrize("more", [1, 3, 40])
+@pytest.mark.parametrize("more", [1, 40])
 def test_one_larger_class_costs_nothing(more, readout):
     """With one frame more in a class, the published rule names that class for nearly all frames."""
     scores = []
-    for seed in range(4):
+    for seed in range(3):
         test = frames_of([60] * 5, seed)
         equal = HDCClassifier(readout=readout(balance=False)).fit(
             *frames_of([4] * 5, seed)
