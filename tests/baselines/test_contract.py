@@ -21,6 +21,8 @@ from baselines.cnn import CNN
 from baselines.convolutions import Scattering
 from baselines.correlation import CorrelationClassifier
 from baselines.features import Brightness
+from baselines.mean_image import MeanImage
+from baselines.nearest_neighbour import NearestNeighbour
 from baselines.training import IterativeClassifier
 from experiments.protocol.evaluate import evaluate, train_until
 from experiments.protocol.model import Model
@@ -260,7 +262,11 @@ COMBINATIONS = {
     for encoder in ENCODERS
     for readout in READOUTS
 }
-COMBINATIONS["median neighbours 3"] = HDCClassifier(readout=Neighbours(3))
+COMBINATIONS |= {
+    "median neighbours 3": HDCClassifier(readout=Neighbours(3)),
+    "knn_standardised 3": NearestNeighbour(k=3, pixels="standardised"),
+    "mean_image standardised": MeanImage(pixels="standardised"),
+}
 
 
 WIDE = [*(set(NAMES) - SLOW), *(f"{encoder} trained" for encoder in ENCODERS)]
