@@ -13,9 +13,10 @@ from hdc.conformal import FEWEST, Conformal, Peers
 from hdc.encoders import Median
 from hdc.export import Plan
 from hdc.prototypes import Counters
-from hdc.readouts import Readout, Ridge
+from hdc.readouts import Ridge
 from hdc.readouts.majority import EXTRAS, deciding_prototypes
 from hdc.sample import KEPT, Sample
+from tests.hdc.own import Nearest
 
 D = 2048
 
@@ -336,19 +337,6 @@ def test_decisions_are_shares_of_pixels():
 
 
 # Read-outs that are compared by their own scores --------------------------------------------------
-
-
-class Nearest(Readout):
-    """The nearest mean, of one's own: without scores in closed form."""
-
-    def fit(self, words, rows, n_classes, dimension):
-        ones = bits.unpack(words, dimension).double()
-        self.means_ = torch.stack([ones[rows == c].mean(0) for c in range(n_classes)])
-        self._dimension = dimension
-        return self
-
-    def scores(self, words):
-        return -torch.cdist(bits.unpack(words, self._dimension).double(), self.means_)
 
 
 OTHERS = ["ridge", "lda", "kernel", "trained", "neighbours", Nearest()]

@@ -23,6 +23,7 @@ from hdc.readouts import (
     leave_one_out,
 )
 from hdc.readouts.base import HeldOut
+from tests.hdc.own import Nearest
 
 D, L = 300, 3
 CLOSED = [
@@ -32,19 +33,6 @@ CLOSED = [
     Neighbours(),
     Neighbours(3),
 ]
-
-
-class Nearest(Readout):
-    """The mean hypervector of a class, without a closed form."""
-
-    def fit(self, words, rows, n_classes, dimension):
-        ones = bits.unpack(words, dimension).double()
-        self.means_ = torch.stack([ones[rows == c].mean(0) for c in range(n_classes)])
-        return self
-
-    def scores(self, words):
-        ones = bits.unpack(words, self.means_.shape[1]).double()
-        return -(torch.cdist(ones, self.means_) ** 2)
 
 
 class Batchwise(Updatable, Nearest):
