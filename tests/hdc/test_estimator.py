@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
 import warnings
 from pathlib import Path
 
@@ -54,27 +52,6 @@ def test_parameters_are_set(frames_and_labels):
     )
     assert is_classifier(model)
     assert not hasattr(clone(model.fit(frames, labels)), "prototypes_")
-
-
-def test_importing_loads_neither_images_nor_tables():
-    code = (
-        "import sys; from hdc import HDCClassifier; "
-        "print([m for m in sys.argv[1:] if m in sys.modules])"
-    )
-    heavy = [
-        "cv2",
-        "sklearn",
-        "pandas",
-        "matplotlib",
-        "hydra",
-        "scipy",
-        "safetensors",
-        "numba",
-    ]
-    done = subprocess.run(
-        [sys.executable, "-c", code, *heavy], capture_output=True, text=True, check=True
-    )
-    assert done.stdout.strip() == "[]"
 
 
 def test_the_version_is_that_of_the_project():
