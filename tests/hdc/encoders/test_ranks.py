@@ -107,6 +107,8 @@ def test_extreme_numbers_keep_their_order(dtype, brightest, monkeypatch):
         words = encode(torch.from_numpy(frames))
         found = bits.unpack(words, frames[0].size).numpy()
         assert np.array_equal(found, brightest(frames))
+    there = by_torch(torch.from_numpy(frames), [Fraction(1, 2)], "spread")
+    assert torch.equal(there, words)
 
 
 SIZES = {
