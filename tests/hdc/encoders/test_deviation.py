@@ -111,8 +111,9 @@ def test_no_sum_overflows_at_many_pixels(backend):
     assert ones[-1] == d + 5
 
 
-def test_the_largest_sums_are_whole():
-    """Differences as large as they get, of both signs, at 2²⁴ + 1 pixels."""
+def test_the_largest_sums_are_whole_and_variances_rounded_down():
+    """Differences as large as they get, of both signs, at 2²⁴ + 1 pixels; a variance of 8/9."""
+    assert deviations_of(torch.tensor([[1, 1, -1]], dtype=torch.int32)) == [0]
     n = 2**24 + 1
     differences = torch.full((1, n), 2**17, dtype=torch.int32)
     differences[0, ::2] = -(2**17)
