@@ -4,6 +4,7 @@ import os
 import shutil
 from pathlib import Path
 
+import cv2
 import numpy as np
 import pytest
 
@@ -13,7 +14,7 @@ CHECKOUT = Path(__file__).resolve().parents[1]
 
 
 @pytest.fixture
-def measured_data(monkeypatch, tmp_path_factory) -> None:
+def measured_data(monkeypatch, tmp_path_factory):
     """``MEASURED_DATA`` with the matrices of the first fibre: as it is set, else a folder with the
     copy beside the checkout."""
     beside = CHECKOUT.parent / "shared" / "data" / "mmf_disorder"
@@ -107,3 +108,18 @@ def frames_and_labels():
         ), labels
 
     return make
+
+
+@pytest.fixture
+def write_film():
+    """write_film(path, frames, code, rate): a video of frames [n, H, W], lossless if not told."""
+
+    def write(path, frames, code="FFV1", rate=10):
+        height, width = frames[0].shape
+        code = cv2.VideoWriter_fourcc(*code)
+        film = cv2.VideoWriter(str(path), cv2.CAP_FFMPEG, code, rate, (width, height))
+        for frame in frames:
+            film.write(np.dstack([frame] * 3))
+        film.release()
+
+    return write

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 import pytest
 import torch
@@ -22,12 +20,12 @@ def make_speckle(
 
 
 @pytest.fixture(name="speckle")
-def speckle_maker() -> Callable[..., tuple[Tensor, np.ndarray]]:
+def speckle_maker():
     return make_speckle
 
 
 @pytest.fixture
-def small() -> tuple[Tensor, np.ndarray]:
+def small():
     """40 frames of 12×10 pixels in 4 classes."""
     return make_speckle(40, (12, 10), 4)
 
@@ -48,5 +46,5 @@ class Lazy:
 
 
 @pytest.fixture
-def lazy() -> type[Lazy]:
+def lazy():
     return Lazy

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 import torch
 from sklearn.neighbors import NearestCentroid
 
 from baselines.bank import KERNELS, Bank
-from baselines.correlation import CorrelationClassifier
 from baselines.mean_image import MeanImage
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.pixels import fit_scaling
@@ -56,38 +53,6 @@ def test_kernels_are_those_of_scaled_pixels(pixels, sixteen, speckle):
     centred = bank.centred(TRAIN, QUERIES, pixels)[1]
     x = x - x[:40].mean(0)
     np.testing.assert_allclose(centred, x[40:] @ x[:40].T, **tolerance)
-
-
-MODELS = [
-    *(RidgeReadout(alpha=3.0, pixels=pixels) for pixels in KERNELS),
-    *(
-        NearestNeighbour(k=k, pixels=p)
-        for k in (1, 3)
-        for p in ("bits", "raw", "standardised")
-    ),
-    DualSoftmaxRegression(C=0.3, pixels="standardised"),
-    MeanImage(pixels="standardised"),
-    CorrelationClassifier(),
-]
-
-
-@pytest.mark.parametrize("model", MODELS, ids=str)
-def test_predictions_from_a_bank_are_those_of_the_trained_model(model, speckle):
-    frames, labels = speckle(60, (20, 15), 5)
-    predicted = model.predict_from(Bank(frames, labels, 5), TRAIN, QUERIES)
-    assert not hasattr(model, "classes_"), "the model is left as it was"
-    trained = replace(model).fit(frames[:40], labels[:40])
-    assert (predicted == trained.predict(frames[40:])).all()
-
-
-@pytest.mark.parametrize(
-    "model", [MeanImage(), CorrelationClassifier(), NearestNeighbour()]
-)
-def test_a_class_without_training_frames_is_never_predicted(model, speckle):
-    frames, labels = speckle(60, (20, 15), 5)
-    train = np.flatnonzero(labels[:40] != 2)
-    predicted = model.predict_from(Bank(frames, labels, 5), train, QUERIES)
-    assert set(predicted.tolist()) <= {0, 1, 3, 4}
 
 
 @pytest.mark.parametrize("pixels", ["bits", "raw", "standardised"])

@@ -56,7 +56,7 @@ def test_products_and_moments_are_those_of_python_integers(n, m, d, sixteen, see
     assert (second.numpy() == (y * y).sum(1)).all()
 
 
-def test_a_slow_native_product_is_left_alone(monkeypatch) -> None:
+def test_a_slow_native_product_is_left_alone(monkeypatch):
     """pytorch falls back to plain loops on a CPU without byte instructions."""
     a = torch.randint(-128, 128, (5, 3000), dtype=torch.int8)
     expected = integer_product(a, a.T)
@@ -68,7 +68,7 @@ def test_a_slow_native_product_is_left_alone(monkeypatch) -> None:
     products_in_float32 = []
     by_floats = products._by_floats
 
-    def counted(left: torch.Tensor, right: torch.Tensor) -> torch.Tensor:
+    def counted(left, right):
         products_in_float32.append(len(right))
         return by_floats(left, right)
 

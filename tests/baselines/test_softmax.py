@@ -135,7 +135,7 @@ def test_gradient_descent_is_stable_below_two_over_lambda_and_unstable_above(
     labels = np.random.default_rng(0).permutation(np.arange(80) % 4)
     limit = 2 / largest_curvature(features(frames, pixels), labels)
 
-    def losses(factor: float) -> list[float]:
+    def losses(factor):
         model = SoftmaxRegression(
             pixels=pixels,
             optimizer="SGD",

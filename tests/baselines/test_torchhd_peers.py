@@ -90,10 +90,3 @@ def test_without_torchhd_the_error_says_what_to_install(monkeypatch):
         ValueError, match=r"torchhd \(pip install torch-hd\), found none"
     ):
         TorchhdClassifier(classifier="QuantHD")
-
-
-def test_labels_may_be_any(torchhd, speckle):
-    frames, labels = speckle(30, (12, 10), 3)
-    named = np.array(["left", "right", "far away"])[labels]
-    model = TorchhdClassifier(classifier="AdaptHD", epochs=EPOCHS).fit(frames, named)
-    assert (model.predict(frames) == named).mean() > 0.9

@@ -7,6 +7,8 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
+from hdc.command import main
+
 
 def camera_frames(
     n: int, side: int = 500, seed: int = 0, dtype: str = "uint8"
@@ -129,20 +131,23 @@ def _brightest():
 
 
 @pytest.fixture
-def hard():
-    """hard(n, seed, drift) → frames [n, 2000] of four classes, which differ little from what all
-    have in common, and their labels."""
+def typed(capsys):
+    """typed(*words) → exit status, output and errors of a command line."""
 
-    def make(n: int, seed: int, drift: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
-        rng = np.random.default_rng(7)
-        common = rng.normal(0, 3, 2000)
-        fields = rng.normal(0, 0.5, (4, 2000))
-        moved = drift * rng.normal(0, 3, 2000)
-        rng = np.random.default_rng(seed)
-        labels = np.arange(n) % 4
-        modes = np.random.default_rng(8).normal(0, 1, (3, 2000))
-        shared = rng.normal(0, 1, (n, 3)) @ modes
-        noise = rng.normal(0, 1, (n, 2000))
-        return common + moved + fields[labels] + shared + noise, labels
+    def run(*words):
+        with pytest.raises(SystemExit) as caught:
+            main([str(word) for word in words])
+        return caught.value.code, *capsys.readouterr()
 
-    return make
+    return run
+
+
+@pytest.fixture
+def hdc(typed):
+    """:func:`typed`, in lines."""
+
+    def run(*words):
+        status, out, err = typed(*words)
+        return status, out.splitlines(), err.splitlines()
+
+    return run

@@ -16,7 +16,7 @@ def mask_of(shape: tuple[int, ...], seed: int = 0) -> Tensor:
     return torch.from_numpy(np.random.default_rng(seed).random(shape) < 0.5)
 
 
-def test_bit_j_lies_in_word_j_over_64_least_significant_first() -> None:
+def test_bit_j_lies_in_word_j_over_64_least_significant_first():
     for j in range(130):
         mask = torch.zeros(130, dtype=torch.bool)
         mask[j] = True
@@ -29,7 +29,7 @@ def test_bit_j_lies_in_word_j_over_64_least_significant_first() -> None:
 @given(st.lists(st.integers(-(2**63), 2**63 - 1), min_size=1, max_size=20))
 @example([-1, 0, 1, -(2**63), 2**63 - 1])
 @settings(max_examples=100, deadline=None)
-def test_population_counts_of_any_word(values: list[int]) -> None:
+def test_population_counts_of_any_word(values):
     words = torch.tensor(values)
     expected = [(v & (2**64 - 1)).bit_count() for v in values]
     assert bits.popcount(words).tolist() == expected
@@ -38,7 +38,7 @@ def test_population_counts_of_any_word(values: list[int]) -> None:
 
 @given(st.integers(0, 40), st.integers(0, 6), st.integers(1, 300), st.integers(0, 9))
 @settings(max_examples=60, deadline=None)
-def test_hamming_of_any_shape(q: int, n: int, d: int, seed: int) -> None:
+def test_hamming_of_any_shape(q, n, d, seed):
     queries, prototypes = mask_of((q, d), seed), mask_of((n, d), seed + 1)
     expected = (queries[:, None] ^ prototypes).sum(-1)
     a, b = bits.pack(queries), bits.pack(prototypes)
@@ -54,7 +54,7 @@ class Elsewhere(Tensor):
 
 @given(st.integers(1, 40), st.integers(1, 6), st.integers(1, 300), st.integers(0, 9))
 @settings(max_examples=60, deadline=None)
-def test_same_bits_on_other_devices(q: int, n: int, d: int, seed: int) -> None:
+def test_same_bits_on_other_devices(q, n, d, seed):
     queries, prototypes = mask_of((q, d), seed), mask_of((n, d), seed + 1)
     there = [bits.pack(mask.as_subclass(Elsewhere)) for mask in (queries, prototypes)]
     here = [bits.pack(mask) for mask in (queries, prototypes)]
@@ -69,7 +69,7 @@ def test_same_bits_on_other_devices(q: int, n: int, d: int, seed: int) -> None:
     assert torch.equal(torch.as_tensor(ones), queries.sum(0))
 
 
-def test_wrong_types_and_widths_are_named() -> None:
+def test_wrong_types_and_widths_are_named():
     with pytest.raises(
         TypeError, match=r"mask: expected dtype torch\.bool, found torch\.uint8"
     ):
@@ -78,6 +78,14 @@ def test_wrong_types_and_widths_are_named() -> None:
         bits.unpack(torch.zeros(3, 1, dtype=torch.int64), 65)
     with pytest.raises(ValueError, match="found 2 and 3 words"):
         bits.hamming(torch.zeros(1, 2).long(), torch.zeros(1, 3).long())
+    with pytest.raises(TypeError, match="hamming: expected packed words of int64"):
+        bits.hamming(torch.zeros(2, 3).long(), torch.zeros(2, 3).double())
+    others = (bits.popcount, bits.count_ones, bits.majority)
+    for call in (*others, lambda words: bits.unpack(words, 3 * bits.WORD)):
+        with pytest.raises(
+            TypeError, match="expected packed words of int64, found int32"
+        ):
+            call(torch.full((2, 3), -1, dtype=torch.int32))
     words = torch.zeros(2, 1).long()
     with pytest.raises(
         ValueError, match="ties: expected one of zero, one, random, found 'half'"
@@ -90,7 +98,7 @@ def test_wrong_types_and_widths_are_named() -> None:
 
 
 @pytest.mark.parametrize("d", [1, 63, 65, 127])
-def test_bits_beyond_the_last_stay_zero(d: int) -> None:
+def test_bits_beyond_the_last_stay_zero(d):
     ones = bits.pack(torch.ones(4, d, dtype=torch.bool))
     breaker = bits.random_hypervector(d, 1)
     for words in (ones, torch.zeros_like(ones)):
@@ -101,7 +109,7 @@ def test_bits_beyond_the_last_stay_zero(d: int) -> None:
 
 
 @pytest.mark.parametrize("p", [0, 0.001, 0.25, 0.5, 1])
-def test_random_bits_are_one_with_probability_p(p: float) -> None:
+def test_random_bits_are_one_with_probability_p(p):
     words = bits.random_hypervector(1_000_001, 3, p)
     share = bits.count_ones(words).item() / 1_000_001
     assert abs(share - p) <= 5 * (p * (1 - p) / 1_000_001) ** 0.5
@@ -111,7 +119,7 @@ def test_random_bits_are_one_with_probability_p(p: float) -> None:
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-def test_same_bits_on_cuda() -> None:
+def test_same_bits_on_cuda():
     mask = mask_of((70, 1000))
     words = bits.pack(mask)
     there = bits.pack(mask.cuda())
@@ -126,7 +134,7 @@ def test_same_bits_on_cuda() -> None:
 
 @pytest.mark.parametrize("n", [1, 2, 3, 80, 255, 256, 65_537])
 @pytest.mark.parametrize("ties", bits.TIES)
-def test_majority_is_the_count_compared_with_half(n: int, ties: str) -> None:
+def test_majority_is_the_count_compared_with_half(n, ties):
     d = 65 if n > 1000 else 1000
     vectors, breaker = mask_of((n, d)), mask_of((1, d), 9)[0]
     counts = vectors.sum(0)

@@ -9,7 +9,6 @@ from sklearn.base import clone
 from sklearn.linear_model import RidgeCV
 
 from hdc import HDCRegressor, circular
-from hdc.command import main
 from hdc.command.compare import rivals
 from hdc.command.compare.frames import FrameBank, Frames
 from hdc.command.messages import circular_lines
@@ -24,17 +23,6 @@ def turned(degrees):
     bump = 110 + 80 * np.cos(np.deg2rad(places - degrees[:, None]))
     noise = np.random.default_rng(1).integers(0, 20, (len(degrees), 300))
     return (bump + noise).astype(np.uint8).reshape(-1, 15, 20)
-
-
-@pytest.fixture
-def run(capsys):
-    def command(*words):
-        with pytest.raises(SystemExit) as caught:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        return caught.value.code, out.splitlines(), err
-
-    return command
 
 
 @pytest.fixture
@@ -116,32 +104,32 @@ def test_rivals_learn_circular_values_by_cosine_and_sine():
 
 
 def test_the_command_declares_advises_and_measures_on_the_circle(
-    run, archive, tmp_path
+    hdc, archive, tmp_path
 ):
     model = tmp_path / "m"
     words = ("train", archive, "-o", model, "--test-fraction", 0.3)
-    advised = [line for line in run(*words)[1] if "--circular 360" in line]
+    advised = [line for line in hdc(*words)[1] if "--circular 360" in line]
     assert len(advised) == 1
     assert advised[0].startswith("yaw: -17")
-    status, out, err = run(*words, "--circular", 360)
-    assert (status, err) == (0, "")
+    status, out, err = hdc(*words, "--circular", 360)
+    assert (status, err) == (0, [])
     assert not [line for line in out if "--circular" in line]
     error = float(out[2].split("error ")[1].split(" ")[0])
     assert error < 6
-    status, out, _ = run("evaluate", model, archive)
+    status, out, _ = hdc("evaluate", model, archive)
     assert status == 0
     assert float(out[0].split("error ")[1].split(" ")[0]) < 6
     words = ("compare", archive, "--circular", 360, "--draws", 1, "--budget", 0.02)
-    status, out, err = run(*words, "--json")
+    status, out, err = hdc(*words, "--json")
     result = json.loads(out[0])
     assert result["tests"][-1]["methods"]["median, ridge"]["errors"]["yaw"] < 6
     line = shlex.split(result["command"])
     assert line[line.index("--circular") + 1] == "360"
     labelled = tmp_path / "c.npz"
     np.savez(labelled, frames=turned(DEGREES[:6]), labels=[0, 1] * 3)
-    status, out, err = run("train", labelled, "-o", model, "--circular", 360)
-    assert (status, err.count("\n")) == (1, 1)
-    assert "--circular: expected a table of numbers, found classes" in err
+    status, _, err = hdc("train", labelled, "-o", model, "--circular", 360)
+    assert status == 1
+    assert "--circular: expected a table of numbers, found classes" in err[0]
 
 
 @pytest.mark.parametrize(

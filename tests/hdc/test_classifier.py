@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from hdc import HDCClassifier
-from hdc.readouts import Majority, Neighbours
+from hdc.readouts import Neighbours
 from hdc.readouts.majority import METHODS
 
 
@@ -24,7 +24,7 @@ def touches(
     ), labels
 
 
-def test_a_refused_first_batch_changes_nothing() -> None:
+def test_a_refused_first_batch_changes_nothing():
     frames, labels = touches()
     model = HDCClassifier().fit(frames, labels)
     before = model.prototypes_.clone()
@@ -36,7 +36,7 @@ def test_a_refused_first_batch_changes_nothing() -> None:
     assert torch.equal(model.prototypes_, before)
 
 
-def test_a_fit_that_raises_leaves_the_model_of_before() -> None:
+def test_a_fit_that_raises_leaves_the_model_of_before():
     frames, labels = touches(600)
     model = HDCClassifier().fit(frames, labels)
     before = model.distances(frames)
@@ -49,7 +49,7 @@ def test_a_fit_that_raises_leaves_the_model_of_before() -> None:
     assert not hasattr(HDCClassifier(), "prototypes_")
 
 
-def test_threads_that_ask_a_fresh_model_agree_with_one() -> None:
+def test_threads_that_ask_a_fresh_model_agree_with_one():
     frames, labels = touches(300)
     queries = np.concatenate([frames[:40], 255 - frames[:40]])
     expected = HDCClassifier().fit(frames, labels).is_known(queries, 0.1).tolist()
@@ -60,7 +60,7 @@ def test_threads_that_ask_a_fresh_model_agree_with_one() -> None:
         assert all(answer.tolist() == expected for answer in answers)
 
 
-def test_errors_and_warnings_number_frames_from_the_first_of_all() -> None:
+def test_errors_and_warnings_number_frames_from_the_first_of_all():
     frames, labels = touches(300)
     bad = frames.astype(np.float32)
     bad[290, 0, 0] = np.inf
@@ -75,20 +75,22 @@ def test_errors_and_warnings_number_frames_from_the_first_of_all() -> None:
         model.predict(frames)
 
 
-def test_training_yields_once_all_classes_have_been_seen() -> None:
+def test_training_yields_once_all_classes_have_been_seen():
     frames, labels = touches(900)
     order = np.argsort(labels == 2, kind="stable")  # the third class comes last
     model = HDCClassifier()
     seen = []
     for report in model.train(frames[order], labels[order]):
         seen.append(report["samples_seen"])
+        first = order[: seen[-1]]
+        expected = HDCClassifier().fit(frames[first], labels[first])
+        assert torch.equal(model.prototypes_, expected.prototypes_)
         assert model.counts_.sum() == seen[-1]
-        assert model.score(frames, labels) > 0.9
     assert seen == [768, 900]
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-def test_same_bits_on_an_accelerator() -> None:
+def test_same_bits_on_an_accelerator():
     frames, labels = touches()
     here = HDCClassifier().fit(frames, labels)
     there = HDCClassifier(device="cuda").fit(frames, labels)
@@ -102,10 +104,6 @@ def test_same_bits_on_an_accelerator() -> None:
         (
             lambda f, y, _: HDCClassifier().fit(f[:0], y[:0]),
             "expected at least one frame",
-        ),
-        (
-            lambda f, y, _: HDCClassifier(readout=Majority("x")).fit(f, y),
-            "ties: expected one of zero, one, random",
         ),
         (
             lambda f, y, _: HDCClassifier("x").fit(f, y),
@@ -137,10 +135,9 @@ def test_same_bits_on_an_accelerator() -> None:
             lambda f, y, _: HDCClassifier(readout="ridge").fit(f[::3], y[::3]),
             r"at least two classes for Ridge\(.*, found one class, 0; .* 'majority'",
         ),
-        (lambda f, y, model: model.predict(f[:, :5]), "expected D = 144 pixels"),
     ],
 )
-def test_bad_input_gets_one_clear_error(call, message: str) -> None:
+def test_bad_input_gets_one_clear_error(call, message):
     frames, labels = touches()
     with pytest.raises(ValueError, match=message):
         call(frames, labels, HDCClassifier().fit(frames, labels))
@@ -150,9 +147,7 @@ def test_bad_input_gets_one_clear_error(call, message: str) -> None:
 
 
 @pytest.mark.parametrize("readout", ["majority", "counts"])
-def test_told_classes_are_known_and_never_predicted_without_samples(
-    readout: str, tmp_path
-) -> None:
+def test_told_classes_are_known_and_never_predicted_without_samples(readout, tmp_path):
     frames, labels = touches()
     model = HDCClassifier(readout=readout)
     model.partial_fit(frames[labels == 1], labels[labels == 1], classes=[3, 0, 1, 2])
@@ -181,7 +176,7 @@ def test_told_classes_are_known_and_never_predicted_without_samples(
 # Parts --------------------------------------------------------------------------------------------
 
 
-def test_what_cannot_be_merged_is_named() -> None:
+def test_what_cannot_be_merged_is_named():
     frames, labels = touches()
     model = HDCClassifier().fit(frames, labels)
     others = {
@@ -200,7 +195,7 @@ def test_what_cannot_be_merged_is_named() -> None:
     assert model.counts_.tolist() == [20, 20, 20]
 
 
-def test_equal_distances_go_to_the_first_class() -> None:
+def test_equal_distances_go_to_the_first_class():
     frames = np.array([[9, 0, 0, 9], [0, 9, 9, 0]], np.uint8)
     model = HDCClassifier().fit(frames, ["b", "a"])
     query = np.array([[9, 9, 0, 0]], np.uint8)
@@ -220,7 +215,7 @@ def test_equal_distances_go_to_the_first_class() -> None:
         {"encoder__ties": "raster"},
     ],
 )
-def test_parts_that_were_set_after_training_are_named(change: dict) -> None:
+def test_parts_that_were_set_after_training_are_named(change):
     frames, labels = touches()
     other = HDCClassifier().fit(frames, labels)
     name = next(iter(change)).partition("__")[0]
@@ -242,7 +237,7 @@ def test_parts_that_were_set_after_training_are_named(change: dict) -> None:
     assert model.fit(frames, labels).score(frames, labels) > 0.9
 
 
-def test_numpy_numbers_are_taken_for_plain_ones(tmp_path) -> None:
+def test_numpy_numbers_are_taken_for_plain_ones(tmp_path):
     frames, labels = touches()
     model = HDCClassifier().fit(frames, labels)
     mixed = np.concatenate([frames, 255 - frames])
@@ -267,35 +262,19 @@ def test_numpy_numbers_are_taken_for_plain_ones(tmp_path) -> None:
         ("nonsense", False, False),
     ],
 )
-def test_methods_that_always_raise_are_absent(
-    readout: str, learns: bool, adapts: bool
-) -> None:
+def test_methods_that_always_raise_are_absent(readout, learns, adapts):
     model = HDCClassifier(readout=readout)
     assert hasattr(model, "partial_fit") == hasattr(model, "merge") == learns
     assert hasattr(model, "recalibrate") == adapts
     assert HDCClassifier.partial_fit.__doc__.startswith("Learn a further batch")
-    if not learns:
-        message = (
-            r"^(merge|partial_fit): .*(found LDA|found Tr|found Ri|one of majority, )"
-        )
-        for name in ("partial_fit", "merge"):
-            for kind in (AttributeError, ValueError):
-                with pytest.raises(kind, match=message):
-                    getattr(model, name)
-
-
-def test_own_threads_of_work_see_whole_prototypes_while_training_yields() -> None:
-    """What a user sees between two chunks is a model of all frames so far."""
-    frames, labels = touches(600)
-    model = HDCClassifier()
-    for report in model.train(frames, labels):
-        n = report["samples_seen"]
-        expected = HDCClassifier().fit(frames[:n], labels[:n])
-        assert torch.equal(model.prototypes_, expected.prototypes_)
+    if readout == "nonsense":
+        for kind in (AttributeError, ValueError):
+            with pytest.raises(kind, match=r"^merge: .*one of majority, "):
+                _ = model.merge
 
 
 @pytest.mark.parametrize("readout", ["ridge", "lda", "trained"])
-def test_a_read_out_that_wants_all_frames_has_them_once(readout: str) -> None:
+def test_a_read_out_that_wants_all_frames_has_them_once(readout):
     frames, labels = touches(600)
     model = HDCClassifier(readout=readout)
     assert [r["samples_seen"] for r in model.train(frames, labels)] == [600]

@@ -65,9 +65,7 @@ def frames_of(n: int, d: int, spread: float = 20.0) -> torch.Tensor:
 @needs_numba
 @pytest.mark.parametrize("ties", TIES)
 @pytest.mark.parametrize("said", [0, 100, 255])
-def test_any_sample_gives_the_same(
-    said: int, ties: str, kinds_of_frames, brightest
-) -> None:
+def test_any_sample_gives_the_same(said, ties, kinds_of_frames, brightest):
     """The sample says where to look first, and nothing else: it may be as wrong as can be."""
     from hdc import compiled
 
@@ -106,9 +104,7 @@ def prototypes(words, labels, n_classes: int, d: int, backend: str) -> torch.Ten
            elements=st.integers(0, 255)),
     st.integers(1, 6),
 )  # fmt: skip
-def test_same_words_and_same_counts_of_any_frames(
-    frames: np.ndarray, n_classes: int
-) -> None:
+def test_same_words_and_same_counts_of_any_frames(frames, n_classes):
     expected, found = both(torch.from_numpy(frames))
     assert torch.equal(found, expected)
     labels = torch.from_numpy(frames[:, 0].astype(np.int64) % n_classes)
@@ -121,7 +117,7 @@ def test_same_words_and_same_counts_of_any_frames(
 
 @needs_numba
 @pytest.mark.filterwarnings("ignore:.*of the pixels of a frame")
-def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
+def test_constant_frames_are_named_and_have_half_ones(threads):
     frames = frames_of(40, 9000)
     frames[3], frames[39] = 0, 255
     with pytest.warns(UserWarning, match=r"2 constant frame\(s\), at index 103, 139:"):
@@ -132,7 +128,7 @@ def test_constant_frames_are_named_and_have_half_ones(threads: int) -> None:
         encode(frames, backend="compiled")
 
 
-def test_other_backends_and_devices_are_refused() -> None:
+def test_other_backends_and_devices_are_refused():
     frames = frames_of(4, 100)
     with pytest.raises(
         ValueError, match="expected one of auto, numpy, compiled, found 'cuda'"
@@ -165,20 +161,20 @@ def without_numba(fresh, monkeypatch):
 
 
 @needs_numba
-def test_auto_is_compiled_once_it_pays(fresh) -> None:
+def test_auto_is_compiled_once_it_pays(fresh):
     assert backends.choose_backend("auto", "cpu", backends.ENOUGH - 1) == "numpy"
     assert backends.choose_backend("auto", "meta", backends.ENOUGH) == "numpy"
     assert backends.choose_backend("auto", "cpu", 1) == "compiled"
 
 
 @needs_numba
-def test_auto_is_compiled_after_a_user_has_asked_for_it(fresh) -> None:
+def test_auto_is_compiled_after_a_user_has_asked_for_it(fresh):
     assert backends.choose_backend("auto", "cpu", 1) == "numpy"
     hdc.compile_kernels()
     assert backends.choose_backend("auto", "cpu") == "compiled"
 
 
-def test_without_numba_the_parameter_is_named(without_numba) -> None:
+def test_without_numba_the_parameter_is_named(without_numba):
     message = r"backend: 'compiled' expects numba \(pip install 'speckle-hdc\[compiled\]'\), found"
     frames = frames_of(4, 100)
     with pytest.raises(ValueError, match=message):
@@ -191,9 +187,7 @@ def test_without_numba_the_parameter_is_named(without_numba) -> None:
 
 @needs_numba
 @pytest.mark.parametrize("readout", ["majority", "counts", "trained", "ridge"])
-def test_kernels_that_are_loaded_during_fit_change_nothing(
-    fresh, monkeypatch, readout
-) -> None:
+def test_kernels_that_are_loaded_during_fit_change_nothing(fresh, monkeypatch, readout):
     monkeypatch.setattr("hdc.learner.CHUNK", 8)
     monkeypatch.setattr("hdc.estimator.CHUNK", 8)
     frames = frames_of(40, 1000)
@@ -215,9 +209,7 @@ def test_kernels_that_are_loaded_during_fit_change_nothing(
            elements=st.integers(0, 255)),
     st.integers(1, 6), st.integers(1, 4), st.data(),
 )  # fmt: skip
-def test_one_read_counts_and_keeps_what_two_do(
-    frames, n_classes, n_threads, data
-) -> None:
+def test_one_read_counts_and_keeps_what_two_do(frames, n_classes, n_threads, data):
     """Wherever the classes are cut among threads, and whichever hypervectors are kept."""
     from hdc.compiled import operations
 
@@ -253,9 +245,7 @@ def test_one_read_counts_and_keeps_what_two_do(
     "encoder", ["median", Quantile("2/3", "raster"), Levels(3)], ids=repr
 )
 @pytest.mark.parametrize("balance", [True, False])
-def test_a_model_trained_in_one_read_is_the_same(
-    balance: bool, encoder, tmp_path
-) -> None:
+def test_a_model_trained_in_one_read_is_the_same(balance, encoder, tmp_path):
     frames, labels = frames_of(400, 70), np.arange(400) % 7 % 3
     files = []
     for backend in backends.BACKENDS:
@@ -268,7 +258,7 @@ def test_a_model_trained_in_one_read_is_the_same(
 
 @needs_numba
 @pytest.mark.parametrize("backend", backends.BACKENDS)
-def test_frames_in_colour_are_refused_by_both(backend: str) -> None:
+def test_frames_in_colour_are_refused_by_both(backend):
     frames = np.zeros((6, 8, 9, 3), np.uint8)
     message = r"frames: expected shape \[N, H, W\] or \[N, D\], found \(6, 8, 9, 3\)"
     for call in ("fit", "partial_fit"):
@@ -281,7 +271,7 @@ def test_frames_in_colour_are_refused_by_both(backend: str) -> None:
 
 @needs_numba
 @pytest.mark.parametrize("backend", backends.BACKENDS)
-def test_models_warn_of_two_valued_frames_once(backend: str) -> None:
+def test_models_warn_of_two_valued_frames_once(backend):
     frames = (np.random.default_rng(0).random((600, 90)) < 0.3).astype(np.uint8)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")

@@ -13,11 +13,12 @@ from hdc.conformal import FEWEST, Conformal, Peers
 from hdc.encoders import Median
 from hdc.export import Plan
 from hdc.prototypes import Counters
-from hdc.readouts import Readout, Ridge
+from hdc.readouts import Ridge
 from hdc.readouts.majority import EXTRAS, deciding_prototypes
-from hdc.sample import KEPT, Sample, random_place
+from hdc.sample import KEPT, Sample
+from tests.hdc.own import Nearest
 
-D = 4096
+D = 2048
 
 
 class Speckle:
@@ -85,9 +86,7 @@ def plain_p(peers: list[Peers | None], words: torch.Tensor, alpha: float) -> np.
 
 @pytest.mark.parametrize("alpha", [0.5, 0.2, 0.05, 0.025, 0.01])
 @pytest.mark.filterwarnings("ignore:alpha=.* needs at least")
-def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(
-    alpha: float,
-) -> None:
+def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(alpha):
     """Few bits, so that distances are often equal; classes of 19, 19, 3 and one frame, and none."""
     rng = np.random.default_rng(0)
     words = [torch.from_numpy(rng.integers(0, 2**14, (m, 1))) for m in (19, 19, 3, 1)]
@@ -110,7 +109,7 @@ def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(
         )
 
 
-def test_too_small_a_share_is_named() -> None:
+def test_too_small_a_share_is_named():
     words = torch.arange(39).reshape(-1, 1)
     counters = Counters(1, 14)
     counters.add(words, torch.zeros(39, dtype=torch.int64))
@@ -128,20 +127,14 @@ def test_too_small_a_share_is_named() -> None:
 
 @pytest.mark.parametrize("per_class", [6, 40])
 @pytest.mark.filterwarnings("ignore:.*constant frame")
-def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(
-    per_class: int,
-) -> None:
-    refused, missed = [], []
+def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(per_class):
+    refused = []
     for seed in range(8):
         speckle = Speckle(seed)
         model = HDCClassifier().fit(*speckle.frames(5 * per_class))
-        frames, labels = speckle.frames(400)
+        frames, _ = speckle.frames(400)
         refused.append(
             [1 - model.is_known(frames, rate).mean() for rate in (0.05, 0.2)]
-        )
-        sets = model.predict_set(frames, 0.2)
-        missed.append(
-            np.mean([y not in found for y, found in zip(labels, sets, strict=True)])
         )
         assert not model.is_known(junk()).any()
         assert not model.is_known(
@@ -150,12 +143,11 @@ def test_fresh_frames_are_refused_as_often_as_stated_and_junk_always(
     low, high = np.mean(refused, 0)
     assert 0.02 < low < 0.08, refused
     assert 0.1 < high < 0.26, refused  # 1 in 7 of 6 + 1 frames
-    assert 0.1 < np.mean(missed) < 0.26, missed
 
 
 @pytest.mark.parametrize("per_class", [1, 2, 3, 4, 5, 10])
 @pytest.mark.filterwarnings("ignore:alpha=.* needs at least")
-def test_sets_cover_what_is_asked_however_few_frames_there_are(per_class: int) -> None:
+def test_sets_cover_what_is_asked_however_few_frames_there_are(per_class):
     """Fewer than four frames of a class: two of them were covered half as often as asked."""
     asked = np.array([0.8, 0.9, 0.95])
     covered = []
@@ -173,7 +165,7 @@ def _share_of_right(sets, labels) -> float:
     return float(np.mean([y in one for y, one in zip(labels, sets, strict=True)]))
 
 
-def test_too_few_frames_of_a_class_are_named() -> None:
+def test_too_few_frames_of_a_class_are_named():
     frames, labels = Speckle(0).frames(15)
     model = HDCClassifier().fit(frames, labels)
     text = "alpha=0.1 needs at least 4 stored frames of each class, found 3; no frame"
@@ -182,15 +174,24 @@ def test_too_few_frames_of_a_class_are_named() -> None:
     assert {len(found) for found in sets} == {5}
 
 
+def noisy(seed, noise):
+    """draw(labels) → frames [n, 500] of three classes, each of a noise of its own."""
+    rng = np.random.default_rng(seed)
+    fields = rng.normal(0, 1, (3, 500))
+
+    def draw(labels):
+        own = np.array(noise)[labels, None]
+        return fields[labels] + own * rng.normal(0, 1, (len(labels), 500))
+
+    return draw
+
+
 @pytest.mark.parametrize("share", [0.1, 0.2, 0.5])
-def test_each_class_is_covered_whatever_its_spread_and_number(share: float) -> None:
+def test_each_class_is_covered_whatever_its_spread_and_number(share):
     """Classes of unlike noise and number: the guarantee is for each, never exceeded by chance."""
     missed = []
     for seed in range(12):
-        rng = np.random.default_rng(seed)
-        fields, noise = rng.normal(0, 1, (3, 500)), np.array([0.5, 1, 3])
-        labels = np.repeat([0, 1, 2], [20, 40, 90])
-        draw = lambda y: fields[y] + noise[y, None] * rng.normal(0, 1, (len(y), 500))  # noqa: E731, B023
+        draw, labels = noisy(seed, [0.5, 1, 3]), np.repeat([0, 1, 2], [20, 40, 90])
         model = HDCClassifier().fit(draw(labels), labels)
         fresh = np.repeat([0, 1, 2], 60)
         sets = model.predict_set(draw(fresh), share)
@@ -200,7 +201,7 @@ def test_each_class_is_covered_whatever_its_spread_and_number(share: float) -> N
 
 
 @pytest.mark.filterwarnings("ignore:.*constant frame")
-def test_predictions_are_labels_and_what_is_known_is_asked_apart() -> None:
+def test_predictions_are_labels_and_what_is_known_is_asked_apart():
     speckle = Speckle(1)
     frames, labels = speckle.frames(100)
     names = np.array(list("edcba"))
@@ -223,7 +224,7 @@ def test_predictions_are_labels_and_what_is_known_is_asked_apart() -> None:
 
 @pytest.mark.parametrize("ties", bits.TIES)
 @pytest.mark.parametrize("n", [1, 2, 3, 4, 7, 12])
-def test_distances_are_those_of_counting_anew(n: int, ties: str) -> None:
+def test_distances_are_those_of_counting_anew(n, ties):
     """With the new frame in the place of a kept one, and with a kept one left out."""
     rng = np.random.default_rng(n)
     words = bits.pack(torch.from_numpy(rng.random((n + 3, 333)) < rng.random(333)))
@@ -247,7 +248,7 @@ def test_distances_are_those_of_counting_anew(n: int, ties: str) -> None:
             assert peers.held_out[i] + peers.mean == pytest.approx(expected)
 
 
-def test_recalibrated_models_compare_with_the_new_frames() -> None:
+def test_recalibrated_models_compare_with_the_new_frames():
     """By exchanging frames in the second recalibration and counting anew."""
     speckle = Speckle(3)
     old, labels = speckle.frames(50)
@@ -276,7 +277,7 @@ def test_recalibrated_models_compare_with_the_new_frames() -> None:
 # What is kept -------------------------------------------------------------------------------------
 
 
-def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time() -> None:
+def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time():
     words, labels = torch.arange(3000)[:, None], ["a", "b", "a"] * 1000
     samples = []
     for cuts in ([3000], [128] * 24, [1] * 3000):
@@ -292,12 +293,6 @@ def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time() 
     assert thirds.min() >= 5  # of 38
 
 
-def test_each_place_of_a_sample_is_as_likely_as_any_other() -> None:
-    shares = [random_place(0, k) / (k + 1) for k in range(KEPT, 20_000)]
-    counts, _ = np.histogram(shares, bins=20, range=(0, 1))
-    assert np.abs(counts / len(shares) - 1 / 20).max() < 0.008  # five standard errors
-
-
 def chi_square(kept: list[int], n: int, bins: int) -> float:
     """Of how often frames 0 … n − 1 were kept, in units of what equal chances let expect."""
     counts, _ = np.histogram(kept, bins=bins, range=(0, n))
@@ -306,7 +301,7 @@ def chi_square(kept: list[int], n: int, bins: int) -> float:
 
 
 @pytest.mark.parametrize("n", [40, 3000])
-def test_every_frame_is_kept_with_the_same_chance(n: int) -> None:
+def test_every_frame_is_kept_with_the_same_chance(n):
     """No frame after the 108th used to be."""
     kept = []
     for seed in range(600 if n == 40 else 100):
@@ -318,36 +313,26 @@ def test_every_frame_is_kept_with_the_same_chance(n: int) -> None:
 
 
 @pytest.mark.parametrize("sizes", [(300, 300), (30, 400), (5, 40)])
-def test_every_frame_of_merged_samples_is_kept_with_the_same_chance(sizes) -> None:
+def test_every_frame_of_merged_samples_is_kept_with_the_same_chance(sizes):
     n = sum(sizes)
     kept = []
-    for seed in range(800):
-        sample, other = Sample(seed), Sample(seed + 10_000)
-        sample.add(torch.arange(sizes[0])[:, None], ["a"] * sizes[0])
-        sample.seed = seed
+    for seed in range(500):
+        sample, again, other = Sample(seed), Sample(seed), Sample(seed + 10_000)
         other.add(torch.arange(sizes[0], n)[:, None], ["a"] * sizes[1])
-        sample.merge(other)
-        assert sample.seen == {"a": n}
+        other.add(torch.tensor([[7], [8]]), ["b"] * 2)
+        for some in (sample, again):
+            some.add(torch.arange(sizes[0])[:, None], ["a"] * sizes[0])
+            some.merge(other)
+        assert sample.seen == {"a": n, "b": 2}
+        assert sample.of("b")[:, 0].tolist() == [7, 8]
+        assert torch.equal(again.of("a"), sample.of("a"))
         found = sample.of("a")[:, 0].tolist()
         assert len(set(found)) == min(KEPT, n)
         kept += found
     assert chi_square(kept, n, bins=15) < 2.2
 
 
-def test_a_loud_beginning_of_a_recording_decides_nothing() -> None:
-    """38 odd frames before 2,000 had made every frame of noise a known one."""
-    rng = np.random.default_rng(5)
-    field = rng.normal(0, 1, (2, 600))
-    labels = np.arange(2000) % 2
-    plain = field[labels] + rng.normal(0, 0.5, (2000, 600))
-    odd = rng.normal(0, 1, (38, 600))
-    frames = np.concatenate([odd, plain])
-    model = HDCClassifier().fit(frames, np.concatenate([np.arange(38) % 2, labels]))
-    noise = rng.normal(0, 1, (200, 600))
-    assert model.is_known(noise, 0.1).mean() < 0.2
-
-
-def test_decisions_are_shares_of_pixels() -> None:
+def test_decisions_are_shares_of_pixels():
     frames, labels = Speckle(0).frames(50)
     model = HDCClassifier().fit(frames, labels)
     expected = -model.distances(frames) / D
@@ -360,48 +345,7 @@ def test_decisions_are_shares_of_pixels() -> None:
     assert ((model.decision_function(frames) > 0) == (model.predict(frames) == 1)).all()
 
 
-def numbered(label: str, first: int, n: int) -> Sample:
-    """A sample that n hypervectors of one word came by, numbered from `first`."""
-    sample = Sample()
-    sample.add(torch.arange(first, first + n)[:, None], [label] * n)
-    return sample
-
-
-@pytest.mark.parametrize(("n", "n_other"), [(5, 6), (5, 100), (100, 100), (100, 3)])
-def test_merged_samples_have_hypervectors_of_both(n, n_other) -> None:
-    sample, other = numbered("a", 0, n), numbered("a", 1000, n_other)
-    again = numbered("a", 0, n)
-    sample.merge(other)
-    assert sample.seen == {"a": n + n_other}
-    kept = sample.of("a")[:, 0].tolist()
-    assert len(set(kept)) == min(KEPT, n + n_other)
-    known = [numbered("a", 0, n), other]
-    assert set(kept) <= {int(x) for each in known for x in each.of("a")[:, 0]}
-    again.merge(other)
-    assert again.of("a")[:, 0].tolist() == kept
-    sample.merge(numbered("b", 7, 2))
-    assert sample.of("b")[:, 0].tolist() == [7, 8]
-    assert sample.of("a")[:, 0].tolist() == kept
-
-
 # Read-outs that are compared by their own scores --------------------------------------------------
-
-
-class Nearest(Readout):
-    """The nearest mean, of one's own: without scores in closed form."""
-
-    def fit(self, words, rows, n_classes, dimension):
-        ones = bits.unpack(words, dimension).double()
-        self.means_ = torch.stack([ones[rows == c].mean(0) for c in range(n_classes)])
-        self._dimension = dimension
-        return self
-
-    def scores(self, words):
-        return -torch.cdist(bits.unpack(words, self._dimension).double(), self.means_)
-
-    def restore(self, tensors, n_classes, dimension):
-        super().restore(tensors, n_classes, dimension)
-        self._dimension = dimension
 
 
 OTHERS = ["ridge", "lda", "kernel", "trained", "neighbours", Nearest()]
@@ -409,9 +353,7 @@ OTHERS = ["ridge", "lda", "kernel", "trained", "neighbours", Nearest()]
 
 @pytest.mark.parametrize("readout", OTHERS, ids=str)
 @pytest.mark.parametrize("per_class", [8, 25])
-def test_other_read_outs_cover_about_what_is_asked_and_refuse_junk(
-    readout, per_class: int
-) -> None:
+def test_other_read_outs_cover_about_what_is_asked_and_refuse_junk(readout, per_class):
     covered, refused, unknown = [], [], []
     for seed in range(6):
         speckle = Speckle(seed)
@@ -427,14 +369,11 @@ def test_other_read_outs_cover_about_what_is_asked_and_refuse_junk(
 
 
 @pytest.mark.parametrize("readout", ["majority", "counts", *OTHERS], ids=str)
-def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(
-    readout, tmp_path
-) -> None:
-    """29 of 240 labels lay outside their own set."""
-    speckle = Speckle(4)
-    frames, labels = speckle.frames(75)
-    queries, _ = speckle.frames(240)
-    model = HDCClassifier(readout=readout).fit(frames, labels)
+def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(readout):
+    """Of classes of unlike noise 29 of 240 labels lay outside their own set."""
+    draw, labels = noisy(0, [1, 3, 9]), np.repeat([0, 1, 2], 25)
+    model = HDCClassifier(readout=readout).fit(draw(labels), labels)
+    queries = draw(np.repeat([0, 1, 2], 80))
     sets = model.predict_set(queries, 0.2)
     known = model.is_known(queries, 0.2)
     assert 0 < known.sum() < 240
@@ -442,13 +381,9 @@ def test_a_set_that_is_not_empty_has_the_label_of_the_prediction(
     for label, found, is_known in pairs:
         assert (len(found) > 0) == is_known
         assert not is_known or label in found
-    if not isinstance(readout, Nearest):  # its module is that of a test
-        model.save(tmp_path / "m")
-        loaded = HDCClassifier.load(tmp_path / "m").predict_set(queries, 0.2)
-        assert [x.tolist() for x in loaded] == [x.tolist() for x in sets]
 
 
-def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones() -> None:
+def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones():
     """With ridge regression, whose left-out scores are those of models without the frame."""
     speckle = Speckle(2, classes=2)
     frames, labels = speckle.frames(40)
@@ -472,7 +407,7 @@ def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones() -> N
     assert len(np.unique(found)) > 5
 
 
-def test_classes_without_new_frames_keep_their_left_out_scores() -> None:
+def test_classes_without_new_frames_keep_their_left_out_scores():
     speckle = Speckle(6)
     frames, labels = speckle.frames(100)
     model = HDCClassifier(readout="ridge").fit(frames, labels)
@@ -485,9 +420,7 @@ def test_classes_without_new_frames_keep_their_left_out_scores() -> None:
 
 @pytest.mark.parametrize("p", [0.5, 1])
 @pytest.mark.parametrize("readout", ["lda", "kernel"])
-def test_left_out_scores_have_the_unit_of_the_scores_beside_them(
-    readout: str, p: float
-) -> None:
+def test_left_out_scores_have_the_unit_of_the_scores_beside_them(readout, p):
     """A recalibration changes the unit in which discriminants are given."""
     speckle = Speckle(6)
     frames, labels = speckle.frames(100)
@@ -495,7 +428,7 @@ def test_left_out_scores_have_the_unit_of_the_scores_beside_them(
     model = HDCClassifier(readout=readout).fit(frames, labels)
     words = model.encoder_.encode(torch.from_numpy(queries))
 
-    def found() -> list[np.ndarray]:
+    def found():
         kept = model._learned.conformal().peers[4].distances
         return [kept, -model.readout_.scores(words)[:, 4].double().numpy()]
 
@@ -515,7 +448,7 @@ def test_left_out_scores_have_the_unit_of_the_scores_beside_them(
 
 
 @pytest.mark.parametrize("readout", ["majority", "counts", "neighbours"])
-def test_one_class_is_told_from_what_is_unknown(readout: str, tmp_path) -> None:
+def test_one_class_is_told_from_what_is_unknown(readout, tmp_path):
     speckle = Speckle(0, classes=1)
     frames, labels = speckle.frames(60)
     model = HDCClassifier(readout=readout).fit(frames, ["touch"] * 60)
@@ -535,7 +468,7 @@ def test_one_class_is_told_from_what_is_unknown(readout: str, tmp_path) -> None:
 
 
 @pytest.mark.parametrize("readout", ["ridge", "lda", "kernel", "trained"])
-def test_a_read_out_that_tells_classes_apart_refuses_one(readout: str) -> None:
+def test_a_read_out_that_tells_classes_apart_refuses_one(readout):
     frames, labels = Speckle(0, classes=1).frames(10)
     with pytest.raises(
         ValueError, match=r"^labels: expected at least two classes for "
@@ -546,7 +479,7 @@ def test_a_read_out_that_tells_classes_apart_refuses_one(readout: str) -> None:
 # Words of version 2.0 -----------------------------------------------------------------------------
 
 
-def test_words_of_version_2_0_name_those_of_today() -> None:
+def test_words_of_version_2_0_name_those_of_today():
     frames, labels = Speckle(0).frames(50)
     model = HDCClassifier("reference").fit(frames, labels)
     for call, message in (
@@ -563,8 +496,8 @@ def test_words_of_version_2_0_name_those_of_today() -> None:
 
 @pytest.mark.parametrize("readout", ["majority", "neighbours", "ridge", "lda"])
 def test_a_file_of_version_2_0_predicts_and_says_where_it_lacks_scores(
-    readout: str, tmp_path
-) -> None:
+    readout, tmp_path
+):
     """Such a file has the sharpness of probabilities, and no scores of left-out frames."""
     speckle = Speckle(0)
     model = HDCClassifier(readout=readout).fit(*speckle.frames(50))

@@ -28,14 +28,14 @@ def modules() -> list[str]:
 
 
 @pytest.mark.parametrize("name", modules())
-def test_examples(name: str) -> None:
+def test_examples(name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         result = doctest.testmod(importlib.import_module(name))
     assert result.failed == 0
 
 
-def test_there_are_examples() -> None:
+def test_there_are_examples():
     finder = doctest.DocTestFinder(exclude_empty=True)
     for thing in (
         hdc.HDCClassifier,

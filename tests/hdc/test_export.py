@@ -13,16 +13,13 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.command import main
 from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile, Smoothed
 from hdc.export import Plan, Sizes, header
 from hdc.readers import Window
 from hdc.readouts import Majority
-from scenes.fibre import FibreScene
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
 
-EXCERPT = Path(__file__).parents[1] / "data" / "mmf_disorder"
 PAGE = Path(__file__).parents[2] / "docs" / "export.md"
 STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow"]
 
@@ -136,8 +133,7 @@ ENCODERS = [
 ]
 
 
-@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
-@pytest.mark.parametrize("d", [65, 4097])
+@pytest.mark.parametrize(("d", "dtype"), [(65, "uint16"), (4097, "uint8")])
 @pytest.mark.parametrize("encoder", ENCODERS, ids=repr)
 def test_any_frame_with_any_ties(encoder, d, dtype, gcc, tmp_path, kinds_of_frames):
     """Constant frames, two grey levels, few, saturated ones, and the extremes of each type."""
@@ -168,8 +164,11 @@ def test_compilers_of_cpp_have_nothing_to_say(encoder, readout, tmp_path):
     assert (done.returncode, done.stderr) == (0, "")
 
 
-@pytest.mark.parametrize("encoder", [Levels(3), Deviation()], ids=repr)
-@pytest.mark.parametrize("d", [1, 2, 63, 64])
+@pytest.mark.parametrize(
+    ("d", "encoder"),
+    [*((d, Levels(3)) for d in (1, 2, 63, 64)), (1, Deviation()), (64, Deviation())],
+    ids=repr,
+)
 def test_few_pixels(d, encoder, gcc, tmp_path, kinds_of_frames):
     model, _ = trained_on(d, encoder)
     queries = kinds_of_frames(d)
@@ -177,9 +176,12 @@ def test_few_pixels(d, encoder, gcc, tmp_path, kinds_of_frames):
     assert_equal_to_python(answers, model, queries)
 
 
-@pytest.mark.parametrize("encoder", [Median(), Levels(3), Deviation()], ids=repr)
 @pytest.mark.parametrize("readout", ["majority", "trained", "lda"])
-@pytest.mark.parametrize("options", [(), ("-mpopcnt",)], ids=["portable", "builtin"])
+@pytest.mark.parametrize(
+    ("encoder", "options"),
+    [(Median(), ()), (Levels(3), ("-mpopcnt",)), (Deviation(), ())],
+    ids=repr,
+)
 def test_any_readout(readout, encoder, options, gcc, tmp_path, kinds_of_frames):
     """With the machine's instruction for counting ones, too, where it is one of x86."""
     if options and "x86" not in subprocess.getoutput(f"{gcc} -dumpmachine"):
@@ -188,40 +190,26 @@ def test_any_readout(readout, encoder, options, gcc, tmp_path, kinds_of_frames):
     queries = np.concatenate([kinds_of_frames(4097), frames])
     answers = compiled(gcc, tmp_path, Plan.of(model, "touch"), queries, *options)
     assert_equal_to_python(answers, model, queries)
-    assert (
-        model.classes_[answers.classes[-len(frames) :]] == model.predict(frames)
-    ).all()
     assert len(np.unique(answers.classes)) == 4
 
 
 @pytest.mark.parametrize(
     ("encoder", "readout", "dtype"),
     [
-        ("median", "majority", "uint16"),
-        ("median", "trained", "uint8"),
-        ("median", "lda", "uint8"),
+        ("median", "majority", "uint8"),
         ("deviation", "lda", "uint16"),
     ],
 )
 def test_a_camera_of_250000_pixels(
     encoder, readout, dtype, gcc, tmp_path, camera_frames
 ):
-    frames = camera_frames(12, dtype=dtype)
-    model = HDCClassifier(encoder, readout).fit(frames[:10], np.arange(10) % 2)
+    frames = camera_frames(6, dtype=dtype)
+    model = HDCClassifier(encoder, readout).fit(frames[:4], np.arange(4) % 2)
     plan = Plan.of(model, "touch", 8 * np.dtype(dtype).itemsize)
     constant = np.full((1, 500, 500), 7, dtype)
     two_valued = np.where(frames[:1] > 100, 200, 3).astype(dtype)
     queries = np.concatenate([frames, constant, two_valued])
     assert_equal_to_python(compiled(gcc, tmp_path, plan, queries), model, queries)
-
-
-@pytest.mark.parametrize("readout", ["majority", "trained", "lda"])
-def test_frames_of_a_measured_fibre(readout, gcc, tmp_path):
-    scene = FibreScene(EXCERPT, side=21, samples_per_class=20)
-    frames = scene.frames(np.arange(len(scene))).numpy()
-    model = HDCClassifier(readout=readout).fit(frames[::2], scene.labels[::2])
-    answers = compiled(gcc, tmp_path, Plan.of(model, "touch"), frames)
-    assert_equal_to_python(answers, model, frames)
 
 
 def test_scores_of_lda_need_64_bits(gcc, tmp_path):
@@ -367,25 +355,30 @@ def test_too_few_frames_refuse_none_and_say_so():
 
 def sample_plans():
     for encoder in ENCODERS:
-        for readout in ("majority", "lda"):
+        for readout, pixel_bits in (("majority", 8), ("lda", 16)):
             model, _ = trained_on(130, encoder, readout)
-            for pixel_bits in (8, 16):
-                yield Plan.of(model, "touch", pixel_bits, alpha=0.2)
+            yield Plan.of(model, "touch", pixel_bits, alpha=0.2)
 
 
-def test_no_floating_point_no_allocation_no_library(gcc, tmp_path):
+def test_no_floating_point_no_allocation_no_library_and_little_code(gcc, tmp_path):
+    """2 KB with -Os; the rest of what `size` calls text are tables and names."""
     for plan in sample_plans():
         text = header(plan, "touch.h", "a test")
         assert not re.search(r"float|double|malloc|calloc", text)
         assert re.findall(r"#include.*", text) == ["#include <stdint.h>"]
         (tmp_path / "touch.h").write_text(text)
         (tmp_path / "touch.c").write_text(ANSWER)
-        command = [gcc, "-std=c99", "-O0", "-ffreestanding", *STRICT, "-c", "touch.c"]
+        command = [gcc, "-std=c99", "-Os", "-ffreestanding", *STRICT, "-c", "touch.c"]
         subprocess.run(command, cwd=tmp_path, check=True)
-        symbols = subprocess.run(
-            ["nm", "-u", "touch.o"], cwd=tmp_path, capture_output=True, check=True
-        )
-        assert symbols.stdout == b""
+
+        def asked(*words):
+            command = [*words, "touch.o"]
+            return subprocess.check_output(command, cwd=tmp_path, text=True)
+
+        assert asked("nm", "-u") == ""
+        text, data, bss = (int(n) for n in asked("size").split()[6:9])
+        assert (data, bss) == (0, 0)
+        assert plan.sizes.constant_bytes < text < plan.sizes.constant_bytes + 2048
 
 
 def test_sizes_are_those_of_the_compiler(gcc, tmp_path):
@@ -405,21 +398,6 @@ def test_sizes_are_those_of_the_compiler(gcc, tmp_path):
         constants, scratch = (int(n) for n in done.stdout.split())
         assert constants == plan.sizes.constant_bytes
         assert scratch == plan.sizes.scratch_bytes
-
-
-def test_code_takes_less_than_the_page_says(gcc, tmp_path):
-    """2 KB with -Os; the rest of what `size` calls text are tables and names."""
-    for plan in sample_plans():
-        (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a test"))
-        (tmp_path / "touch.c").write_text(ANSWER)
-        command = [gcc, "-std=c99", "-Os", "-c", "touch.c"]
-        subprocess.run(command, cwd=tmp_path, check=True)
-        done = subprocess.run(
-            ["size", "touch.o"], cwd=tmp_path, capture_output=True, check=True
-        )
-        text, data, bss = (int(n) for n in done.stdout.split()[6:9])
-        assert (data, bss) == (0, 0)
-        assert plan.sizes.constant_bytes < text < plan.sizes.constant_bytes + 2048
 
 
 CASES = [
@@ -590,13 +568,6 @@ def test_a_regressor_and_an_untrained_model_are_refused():
 # The command -------------------------------------------------------------------------------------
 
 
-def run(capsys, *words):
-    with pytest.raises(SystemExit) as caught:
-        main([str(word) for word in words])
-    out, err = capsys.readouterr()
-    return caught.value.code, out.splitlines(), err.splitlines()
-
-
 @pytest.fixture
 def model(tmp_path):
     path = tmp_path / "m.safetensors"
@@ -604,17 +575,22 @@ def model(tmp_path):
     return path
 
 
-@pytest.mark.parametrize("compiler", [("gcc", "-std=c99"), ("g++", "-std=c++11")])
-@pytest.mark.parametrize("level", ["-O0", "-O3"])
-@pytest.mark.parametrize("pixel_bits", [8, 16])
+@pytest.mark.parametrize(
+    ("compiler", "pixel_bits"),
+    [
+        (("gcc", "-std=c99", "-O0"), 8),
+        (("gcc", "-std=c99", "-O3"), 16),
+        (("g++", "-std=c++11", "-O3", "-x", "c++"), 8),
+    ],
+)
 def test_test_vectors_agree_and_notice_a_change(
-    compiler, level, pixel_bits, model, tmp_path, capsys
+    compiler, pixel_bits, model, tmp_path, hdc
 ):
     if shutil.which(compiler[0]) is None:
         pytest.skip(f"no compiler here: looked for {compiler[0]}")
     target = tmp_path / "my-touch.h"
     words = ("--bits", pixel_bits, "--reject", 0.2, "--test-vectors", 9)
-    status, out, err = run(capsys, "export", model, "-o", target, *words)
+    status, out, err = hdc("export", model, "-o", target, *words)
     assert (status, err) == (0, [])
     assert out == [
         f"classes: 4, frames of 130 pixels of {pixel_bits} bits, 130 bits compared",
@@ -625,8 +601,7 @@ def test_test_vectors_agree_and_notice_a_change(
         f"{target}: written",
         f"{tmp_path / 'my-touch_test.c'}: written, 9 frames",
     ]
-    language = ["-x", "c++"] if compiler[0] == "g++" else []
-    command = [*compiler, level, *STRICT, "-o", "vectors", *language, "my-touch_test.c"]
+    command = [*compiler, *STRICT, "-o", "vectors", "my-touch_test.c"]
     subprocess.run(command, cwd=tmp_path, check=True)
     assert subprocess.run([tmp_path / "vectors"], check=False).returncode == 0
     text = target.read_text()
@@ -639,35 +614,35 @@ def test_test_vectors_agree_and_notice_a_change(
         assert subprocess.run([tmp_path / "vectors"], check=False).returncode > 0
 
 
-def test_only_own_files_are_replaced(model, tmp_path, capsys):
+def test_only_own_files_are_replaced(model, tmp_path, hdc):
     target, vectors = tmp_path / "touch.h", tmp_path / "touch_test.c"
     vectors.write_text("int main(void) { return 0; }")
-    status, _, err = run(capsys, "export", model, "-o", target, "--test-vectors", 1)
+    status, _, err = hdc("export", model, "-o", target, "--test-vectors", 1)
     assert (status, len(err)) == (1, 1)
     assert str(vectors) in err[0]
     assert not target.exists()
     vectors.unlink()
     for _ in range(2):
-        assert run(capsys, "export", model, "-o", target, "--test-vectors", 1)[0] == 0
+        assert hdc("export", model, "-o", target, "--test-vectors", 1)[0] == 0
     first = target.read_text()
-    assert run(capsys, "export", model, "-o", target)[0] == 0
+    assert hdc("export", model, "-o", target)[0] == 0
     assert target.read_text() == first
     target.write_text("mine")
-    assert run(capsys, "export", model, "-o", target)[0] == 1
+    assert hdc("export", model, "-o", target)[0] == 1
     assert target.read_text() == "mine"
 
 
 @pytest.mark.parametrize("name", ["touch.txt", "1.h", "nowhere/touch.h"])
-def test_other_names_of_a_header_are_refused_in_one_line(name, model, tmp_path, capsys):
-    status, out, err = run(capsys, "export", model, "-o", tmp_path / name)
+def test_other_names_of_a_header_are_refused_in_one_line(name, model, tmp_path, hdc):
+    status, out, err = hdc("export", model, "-o", tmp_path / name)
     assert (status, out, len(err)) == (1, [], 1)
     assert "expected" in err[0]
 
 
-def test_the_file_of_a_model_is_named_in_refusals(tmp_path, capsys):
+def test_the_file_of_a_model_is_named_in_refusals(tmp_path, hdc):
     path = tmp_path / "m.safetensors"
     trained_on(65, readout="ridge")[0].save(path)
-    status, out, err = run(capsys, "export", path, "-o", tmp_path / "touch.h")
+    status, out, err = hdc("export", path, "-o", tmp_path / "touch.h")
     assert (status, out, len(err)) == (1, [], 1)
     assert err[0].startswith(f"error: {path}: export: expected the read-out majority")
     assert not (tmp_path / "touch.h").exists()

@@ -24,21 +24,10 @@ def touches(
 # Labels -------------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "kind", ["array", "tensor", "scalars", "tensors", "series", "objects"]
-)
-def test_integer_labels_in_any_container(kind: str) -> None:
+@pytest.mark.parametrize("kind", [np.uint8, object, torch.from_numpy])
+def test_integer_labels_in_any_container(kind):
     frames, labels = touches()
-    if kind == "series":
-        given = pytest.importorskip("pandas").Series(labels)
-    else:
-        given = {
-            "array": labels.astype(np.uint8),
-            "tensor": torch.from_numpy(labels),
-            "scalars": list(labels),
-            "tensors": list(torch.from_numpy(labels)),
-            "objects": labels.astype(object),
-        }[kind]
+    given = kind(labels) if kind is torch.from_numpy else labels.astype(kind)
     model = HDCClassifier().fit(frames, given)
     assert model.classes_.tolist() == [0, 1, 2]
     assert type(model.classes_.tolist()[0]) is int
@@ -50,18 +39,9 @@ def test_integer_labels_in_any_container(kind: str) -> None:
     [
         (None, "expected 3, one a frame, found None"),
         ([0, 1], "expected 3, one a frame, found 2"),
-        (np.zeros((3, 2)), r"labels\[0\]: expected a str, .* found \[0.0, 0.0\]"),
         (["a", float("nan"), "b"], r"labels\[1\]: expected a str, .* found nan"),
         (np.array([0, 1, np.nan]), r"labels\[2\]: expected a str, .* found nan"),
         ([0, 1j, 1], "labels: .*Complex data not supported"),
-        (
-            np.array(["2024-01-01", "NaT", "2024-01-02"], "M8[D]"),
-            r"labels\[0\]: expected a str, int",
-        ),
-        (
-            [0, np.datetime64("NaT"), 1],
-            r"labels\[1\]: expected a str, int, float or bool",
-        ),
         ([0, None, 1], r"labels\[1\]: expected a str, int, float or bool, found None"),
         (
             [1, "a", 1],
@@ -69,7 +49,7 @@ def test_integer_labels_in_any_container(kind: str) -> None:
         ),
     ],
 )
-def test_labels_that_cannot_be_learnt_are_named(labels, message: str) -> None:
+def test_labels_that_cannot_be_learnt_are_named(labels, message):
     with pytest.raises(ValueError, match=message):
         HDCClassifier().fit(touches()[0][:3], labels)
 
@@ -77,7 +57,7 @@ def test_labels_that_cannot_be_learnt_are_named(labels, message: str) -> None:
 # Frames -------------------------------------------------------------------------------------------
 
 
-def test_arrays_as_files_give_them() -> None:
+def test_arrays_as_files_give_them():
     """Foreign byte order, read-only, reversed, Fortran order, lists, numbers held as objects."""
     frames, labels = touches()
     wide = frames.astype(np.uint16) * 3
@@ -131,13 +111,13 @@ def test_arrays_as_files_give_them() -> None:
         ),
     ],
 )
-def test_frames_that_are_none_are_named(frames, error: type, message: str) -> None:
+def test_frames_that_are_none_are_named(frames, error, message):
     with pytest.raises(error, match=message):
         HDCClassifier().fit(frames, touches()[1])
 
 
 @pytest.mark.parametrize("kind", [np.asarray, torch.from_numpy, np.ndarray.tolist])
-def test_a_single_image_is_a_batch_of_one(kind) -> None:
+def test_a_single_image_is_a_batch_of_one(kind):
     frames, labels = touches()
     model = HDCClassifier().fit(frames, labels)
     for i in range(3):
@@ -151,7 +131,7 @@ def test_a_single_image_is_a_batch_of_one(kind) -> None:
     assert torch.equal(streamed.prototypes_, model.prototypes_)
 
 
-def test_images_of_another_shape_are_refused_and_flat_ones_taken() -> None:
+def test_images_of_another_shape_are_refused_and_flat_ones_taken():
     frames, labels = touches()
     model = HDCClassifier().fit(frames, labels)
     message = r"frames: expected shape \(12, 10\) as in training, found \(10, 12\)"
@@ -171,7 +151,7 @@ def test_images_of_another_shape_are_refused_and_flat_ones_taken() -> None:
     assert model.n_features_in_ == model.dimension_ == 120
 
 
-def test_columns_of_a_data_frame_are_pixels_in_their_order() -> None:
+def test_columns_of_a_data_frame_are_pixels_in_their_order():
     pandas = pytest.importorskip("pandas")
     frames, labels = touches()
     table = pandas.DataFrame(frames.reshape(60, -1), index=np.linspace(0, 1, 60))
@@ -183,7 +163,7 @@ def test_columns_of_a_data_frame_are_pixels_in_their_order() -> None:
 
 
 @pytest.mark.parametrize("streamed", [False, True])
-def test_other_columns_are_refused_after_any_training(streamed: bool, tmp_path) -> None:
+def test_other_columns_are_refused_after_any_training(streamed, tmp_path):
     pandas = pytest.importorskip("pandas")
     frames, labels = touches()
     table = pandas.DataFrame(frames.reshape(60, -1))
@@ -220,7 +200,7 @@ def test_other_columns_are_refused_after_any_training(streamed: bool, tmp_path) 
     )  # an array has no names
 
 
-def test_names_of_columns_are_kept() -> None:
+def test_names_of_columns_are_kept():
     pandas = pytest.importorskip("pandas")
     frames, labels = touches()
     names = [f"pixel {j}" for j in range(120)]
@@ -257,7 +237,7 @@ class Slices:
 
 @pytest.mark.parametrize("encoder", ["median", "reference"])
 @pytest.mark.parametrize("kind", ["array", "list", "source"])
-def test_masked_frames_are_refused(kind: str, encoder: str) -> None:
+def test_masked_frames_are_refused(kind, encoder):
     frames, labels = touches()
     masked = np.ma.array(frames)
     masked[7, 3, 3] = np.ma.masked
@@ -271,7 +251,7 @@ def test_masked_frames_are_refused(kind: str, encoder: str) -> None:
             model.predict(given)
 
 
-def test_masked_labels_and_targets_are_refused() -> None:
+def test_masked_labels_and_targets_are_refused():
     """A masked −9999 is a missing value, no depth."""
     frames, labels = touches()
     mask = np.arange(60) == 5
@@ -298,7 +278,7 @@ def test_masked_labels_and_targets_are_refused() -> None:
 # What scikit-learn asks of labels -----------------------------------------------------------------
 
 
-def test_labels_in_a_column_are_taken_with_a_warning() -> None:
+def test_labels_in_a_column_are_taken_with_a_warning():
     frames, labels = touches()
     with pytest.warns(
         UserWarning, match="A column-vector y was passed when a 1d array"
@@ -309,7 +289,7 @@ def test_labels_in_a_column_are_taken_with_a_warning() -> None:
         HDCClassifier().fit(frames, np.stack([labels, labels], 1))
 
 
-def test_depths_are_labels_and_a_continuous_quantity_is_none() -> None:
+def test_depths_are_labels_and_a_continuous_quantity_is_none():
     frames, labels = touches()
     depths = labels / 4 + 0.1
     assert (

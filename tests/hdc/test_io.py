@@ -31,8 +31,8 @@ QUERIES = np.random.default_rng(1).integers(0, 255, (9, 5, 7), dtype=np.uint8)
 
 
 def test_whatever_step_of_a_write_fails_the_old_or_the_new_model_loads(
-    tmp_path: Path, full_disk
-) -> None:
+    tmp_path, full_disk
+):
     path = tmp_path / "m"
     models = [trained(), trained(readout=Majority("one", seed=1))]
     for k in range(100):
@@ -49,7 +49,7 @@ def test_whatever_step_of_a_write_fails_the_old_or_the_new_model_loads(
 
 
 @posix
-def test_only_regular_files_are_replaced(tmp_path: Path) -> None:
+def test_only_regular_files_are_replaced(tmp_path):
     (tmp_path / "target").write_text("kept")
     (tmp_path / "link").symlink_to(tmp_path / "target")
     (tmp_path / "loop").symlink_to(tmp_path / "loop")
@@ -66,7 +66,7 @@ def test_only_regular_files_are_replaced(tmp_path: Path) -> None:
     "content",
     [b"", b"\x89PNG\r\n\x1a\n" + b"\0" * 100, b"notes", struct.pack("<Q", 2) + b"{}"],
 )
-def test_a_model_replaces_models_only(tmp_path: Path, content: bytes) -> None:
+def test_a_model_replaces_models_only(tmp_path, content):
     (tmp_path / "0.png").write_bytes(content)
     with pytest.raises(
         FileExistsError, match=r"0\.png: expected a saved model or no file"
@@ -76,7 +76,7 @@ def test_a_model_replaces_models_only(tmp_path: Path, content: bytes) -> None:
 
 
 @posix
-def test_a_file_keeps_its_mode_and_may_have_a_long_name(tmp_path: Path) -> None:
+def test_a_file_keeps_its_mode_and_may_have_a_long_name(tmp_path):
     path = tmp_path / ("m" * 255)
     trained().save(path)
     path.chmod(0o600)
@@ -84,7 +84,7 @@ def test_a_file_keeps_its_mode_and_may_have_a_long_name(tmp_path: Path) -> None:
     assert path.stat().st_mode & 0o777 == 0o600
 
 
-def test_a_missing_folder_is_named(tmp_path: Path) -> None:
+def test_a_missing_folder_is_named(tmp_path):
     with pytest.raises(
         FileNotFoundError, match=r"missing: expected a folder to save m\.st in$"
     ):
@@ -98,7 +98,7 @@ def test_a_missing_folder_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "names", [[0, 1], ["a\0", "é"], [0.5, float("inf")], [True, False], [2**70, -1]]
 )
-def test_labels_come_back(tmp_path: Path, readout: str, names: list) -> None:
+def test_labels_come_back(tmp_path, readout, names):
     frames = QUERIES[:6]
     model = HDCClassifier(readout=readout).fit(frames, names * 3)
     model.save(tmp_path / "m")
@@ -114,7 +114,7 @@ def test_labels_come_back(tmp_path: Path, readout: str, names: list) -> None:
     assert np.array_equal(loaded.is_known(QUERIES, 0.2), model.is_known(QUERIES, 0.2))
 
 
-def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
+def test_metadata_are_kept_with_the_model(tmp_path):
     metadata = {
         "crop": [10, 20, 500, 500],
         "subsample": 2,
@@ -138,7 +138,7 @@ def test_metadata_are_kept_with_the_model(tmp_path: Path) -> None:
 # Files that are not such ones ---------------------------------------------------------------------
 
 
-def test_flipped_bits_are_refused_or_harmless(tmp_path: Path) -> None:
+def test_flipped_bits_are_refused_or_harmless(tmp_path):
     path = tmp_path / "bad.safetensors"
     (good := trained()).save(path, {"crop": [1, 2, 3, 4]})
     whole = path.read_bytes()
@@ -198,13 +198,13 @@ BAD_PARTS = [
 
 
 @pytest.mark.parametrize("changes", BAD_HEADERS, ids=repr)
-def test_headers_that_do_not_fit_are_refused(tmp_path: Path, changes: dict) -> None:
+def test_headers_that_do_not_fit_are_refused(tmp_path, changes):
     rewrite(tmp_path / "m", **changes)
     with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
         HDCClassifier.load(tmp_path / "m")
 
 
-def test_the_parts_of_these_headers_fit(tmp_path: Path) -> None:
+def test_the_parts_of_these_headers_fit(tmp_path):
     """The tests around refuse what they change, not what they write."""
     rewrite(tmp_path / "m", parameters=PARAMETERS)
     assert np.array_equal(
@@ -213,9 +213,7 @@ def test_the_parts_of_these_headers_fit(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("part", "name", "parameters"), BAD_PARTS, ids=repr)
-def test_parts_that_do_not_fit_are_refused(
-    tmp_path: Path, part: str, name: str, parameters: dict
-) -> None:
+def test_parts_that_do_not_fit_are_refused(tmp_path, part, name, parameters):
     described = {part: {"class": name, "parameters": parameters}}
     rewrite(tmp_path / "m", parameters=PARAMETERS | described)
     with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
@@ -223,13 +221,13 @@ def test_parts_that_do_not_fit_are_refused(
 
 
 @pytest.mark.parametrize("device", ["nowhere", "meta", 3, None])
-def test_devices_without_memory_are_refused(tmp_path: Path, device) -> None:
+def test_devices_without_memory_are_refused(tmp_path, device):
     rewrite(tmp_path / "m", parameters=PARAMETERS | {"device": device})
     with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
         HDCClassifier.load(tmp_path / "m")
 
 
-def test_a_model_of_version_1_0_is_refused_by_its_version(tmp_path: Path) -> None:
+def test_a_model_of_version_1_0_is_refused_by_its_version(tmp_path):
     header = {"format": "hdc-model-3", "kind": "HDCClassifier", "metadata": {}}
     content = safetensors.save({"n": torch.ones(3)}, {"model": json.dumps(header)})
     (tmp_path / "old").write_bytes(content)
@@ -245,7 +243,7 @@ def test_a_model_of_version_1_0_is_refused_by_its_version(tmp_path: Path) -> Non
 
 
 @pytest.mark.parametrize("found", [[], {}, 3, None])
-def test_a_header_of_an_odd_format_is_no_model(tmp_path: Path, found) -> None:
+def test_a_header_of_an_odd_format_is_no_model(tmp_path, found):
     content = safetensors.save(
         {"n": torch.ones(3)}, {"model": json.dumps({"format": found})}
     )
@@ -315,7 +313,7 @@ OTHER_PARTS = {
 
 
 @pytest.mark.parametrize("what", OTHER_PARTS)
-def test_tensors_of_other_parts_are_checked(tmp_path: Path, what: str) -> None:
+def test_tensors_of_other_parts_are_checked(tmp_path, what):
     encoder, readout, changes = OTHER_PARTS[what]
     for tensors in ({}, changes):
         trained(encoder=encoder, readout=readout).save(tmp_path / "m")
@@ -342,9 +340,7 @@ def test_tensors_of_other_parts_are_checked(tmp_path: Path, what: str) -> None:
     ],
     ids=repr,
 )
-def test_tensors_of_a_regressor_are_checked(
-    tmp_path: Path, tensors, readout: str
-) -> None:
+def test_tensors_of_a_regressor_are_checked(tmp_path, tensors, readout):
     frames = np.random.default_rng(0).integers(0, 255, (12, 5, 7), dtype=np.uint8)
     HDCRegressor(readout=readout).fit(frames, np.arange(12.0)).save(tmp_path / "m")
     header, content = io.read_model(tmp_path / "m")
@@ -354,7 +350,7 @@ def test_tensors_of_a_regressor_are_checked(
         HDCRegressor.load(tmp_path / "m")
 
 
-def test_a_model_that_would_not_load_replaces_none(tmp_path: Path) -> None:
+def test_a_model_that_would_not_load_replaces_none(tmp_path):
     class Mine(Majority):
         pass
 
@@ -370,14 +366,14 @@ def test_a_model_that_would_not_load_replaces_none(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("what", BAD_TENSORS)
-def test_tensors_that_do_not_fit_are_refused(tmp_path: Path, what: str) -> None:
+def test_tensors_that_do_not_fit_are_refused(tmp_path, what):
     rewrite(tmp_path / "m", BAD_TENSORS[what])
     with pytest.raises(ValueError, match=r"m: expected a saved HDCClassifier, found"):
         HDCClassifier.load(tmp_path / "m")
 
 
 @posix
-def test_folders_pipes_and_missing_files(tmp_path: Path) -> None:
+def test_folders_pipes_and_missing_files(tmp_path):
     os.mkfifo(tmp_path / "pipe")
     for name in ("pipe", "."):
         with pytest.raises(
@@ -391,7 +387,7 @@ def test_folders_pipes_and_missing_files(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
-def test_a_model_from_an_accelerator_loads_without_one(tmp_path: Path) -> None:
+def test_a_model_from_an_accelerator_loads_without_one(tmp_path):
     rewrite(tmp_path / "m", parameters=PARAMETERS | {"device": "cuda"})
     with pytest.warns(UserWarning, match="trained on a GPU, not here"):
         model = HDCClassifier.load(tmp_path / "m")

@@ -21,7 +21,7 @@ from hdc.parameters import (
 from hdc.readouts import LDA, Majority
 
 
-def test_parameters_of_parts_of_parts() -> None:
+def test_parameters_of_parts_of_parts():
     model = HDCClassifier(Reference(Quantile("1/3")))
     found = model.get_params()
     assert found["encoder__base__at"] == "1/3"
@@ -39,7 +39,7 @@ def test_parameters_of_parts_of_parts() -> None:
     assert repr(model.readout) == "LDA(shrinkage=0.5)"
 
 
-def test_setting_leaves_the_object_that_was_given() -> None:
+def test_setting_leaves_the_object_that_was_given():
     mine = Majority()
     model = HDCClassifier(readout=mine).set_params(readout__ties="one")
     assert mine.ties == "zero"
@@ -49,12 +49,12 @@ def test_setting_leaves_the_object_that_was_given() -> None:
 @pytest.mark.parametrize(
     "name", ["tie", "encoder__tie", "device__x", "encoder__base__at"]
 )
-def test_names_that_are_none_are_listed(name: str) -> None:
+def test_names_that_are_none_are_listed(name):
     with pytest.raises(ValueError, match=r"set_params: expected one of .*, found '"):
         HDCClassifier().set_params(**{name: 1})
 
 
-def test_clones_share_nothing_and_have_learned_nothing() -> None:
+def test_clones_share_nothing_and_have_learned_nothing():
     frames = np.random.default_rng(0).integers(0, 255, (12, 30)).astype(np.uint8)
     model = HDCClassifier(Reference(Levels(3)), LDA(0.3)).fit(frames, np.arange(12) % 2)
     copied = clone(model)
@@ -67,7 +67,7 @@ def test_clones_share_nothing_and_have_learned_nothing() -> None:
     )  # the one that was given learns nothing
 
 
-def test_descriptions_rebuild_the_part() -> None:
+def test_descriptions_rebuild_the_part():
     for part in (
         Median("below"),
         Quantile(Fraction(2, 3)),
@@ -83,13 +83,13 @@ def test_descriptions_rebuild_the_part() -> None:
     assert describe(Quantile(Fraction(2, 3)), ENCODERS)["parameters"]["at"] == "2/3"
 
 
-def test_arrays_are_shown_by_their_shape() -> None:
+def test_arrays_are_shown_by_their_shape():
     assert repr(Reference(frame=np.zeros((40, 50)))) == (
         "Reference(base='median', frame=<ndarray of shape (40, 50)>)"
     )
 
 
-def test_a_class_without_a_constructor_has_no_parameters() -> None:
+def test_a_class_without_a_constructor_has_no_parameters():
     class Plain(Parametrised):
         pass
 
@@ -110,7 +110,7 @@ class Switch:
         return "*" * times
 
 
-def test_methods_that_are_there_for_some() -> None:
+def test_methods_that_are_there_for_some():
     assert Switch(True).shine(3) == "***"
     assert Switch.shine(Switch(True), 2) == "**"
     assert Switch.shine.__doc__ == "Shine so often."

@@ -22,7 +22,7 @@ def integers(rows: Tensor, d: int) -> Tensor:
     )
 
 
-def test_rows_longer_than_a_block_are_counted_once(monkeypatch) -> None:
+def test_rows_longer_than_a_block_are_counted_once(monkeypatch):
     monkeypatch.setattr(planes, "_BLOCK", 2)
     words = bits.pack(torch.from_numpy(np.random.default_rng(0).random((9, 500)) < 0.5))
     counts = torch.zeros(4, words.shape[1], dtype=torch.int64)
@@ -37,7 +37,7 @@ def test_rows_longer_than_a_block_are_counted_once(monkeypatch) -> None:
     st.sampled_from([0, 0.5, 1]),
 )
 @settings(max_examples=60, deadline=None)
-def test_every_column_is_counted(n: int, d: int, share: float) -> None:
+def test_every_column_is_counted(n, d, share):
     mask = torch.from_numpy(np.random.default_rng(n).random((n, d)) < share)
     words = bits.pack(mask)
     assert torch.equal(integers(planes.vertical_sum(words), d).long(), mask.sum(0))
@@ -49,9 +49,7 @@ def test_every_column_is_counted(n: int, d: int, share: float) -> None:
     st.lists(st.integers(0, 69), max_size=60),
 )
 @settings(max_examples=60, deadline=None)
-def test_counting_into_what_was_counted_before(
-    start: list[int], rows: list[int]
-) -> None:
+def test_counting_into_what_was_counted_before(start, rows):
     mask = torch.from_numpy(np.random.default_rng(3).random((70, 70)) < 0.5)
     before = torch.tensor(start)
     counts = counters(before, 7)
@@ -64,9 +62,7 @@ numbers = st.lists(st.integers(0, 1000), min_size=70, max_size=70)
 
 @given(numbers, numbers, st.integers(10, 13), st.integers(0, 2000))
 @settings(max_examples=60, deadline=None)
-def test_sums_and_comparisons(
-    a: list[int], b: list[int], extra: int, threshold: int
-) -> None:
+def test_sums_and_comparisons(a, b, extra, threshold):
     x, y = torch.tensor(a), torch.tensor(b)
     total = planes.add(counters(x, 10), counters(y, extra))
     assert torch.equal(integers(total, 70).long(), x + y)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -24,6 +23,7 @@ from hdc.readouts import (
     leave_one_out,
 )
 from hdc.readouts.base import HeldOut
+from tests.hdc.own import Nearest
 
 D, L = 300, 3
 CLOSED = [
@@ -33,19 +33,6 @@ CLOSED = [
     Neighbours(),
     Neighbours(3),
 ]
-
-
-class Nearest(Readout):
-    """The mean hypervector of a class, without a closed form."""
-
-    def fit(self, words, rows, n_classes, dimension):
-        ones = bits.unpack(words, dimension).double()
-        self.means_ = torch.stack([ones[rows == c].mean(0) for c in range(n_classes)])
-        return self
-
-    def scores(self, words):
-        ones = bits.unpack(words, self.means_.shape[1]).double()
-        return -(torch.cdist(ones, self.means_) ** 2)
 
 
 class Batchwise(Updatable, Nearest):
@@ -79,7 +66,7 @@ def without_each(readout: Readout, words: Tensor, rows: Tensor) -> Tensor:
 
 @pytest.mark.parametrize("readout", CLOSED, ids=repr)
 @pytest.mark.parametrize("sizes", [[7, 7, 7], [2, 5, 9]], ids=str)
-def test_held_out_scores_are_those_without_the_frame(readout, sizes) -> None:
+def test_held_out_scores_are_those_without_the_frame(readout, sizes):
     if hasattr(readout, "balance"):
         readout = readout.unlearned().set_params(balance=False)
     words, rows = drawn(sizes)
@@ -89,7 +76,7 @@ def test_held_out_scores_are_those_without_the_frame(readout, sizes) -> None:
     assert torch.equal(of, rows)
 
 
-def test_a_larger_class_is_held_out_as_it_is_compared() -> None:
+def test_a_larger_class_is_held_out_as_it_is_compared():
     words, rows = drawn([3, 3, 12])
     trained = Counts().fit(words, rows, L, D)
     found = trained.held_out(words, rows).scores
@@ -98,7 +85,7 @@ def test_a_larger_class_is_held_out_as_it_is_compared() -> None:
     torch.testing.assert_close(found[large], expected[large])
 
 
-def test_ridge_has_its_exact_residuals() -> None:
+def test_ridge_has_its_exact_residuals():
     """Up to the rounding of weights to 8 bits, and of a penalty chosen anew."""
     words, rows = drawn([9, 9, 9])
     scores, of = Ridge(0.1).fit(words, rows, L, D).held_out(words, rows)
@@ -108,7 +95,7 @@ def test_ridge_has_its_exact_residuals() -> None:
 
 
 @pytest.mark.parametrize("alpha", [0.3, 1.0])
-def test_lda_is_held_out_as_by_definition(alpha: float) -> None:
+def test_lda_is_held_out_as_by_definition(alpha):
     """Against means and an inverse of D × D without the frame; one unit for all scores."""
     words, rows = drawn([10, 8, 6])
     found = LDA(alpha).fit(words, rows, L, D).held_out(words, rows)
@@ -137,7 +124,7 @@ def primal(x, y, query, penalty) -> np.ndarray:
     return np.einsum("cd,de,ce->c", away, inverse, means - centre)
 
 
-def test_lda_scores_some_of_many_frames(monkeypatch) -> None:
+def test_lda_scores_some_of_many_frames(monkeypatch):
     words, rows = drawn([10, 10, 10])
     all_of_them = LDA(0.5).fit(words, rows, L, D).held_out(words, rows)
     monkeypatch.setattr(leave_one_out, "MOST", 7)
@@ -148,7 +135,7 @@ def test_lda_scores_some_of_many_frames(monkeypatch) -> None:
     assert torch.equal(some.rows, rows[places])
 
 
-def test_each_fold_is_scored_by_what_the_four_others_teach() -> None:
+def test_each_fold_is_scored_by_what_the_four_others_teach():
     """The k-th frame of a class is in fold k mod 5; the only one of a class is in none."""
     words, rows = drawn([8, 1, 3])
     fold, seen = [], [0, 0, 0]
@@ -167,7 +154,7 @@ def test_each_fold_is_scored_by_what_the_four_others_teach() -> None:
     assert found.rows.tolist() == classes
 
 
-def test_the_likelihood_is_greatest_at_the_sharpness() -> None:
+def test_the_likelihood_is_greatest_at_the_sharpness():
     """Of the aims that are said: (m + 1)/(m + 2) for the right class."""
     rng = np.random.default_rng(0)
     scores = torch.from_numpy(rng.normal(size=(40, 4)))
@@ -176,7 +163,7 @@ def test_the_likelihood_is_greatest_at_the_sharpness() -> None:
     aims = torch.full((40, 4), 1 / 42 / 3, dtype=torch.float64)
     aims[torch.arange(40), rows] = 41 / 42
 
-    def likelihood(beta: float) -> float:
+    def likelihood(beta):
         return float((aims * torch.log_softmax(beta * scores, 1)).sum())
 
     found = sharpness(HeldOut(scores, rows))
@@ -185,7 +172,7 @@ def test_the_likelihood_is_greatest_at_the_sharpness() -> None:
     assert sharpness(HeldOut(1e6 * scores, rows)) == pytest.approx(1e-6 * found)
 
 
-def test_all_right_is_not_certain_and_all_wrong_is_no_guess_upside_down() -> None:
+def test_all_right_is_not_certain_and_all_wrong_is_no_guess_upside_down():
     rows = torch.arange(20) % 2
     right = torch.nn.functional.one_hot(rows, 2).double()
     fitted = Temperature.fit(HeldOut(right, rows))
@@ -199,7 +186,7 @@ def test_all_right_is_not_certain_and_all_wrong_is_no_guess_upside_down() -> Non
     assert sharpness(constant) > 0
 
 
-def test_scores_that_tell_no_class_from_another_have_the_sharpness_one() -> None:
+def test_scores_that_tell_no_class_from_another_have_the_sharpness_one():
     """Equal within each frame, or of one class; whatever they are from frame to frame."""
     rows = torch.arange(20) % 2
     level = torch.arange(20.0).double()[:, None]
@@ -209,9 +196,7 @@ def test_scores_that_tell_no_class_from_another_have_the_sharpness_one() -> None
 
 @pytest.mark.parametrize("unit", [1e-9, 1.0, 1e12])
 @pytest.mark.parametrize(("right", "wrong"), [(20, 0), (17, 3), (600, 300)])
-def test_the_sharpness_of_two_classes_is_a_logarithm_of_odds(
-    right: int, wrong: int, unit: float
-) -> None:
+def test_the_sharpness_of_two_classes_is_a_logarithm_of_odds(right, wrong, unit):
     """By hand: the better class is aimed at by (m + 1)/(m + 2) where it is right, by the rest
     where it is wrong, and its probability is 1/(1 + exp(−β·unit))."""
     m = right + wrong
@@ -237,7 +222,7 @@ READOUTS = ["majority", "counts", "ridge", "neighbours", "lda", "trained", Neare
 
 
 @pytest.mark.parametrize("readout", READOUTS, ids=str)
-def test_probabilities_are_as_often_right_as_they_say(readout) -> None:
+def test_probabilities_are_as_often_right_as_they_say(readout):
     """On 2,000 fresh frames; those of distances that were learnt would say far more."""
     frames, labels = noisy(100, 0)
     model = HDCClassifier(readout=readout).fit(frames, labels)
@@ -254,7 +239,7 @@ def test_probabilities_are_as_often_right_as_they_say(readout) -> None:
 
 
 @pytest.mark.parametrize("readout", READOUTS[:6])
-def test_files_keep_probabilities(readout: str, tmp_path: Path) -> None:
+def test_files_keep_probabilities(readout, tmp_path):
     frames, labels = noisy(40, 0)
     model = HDCClassifier(readout=readout).fit(frames, labels)
     path = tmp_path / "model.safetensors"
@@ -266,7 +251,7 @@ def test_files_keep_probabilities(readout: str, tmp_path: Path) -> None:
     np.testing.assert_array_equal(HDCClassifier.load(path).predict_proba(frames), asked)
 
 
-def test_batches_and_merging_are_calibrated_as_all_at_once() -> None:
+def test_batches_and_merging_are_calibrated_as_all_at_once():
     frames, labels = noisy(60, 0)
     whole = HDCClassifier().fit(frames, labels).predict_proba(frames)
     model = HDCClassifier().fit(frames[:30], labels[:30])
@@ -280,7 +265,7 @@ def test_batches_and_merging_are_calibrated_as_all_at_once() -> None:
 
 
 @pytest.mark.parametrize("readout", ["majority", "neighbours", "ridge"])
-def test_a_recalibration_is_a_new_calibration(readout: str) -> None:
+def test_a_recalibration_is_a_new_calibration(readout):
     frames, labels = noisy(60, 0, flips=0.3)
     model = HDCClassifier(readout=readout).fit(frames, labels)
     certain = model.predict_proba(frames).max(1).mean()
@@ -289,7 +274,7 @@ def test_a_recalibration_is_a_new_calibration(readout: str) -> None:
     assert model.predict_proba(frames).max(1).mean() < certain
 
 
-def test_recalibrated_counts_say_fit_anew() -> None:
+def test_recalibrated_counts_say_fit_anew():
     frames, labels = noisy(40, 0)
     model = HDCClassifier(readout="counts").fit(frames, labels)
     model.recalibrate(frames, labels, method="merge")
@@ -297,7 +282,7 @@ def test_recalibrated_counts_say_fit_anew() -> None:
         model.predict_proba(frames)
 
 
-def test_a_class_of_one_frame_and_one_of_none() -> None:
+def test_a_class_of_one_frame_and_one_of_none():
     frames, labels = noisy(41, 0)
     labels = labels.copy()
     labels[-1] = 7  # the only one of its class
@@ -318,7 +303,7 @@ def test_a_class_of_one_frame_and_one_of_none() -> None:
         single.predict_proba(frames)
 
 
-def test_what_a_read_out_cannot_is_not_there() -> None:
+def test_what_a_read_out_cannot_is_not_there():
     assert hasattr(HDCClassifier(readout=Nearest()), "predict_proba")
     assert hasattr(HDCClassifier(readout=Trained()), "predict_proba")
     model = HDCClassifier(readout=Batchwise())

@@ -22,7 +22,7 @@ def vectors(n: int, d: int, seed: int = 0) -> torch.Tensor:
     st.randoms(use_true_random=False),
 )
 @settings(max_examples=40, deadline=None)
-def test_any_split_order_and_merge_count_alike(labels: list[int], random) -> None:
+def test_any_split_order_and_merge_count_alike(labels, random):
     mask, index = vectors(len(labels), 65), torch.tensor(labels)
     words = bits.pack(mask)
     shards = [Counters(5, 65) for _ in range(3)]
@@ -43,7 +43,7 @@ def test_any_split_order_and_merge_count_alike(labels: list[int], random) -> Non
     assert torch.equal(merged.planes, whole.planes)
 
 
-def test_random_ties_are_an_added_hypervector_from_the_seed() -> None:
+def test_random_ties_are_an_added_hypervector_from_the_seed():
     words = bits.pack(vectors(8, 300))
     labels = torch.arange(8) % 2
     counters = Counters(2, 300)
@@ -61,7 +61,7 @@ def test_random_ties_are_an_added_hypervector_from_the_seed() -> None:
 
 
 @pytest.mark.parametrize("label", [-1, 2])
-def test_class_indices_outside_are_named_and_not_counted(label: int) -> None:
+def test_class_indices_outside_are_named_and_not_counted(label):
     counters = Counters(2, 64)
     with pytest.raises(
         ValueError, match=rf"expected class indices in \[0, 2\), found {label}"
@@ -70,7 +70,7 @@ def test_class_indices_outside_are_named_and_not_counted(label: int) -> None:
     assert counters.n.tolist() == [0, 0]
 
 
-def test_disagreeing_sizes_are_named() -> None:
+def test_disagreeing_sizes_are_named():
     counters = Counters(2, 64)
     with pytest.raises(ValueError, match="labels: expected 3, one a sample, found 2"):
         counters.add(torch.zeros(3, 1).long(), torch.zeros(2).long())
@@ -87,9 +87,7 @@ def replaced(n_classes: int, d: int, p: float, seed: int) -> torch.Tensor:
 
 
 @pytest.mark.parametrize("p", [0.0, 0.1, 0.5, 1.0])
-def test_replaced_bits_are_drawn_class_by_class_with_their_probability(
-    p: float,
-) -> None:
+def test_replaced_bits_are_drawn_class_by_class_with_their_probability(p):
     drawn = replaced(3, 10_001, p, 2)
     spread = (p * (1 - p) / 10_001) ** 0.5
     assert ((drawn.double().mean(1) - p).abs() <= 5 * spread).all()
@@ -103,7 +101,7 @@ def test_replaced_bits_are_drawn_class_by_class_with_their_probability(
     assert torch.equal(replaced(2, 10_001, p, 2), drawn[:2])
 
 
-def test_recalibrated_bits_come_from_either_side() -> None:
+def test_recalibrated_bits_come_from_either_side():
     """What :meth:`hdc.readouts.Majority.adapt` makes of old and new prototypes."""
     rows = torch.arange(6) % 3
     old, new = bits.pack(vectors(6, 10_001)), bits.pack(vectors(6, 10_001, 1))
@@ -126,7 +124,7 @@ def test_recalibrated_bits_come_from_either_side() -> None:
 
 
 @pytest.mark.parametrize("p", [-0.1, 1.1, float("nan")])
-def test_probabilities_outside_are_named(p: float) -> None:
+def test_probabilities_outside_are_named(p):
     message = r"p: expected a share in \[0, 1\], found"
     with pytest.raises(ValueError, match=message):
         replaced_bits(2, 64, p, 0)
@@ -134,7 +132,7 @@ def test_probabilities_outside_are_named(p: float) -> None:
         merged(Counters(2, 64), Counters(2, 64), p)
 
 
-def test_a_class_without_samples_has_zeros() -> None:
+def test_a_class_without_samples_has_zeros():
     counters = Counters(3, 64)
     counters.add(bits.pack(vectors(2, 64)), torch.tensor([0, 2]))
     assert counters.majority().any(1).tolist() == [True, False, True]
@@ -142,7 +140,7 @@ def test_a_class_without_samples_has_zeros() -> None:
 
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=4), st.integers(1, 40))
 @settings(max_examples=30, deadline=None)
-def test_scaled_counters_are_repeated_samples(weights: list[int], n: int) -> None:
+def test_scaled_counters_are_repeated_samples(weights, n):
     index = torch.arange(n * len(weights)) % len(weights)
     words = bits.pack(vectors(len(index), 130))
     counters, repeated = Counters(len(weights), 130), Counters(len(weights), 130)
@@ -155,7 +153,7 @@ def test_scaled_counters_are_repeated_samples(weights: list[int], n: int) -> Non
 
 
 @pytest.mark.parametrize("ties", ["zero", "one", "random"])
-def test_prototypes_of_a_size_are_those_of_thinned_counters(ties: str) -> None:
+def test_prototypes_of_a_size_are_those_of_thinned_counters(ties):
     counters = Counters(3, 200)
     labels = torch.tensor([0] * 9 + [1] * 4 + [2] * 3)
     counters.add(bits.pack(vectors(16, 200)), labels)
@@ -165,7 +163,7 @@ def test_prototypes_of_a_size_are_those_of_thinned_counters(ties: str) -> None:
     assert (made[1:] == counters.majority(ties, 5)[1:]).all()
 
 
-def test_what_is_drawn_from_one_seed_is_drawn_apart() -> None:
+def test_what_is_drawn_from_one_seed_is_drawn_apart():
     """Seed 0 broke the ties of class 1,000,003 as seed 1 those of class 0, and so on."""
     d = 64 * 40
     counters = Counters(1, d)

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 import torch
@@ -25,9 +23,7 @@ def presses(n: int, seed: int, move: float = 0.0) -> tuple[np.ndarray, np.ndarra
 @pytest.mark.parametrize(
     "model", [HDCRegressor(), HDCRegressor(readout=NeighbourValues(3))], ids=repr
 )
-def test_numbers_are_predicted_adapted_and_saved(
-    tmp_path: Path, model: HDCRegressor
-) -> None:
+def test_numbers_are_predicted_adapted_and_saved(tmp_path, model):
     (frames, z), (queries, truth) = presses(60, 0), presses(100, 1)
     model.fit(frames, z)
     assert model.score(queries, truth) > 0.85
@@ -39,10 +35,6 @@ def test_numbers_are_predicted_adapted_and_saved(
     model.save(tmp_path / "m", {"unit": "mm"})
     loaded = HDCRegressor.load(tmp_path / "m")
     assert loaded.metadata_ == {"unit": "mm"}
-    for found, expected in zip(
-        loaded.predict(queries, True), model.predict(queries, True), strict=True
-    ):
-        np.testing.assert_array_equal(found, expected)
     with pytest.raises(
         ValueError, match="found a saved HDCRegressor; load it with HDCRegressor"
     ):
@@ -60,7 +52,7 @@ def test_numbers_are_predicted_adapted_and_saved(
 @pytest.mark.parametrize(
     "model", [HDCRegressor(), HDCRegressor(readout=NeighbourValues(2))], ids=repr
 )
-def test_intervals_cover_as_often_as_stated(model: HDCRegressor) -> None:
+def test_intervals_cover_as_often_as_stated(model):
     covered = []
     for seed in range(12):
         queries, truth = presses(60, 100 + seed)
@@ -75,33 +67,17 @@ def test_intervals_cover_as_often_as_stated(model: HDCRegressor) -> None:
     assert np.isinf([low, high]).all()  # 25 frames tell nothing of 3 %
 
 
-@pytest.mark.parametrize(("n", "alpha", "k"), [(9, 0.1, 1), (19, 0.1, 2), (20, 0.1, 2)])
-def test_ends_of_intervals_are_those_of_the_jackknife_plus(
-    n: int, alpha: float, k: int
-) -> None:
+@pytest.mark.parametrize(
+    ("n", "alpha", "k"),
+    [(9, 0.1, 1), (20, 0.1, 2), (999, 0.1, 100), (999, 0.25, 250), (999, 0.75, 750)],
+)
+def test_ends_of_intervals_are_those_of_the_jackknife_plus(n, alpha, k):
     """The ⌊α(n + 1)⌋-th smallest f₋ᵢ − |r_i|, and as many from above of f₋ᵢ + |r_i|.
 
     Barber et al., Ann. Statist. 49, 486 (2021): of n frames, with n + 1, not n.
     """
-    rng = np.random.default_rng(0)
-    without, residuals = rng.normal(size=n), rng.normal(size=n)
-    low, high = _ends(
-        torch.tensor(without)[None, :, None], torch.tensor(residuals)[:, None], alpha
-    )
-    assert low.item() == sorted(without - abs(residuals))[k - 1]
-    above = sorted(without + abs(residuals), reverse=True)
-    assert high.item() == above[n - int(np.ceil((1 - alpha) * (n + 1)))]
-    too_few = torch.zeros(1, 8, 1), torch.zeros(8, 1)
-    assert _ends(*too_few, 0.1)[1].isinf().all()  # 0.1 of 9 is no frame
-
-
-@pytest.mark.parametrize(("alpha", "k"), [(0.1, 100), (0.25, 250), (0.75, 750)])
-def test_ends_of_several_numbers_and_queries_are_each_found_among_all_frames(
-    alpha: float, k: int
-) -> None:
-    """Of 999 frames the k-th smallest, and the k-th from above, of sorted Python floats."""
     rng = np.random.default_rng(1)
-    without, residuals = rng.normal(size=(3, 999, 2)), rng.normal(size=(999, 2))
+    without, residuals = rng.normal(size=(3, n, 2)), rng.normal(size=(n, 2))
     low, high = _ends(torch.tensor(without), torch.tensor(residuals), alpha)
     assert low.shape == high.shape == (3, 2)
     for q in range(3):
@@ -110,13 +86,11 @@ def test_ends_of_several_numbers_and_queries_are_each_found_among_all_frames(
                 zip(without[q, :, t].tolist(), residuals[:, t].tolist(), strict=True)
             )
             assert low[q, t].item() == sorted(f - abs(r) for f, r in pairs)[k - 1]
-            assert high[q, t].item() == sorted(f + abs(r) for f, r in pairs)[999 - k]
+            assert high[q, t].item() == sorted(f + abs(r) for f, r in pairs)[n - k]
 
 
 @pytest.mark.parametrize("n", [2, 9, 48, 97])
-def test_ends_are_the_outermost_at_just_enough_frames_and_infinite_below(
-    n: int,
-) -> None:
+def test_ends_are_the_outermost_at_just_enough_frames_and_infinite_below(n):
     """Enough are 1/alpha − 1. Of 1/49 a float is a little less: then they may be infinite, too."""
     rng = np.random.default_rng(n)
     without, residuals = rng.normal(size=n), rng.normal(size=n)
@@ -131,7 +105,7 @@ def test_ends_are_the_outermost_at_just_enough_frames_and_infinite_below(
     assert low.shape == high.shape == (1, 1)
 
 
-def test_targets_that_cannot_be_learnt_are_named() -> None:
+def test_targets_that_cannot_be_learnt_are_named():
     frames, z = presses(6, 0)
     model = HDCRegressor().fit(frames, z)
     before = model.predict(frames)
@@ -157,13 +131,13 @@ def test_targets_that_cannot_be_learnt_are_named() -> None:
 
 @pytest.mark.parametrize("call", ["fit", "partial_fit", "recalibrate"])
 def test_a_call_that_is_interrupted_leaves_the_model_of_before(
-    call: str, tmp_path: Path, monkeypatch
-) -> None:
+    call, tmp_path, monkeypatch
+):
     frames, z = presses(20, 0)
     model = HDCRegressor().fit(frames, z)
     before = model.predict(frames, return_interval=True)
 
-    def interrupted(*_: object) -> None:
+    def interrupted(*_):
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
@@ -178,20 +152,20 @@ def test_a_call_that_is_interrupted_leaves_the_model_of_before(
 
 
 @pytest.mark.parametrize("size", [1e-200, 1e-165, 1e155, 1e290])
-def test_targets_of_any_size_are_predicted_alike(size: float, tmp_path: Path) -> None:
+def test_targets_of_any_size_are_predicted_alike(size, tmp_path):
     (frames, z), (queries, truth) = presses(40, 0), presses(40, 1)
     for readout in ("ridge", "neighbours"):
         expected = HDCRegressor(readout=readout).fit(frames, z)
         model = HDCRegressor(readout=readout).fit(frames, z * size)
-        found = model.predict(queries) / size
-        np.testing.assert_allclose(found, expected.predict(queries), rtol=1e-6)
+        found = np.array(model.predict(queries, True)) / size  # with its interval
+        np.testing.assert_allclose(found, expected.predict(queries, True), rtol=1e-6)
         score = expected.score(queries, truth)
         assert model.score(queries, truth * size) == pytest.approx(score)
         model.save(tmp_path / "m")
         HDCRegressor.load(tmp_path / "m")
 
 
-def test_targets_whose_sums_overflow_are_refused() -> None:
+def test_targets_whose_sums_overflow_are_refused():
     frames, z = presses(6, 0)
     with pytest.raises(
         ValueError, match=r"targets: expected numbers up to 1e300, found 1e\+308"
@@ -199,7 +173,7 @@ def test_targets_whose_sums_overflow_are_refused() -> None:
         HDCRegressor().fit(frames, np.where(z > 0, 1e308, -1e308))
 
 
-def test_equal_targets_are_predicted_exactly_or_score_nothing() -> None:
+def test_equal_targets_are_predicted_exactly_or_score_nothing():
     frames, _ = presses(10, 0)
     model = HDCRegressor().fit(frames, np.full(10, 3.0))
     assert model.score(frames, np.full(10, 3.0)) == 1
@@ -208,7 +182,7 @@ def test_equal_targets_are_predicted_exactly_or_score_nothing() -> None:
 
 @pytest.mark.parametrize("encoder", ["median", "quantile", "levels", "reference"])
 @pytest.mark.parametrize("readout", [RidgeValues(0.1), NeighbourValues(3)], ids=repr)
-def test_every_encoder_serves_numbers(encoder: str, readout, tmp_path: Path) -> None:
+def test_every_encoder_serves_numbers(encoder, readout, tmp_path):
     (frames, z), (queries, truth) = presses(60, 0), presses(40, 1)
     model = HDCRegressor(encoder, readout).fit(frames, z)
     assert model.score(queries, truth) > 0.7
@@ -225,7 +199,7 @@ def test_every_encoder_serves_numbers(encoder: str, readout, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("readout", ["ridge", "neighbours"])
-def test_a_file_is_little_more_than_its_hypervectors(readout, tmp_path) -> None:
+def test_a_file_is_little_more_than_its_hypervectors(readout, tmp_path):
     n, height, width = 200, 110, 112
     rng = np.random.default_rng(0)
     frames = rng.integers(0, 256, (n, height, width), dtype=np.uint8)

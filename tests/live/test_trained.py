@@ -36,13 +36,9 @@ def frames():
 
 
 @pytest.fixture
-def film(tmp_path, frames):
-    path, code = tmp_path / "v.mkv", cv2.VideoWriter_fourcc(*"FFV1")
-    writer = cv2.VideoWriter(str(path), code, 10, (40, 32), isColor=False)
-    for frame in frames:
-        writer.write(frame)
-    writer.release()
-    return path
+def film(write_film, tmp_path, frames):
+    write_film(tmp_path / "v.mkv", frames)
+    return tmp_path / "v.mkv"
 
 
 @pytest.fixture

@@ -1,5 +1,6 @@
 """The files of configs/scene: each composes by itself and says how it is split and shown."""
 
+import functools
 from pathlib import Path
 
 import pytest
@@ -12,6 +13,7 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 NAMES = sorted(path.stem for path in (CONFIGS / "scene").glob("*.yaml"))
 
 
+@functools.cache
 def composed(*overrides):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         return compose("config", overrides=list(overrides))

@@ -150,14 +150,12 @@ def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp
     ]
 
 
-def test_images_are_answered_before_arrays_and_these_before_videos(tmp_path):
+def test_images_are_answered_before_arrays_and_these_before_videos(
+    write_film, tmp_path
+):
     """Whatever the order and the case of their names; a table may have values or not."""
     film = tmp_path / "v.MKV"
-    code = cv2.VideoWriter_fourcc(*"FFV1")
-    writer = cv2.VideoWriter(str(film), cv2.CAP_FFMPEG, code, 10, (20, 16), False)
-    for grey in (10, 90):
-        writer.write(np.full((16, 20), grey, np.uint8))
-    writer.release()
+    write_film(film, [np.full((16, 20), grey, np.uint8) for grey in (10, 90)])
     wide = tmp_path / "x.PNG"
     assert cv2.imwrite(str(wide), np.zeros((20, 9), np.uint8))
     array = tmp_path / "a.NPY"

@@ -13,7 +13,6 @@ import numpy as np
 import pytest
 
 from hdc import HDCClassifier, HDCRegressor, command
-from hdc.command import main
 from hdc.command.holdout import split
 
 SIDE = 24
@@ -38,19 +37,6 @@ def write(root, frames, classes="abc"):
 @pytest.fixture
 def folder(tmp_path, frames):
     return write(tmp_path / "my frames [1]", frames)
-
-
-@pytest.fixture
-def hdc(capsys):
-    """Runs a command line: exit status, lines of the output, lines of the errors."""
-
-    def run(*words):
-        with pytest.raises(SystemExit) as caught:
-            main([str(word) for word in words])
-        out, err = capsys.readouterr()
-        return caught.value.code, out.splitlines(), err.splitlines()
-
-    return run
 
 
 @pytest.fixture
@@ -182,11 +168,10 @@ def test_a_crop_is_of_images_of_the_size_of_training(hdc, folder, frames, tmp_pa
         assert f"crop: expected {wanted}" in line
 
 
-def test_predictions_as_a_table_and_as_json(hdc, model, folder, frames, tmp_path):
+def test_predictions_as_a_table_and_as_json(hdc, model, folder, tmp_path):
     noise = tmp_path / "noise.png"
-    cv2.imwrite(
-        str(noise), np.random.default_rng(9).integers(0, 256, (SIDE, SIDE), np.uint8)
-    )
+    image = np.random.default_rng(9).integers(0, 256, (SIDE, SIDE), np.uint8)
+    assert cv2.imwrite(str(noise), image)
     status, out, err = hdc("predict", model, folder)
     assert (status, err) == (0, [])
     heads = ["file", "label", "margin", "distance a", "distance b", "distance c"]
@@ -194,19 +179,10 @@ def test_predictions_as_a_table_and_as_json(hdc, model, folder, frames, tmp_path
     rows = [line.split("\t") for line in out[1:]]
     assert [row[1] for row in rows] == [*np.repeat(list("abc"), 12)]
     assert [Path(row[0]).name for row in rows[:12]] == [f"{i}.png" for i in range(12)]
-    shares = HDCClassifier.load(model).distances(frames[2, :1])[0] / SIDE**2
-    assert rows[24][3:] == [f"{share:.4f}" for share in shares]
-    assert rows[24][2] == f"{np.diff(sorted(shares))[0]:.4f}"
-    assert (
-        hdc("predict", model, noise, "--reject", "0.2")[1][1].split("\t")[1]
-        == "(none of these)"
-    )
-    assert (
-        json.loads(hdc("predict", model, "--json", "--reject=0.2", noise)[1][0])[
-            "label"
-        ]
-        is None
-    )
+    table = hdc("predict", model, noise, "--reject", "0.2")[1]
+    assert table[1].split("\t")[1] == "(none of these)"
+    answer = json.loads(hdc("predict", model, "--json", "--reject=0.2", noise)[1][0])
+    assert answer["label"] is None
     assert hdc("predict", model, noise, "--reject")[0] == 0
     assert json.loads(hdc("predict", model, "--json", noise)[1][0])["label"] in "abc"
 
@@ -218,19 +194,10 @@ def test_an_evaluation_tells_accuracy_and_confusions(
     status, out, err = hdc("evaluate", model, folder)
     assert (status, err) == (0, [])
     assert out[0] == "accuracy 97.2% (95 % interval 85.8% to 99.5%), 35 of 36 frames"
-    assert [line.split() for line in out[3:]] == [
-        ["a", "b", "c"], ["a", "11", "0", "0"], ["b", "0", "12", "0"], ["c", "1", "0", "12"],
-    ]  # fmt: skip
-    result = json.loads(
-        hdc("evaluate", model, folder, "--json", "--reject", "0.5")[1][0]
-    )
+    assert out[-1].split() == ["c", "1", "0", "12"]
+    words = ("evaluate", model, folder, "--json", "--reject", "0.5")
+    result = json.loads(hdc(*words)[1][0])
     assert result["accuracy"] == 35 / 36
-    (wrong,) = result["wrong"]
-    assert (Path(wrong["file"]).name, wrong["label"], wrong["predicted"]) == (
-        "wrong.png",
-        "c",
-        "a",
-    )
     known = HDCClassifier.load(model).is_known(frames.reshape(-1, SIDE, SIDE), 0.5)
     assert result["refused"] == (~known).sum()
     only = write(tmp_path / "only", frames[1:2], "b")
@@ -421,12 +388,6 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path
     assert hdc("recalibrate", path, tmp_path / "today.npz", "-o", new)[0] == 0
     again = HDCClassifier.load(new).encoder_.reference_
     assert (again == expected.encoder_.reference_).all()
-    one = tmp_path / "one"
-    one.mkdir()
-    for k, frame in enumerate(later[:4]):
-        assert cv2.imwrite(str(one / f"{k}.png"), frame)
-    status, _, err = hdc("recalibrate", path, one, "-o", new)
-    assert status == 0
     words = ("recalibrate", path, tmp_path / "today", "-o", new)
     assert hdc(*words, "--p", 0.3)[2] == [
         "error: expected no --p for frames without labels"
@@ -437,25 +398,13 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path
     assert status == 1
     assert line.endswith("today: expected labels, or a model with an encoder such as reference, "
                          "which adapts without")  # fmt: skip
-    wide = tmp_path / "wide"
-    wide.mkdir()
-    assert cv2.imwrite(str(wide / "x.png"), np.zeros((9, 9), np.uint8))
-    status, _, (line,) = hdc("recalibrate", path, wide, "-o", new)
-    assert f"{wide}/x.png: expected 24 × 24 pixels as in training" in line
 
 
-def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, tmp_path):
-    path, code = tmp_path / "v.mkv", cv2.VideoWriter_fourcc(*"FFV1")
-    film = cv2.VideoWriter(str(path), code, 10, (32, 32), isColor=False)
-    rng = np.random.default_rng(0)
-    base = rng.integers(0, 150, (2, 32, 32))
-    images = [
-        (base[k // 5] + rng.integers(0, 60, (32, 32))).astype(np.uint8)
-        for k in range(10)
-    ]
-    for image in images:
-        film.write(image)
-    film.release()
+def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, write_film, tmp_path):
+    path, rng = tmp_path / "v.mkv", np.random.default_rng(0)
+    base = rng.integers(0, 150, (2, 1, 32, 32)).repeat(5, 1).reshape(10, 32, 32)
+    images = base + rng.integers(0, 60, base.shape)
+    write_film(path, images.astype(np.uint8))
     words = ("train", path, "-o", tmp_path / "m")
     assert hdc(*words)[2] == [
         f"error: {tmp_path}/v.csv: expected a table with start_s, end_s and label, or with a "
@@ -524,10 +473,11 @@ def test_bad_frames_are_named_in_one_line(hdc, model, folder, frames, tmp_path):
         == f"{one}: expected two classes or more, found only 'a'"
     )
     other = write(tmp_path / "other", frames[:1], "x")
-    assert error("evaluate", model, other) == (
-        f"{other}: expected classes among a, b, c, found 'x' (to add a class: hdc train on all of "
-        "them, or partial_fit in Python)"
-    )
+    for words in (("evaluate", model, other), ("recalibrate", model, other, "-o", out)):
+        assert error(*words) == (
+            f"{other}: expected classes among a, b, c, found 'x' (to add a class: hdc train on all "
+            "of them, or partial_fit in Python)"
+        )
     wide = write(tmp_path / "wide", np.pad(frames, [(0, 0)] * 3 + [(0, 2)]))
     assert error("evaluate", model, wide) == (
         f"{wide}/a/0.png: expected 24 × 24 pixels as in training, found 26 × 24 pixels"
@@ -596,12 +546,13 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         ("h5py", ["train", "stack.h5", "-o", "m"], "files"),
         ("tifffile", ["train", "stack.tif", "-o", "m"], "readers"),
         ("pyarrow", ["train", "rows.parquet", "-o", "m"], "files"),
+        ("scipy", ["train", "cube.mat", "-o", "m"], "files"),
         ("matplotlib", ["compare", "FOLDER", "-o", "curve.svg"], "compare"),
     ],
 )
 def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):
     code = f"import sys; sys.modules[{name!r}] = None\nfrom hdc.command import main; main()"
-    for file in ("film.mp4", "stack.h5", "stack.tif", "rows.parquet"):
+    for file in ("film.mp4", "stack.h5", "stack.tif", "rows.parquet", "cube.mat"):
         (tmp_path / file).write_bytes(b"x")
     words = [str(folder) if word == "FOLDER" else word for word in words]
     command = [sys.executable, "-c", code, *words]

@@ -10,8 +10,6 @@ import pyarrow.parquet as pq
 import pytest
 import scipy.io
 
-from hdc.command import main
-
 RNG = np.random.default_rng(0)
 LABELS = np.arange(12) % 3
 NAMES = np.array(["air", "oil", "water"])[LABELS]
@@ -20,26 +18,20 @@ FRAMES = (BASE[LABELS] + RNG.integers(0, 90, (12, 6, 8))).astype(np.uint8)
 
 
 @pytest.fixture
-def look(capsys, tmp_path, monkeypatch):
+def look(typed, tmp_path, monkeypatch):
     """Lines on what a file holds, and blocks of lines on each reading; each is then typed, and has
     to train the frames and what the block says."""
     monkeypatch.chdir(tmp_path)
 
-    def run(*words):
-        with pytest.raises(SystemExit) as caught:
-            main(list(words))
-        out, err = capsys.readouterr()
-        return caught.value.code, out, err
-
     def run_look(*words):
-        status, out, err = run("look", *words)
+        status, out, err = typed("look", *words)
         if status:
             return out.splitlines(), err.splitlines()
         holds, *blocks = (block.splitlines() for block in out.split("\n\n"))
         for block in blocks:
             line = shlex.split(block[-1])
             assert line[:2] == ["hdc", "train"]
-            trained = run(*line[1:])
+            trained = typed(*line[1:])
             assert trained[0] == 0
             _, learnt, size = block[0].split(", ", 2)
             assert f"{learnt}, {size}" in trained[1].splitlines()[0]
@@ -135,7 +127,7 @@ def test_tables_and_columns_of_images(look, tmp_path):
     assert blocks[0][0] == "12 frames, 3 classes, 48 pixels"
 
 
-def test_what_is_missing_is_said_after_what_is_there(look, tmp_path):
+def test_what_is_missing_is_said_after_what_is_there(look, write_film, tmp_path):
     np.save("x.npy", FRAMES)
     holds, error = look("x.npy")
     assert holds == ["frames: uint8 (12, 6, 8)"]
@@ -143,10 +135,7 @@ def test_what_is_missing_is_said_after_what_is_there(look, tmp_path):
     (tmp_path / "x.csv").write_text("\n".join(["label", *NAMES]))
     _, blocks = look("x.npy")
     assert len(blocks) == 1
-    film = cv2.VideoWriter("v.avi", cv2.VideoWriter_fourcc(*"MJPG"), 10, (8, 6))
-    for frame in FRAMES:
-        film.write(np.dstack([frame] * 3))
-    film.release()
+    write_film("v.avi", FRAMES, "MJPG")
     holds, error = look("v.avi")
     assert holds == ["mjpeg, 8 × 6 pixels, 12 frames, 10 a second"]
     assert error == ["error: v.csv: expected a table with start_s, end_s and label, or with a row "

@@ -40,11 +40,10 @@ def unpacked(words: torch.Tensor, dimension: int) -> np.ndarray:
 
 
 @pytest.mark.parametrize(
-    "dtype", ["uint8", "int8", "uint16", "int16", "int32", "float32", "float64"]
+    ("d", "dtype"), [(1, "uint8"), (2, "int16"), (65, "float64"), (300, "uint8")]
 )
-@pytest.mark.parametrize("d", [1, 2, 65, 1000])
 @pytest.mark.parametrize("thresholds", [DEFAULT, ODD], ids=repr)
-def test_bits_by_their_definition(d, dtype, thresholds, kinds_of_frames) -> None:
+def test_bits_by_their_definition(d, dtype, thresholds, kinds_of_frames):
     """Constant frames, two grey levels, few, and saturated ones among them."""
     frames = kinds_of_frames(d, dtype)
     encoder = Deviation(thresholds).fit(frames)
@@ -54,7 +53,7 @@ def test_bits_by_their_definition(d, dtype, thresholds, kinds_of_frames) -> None
     assert np.array_equal(found, plainly(frames, thresholds))
 
 
-def test_bits_by_floats(camera_frames) -> None:
+def test_bits_by_floats(camera_frames):
     """All but those whose difference is at a threshold, to steps of 2⁻¹⁶."""
     frames = camera_frames(8, side=100)
     words = Deviation().fit(frames).encode(torch.from_numpy(frames))
@@ -69,10 +68,16 @@ def test_bits_by_floats(camera_frames) -> None:
     assert np.array_equal(found[clear], above[clear] > 0)
 
 
-@pytest.mark.parametrize("threads", [1, 2])
-@pytest.mark.parametrize("d", [1, 63, 64, 65, 4161, 70_001])
-@pytest.mark.parametrize("thresholds", [DEFAULT, [0], [-1000, 999_999]], ids=repr)
-def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames) -> None:
+@pytest.mark.parametrize(
+    ("thresholds", "d", "threads"),
+    [
+        *((DEFAULT, d, 2) for d in (1, 63, 64, 65, 4161, 70_001)),
+        ([0], 65, 1),
+        ([-1000, 999_999], 4161, 1),
+    ],
+    ids=repr,
+)
+def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames):
     pytest.importorskip("numba")
     frames = torch.from_numpy(kinds_of_frames(d))
     encoder = Deviation(thresholds).fit(frames[:9])
@@ -90,7 +95,7 @@ def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames) -> 
 
 
 @pytest.mark.parametrize("backend", backends.BACKENDS)
-def test_no_sum_overflows_at_many_pixels(backend: str) -> None:
+def test_no_sum_overflows_at_many_pixels(backend):
     """Two frames of 2²⁴ + 1 pixels whose one bright pixel stands apart by all that can be."""
     if backend == "compiled":
         pytest.importorskip("numba")
@@ -106,8 +111,9 @@ def test_no_sum_overflows_at_many_pixels(backend: str) -> None:
     assert ones[-1] == d + 5
 
 
-def test_the_largest_sums_are_whole() -> None:
-    """Differences as large as they get, of both signs, at 2²⁴ + 1 pixels."""
+def test_the_largest_sums_are_whole_and_variances_rounded_down():
+    """Differences as large as they get, of both signs, at 2²⁴ + 1 pixels; a variance of 8/9."""
+    assert deviations_of(torch.tensor([[1, 1, -1]], dtype=torch.int32)) == [0]
     n = 2**24 + 1
     differences = torch.full((1, n), 2**17, dtype=torch.int32)
     differences[0, ::2] = -(2**17)
@@ -116,7 +122,7 @@ def test_the_largest_sums_are_whole() -> None:
     assert deviations_of(differences) == [isqrt(floor(variance))]
 
 
-def test_frames_that_say_nothing_are_named() -> None:
+def test_frames_that_say_nothing_are_named():
     frames = np.random.default_rng(0).integers(0, 256, (40, 50)).astype(np.uint8)
     frames[7] = 9
     encoder = Deviation(frame=frames[33]).fit(frames)
@@ -130,15 +136,6 @@ def test_frames_that_say_nothing_are_named() -> None:
             "1 constant frame(s), at index 207",
             "1 constant frame(s), at index 233",
         ]
-
-
-def test_brightness_and_contrast_change_no_bit_but_at_thresholds() -> None:
-    frames = torch.from_numpy(
-        np.random.default_rng(2).integers(0, 60, (9, 200)).astype(np.int16)
-    )
-    encoder = Deviation().fit(frames)
-    other = encoder.encode(4 * frames + 7) ^ encoder.encode(frames)
-    assert int(bits.count_ones(other).sum()) <= 12  # of 12,600
 
 
 @pytest.mark.parametrize(
@@ -160,11 +157,11 @@ def test_brightness_and_contrast_change_no_bit_but_at_thresholds() -> None:
     ],
     ids=repr,
 )
-def test_other_thresholds_are_refused(thresholds) -> None:
+def test_other_thresholds_are_refused(thresholds):
     with pytest.raises(ValueError, match="thresholds: expected a list of rising num"):
         Deviation(thresholds).check()
 
 
-def test_a_file_with_too_large_a_reference_is_refused() -> None:
+def test_a_file_with_too_large_a_reference_is_refused():
     with pytest.raises(ValueError, match="reference: expected a mean of standard"):
         Deviation().restore({"reference": torch.full((9,), -(2**62))}, 9)

@@ -55,7 +55,7 @@ def plainly(image: np.ndarray, deviation: int, bits: int) -> list[list[int]]:
 @pytest.mark.parametrize(("dtype", "bits"), [("uint8", 8), ("uint16", 16)])
 @pytest.mark.parametrize("shape", [(1, 1), (1, 9), (2, 2), (6, 11)])
 @pytest.mark.parametrize("deviation", [1, 2])
-def test_sums_by_their_definition(shape, deviation, dtype, bits) -> None:
+def test_sums_by_their_definition(shape, deviation, dtype, bits):
     rng = np.random.default_rng(0)
     images = rng.integers(0, 2**bits, (3, *shape)).astype(dtype)
     images[1] = 2**bits - 1
@@ -67,7 +67,7 @@ def test_sums_by_their_definition(shape, deviation, dtype, bits) -> None:
 
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "float32", "float64"])
 @pytest.mark.parametrize("deviation", [1, 2, 4, 16])
-def test_it_is_a_gaussian_mirrored_at_the_edges(deviation, dtype) -> None:
+def test_it_is_a_gaussian_mirrored_at_the_edges(deviation, dtype):
     rng = np.random.default_rng(1)
     images = rng.integers(-100 if dtype != "uint8" else 0, 200, (4, 23, 30))
     images = images.astype(dtype)
@@ -84,7 +84,7 @@ def test_it_is_a_gaussian_mirrored_at_the_edges(deviation, dtype) -> None:
 
 
 @pytest.mark.parametrize("base", BASES, ids=repr)
-def test_words_are_those_of_the_base(base, kinds_of_frames) -> None:
+def test_words_are_those_of_the_base(base, kinds_of_frames):
     """On every route: flat frames, several at a time, from a bank, and into given room."""
     flat = kinds_of_frames(21 * 13)
     frames = torch.from_numpy(flat.reshape(-1, 21, 13))
@@ -103,7 +103,7 @@ def test_words_are_those_of_the_base(base, kinds_of_frames) -> None:
     assert not torch.equal(words, base.unlearned().fit(frames).encode(frames))
 
 
-def test_what_is_no_image_or_no_deviation_is_refused() -> None:
+def test_what_is_no_image_or_no_deviation_is_refused():
     frames = np.random.default_rng(0).integers(0, 99, (6, 8, 9)).astype(np.uint8)
     with pytest.raises(ValueError, match=r"smooth: expected images \[N, H, W\], found"):
         HDCClassifier(Smoothed()).fit(frames.reshape(6, -1), [0, 1] * 3)
@@ -121,7 +121,7 @@ def test_what_is_no_image_or_no_deviation_is_refused() -> None:
         encoder.encode(torch.from_numpy(bad), 100)
 
 
-def test_the_base_of_an_encoder_stays_untrained() -> None:
+def test_the_base_of_an_encoder_stays_untrained():
     """Two models that share the object of a base learn references of their own."""
     rng = np.random.default_rng(0)
     base = Deviation([0])

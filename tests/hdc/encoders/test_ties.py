@@ -7,13 +7,12 @@ import pytest
 import torch
 
 from hdc import bits
-from hdc.encoders import Median
 from hdc.encoders.ties import TIES, first_ties, in_order
 
 
 @pytest.mark.parametrize("ties", TIES)
 @pytest.mark.parametrize("d", [1, 2, 63, 64, 65, 130, 700])
-def test_the_first_ties_by_plain_loops(d: int, ties: str, order_of_pixels) -> None:
+def test_the_first_ties_by_plain_loops(d, ties, order_of_pixels):
     order = order_of_pixels(d, ties)
     rng = np.random.default_rng(d)
     masks = rng.random((40, d)) < rng.random((40, 1))
@@ -37,13 +36,13 @@ def test_the_first_ties_by_plain_loops(d: int, ties: str, order_of_pixels) -> No
 
 @pytest.mark.parametrize("ties", ["spread", "raster"])
 @pytest.mark.parametrize("d", [1, 64, 700, 4161])
-def test_all_pixels_are_in_that_order(d: int, ties: str, order_of_pixels) -> None:
+def test_all_pixels_are_in_that_order(d, ties, order_of_pixels):
     order, places = in_order(d, ties)
     assert np.array_equal(order, order_of_pixels(d, ties).argsort())
     assert np.array_equal(order[places], np.arange(d))
 
 
-def test_the_key_of_a_pixel_is_as_stated(order_of_pixels) -> None:
+def test_the_key_of_a_pixel_is_as_stated(order_of_pixels):
     """Pixels of the first two words: h(0) = 0, and h(1) = 0x9E3779B1 >> 26 = 39."""
     order = order_of_pixels(128, "spread")
     assert order[:3].tolist() == [0, 2, 4]
@@ -54,9 +53,7 @@ def test_the_key_of_a_pixel_is_as_stated(order_of_pixels) -> None:
 
 @pytest.mark.parametrize("shape", [(64, 64), (100, 150), (480, 640), (500, 500)])
 @pytest.mark.parametrize("share", [0.1, 0.25, 0.5, 0.8])
-def test_the_spread_is_even_over_rows_and_columns(
-    shape: tuple[int, int], share: float
-) -> None:
+def test_the_spread_is_even_over_rows_and_columns(shape, share):
     """Shares of rows and columns differ less than twice those of a random choice do, and those of
     quarters by less than 1 %; in raster order they differ by half."""
     d = shape[0] * shape[1]
@@ -72,21 +69,3 @@ def test_the_spread_is_even_over_rows_and_columns(
         assert float((means - share).square().mean().sqrt()) < 2 * random, axis
     quarters = [part.mean() for half in chosen.chunk(2, 0) for part in half.chunk(2, 1)]
     assert max(abs(float(quarter) - share) for quarter in quarters) < 0.01
-
-
-def test_raster_takes_the_top_of_a_constant_area() -> None:
-    frame = torch.full((1, 20, 64), 7, dtype=torch.uint8)
-    with pytest.warns(UserWarning, match="constant frame"):
-        words = Median("raster").encode(frame)
-    assert words[0].tolist() == [-1] * 10 + [0] * 10
-    with pytest.warns(UserWarning, match="constant frame"):
-        words = Median("below").encode(frame)
-    assert not words.any()
-
-
-def test_below_is_the_plain_comparison() -> None:
-    """With an odd number of pixels the median is a pixel, and those above it are ones."""
-    frames = np.random.default_rng(0).integers(0, 30, (20, 999)).astype(np.uint8)
-    words = Median("below").encode(torch.from_numpy(frames))
-    expected = frames > np.median(frames, axis=1, keepdims=True)
-    assert np.array_equal(bits.unpack(words, 999).numpy(), expected)

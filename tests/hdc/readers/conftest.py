@@ -6,7 +6,7 @@ import pytest
 
 
 @pytest.fixture(scope="session")
-def pixels() -> np.ndarray:
+def pixels():
     """uint8 [12, 20, 30]: frames of which no two are alike."""
     return np.random.default_rng(0).integers(0, 256, (12, 20, 30), dtype=np.uint8)
 

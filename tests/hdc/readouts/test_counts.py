@@ -19,7 +19,7 @@ from hdc.readouts.counts import cosines
 
 @given(st.integers(1, 12), st.integers(2, 40), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
-def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
+def test_integer_prototypes_against_floats(n, d, seed):
     rng = np.random.default_rng(seed)
     frames = np.stack([rng.permutation(d) for _ in range(2 * n)]).astype(np.uint8)
     labels = np.arange(2 * n) % 2
@@ -31,7 +31,7 @@ def test_integer_prototypes_against_floats(n: int, d: int, seed: int) -> None:
     torch.testing.assert_close(model.readout_.scores(words), expected)
 
 
-def test_a_larger_class_is_compared_as_its_subsets_are_on_average() -> None:
+def test_a_larger_class_is_compared_as_its_subsets_are_on_average():
     """‖sum of a random subset‖², by all subsets of the size of the smallest class."""
     rng = np.random.default_rng(0)
     x = np.where(rng.random((8, 300)) < rng.random(300), 1.0, -1.0)
@@ -50,7 +50,7 @@ def test_a_larger_class_is_compared_as_its_subsets_are_on_average() -> None:
 
 
 @pytest.mark.parametrize("d", [1, 64, 1000])
-def test_the_largest_counts_are_exact_and_larger_ones_refused(d: int) -> None:
+def test_the_largest_counts_are_exact_and_larger_ones_refused(d):
     """2⁶⁰ samples times pixels, less one sample, against Python integers."""
     least = 2**60 // d  # that are refused
     n = least - 1

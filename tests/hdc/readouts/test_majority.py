@@ -23,11 +23,11 @@ def frames_of(numbers: list[int], seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 @pytest.mark.parametrize("readout", [Majority, Counts])
-@pytest.mark.parametrize("more", [1, 3, 40])
-def test_one_larger_class_costs_nothing(more: int, readout: type) -> None:
+@pytest.mark.parametrize("more", [1, 40])
+def test_one_larger_class_costs_nothing(more, readout):
     """With one frame more in a class, the published rule names that class for nearly all frames."""
     scores = []
-    for seed in range(4):
+    for seed in range(3):
         test = frames_of([60] * 5, seed)
         equal = HDCClassifier(readout=readout(balance=False)).fit(
             *frames_of([4] * 5, seed)
@@ -45,7 +45,7 @@ def test_one_larger_class_costs_nothing(more: int, readout: type) -> None:
 
 
 @pytest.mark.parametrize("name", ["majority", "counts"])
-def test_larger_classes_are_warned_of_unless_they_are_meant(name: str) -> None:
+def test_larger_classes_are_warned_of_unless_they_are_meant(name):
     """The default is Eq. 1 of the paper, by which a larger class takes frames of the others."""
     for numbers in ([6, 5, 5, 5, 5], [5] * 5):
         with warnings.catch_warnings():
@@ -58,7 +58,7 @@ def test_larger_classes_are_warned_of_unless_they_are_meant(name: str) -> None:
 
 @pytest.mark.parametrize("readout", [Majority, Counts])
 @pytest.mark.parametrize("ties", bits.TIES)
-def test_equal_classes_are_as_published(ties: str, readout: type) -> None:
+def test_equal_classes_are_as_published(ties, readout):
     frames, labels = frames_of([6] * 5, 0)
     models = [
         HDCClassifier(readout=readout(ties, balance=b)).fit(frames, labels)
@@ -76,7 +76,7 @@ def test_equal_classes_are_as_published(ties: str, readout: type) -> None:
     assert torch.equal(models[0].prototypes_, models[1].prototypes_)
 
 
-def test_thinned_counts_are_those_of_random_subsets() -> None:
+def test_thinned_counts_are_those_of_random_subsets():
     n, size = 12, 5
     ones = torch.arange(13).repeat(4000)[None]  # each count 4000 times
     rows = torch.arange(n)[:, None] < ones  # row i has a one where more than i do
@@ -99,7 +99,7 @@ def test_thinned_counts_are_those_of_random_subsets() -> None:
         assert torch.equal(counters.prototype(c, "one", seed=3, size=size), expected)
 
 
-def test_parameters_that_do_not_fit_are_named() -> None:
+def test_parameters_that_do_not_fit_are_named():
     frames, labels = frames_of([2] * 5, 0)
     for readout in (Majority, Counts):
         for parameters, message in (
@@ -116,9 +116,7 @@ def test_parameters_that_do_not_fit_are_named() -> None:
 
 
 @pytest.mark.parametrize("readout", [Majority, Counts])
-def test_what_is_added_merged_and_arranged_before_settling_is_all_learnt(
-    readout: type,
-) -> None:
+def test_what_is_added_merged_and_arranged_before_settling_is_all_learnt(readout):
     """Samples of class 0 added, of class 2 merged, and class 1 put between; as all at once."""
     rng = np.random.default_rng(0)
     words = bits.pack(torch.from_numpy(rng.random((24, 130)) < 0.5))

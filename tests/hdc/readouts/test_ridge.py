@@ -35,9 +35,7 @@ def problem(
 
 @given(st.integers(3, 30), st.integers(1, 300), st.integers(1, 3), st.integers(0, 99))
 @settings(max_examples=40, deadline=None)
-def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(
-    n, d, t, seed
-) -> None:
+def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(n, d, t, seed):
     x, words, y = problem(n, d, t, seed)
     queries, asked, _ = problem(5, d, t, seed + 1)
     model, residuals = solve(words, y, d)
@@ -62,7 +60,7 @@ def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(
     np.testing.assert_allclose(residuals, errors, atol=1e-6)
 
 
-def test_the_penalty_is_the_one_with_the_least_left_out_error() -> None:
+def test_the_penalty_is_the_one_with_the_least_left_out_error():
     _, words, y = problem(25, 400, 1, 0)
     fitted = solve(words, y, 400)
     products = gram(words, words, 400)
@@ -80,8 +78,8 @@ def test_the_penalty_is_the_one_with_the_least_left_out_error() -> None:
     assert len({round(error, 6) for error in errors}) > 3
 
 
-@pytest.mark.parametrize("size", [1e-200, 1e-165, 1e-20, 1.0, 1e20, 1e155, 1e290])
-def test_the_size_of_targets_changes_nothing_but_the_size(size: float) -> None:
+@pytest.mark.parametrize("size", [1e-200, 1e-165, 1e155, 1e290])
+def test_the_size_of_targets_changes_nothing_but_the_size(size):
     """Squares of numbers near 1e155 or 1e-165 are none."""
     _, words, y = problem(25, 400, 2, 0)
     expected, found = solve(words, y, 400), solve(words, y * size, 400)
@@ -92,9 +90,7 @@ def test_the_size_of_targets_changes_nothing_but_the_size(size: float) -> None:
     np.testing.assert_allclose(found.residuals / size, expected.residuals, rtol=1e-6)
 
 
-def test_weights_are_those_of_floats_in_any_block(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
+def test_weights_are_those_of_floats_in_any_block(monkeypatch):
     monkeypatch.setattr(linear, "_STEP", 2)  # words that are rounded at once
     x, words, y = problem(30, 300, 2, 0)
     fitted = solve(words, y, 300).linear
@@ -109,18 +105,6 @@ def test_weights_are_those_of_floats_in_any_block(
     ) == pytest.approx(127)
 
 
-def test_recalibration_stays_near_the_old_weights() -> None:
-    """min Σ (y − b − w·x)² + λ‖w − w₀‖², by fitting what the old weights leave."""
-    x, words, y = problem(30, 200, 2, 0)
-    new_x, new, new_y = problem(4, 200, 2, 1)
-    old = solve(words, y, 200).linear
-    adapted = solve(new, new_y, 200, prior=old).linear
-    left = new_y.numpy() - old.values(new).numpy()
-    expected = old.values(words).numpy() + plain(new_x, left, old.penalty).predict(x)
-    np.testing.assert_allclose(adapted.values(words), expected, atol=0.05)
-    assert adapted.penalty == old.penalty
-
-
 def adapted_without(
     old: Linear, x: np.ndarray, words: torch.Tensor, y: np.ndarray, left_out: int
 ) -> np.ndarray:
@@ -132,8 +116,11 @@ def adapted_without(
     return before + change.predict(x).reshape(y.shape)
 
 
-def test_recalibrated_numbers_are_held_out_as_by_retraining() -> None:
-    """Residuals, predictions without each frame, and the numbers themselves."""
+def test_recalibrated_numbers_are_held_out_as_by_retraining():
+    """Residuals, predictions without each frame, and the numbers themselves.
+
+    min Σ (y − b − w·x)² + λ‖w − w₀‖² is the fit of what the old weights leave.
+    """
     _, words, y = problem(30, 200, 2, 0)
     x, new, new_y = problem(7, 200, 2, 1)
     readout = RidgeValues(0.1).fit(words, y, 200)
@@ -153,7 +140,7 @@ def test_recalibrated_numbers_are_held_out_as_by_retraining() -> None:
         np.testing.assert_allclose(change, whole - expected, atol=1e-6)
 
 
-def test_recalibrated_classes_are_held_out_as_by_retraining() -> None:
+def test_recalibrated_classes_are_held_out_as_by_retraining():
     """Targets are 1 for the class of a frame and −1 for the others, of one without frames, too."""
     _, words, _ = problem(30, 200, 1, 0)
     x, new, _ = problem(8, 200, 1, 1)
@@ -171,26 +158,12 @@ def test_recalibrated_classes_are_held_out_as_by_retraining() -> None:
 # Classifier ---------------------------------------------------------------------------------------
 
 
-def test_ridge_recognises_what_prototypes_do_not_and_recalibrates(hard) -> None:
-    train, test = hard(80, 0), hard(200, 1)
-    ridge = HDCClassifier(readout="ridge").fit(*train)
-    assert ridge.score(*test) > HDCClassifier().fit(*train).score(*test) + 0.1
-    new, fresh = hard(8, 2, 0.5), hard(200, 3, 0.5)
-    before = ridge.score(*fresh)
-    ridge.recalibrate(*new)
-    assert ridge.score(*fresh) >= before
-    fitted = HDCClassifier(readout="ridge").fit(*train)
-    for name in ("merge", "partial_fit"):
-        message = f"{name}: expected a read-out that learns batch by batch, found Ridge"
-        with pytest.raises(ValueError, match=message):
-            getattr(fitted, name)
-
-
-def test_a_given_penalty_is_used(hard) -> None:
-    train = hard(80, 0)
+def test_a_given_penalty_is_used():
+    frames = np.random.default_rng(0).normal(size=(80, 300))
+    train = frames, np.arange(80) % 4
     for penalty in (1e-3, 1, np.float32(10)):
         model = HDCClassifier(readout=Ridge(penalty)).fit(*train)
-        products = gram(*[model.encoder_.encode(torch.from_numpy(train[0]))] * 2, 2000)
+        products = gram(*[model.encoder_.encode(torch.from_numpy(train[0]))] * 2, 300)
         centred = (
             products - products.mean(0) - products.mean(1)[:, None] + products.mean()
         )

@@ -58,7 +58,7 @@ def problem(n: int, d: int, seed: int) -> tuple[np.ndarray, torch.Tensor, torch.
 @pytest.mark.parametrize("backend", ["numpy", "compiled"])
 @pytest.mark.parametrize("passes", [0, 1, 2, 5, 12])
 @pytest.mark.parametrize("margin", [0, 0.02, 0.3])
-def test_the_rule_by_plain_loops(margin: float, passes: int, backend: str) -> None:
+def test_the_rule_by_plain_loops(margin, passes, backend):
     if backend == "compiled":
         pytest.importorskip("numba")
     x, words, rows = problem(17, 90, passes)
@@ -73,15 +73,6 @@ def test_the_rule_by_plain_loops(margin: float, passes: int, backend: str) -> No
     assert (scores.argmax(1) < 3).all()
 
 
-def test_passes_mend_mistakes_of_the_first(hard) -> None:
-    train, test = hard(80, 0), hard(400, 1)
-    first, last = (
-        HDCClassifier(readout=Trained(passes=passes)).fit(*train) for passes in (0, 10)
-    )
-    assert last.score(*train) > first.score(*train)
-    assert last.score(*test) > first.score(*test)
-
-
 @pytest.mark.parametrize(
     ("parameters", "message"),
     [
@@ -91,15 +82,6 @@ def test_passes_mend_mistakes_of_the_first(hard) -> None:
         ({"passes": 1.0}, "passes: expected an integer ≥ 0, found 1.0"),
     ],
 )
-def test_parameters_that_do_not_fit_are_named(parameters, message, hard) -> None:
+def test_parameters_that_do_not_fit_are_named(parameters, message):
     with pytest.raises(ValueError, match=message):
-        HDCClassifier(readout=Trained(**parameters)).fit(*hard(8, 0))
-
-
-def test_prototypes_do_not_swing_where_all_frames_lie_within_the_margin() -> None:
-    _, words, rows = problem(60, 400, 3)
-    accuracies = []
-    for passes in (0, 20):
-        model = Trained(margin=0.4, passes=passes).fit(words, rows, 3, 400)
-        accuracies.append((model.scores(words).argmax(1) == rows).double().mean())
-    assert accuracies[1] >= accuracies[0]
+        HDCClassifier(readout=Trained(**parameters)).fit(np.eye(8), [0, 1] * 4)

@@ -20,7 +20,7 @@ def plain_means(distances: np.ndarray, values: np.ndarray, k: int) -> np.ndarray
 
 
 @pytest.mark.parametrize("k", [1, 2, 5, 12, 50])
-def test_means_and_left_out_means_by_plain_loops(k: int) -> None:
+def test_means_and_left_out_means_by_plain_loops(k):
     rng = np.random.default_rng(k)
     words = torch.from_numpy(rng.integers(0, 2**40, (12, 1)))
     queries = torch.from_numpy(rng.integers(0, 2**40, (30, 1)))
@@ -51,7 +51,7 @@ class Brightness(ValueReadout):
         return self.mean_.expand(len(words), -1)
 
 
-def test_a_read_out_of_ones_own_has_no_intervals_unless_it_says() -> None:
+def test_a_read_out_of_ones_own_has_no_intervals_unless_it_says():
     frames = np.random.default_rng(0).integers(0, 255, (9, 30))
     model = HDCRegressor(readout=Brightness()).fit(frames, np.arange(9.0))
     assert model.predict(frames).tolist() == [4.0] * 9

@@ -9,5 +9,5 @@ SMALL = Camera(grid=64, crop=60, pupil=24)
 
 
 @pytest.fixture
-def small() -> Sensor:
+def small():
     return Sensor(seed=7, camera=SMALL)
