@@ -271,14 +271,14 @@ def recalibrated(
     updates += [("balanced", None, "merge")]
     for name, share, method in updates:
         updated = copy.deepcopy(stored)
+        given = {
+            "p": _EQUAL if share is None else share,
+            "seed": seed,
+            "method": method,
+        }
+        used: Any = {name: given[name] for name in stored.readout_.adapts_by}
         try:
-            updated.recalibrate(
-                bank.at(new),
-                bank.labels[new],
-                p=_EQUAL if share is None else share,
-                seed=seed,
-                method=method,
-            )
+            updated.recalibrate(bank.at(new), bank.labels[new], **used)
         except ValueError as error:
             if not str(error).startswith("method: "):
                 raise
