@@ -111,9 +111,16 @@ def _ones_of(
     if not split.any():
         return above | equal, n_equal, split
     pixels_in_order, places = order
-    ties = _taken(equal, pixels_in_order)
-    ties &= ties.cumsum(1) <= missing[:, None]
+    ties = _first(_taken(equal, pixels_in_order), missing)
     return above | _taken(ties, places), n_equal, split
+
+
+def _first(rows: Any, n: Any) -> Any:
+    """The first n [B] ones of each row of bool [B, D]."""
+    if isinstance(rows, np.ndarray):
+        counted = rows.cumsum(1, dtype=np.int32)  # int64 takes twice as long
+        return rows & (counted <= n.astype(np.int32)[:, None])
+    return rows & (rows.cumsum(1, dtype=torch.int32) <= n[:, None])
 
 
 def _taken(rows: Any, columns: Any) -> Any:
