@@ -43,10 +43,10 @@ def encode_routes(case: Case) -> Iterator[Route]:
     """Frames to hypervectors."""
     frames = case.pixels
     yield from ours(lambda backend: partial(Median().encode, frames, backend=backend))
-    if case.device != "cpu":
-        there = frames.to(case.device)
-        yield on_gpu(case, names.OURS_GPU, partial(Median().encode, there))
-        yield on_gpu(case, names.ENCODE_GPU, partial(torch_bits, there))
+    yield from on_gpu(case, lambda gpu: partial(Median().encode, frames.to(gpu)))
+    yield from on_gpu(
+        case, lambda gpu: partial(torch_bits, frames.to(gpu)), names.ENCODE_GPU
+    )
     yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
     yield Route(
         "cv2.calcHist, compare, packbits", "cv2", lambda: opencv_words(frames.numpy())
@@ -58,9 +58,9 @@ def bundle_routes(case: Case) -> Iterator[Route]:
     # As torchhd has them, a byte per bit.
     classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
     yield from ours(lambda backend: partial(count, case, case.words, backend))
-    if case.device != "cpu":
-        there = case.words.to(case.device)
-        yield on_gpu(case, names.OURS_GPU, partial(count, case, there, "numpy"))
+    yield from on_gpu(
+        case, lambda gpu: partial(count, case, case.words.to(gpu), "numpy")
+    )
     yield Route(names.TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
 
 
@@ -79,10 +79,9 @@ def hamming_routes(case: Case) -> Iterator[Route]:
         return numkong.cdist(queries, prototypes, metric="hamming", dtype="uint1")
 
     yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
-    if case.device != "cpu":
-        queries_there, prototypes_there = (words.to(case.device) for words in pair)
-        call = partial(bits.hamming, queries_there, prototypes_there)
-        yield on_gpu(case, names.OURS_GPU, call)
+    yield from on_gpu(
+        case, lambda gpu: partial(bits.hamming, pair[0].to(gpu), pair[1].to(gpu))
+    )
     yield Route(names.NUMKONG, "numkong", numkong_distances)
     yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
@@ -104,8 +103,7 @@ def train_routes(case: Case) -> Iterator[Route]:
         return np.bitwise_xor.reduce(pixels.view(np.uint64))
 
     yield from ours(lambda backend: partial(train, backend))
-    if case.device != "cpu":
-        yield on_gpu(case, names.OURS_GPU, partial(train, "auto", case.device))
+    yield from on_gpu(case, lambda gpu: partial(train, "auto", gpu))
     yield Route(names.READ, "numpy", read)
     yield Route(names.COPY, "numpy", partial(np.copyto, copied, pixels))
     of_frames = (torch_bits, numpy_bits, opencv_bits)
@@ -143,8 +141,7 @@ def predict_routes(case: Case) -> Iterator[Route]:
         return each(model.fit(case.examples, labels).predict)
 
     yield from ours(predict)
-    if case.device != "cpu":
-        yield on_gpu(case, names.OURS_GPU, predict("auto", case.device))
+    yield from on_gpu(case, lambda gpu: predict("auto", gpu))
     yield Route(
         "torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label)
     )
@@ -228,15 +225,23 @@ def ours(
     yield Route(names.OURS_COMPILED, package or "numba", build("compiled"))
 
 
-def on_gpu(case: Case, name: str, call: Callable[[], Any]) -> Route:
-    """A route whose call ends when the GPU has finished its queue."""
+def on_gpu(
+    case: Case, build: Callable[[str], Callable[[], Any]], name: str = names.OURS_GPU
+) -> Iterator[Route]:
+    """The route on the GPU, where the case has one, by a function that makes a call there.
+
+    It ends when the GPU has finished its queue.
+    """
+    if case.device == "cpu":
+        return
+    call = build(case.device)
 
     def finished() -> Any:
         result = call()
         synchronise(case.device)
         return result
 
-    return Route(name, "torch", finished)
+    yield Route(name, "torch", finished)
 
 
 def count(case: Case, words: Tensor, backend: str) -> Tensor:

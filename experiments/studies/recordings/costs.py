@@ -204,7 +204,7 @@ NOTE = (
     "NumPy, and by the compiled kernels where the model has them; prediction in batches "
     "of 100 frames. Training of a chosen form includes the choice. Error: by the split "
     "that counts, on the draws on which forms were chosen, the same for all models; those "
-    "of torchhd had two of them."
+    "that take long had fewer of them."
 )
 _PACE = (
     " Relative to softmax: by the faster implementation, over converged softmax on grey values. "
