@@ -438,9 +438,10 @@ class HDCClassifier(Estimator):
 
         Its temperature is fitted to training frames scored as if each had not been learnt
         (:mod:`hdc.probability`). Closed forms give these scores: of up to 19 frames per class for
-        majority, counts and neighbours, of all for ridge, of up to 400 for lda and kernel. Other
-        read-outs need five folds of the training frames, when first asked or saved. New frames, by
-        :meth:`partial_fit` or :meth:`recalibrate`, have it fitted anew.
+        majority, counts and neighbours, of all for ridge, of 400 or all for lda and kernel, with 19
+        of each class that has them. Other read-outs need five folds of the training frames, when
+        first asked or saved. New frames, by :meth:`partial_fit` or :meth:`recalibrate`, have it
+        fitted anew.
 
         Raises:
             ValueError: for training with one frame of each class, or a model that must be fitted

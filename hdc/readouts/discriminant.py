@@ -104,7 +104,7 @@ class Problem:
 
     def solve(self, penalty: float | None) -> Solution:
         """With ℓ, but for rounding's share at least; None is the nearest mean, ℓ without end."""
-        chosen = spread_over(len(self.products))
+        chosen = spread_over(self.onehot.argmax(1))
         centred = self.share - self.share.mean(1, keepdim=True)
         if penalty is None:
             own = self.diagonal[chosen]
@@ -141,7 +141,7 @@ def _centre_within_classes(
 def held_out_of(
     products: Products, place: Tensor, known: Tensor, n_classes: int, unit: float = 1.0
 ) -> HeldOut:
-    """Scores of up to 400 training frames without themselves, times a unit.
+    """Scores of the training frames :func:`spread_over` without themselves, times a unit.
 
     Args:
         products: of a solution.

@@ -27,7 +27,7 @@ from hdc.parameters import is_number
 from hdc.readouts.arithmetic import check_memory
 from hdc.readouts.base import HeldOut, Whole
 from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
-from hdc.readouts.leave_one_out import discriminants
+from hdc.readouts.leave_one_out import discriminants, evenly
 
 _LOWEST = -1e300  # offset of a class without frames
 
@@ -202,7 +202,9 @@ def _tries(
         strength = penalty * problem.trace / len(place)
         solution = problem.solve(None if problem.is_empty else strength)
         scores, places = discriminants(solution.products, place)
-        errors = int((scores.argmax(1) != place[places]).sum())
+        # Of frames evenly spread: a class counts as often as it has frames.
+        counted = torch.isin(places, evenly(len(place)))
+        errors = int((scores.argmax(1) != place[places])[counted].sum())
         found.append(Tried(errors, scale, penalty, reach, solution))
     return found
 

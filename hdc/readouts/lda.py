@@ -133,7 +133,7 @@ class LDA(Whole):
         assert held_out is not None
         # Those of before have not learnt the new frames: their scores are as they are.
         several = torch.bincount(rows, minlength=n_classes)[rows] > 1
-        chosen = spread_over(len(words))
+        chosen = spread_over(rows)
         chosen = chosen[several[chosen]]
         old = parts[0] * self.scores(words[chosen.to(words.device)]).double().cpu()
         found = old + parts[1] * held_out.scores

@@ -19,6 +19,8 @@ from torch import Tensor
 
 MOST = 400
 """Frames that are scored, spread over all: a temperature needs no more."""
+OF_CLASS = 19
+"""Frames of each class that are scored at least, if it has them: p-values in steps of 5 %."""
 
 
 @dataclass(frozen=True)
@@ -38,9 +40,26 @@ class Products:
     penalty: float | None
 
 
-def spread_over(n: int) -> Tensor:
-    """Places int64 [m] of at most :data:`MOST` of n frames."""
-    return torch.linspace(0, n - 1, min(n, MOST)).round().long()
+def spread_over(rows: Tensor) -> Tensor:
+    """Places [m], in rising order, of some frames of the classes rows, int64 [N].
+
+    They are evenly spread, and a class of which too few are among them adds some of its own: a
+    class without scores would be in every prediction set.
+    """
+    places = evenly(len(rows))
+    if len(places) == len(rows):
+        return places
+    every = [places]
+    for c in rows.unique():
+        of_class = (rows == c).nonzero().flatten()
+        if int((rows[places] == c).sum()) < OF_CLASS:
+            every.append(of_class[evenly(len(of_class), OF_CLASS)])
+    return torch.cat(every).unique()
+
+
+def evenly(n: int, most: int | None = None) -> Tensor:
+    """Places int64 [m] of at most so many, by default :data:`MOST`, of n frames."""
+    return torch.linspace(0, n - 1, min(n, most or MOST)).round().long()
 
 
 def inverse_diagonal(factor: Tensor, places: Tensor) -> Tensor:
@@ -61,7 +80,7 @@ def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
         rows: classes int64 [N] of the frames.
     """
     n_classes = products.means.shape[0]
-    chosen = spread_over(len(rows))
+    chosen = spread_over(rows)
     counts = torch.bincount(rows, minlength=n_classes)
     several = counts[rows[chosen]] > 1
     chosen, own = chosen[several], products.own[several][:, None]

@@ -6,8 +6,11 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
+import torch
 
 from hdc.command import main
+from hdc.encoders import Deviation
+from hdc.encoders.standardised import standardised
 
 
 def camera_frames(
@@ -151,3 +154,13 @@ def hdc(typed):
         return status, out.splitlines(), err.splitlines()
 
     return run
+
+
+@pytest.fixture
+def variance_below_one():
+    """An encoder, and a frame of three pixels that differ by 1, 1 and −1 from its reference: their
+    variance is 8/9, so that σ is 0."""
+    frame = torch.tensor([[0, 50, 200]], dtype=torch.uint8)
+    encoder = Deviation([-1, 1]).fit(frame)
+    encoder.reference_ = standardised(frame)[0].long() - torch.tensor([1, 1, -1])
+    return encoder, frame

@@ -13,7 +13,7 @@ from hdc.conformal import FEWEST, Conformal, Peers
 from hdc.encoders import Median
 from hdc.export import Plan
 from hdc.prototypes import Counters
-from hdc.readouts import Ridge
+from hdc.readouts import LDA, Kernel, Ridge
 from hdc.readouts.majority import EXTRAS, deciding_prototypes
 from hdc.sample import KEPT, Sample
 from tests.hdc.own import Nearest
@@ -405,6 +405,22 @@ def test_p_values_of_scores_are_shares_of_left_out_frames_with_lower_ones():
             lower = (own <= float(scores[q, c])).sum()
             assert found[q, c] == pytest.approx((1 + lower) / 21, abs=2.1 / 21)
     assert len(np.unique(found)) > 5
+
+
+@pytest.mark.parametrize("readout", [LDA(), Kernel([1], [0.1])])
+def test_a_rare_class_is_not_in_every_set(readout):
+    """Of 400 frames that are scored without themselves, evenly spread, it has two or three."""
+    speckle = Speckle(4, classes=2)
+    many, labels = speckle.frames(2400)
+    rare = np.flatnonzero(labels)[:8]
+    rows = np.concatenate([np.flatnonzero(labels == 0), rare])
+    model = HDCClassifier(readout=readout).fit(many[rows], labels[rows])
+    frames, truth = speckle.frames(100)
+    found = model.predict_set(frames, 0.2)
+    assert np.mean([1 in one for one in found]) < 0.8
+    held = [label in one for label, one in zip(truth, found, strict=True)]
+    assert np.mean(held) > 0.7
+    assert model.is_known(junk(), 0.2).mean() < 0.5
 
 
 def test_classes_without_new_frames_keep_their_left_out_scores():

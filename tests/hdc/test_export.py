@@ -176,6 +176,14 @@ def test_few_pixels(d, encoder, gcc, tmp_path, kinds_of_frames):
     assert_equal_to_python(answers, model, queries)
 
 
+def test_variances_are_rounded_down(gcc, tmp_path, variance_below_one):
+    encoder, frame = variance_below_one
+    model = HDCClassifier(encoder, "majority").fit(frame.repeat(2, 1), [0, 1])
+    model.encoder_.reference_ = encoder.reference_
+    answers = compiled(gcc, tmp_path, Plan.of(model, "touch"), frame.numpy())
+    assert_equal_to_python(answers, model, frame.numpy())
+
+
 @pytest.mark.parametrize("readout", ["majority", "trained", "lda"])
 @pytest.mark.parametrize(
     ("encoder", "options"),

@@ -122,6 +122,15 @@ def test_the_largest_sums_are_whole_and_variances_rounded_down():
     assert deviations_of(differences) == [isqrt(floor(variance))]
 
 
+@pytest.mark.parametrize("backend", backends.BACKENDS)
+def test_every_backend_rounds_variances_down(backend, variance_below_one):
+    if backend == "compiled":
+        pytest.importorskip("numba")
+    encoder, frame = variance_below_one
+    words = encoder.encode(frame, backend=backend)
+    assert unpacked(words, 6).astype(int).tolist() == [[1, 1, 0, 1, 1, 0]]
+
+
 def test_frames_that_say_nothing_are_named():
     frames = np.random.default_rng(0).integers(0, 256, (40, 50)).astype(np.uint8)
     frames[7] = 9
