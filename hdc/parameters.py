@@ -308,9 +308,8 @@ def rebuild(
     part = kind(**parameters)
     for key in part.parts:
         found = getattr(part, key)
-        if not isinstance(
-            found, Parametrised
-        ):  # a name would be imported, trusted or not
+        # A name would be imported, trusted or not.
+        if not isinstance(found, Parametrised):
             raise ValueError(f"{key}: expected a part of a model, found {found!r}")
     return part
 

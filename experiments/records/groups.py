@@ -19,7 +19,7 @@ from experiments.records.results import once
 from experiments.records.run import COORDINATES, Finished
 
 # Of several groups for one row, the stopping rule that stands first here; others come last.
-STOPS = ("paper", "long", "end", "few", "quick", "reached")
+STOPS = ("paper", "long", "end", "quick", "reached")
 _Key = tuple[str, str, int | None, int | None]
 """Scene, model, number of training samples, number of pixels; None for all of them."""
 

@@ -143,13 +143,11 @@ def of_drift(folder: Folder, rules: dict, name: str) -> dict | None:
         of_scene = shown(record["scene"])
         lab, kind = of_scene["family"], of_scene["kind"]
         truths = {
-            (row["seed"], row["order"]): labels(row["labels"])
-            for row in rows
-            if row.get("labels")
+            row["seed"]: labels(row["labels"]) for row in rows if row.get("labels")
         }
         by_seed: dict[int, dict[str, list[float]]] = {}
         for row in rows:
-            if (row["model"], row["order"]) != ("hdc", update["order"]):
+            if row["model"] != "hdc":
                 continue
             new, old = of_sessions(row, truths)
             place = by_seed.setdefault(row["seed"], {"old": [], "new": [], "after": []})
@@ -183,7 +181,7 @@ def of_drift(folder: Folder, rules: dict, name: str) -> dict | None:
 def of_sessions(row: dict, truths: dict) -> tuple[float, float]:
     """Share of right answers in the new and in the old session."""
     n_new, n_old = row["n_test_new"], row["n_test_old"]
-    right = labels(row["predicted"]) == truths[row["seed"], row["order"]]
+    right = labels(row["predicted"]) == truths[row["seed"]]
     return right[:n_new].sum() / n_new, right[n_new:].sum() / n_old
 
 

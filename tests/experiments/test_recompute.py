@@ -95,7 +95,7 @@ def every_study(write_measurement, write_run, predicting):
     for scene in ("drift", "fibres_exchanged"):
         rows = []
         for seed in range(4):
-            of = {"origin": "x", "seed": seed, "order": "time", "model": "hdc", "draw": 0,
+            of = {"origin": "x", "seed": seed, "model": "hdc",
                   "n_test_new": 100, "n_test_old": 90, "n_old": 400, "right_old": 80}  # fmt: skip
             ways = [("stored", None, 0), ("replace", 0.75, 50), ("replace", 0.5, 50),
                     ("replace", 0.75, 20), ("new", None, 50)]  # fmt: skip

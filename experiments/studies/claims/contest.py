@@ -9,7 +9,6 @@ from typing import Any, NamedTuple
 import msgspec
 import numpy as np
 import pandas as pd
-from omegaconf import OmegaConf
 
 from experiments.records.results import RUNS
 from experiments.records.rows import unpack_labels
@@ -21,7 +20,7 @@ from experiments.reporting.table import Table
 from experiments.reporting.text import points
 from experiments.studies.claims import recordings
 from experiments.studies.claims.evidence import Evidence
-from experiments.studies.claims.frozen import PATH, Recording, digest
+from experiments.studies.claims.frozen import PATH, Recording, digest, read
 from experiments.studies.claims.piece import CONFIRMATORY
 from experiments.studies.claims.random_effects import (
     of_laboratory,
@@ -58,15 +57,8 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @functools.cache
 def rules() -> Rules:
-    """Rules 3.
-
-    Raises:
-        ValueError: naming the file and the key that is wrong.
-    """
-    try:
-        return msgspec.convert(OmegaConf.to_container(OmegaConf.load(RULES_3)), Rules)
-    except msgspec.ValidationError as error:
-        raise ValueError(f"{RULES_3}: {error}") from None
+    """Rules 3; errors as of :func:`frozen.read`."""
+    return read(RULES_3, Rules)
 
 
 class Measured(NamedTuple):

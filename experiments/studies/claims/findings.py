@@ -17,10 +17,11 @@ from experiments.reporting.text import interval, number, two_digits
 from experiments.studies.claims import contest
 from experiments.studies.claims.evidence import Evidence
 from experiments.studies.claims.frozen import rules
+from experiments.studies.claims.piece import CONFIRMATORY
 from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
 from experiments.studies.claims.verdict import Verdict, equal_weights
-from experiments.studies.claims.view import JOINED, confirmatory, judged
 from experiments.studies.claims.view import OF as OF_CLAIMS
+from experiments.studies.claims.view import every_piece, judged
 from experiments.studies.table1.models import DESCENT
 from experiments.studies.table1.rows import AT_PAPERS, OVER_NUMPY
 
@@ -158,18 +159,18 @@ def _cost(costs: pd.DataFrame | None) -> str:
 
 def _unseen(frame: pd.DataFrame) -> Iterator[str]:
     """Both forms on each recording that no model had classified when the rules were frozen."""
-    rows = confirmatory(frame)
-    if rows is None:
-        return
-    rows = rows[(rows.rival == STRONGER) & (rows.recording != JOINED)]
+    found: dict[str, dict[str, float]] = {}
+    for piece in every_piece(frame):
+        unseen = piece.status == CONFIRMATORY and piece.enters
+        if unseen and piece.rival == STRONGER:
+            of_recording = found.setdefault(piece.evidence, {})
+            of_recording[piece.claim] = piece.estimate.value
     parts = []
-    for recording, of_recording in rows.groupby("recording", sort=False):
-        means = of_recording.set_index("claim")["mean"]
-        if {"accuracy", "accuracy_mended"} <= set(means.index):
-            published, extended = (
-                _points(means[claim] / 100) for claim in ("accuracy", "accuracy_mended")
-            )
-            name = scene_name(str(recording))
+    for recording, values in found.items():
+        if {"accuracy", "accuracy_mended"} <= set(values):
+            published = _points(values["accuracy"])
+            extended = _points(values["accuracy_mended"])
+            name = scene_name(recording)
             parts.append(f"{name}: {published} published, {extended} extended")
     if parts:
         yield (

@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import hashlib
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any, Literal, TypeVar
 
 import msgspec
 from omegaconf import OmegaConf
@@ -17,6 +17,7 @@ FROZEN = PATH.with_name("frozen.yaml")
 
 Frames = Literal["captured", "computed", "simulated"]
 Status = Literal["exploratory", "confirmatory"]
+Read = TypeVar("Read")
 
 
 class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -36,7 +37,8 @@ class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Update(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """The paper's update after drift: method, p, new frames, and which come first."""
+    """The paper's update after drift: method, p, new frames, and the order in which they are taken,
+    that of time."""
 
     method: str
     p: float
@@ -116,13 +118,18 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 @functools.cache
 def rules(path: Path = PATH) -> Rules:
-    """The rules.
+    """The rules; errors as of :func:`read`."""
+    return read(path, Rules)
+
+
+def read(path: Path, kind: type[Read]) -> Read:
+    """The rules of a file, of this type.
 
     Raises:
         ValueError: naming the file and the key that is wrong.
     """
     try:
-        return msgspec.convert(_written(path), Rules)
+        return msgspec.convert(_written(path), kind)
     except msgspec.ValidationError as error:
         raise ValueError(f"{path}: {error}") from None
 

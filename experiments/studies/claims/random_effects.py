@@ -118,9 +118,8 @@ def _paule_mandel(y: np.ndarray, v: np.ndarray) -> tuple[float, float]:
         return mean(0.0), 0.0
     # Each weight is below 1/τ², so that at this τ² the sum is at most k − 1.
     most = float(((y - y.mean()) ** 2).sum()) / (len(y) - 1)
-    if (
-        excess(most) >= 0
-    ):  # by rounding alone, where the variances within are next to nothing
+    # By rounding alone, where the variances within are next to nothing.
+    if excess(most) >= 0:
         return mean(most), most
     root = brentq(excess, 0.0, most, xtol=_EXACT * most, rtol=_EXACT)
     return mean(root), float(root)

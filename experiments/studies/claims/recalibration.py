@@ -26,20 +26,19 @@ def pieces(
     for rows in evidence.scenes(claim.experiment).values():
         every = accuracies(rows)
         assert claim.update is not None
-        in_order = every[every.order == claim.update.order]
         form = frozen.forms[claim.form]
-        of_hdc = shares_regained(in_order, form, claim.update)
+        of_hdc = shares_regained(every, form, claim.update)
         if of_hdc is None:
             continue
         yield _judged(name, claim, frozen, rows, of_hdc)
 
 
 def shares_regained(
-    in_order: pd.DataFrame, model: str, update: Update
+    every: pd.DataFrame, model: str, update: Update
 ) -> pd.DataFrame | None:
     """By seed: accuracy in the old session, in the new before and after the update, what drift has
     ``lost``, and the ``share`` of it that came back; None where one was not measured."""
-    of_model = in_order[in_order.model == model]
+    of_model = every[every.model == model]
     stored = of_model[of_model.method == STORED].set_index("seed")
     is_update = (
         (of_model.method == update.method)

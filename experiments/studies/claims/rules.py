@@ -49,24 +49,6 @@ def above(number: Estimate, limit: float) -> str:
     return NO if number.high < limit else UNDECIDED
 
 
-def restored(share: Estimate, limit: float) -> str:
-    """Whether recalibration restores accuracy, from the share of the loss that came back.
-
-    Yes: its interval lies above the limit. No: below. Undecided otherwise. A scene on which drift
-    cost too little has no word.
-    """
-    return above(share, limit)
-
-
-def sharper(difference: Estimate, limit: float = 0.0) -> str:
-    """Whether prototypes have more contrast than what they are compared with, on one scene.
-
-    Yes: the interval of the difference over seeds lies above zero. No: below. Undecided otherwise.
-    The claim has the word that all scenes share, and is partly so where they differ.
-    """
-    return above(difference, limit)
-
-
 class Rule(NamedTuple):
     """A rule on an interval: `word` of the interval and `margin`, and the `limit` that an interval
     of few laboratories must not hold."""
@@ -97,8 +79,10 @@ def rule_of(name: str, frozen: Rules | None = None, share: float = 0.0) -> Rule:
     known = {
         "more_accurate": Rule(more_accurate, margin, margin),
         "at_least_as_accurate": Rule(at_least_as_accurate, margin, -margin),
-        "restored": Rule(restored, share, share),
-        "sharper": Rule(sharper, 0.0, 0.0),
+        # The share of a loss that came back; a scene on which drift cost too little has no word.
+        "restored": Rule(above, share, share),
+        # Contrast of prototypes minus that of what they are compared with, scene by scene.
+        "sharper": Rule(above, 0.0, 0.0),
     }
     if name not in known:
         raise ValueError(f"rule: expected one of {', '.join(known)}, found {name}")

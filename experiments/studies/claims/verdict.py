@@ -110,12 +110,6 @@ def verdict(claim: Claim, pieces: Sequence[Piece], frozen: Rules) -> Verdict | N
     return Verdict(word, _NOTHING, SIMULATED, [])
 
 
-def of_one_sensor(piece: Piece) -> Verdict:
-    """Verdict of one recording on its sensor, by its own interval."""
-    alone = Pooled(piece.estimate, math.nan, math.nan, 0.0, 1)
-    return Verdict(piece.word, alone, piece.frames, [piece])
-
-
 def pooled_over(pieces: Sequence[Piece]) -> Pooled:
     """The number across sensors; the unit is a laboratory."""
     values, variances = zip(*_laboratories(pieces), strict=True)

@@ -43,12 +43,10 @@ from experiments.studies.claims.piece import (
 from experiments.studies.claims.rules import UNDECIDED
 from experiments.studies.claims.verdict import (
     Verdict,
-    of_one_sensor,
     settled,
     verdict,
 )
 
-JOINED = "all of these"
 COMMAND = "python -m experiments.reproduce --full --claim"
 Row = Mapping[str, Any]
 Read = Callable[[str, Claim, Rules, Evidence], Iterator[Piece]]
@@ -217,10 +215,6 @@ SEEN = (
     "Verdicts are exploratory: numbers of most of these recordings were known when the rules "
     "were written."
 )
-UNSEEN = (
-    "Verdicts are confirmatory: no model had classified these recordings when the rules were "
-    "frozen."
-)
 FEW = 5  # frames per class: N = 25 of the paper's five labels
 LEVEL = 0.9  # accuracy that the paper exceeds once N > 20
 
@@ -230,11 +224,6 @@ def _note(lines: pd.DataFrame) -> str:
     readings = (f"{name}: {text}." for name, text in contest.rules().readings.items())
     read = " ".join(["Rules 3 add how some are read.", *readings])
     return " ".join([NOTE, SEEN, *_papers_sentence(lines), read, _rules_named()])
-
-
-def _note_of_unseen(_: pd.DataFrame) -> str:
-    """How to read the verdicts on unseen recordings."""
-    return f"{NOTE} {UNSEEN} {_rules_named()}"
 
 
 def _papers_sentence(lines: pd.DataFrame) -> Iterator[str]:
@@ -270,22 +259,6 @@ def claims(frame: pd.DataFrame) -> pd.DataFrame | None:
     return _table([_row(*line) for line in judged(frame)])
 
 
-def confirmatory(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row per claim, baseline and unseen recording, by its own interval; then all joined."""
-    frozen = rules()
-    rows = []
-    for (name, rival), pieces in by_rival(every_piece(frame)).items():
-        unseen = [p for p in pieces if p.status == CONFIRMATORY and p.enters]
-        for piece in unseen:
-            row = _row(name, rival, of_one_sensor(piece), [piece])
-            rows.append({"recording": piece.evidence, **row})
-        joined = verdict(frozen.claims[name], unseen, frozen) if unseen else None
-        if joined is not None and len(unseen) > 1:
-            row = _row(name, rival, joined, unseen)
-            rows.append({"recording": JOINED, **row})
-    return _table(rows)
-
-
 def evidence(frame: pd.DataFrame) -> pd.DataFrame | None:
     """One row per claim, baseline and recording, scene or implementation."""
     return _table([piece.row() for piece in every_piece(frame)])
@@ -313,17 +286,6 @@ STUDY = Study(
             columns=COLUMNS,
             key=("claim", "rival"),
             note=_note,
-            commands=[COMMAND],
-        ),
-        Table(
-            "claims_confirmatory",
-            confirmatory,
-            of=OF,
-            title="Recordings that no model had classified when the rules were frozen",
-            shown=("says", "rival", "recording", "word", *SHOWN[3:]),
-            columns={**COLUMNS, "recording": Column("Recording", scene_name)},
-            key=("claim", "rival", "recording"),
-            note=_note_of_unseen,
             commands=[COMMAND],
         ),
         Table(

@@ -47,7 +47,7 @@ def recalibrations(figure: Figure, found: pd.DataFrame, scene: str) -> None:
 
     Args:
         figure: drawn on.
-        found: :func:`.numbers.regained` of one order.
+        found: :func:`.numbers.regained`.
         scene: what it is of.
     """
     new, old, models = figure.subplots(1, 3, sharey=True)
@@ -105,8 +105,7 @@ def without_labels(
 
     Args:
         figure: drawn on; its height is set.
-        panels: by the name of a scene, :func:`.numbers.regained` in the order of time, and chance
-            in percent.
+        panels: by the name of a scene, :func:`.numbers.regained`, and chance in percent.
     """
     figure.set_size_inches(WIDTH, 1.5 + 1.3 * len(panels))
     every = figure.subplots(len(panels), 1, squeeze=False, sharex=True)[:, 0]

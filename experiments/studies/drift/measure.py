@@ -16,8 +16,7 @@ Without labels (:mod:`.zeroing`): ``zeroed`` and ``untouched``.
 
 HDC's updates are the model's own; one that its read-out refuses has no row.
 
-The new samples are the first in time, and the test samples come after them (``order`` time), or
-both are drawn at random from the second session, as neighbours in time (``order`` random).
+The new samples are the first in time, and the test samples come after them.
 """
 
 from __future__ import annotations
@@ -40,14 +39,13 @@ from experiments.studies.drift.zeroing import Unlabelled, untouched, zeroed
 from hdc import HDCClassifier
 from hdc.readouts import LDA, Kernel, make_readout
 from scenes.frames import Scene
-from scenes.split import by_session, learning_curve_subsets, split
+from scenes.split import by_session, split
 
-ORDERS = ("time", "random")
 _EQUAL = 0.5  # share of the new in all votes
 Update = tuple[str, float | None, np.ndarray]  # method, p, predicted labels
 
 
-@experiment(revision=3, uses=("hdc.HDCClassifier",))
+@experiment(revision=4, uses=("hdc.HDCClassifier",))
 def drift(
     run: Run,
     scene: Mapping[str, Any],
@@ -57,8 +55,6 @@ def drift(
     n_test: int,
     n_new: Sequence[int],
     p: Sequence[float],
-    order: Sequence[str] = ORDERS,
-    draws: int = 3,
     zeroing: Mapping[str, Any] | None = None,
     zeroing_seeds: Sequence[int] = (),
     n_alone: Sequence[int] = (),
@@ -72,36 +68,31 @@ def drift(
 
     It ``predicted`` classes of ``n_test_new`` test samples of the second session, then of
     ``n_test_old`` of the first (texts of :func:`experiments.records.rows.pack_labels`); the first
-    row of a seed and order has the true ones in ``labels``. ``draw`` is the choice of the ``n_new``
-    samples. Models in `zeroing` are updated without labels; ``share`` is that of one class among
-    the unlabelled frames, None: all classes alike.
+    row of a seed has the true ones in ``labels``. Models in `zeroing` are updated without labels;
+    ``share`` is that of one class among the unlabelled frames, None: all classes alike.
     Arguments: configs/experiment/drift.yaml.
     """
-    if set(order) - set(ORDERS):
-        raise ValueError(
-            f"task.order: expected among {', '.join(ORDERS)}, found {list(order)}"
-        )
     labelled = models_of(models)
     unlabelled = models_of(zeroing or {})
     for seed, two_sessions in run.scenes(scene, seeds):
         bank = bank_of(two_sessions)
-        for in_order in order:
-            choice = choose(two_sessions, old_split, n_test, in_order, seed)
-            kept = Answers(bank, choice)
-            common = {"origin": two_sessions.origin, "seed": seed, "order": in_order}
-            for name, model in labelled.items():
-                made = updates(bank, choice, model, n_new, p, in_order, draws, seed)
-                for about, predicted in made:
-                    yield {**common, "model": name, **kept.row(about, predicted)}
-            if in_order != "time" or seed not in zeroing_seeds:
-                continue
-            frames = Unlabelled(n_zero, shares, n_shares, n_untouched, favoured=seed)
-            without = _index_of(no_touch, two_sessions.classes)
-            for name, model in unlabelled.items():
-                made = zeroings(bank, choice, model, n_alone, seed, frames, without)
-                for about, predicted in made:
-                    yield {**common, "model": name, **kept.row(about, predicted)}
+        choice = choose(two_sessions, old_split, n_test, seed)
+        kept = Answers(bank, choice)
+        common = {"origin": two_sessions.origin, "seed": seed}
+        for name, model in labelled.items():
+            made = updates(bank, choice, model, n_new, p, seed)
+            for about, predicted in made:
+                yield {**common, "model": name, **kept.row(about, predicted)}
         run.note(f"seed {seed}")
+        if seed not in zeroing_seeds:
+            continue
+        frames = Unlabelled(n_zero, shares, n_shares, n_untouched, favoured=seed)
+        without = _index_of(no_touch, two_sessions.classes)
+        for name, model in unlabelled.items():
+            made = zeroings(bank, choice, model, n_alone, frames, without)
+            for about, predicted in made:
+                yield {**common, "model": name, **kept.row(about, predicted)}
+        run.note(f"seed {seed}, without labels")
 
 
 def _index_of(name: str, classes: Sequence[str]) -> int | None:
@@ -126,33 +117,24 @@ def choose(
     scene: Scene,
     old_split: Split,
     n_test: int,
-    order: str,
     seed: int,
 ) -> Choice:
     """The samples of a scene with sessions 0 and 1."""
     only = np.zeros(len(scene.labels), np.int64)
     _, second = by_session(scene.samples.get("session", only))
     old, test_old = splits.choose(scene, old_split, seed)
-    kind = "ordered" if order == "time" else "random"
     in_time = scene.samples["order"][second]
-    pool, test = split(
-        scene.labels[second], n_test=n_test, kind=kind, seed=seed, order=in_time
-    )
+    labels = scene.labels[second]
+    pool, test = split(labels, n_test=n_test, kind="ordered", seed=seed, order=in_time)
     return Choice(old, second[pool], {"new": second[test], "old": test_old})
 
 
 def subsets(
-    choice: Choice,
-    labels: np.ndarray,
-    sizes: Sequence[int],
-    order: str,
-    seed: int,
+    choice: Choice, labels: np.ndarray, sizes: Sequence[int]
 ) -> dict[int, np.ndarray]:
-    """n of the pool for each n, stratified and nested: the first in time of each class, or any."""
+    """n of the pool for each n, stratified and nested: the first in time of each class."""
     if not sizes:
         return {}
-    if order == "random":
-        return learning_curve_subsets(choice.pool, labels, sizes, seed)
     of_pool = labels[choice.pool]  # in time order
     turn = np.array([(of_pool[:k] == label).sum() for k, label in enumerate(of_pool)])
     ordered = choice.pool[np.argsort(turn, kind="stable")]
@@ -176,7 +158,7 @@ class Answers:
 
     def row(self, about: Row, predicted: np.ndarray) -> Row:
         """A row of one update, with what the updated model predicted."""
-        row = {"p": None, "share": None, "draw": 0, **about, **self.same}
+        row = {"p": None, "share": None, **about, **self.same}
         row["predicted"] = pack_labels(predicted)
         if self.labels is not None:
             row["labels"] = pack_labels(self.labels)
@@ -190,21 +172,17 @@ def updates(
     model: Any,
     n_new: Sequence[int],
     p: Sequence[float],
-    order: str,
-    draws: int,
     seed: int,
 ) -> Iterator[tuple[Row, np.ndarray]]:
     """The stored model, then every way to update it with the same labelled samples; and what each
     predicts."""
     stored = evaluate(model, bank, choice.old, choice.asked)
     yield {"method": "stored", "n_new": 0}, stored
-    for draw in range(draws if order == "random" else 1):
-        drawn = int(np.random.default_rng((seed, draw)).integers(2**31))
-        for n, new in subsets(choice, bank.labels, n_new, order, drawn).items():
-            made = ways(model, bank, choice.old, new, choice.asked, p, drawn + n)
-            for method, parameter, predicted in made:
-                about = {"method": method, "p": parameter, "n_new": n, "draw": draw}
-                yield about, predicted
+    drawn = int(np.random.default_rng((seed, 0)).integers(2**31))
+    for n, new in subsets(choice, bank.labels, n_new).items():
+        made = ways(model, bank, choice.old, new, choice.asked, p, drawn + n)
+        for method, parameter, predicted in made:
+            yield {"method": method, "p": parameter, "n_new": n}, predicted
 
 
 def zeroings(
@@ -212,13 +190,12 @@ def zeroings(
     choice: Choice,
     model: Any,
     n_alone: Sequence[int],
-    seed: int,
     frames: Unlabelled,
     no_touch: int | None,
 ) -> Iterator[tuple[Row, np.ndarray]]:
     """The stored model, re-referenced without labels, and trained on new samples alone."""
     yield from zeroed(model, bank, choice.old, choice.pool, choice.asked, frames)
-    for n, new in subsets(choice, bank.labels, n_alone, "time", seed).items():
+    for n, new in subsets(choice, bank.labels, n_alone).items():
         yield {"method": "new", "n_new": n}, evaluate(model, bank, new, choice.asked)
     if no_touch is not None:
         yield from untouched(

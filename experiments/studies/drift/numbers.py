@@ -25,28 +25,28 @@ def regained(rows: pd.DataFrame) -> pd.DataFrame:
         rows: of the study, of one scene.
 
     Returns:
-        DataFrame, one row for each ``order``, ``model``, ``update`` and ``n_new``: ``method``,
-        ``share``, ``labels`` (whether the update needs them), and as fractions, each with its 95 %
-        interval over seeds under ``_low`` and ``_high``: ``before``, the accuracy of the stored
-        model in the old session, ``stored`` in the new one, ``updated`` and ``old`` of the updated
-        model in the new and in the old one, ``lost`` = before − stored, and ``regained`` =
-        (updated − stored)/lost, a ratio of means.
+        DataFrame, one row for each ``model``, ``update`` and ``n_new``: ``method``, ``share``,
+        ``labels`` (whether the update needs them), and as fractions, each with its 95 % interval
+        over seeds under ``_low`` and ``_high``: ``before``, the accuracy of the stored model in the
+        old session, ``stored`` in the new one, ``updated`` and ``old`` of the updated model in the
+        new and in the old one, ``lost`` = before − stored, and ``regained`` = (updated −
+        stored)/lost, a ratio of means.
     """
     n_new, n_old = (int(rows[f"n_test_{name}"].iloc[0]) for name in SESSIONS)
     every = accuracies(rows)
     stored = every[every.method == "stored"]
-    at = ["order", "model", "seed"]
+    at = ["model", "seed"]
     updated = every[every.method != "stored"].merge(
         stored[[*at, *SESSIONS]], on=at, suffixes=("", "_stored"), validate="m:1"
     )
     lines: list[dict[str, Any]] = []
     keys = ["method", "update", "share", "n_new"]
-    for (order, model), part in updated.groupby(["order", "model"], sort=False):
+    for model, part in updated.groupby("model", sort=False):
         for key, way in part.groupby(keys, sort=False, dropna=False):
             new, old = way.new.to_numpy(), way.old.to_numpy()
             new_stored, before = way.new_stored.to_numpy(), way.old_stored.to_numpy()
             lost = before - new_stored
-            line: dict[str, Any] = {"order": order, "model": model}
+            line: dict[str, Any] = {"model": model}
             line |= dict(zip(keys, key, strict=True))
             line["labels"] = key[0] not in UNLABELLED
             line |= estimates.mean_share(before.tolist(), n_old).columns("before")
@@ -71,12 +71,12 @@ def ratio(parts: NDArray[np.float64], wholes: NDArray[np.float64]) -> Estimate:
 
 
 def best_updates(found: pd.DataFrame, most: int = N_NEW) -> pd.DataFrame:
-    """Of :func:`regained`, every model's best update in the order of time with at most so many
-    labelled samples, and its best without labels, by frames of all classes alike or of no touch.
+    """Of :func:`regained`, every model's best update with at most so many labelled samples, and its
+    best without labels, by frames of all classes alike or of no touch.
 
     The best is the highest mean on the test samples: the choice favours models with many updates.
     """
-    in_time = found[(found.order == "time") & found.share.isna()]
-    allowed = in_time[~in_time.labels | (in_time.n_new <= most)]
+    alike = found[found.share.isna()]
+    allowed = alike[~alike.labels | (alike.n_new <= most)]
     best = allowed.groupby(["model", "labels"], sort=False).updated.idxmax()
     return allowed.loc[best.tolist()]

@@ -23,7 +23,7 @@ SESSIONS = ("new", "old")
 
 def with_right(rows: pd.DataFrame) -> pd.DataFrame:
     """The rows with ``right_new`` and ``right_old``, counted from what was predicted."""
-    labels = truths(rows, ("seed", "order"))
+    labels = truths(rows, ("seed",))
     new, old = [], []
     for text, truth, first in zip(rows.predicted, labels, rows.n_test_new, strict=True):
         right = unpack_labels(text) == truth
@@ -41,12 +41,11 @@ def update_name(method: str, p: float | None, share: float | None) -> str:
 
 
 def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy of each sensor, mean over draws.
+    """Accuracy of each sensor.
 
     Returns:
-        DataFrame: ``order``, ``model``, ``method``, ``p``, ``share``, ``update`` (the three in
-        words), ``n_new`` (0 for the stored model), ``seed``; accuracies ``new`` and ``old`` by
-        session.
+        DataFrame: ``model``, ``method``, ``p``, ``share``, ``update`` (the three in words),
+        ``n_new`` (0 for the stored model), ``seed``; accuracies ``new`` and ``old`` by session.
     """
     rows = with_right(rows)
     if "share" not in rows:
@@ -57,6 +56,5 @@ def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
         old=rows.right_old / rows.n_test_old,
         update=[update_name(*way) for way in ways],
     )
-    keys = ["order", "model", "method", "p", "share", "update", "n_new", "seed"]
-    by_seed = shares.groupby(keys, sort=False, dropna=False)
-    return by_seed[list(SESSIONS)].mean().reset_index()
+    keys = ["model", "method", "p", "share", "update", "n_new", "seed"]
+    return shares[[*keys, *SESSIONS]]

@@ -28,7 +28,6 @@ from experiments.studies.drift.numbers import (
 from experiments.studies.drift.sessions import accuracies
 
 PAPERS = (0.5, 0.75)  # its p
-ORDERS = {"time": "new samples first in time", "random": "new samples at random"}
 
 
 def best(rows: pd.DataFrame) -> pd.DataFrame:
@@ -39,9 +38,7 @@ def best(rows: pd.DataFrame) -> pd.DataFrame:
 def fig8(figure: Figure, rows: pd.DataFrame) -> None:
     """Every update of HDC by the paper, and the best of each model, on the paper's scene."""
     rows = paper_scene(rows)
-    in_order = rows[rows.order == rows.order.iloc[0]]
-    drawn = regained(in_order)
-    figures.recalibrations(figure, drawn, _called(rows))
+    figures.recalibrations(figure, regained(rows), _called(rows))
     if set(rows.origin) == {"simulated"}:
         numbers = published.numbers()
         names = ("stored", "recovered")
@@ -63,7 +60,7 @@ def unlabelled(figure: Figure, rows: pd.DataFrame) -> None:
         without = found[~found.labels].model.unique()
         labels = unpack_labels(of_scene.labels.dropna().iloc[0])
         chance = 100 / len(set(labels.tolist()))
-        shown = found[(found.order == "time") & found.model.isin(without)]
+        shown = found[found.model.isin(without)]
         if len(shown):
             panels[_called(of_scene)] = shown, chance
     figures.without_labels(figure, panels)
@@ -80,10 +77,8 @@ def quantities(
 ) -> Iterator[Quantity]:
     """Fig. 8(b): accuracy of HDC in the new session before and after an update with N_new = 50, the
     mean of p = 0.5 and 0.75, for which the paper has one number."""
-    order = rows.order.iloc[0]
     n_test = int(rows.n_test_new.iloc[0])
-    of_hdc = rows[rows.model == "hdc"]
-    by_seed = accuracies(of_hdc[of_hdc.order == order])
+    by_seed = accuracies(rows[rows.model == "hdc"])
     after = by_seed[by_seed.n_new == N_NEW]
     found = {
         "stored": by_seed[by_seed.method == "stored"],
@@ -100,13 +95,12 @@ def quantities(
                 100,
                 n=n_test * len(values),
                 seeds=len(values),
-                note=ORDERS[order] if name == "recovered" else "",
+                note="new samples first in time" if name == "recovered" else "",
             )
 
 
 COLUMNS: dict[str, Any] = {
     "scene": Column("Scene", scene_name),
-    "order": Column("Order", lambda order: ORDERS[order]),
     "update": Column("Update"),
     "n_new": Column("New frames"),
     "before": Column("Before the drift, %", percent),
@@ -129,18 +123,16 @@ STUDY = Study(
             "drift",
             partial(each_scene, regained),
             of="drift",
-            key=("scene", "order", "model", "update", "n_new"),
+            key=("scene", "model", "update", "n_new"),
             title="Every update of every model, with labels and without",
             columns=COLUMNS,
-            shown=(
-                *("scene", "order", "model", "update", "n_new"),
-                *("updated", "old", "regained"),
-            ),
-            note="New samples alone are the paper's p = 1 for HDC. Equal votes: a new sample "
-            "counts N_old/N_new times. From the old weights: the penalty is on the distance from "
-            "them. Re-referenced, without labels: every frame is standardised and a reference "
-            "frame is subtracted, before the drift the mean of the training frames, afterwards "
-            "the mean of unlabelled new frames that come before those tested; or both times the "
+            shown=("scene", "model", "update", "n_new", "updated", "old", "regained"),
+            note="New samples come before those tested. New samples alone are the paper's p = 1 "
+            "for HDC. Equal votes: a new sample counts N_old/N_new times. From the old weights: "
+            "the penalty is on the distance from them. Re-referenced, without labels: every frame "
+            "is standardised and a reference frame is subtracted, before the drift the mean of "
+            "the training frames, afterwards the mean of unlabelled new frames that come before "
+            "those tested; or both times the "
             f"mean of frames without touch. {_REGAINED} {_INTERVALS}",
         ),
         Table(

@@ -1,4 +1,4 @@
-"""How Table I and its sister of few samples are shown: heads, cells, and the note below them."""
+"""How Table I is shown: heads, cells, and the note below it."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import pandas as pd
 
-from experiments.reporting.columns import Column, display_name, scene_name
+from experiments.reporting.columns import Column, display_name
 from experiments.reporting.table import records
 from experiments.reporting.text import interval, percent, two_digits
 from experiments.studies.table1 import models
@@ -45,7 +45,7 @@ def _at_papers(cells: Cells) -> str:
     return text
 
 
-def at_end(cells: Cells) -> str:
+def _at_end(cells: Cells) -> str:
     """Test accuracy at the end of training, and whether the training was finished."""
     low, high = cells["test_accuracy_final_low"], cells["test_accuracy_final_high"]
     text = interval(*map(percent, (cells["test_accuracy_final"], low, high)))
@@ -80,17 +80,10 @@ COLUMNS = {
     "published_training_time_over_hdc": Column("Paper: relative time", two_digits),
     "published_test_accuracy": Column("Paper: accuracy", percent),
 }
-OF_FEW = {
-    **COLUMNS,
-    "scene": Column("Scene", scene_name),
-    "test_accuracy_final": Column("Test accuracy at the end (%) [95 %]", cell=at_end),
-}
-TIMES = ("model", "training_time_s", RATIO, "test_accuracy_at_target")
 SHOWN = (
-    *(*TIMES, AT_PAPERS),
+    *("model", "training_time_s", RATIO, "test_accuracy_at_target", AT_PAPERS),
     *("published_training_time_over_hdc", "published_test_accuracy"),
 )
-SHOWN_OF_FEW = ("scene", *TIMES, "test_accuracy_final", "over_hdc", "seeds")
 
 
 def note(lines: pd.DataFrame) -> str:
@@ -110,7 +103,7 @@ def _papers_levels() -> Iterator[str]:
 
 
 def _ends(rows: Sequence[Cells]) -> Iterator[str]:
-    ends = [f"{display_name(r['model'])} {at_end(r)}" for r in rows if r["seeds"]]
+    ends = [f"{display_name(r['model'])} {_at_end(r)}" for r in rows if r["seeds"]]
     if ends:
         yield f"Test accuracy at the end of training (%): {'; '.join(ends)}."
 

@@ -1,4 +1,4 @@
-"""Rows of Table I and of its sister of few samples: each from its own trainings, one per seed."""
+"""Rows of Table I: each from its own trainings, one per seed."""
 
 from __future__ import annotations
 
@@ -17,49 +17,25 @@ from experiments.reporting.table import frame
 from experiments.studies.table1 import models
 from experiments.studies.table1.models import LINES
 
-FEW = 25  # training samples, five of each class: no model is near 100 %
 RATIO, AT_PAPERS = "training_time_over_hdc", "test_accuracy_at_papers"
 OVER_NUMPY = "training_time_over_numpy_hdc"
 
 
 def table1(lines: pd.DataFrame) -> pd.DataFrame | None:
-    """Table I, and below it the same softmax regression solved directly and one's own models."""
-    return rows_of_table(lines, models.scene())
-
-
-def table1_few(lines: pd.DataFrame) -> pd.DataFrame | None:
-    """The same rows from few samples; only models that were run, and only if softmax was."""
-    data = rows_of_table(lines, models.scene(), FEW, paper=False)
-    if data is None or not Groups.of(lines).group(models.scene(), "softmax", FEW).runs:
-        return None
-    return data[data.seeds > 0].reset_index(drop=True)
-
-
-def rows_of_table(
-    of: pd.DataFrame,
-    place: str,
-    n_train: int | None = None,
-    paper: bool = True,
-) -> pd.DataFrame | None:
-    """A row for each model of Table I on a scene; None where none was run."""
-    runs = Groups.of(of)
-    names = [*LINES]
-    if n_train is None:
-        names += runs.extra_models(place)
-    groups = [runs.group(place, name, n_train) for name in names]
+    """Table I, and below it the same softmax regression solved directly and one's own models; None
+    where none was run."""
+    runs, place = Groups.of(lines), models.scene()
+    groups = [runs.group(place, name) for name in (*LINES, *runs.extra_models(place))]
     if not any(group.runs for group in groups):
         return None
-    lines = [_row(group, groups[0], paper) for group in groups]
+    rows = [_row(group, groups[0]) for group in groups]
     always = {*models.PAPER, models.DESCENT}
-    return frame([line for line in lines if line["seeds"] or line["model"] in always])
+    return frame([line for line in rows if line["seeds"] or line["model"] in always])
 
 
-def _row(group: Group, hdc: Group, paper: bool) -> dict[str, Any]:
-    line, relative = row(group, hdc), relative_times(group, hdc)
-    if not paper:
-        return line | relative
-    papers = models.papers_numbers(group.model)
-    return line | papers | relative | at_papers_accuracy(group)
+def _row(group: Group, hdc: Group) -> dict[str, Any]:
+    papers, relative = models.papers_numbers(group.model), relative_times(group, hdc)
+    return row(group, hdc) | papers | relative | at_papers_accuracy(group)
 
 
 def hdc_seconds(run: Finished, hdc: Group) -> float | None:

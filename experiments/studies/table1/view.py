@@ -1,4 +1,4 @@
-"""Table I, its sister of few samples, and error against run time."""
+"""Table I, and error against run time."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from experiments.reporting.table import Table, records
 from experiments.reporting.text import counted
 from experiments.studies.table1 import columns, equal, figure, models
 from experiments.studies.table1.models import PAPER
-from experiments.studies.table1.rows import table1, table1_few
+from experiments.studies.table1.rows import table1
 from experiments.studies.table1.times import grid
 from experiments.studies.table1.times import view as times_view
 
@@ -134,16 +134,6 @@ STUDY = Study(
             shown=columns.SHOWN,
             columns=columns.COLUMNS,
             commands=[f"{RUN}table1", f"{RUN}table1_descent"],
-        ),
-        Table(
-            "table1_few",
-            table1_few,
-            of=RUNS,
-            title="Table I where no model is near 100 %: five training samples of each class",
-            key=KEY,
-            shown=columns.SHOWN_OF_FEW,
-            columns=columns.OF_FEW,
-            commands=[f"{RUN}table1_few"],
         ),
         Table(
             "equal_accuracy",

@@ -302,7 +302,7 @@ WHICH = ["scene=touch", "+model=softmax", "stop=paper", "+experiment=table1", "s
         ({}, [*WHICH, "model.lr=0.05"], ALL),
         ({}, ["++model.lr=0.05"], ALL),
         ({}, ["~model.momentum"], ALL),
-        ({"experiment": "table1_few"}, WHICH, ALL),
+        ({"experiment": "table1_extended"}, WHICH, ALL),
         # Of what is in no file, what was typed.
         (
             {"model": None},

@@ -282,13 +282,6 @@ def test_simulated_frames_alone_refute_without_a_number():
     assert found.decided_by == []
 
 
-def test_one_recording_says_what_its_own_interval_says():
-    one = piece(word=YES, frames="computed")
-    found = verdict.of_one_sensor(one)
-    alone = Pooled(one.estimate, NAN, NAN, 0.0, 1)
-    assert found == (YES, alone, "computed", [one])
-
-
 def test_a_verdict_on_times_names_every_way_and_has_the_least_ratio():
     claim = claim_of("much_slower", decide=("times",))
     of = {"frames": "simulated", "unit": "×"}
@@ -457,20 +450,6 @@ def test_recordings_of_one_laboratory_count_as_one(record, judged):
     assert 25 < row["mean"] < 30  # of 30 and 20 in one laboratory, 30 in the other
 
 
-def test_what_was_unseen_is_judged_alone_too(tmp_path, record, judged):
-    record("gelsight", 60, 80)
-    record("gelsight_billets", 80, 50)
-    record("rgb_fibres", 80, 49)
-    row = judged("accuracy")
-    assert (row["status"], row["laboratories"]) == ("exploratory", 3)
-    table = view.confirmatory(Results(tmp_path).frame(*view.OF))
-    rows = table[table.claim == "accuracy"].set_index("recording")
-    assert list(rows.index) == ["gelsight_billets", "rgb_fibres", view.JOINED]
-    assert set(rows.word) == {YES}
-    assert set(rows.status) == {CONFIRMATORY}
-    assert rows["mean"].tolist() == pytest.approx([30, 31, 30.5], abs=0.1)
-
-
 @pytest.mark.parametrize(
     ("what", "remark"),
     [
@@ -549,8 +528,8 @@ def drifted(write_measurement, predicting):
     """drifted(updated, …) leaves a measurement of drift on exchanged fibres."""
 
     def write(updated, stored=30, old=90, seeds=3):
-        of = {"origin": "computed", "order": "time", "model": "hdc", "n_test_new": 100,
-              "n_test_old": 100, "n_old": 400, "draw": 0, "p": None}  # fmt: skip
+        of = {"origin": "computed", "model": "hdc", "n_test_new": 100, "n_test_old": 100,
+              "n_old": 400, "p": None}  # fmt: skip
         rows = []
         for seed in range(seeds):
             same = of | {"seed": seed, "right_old": old, "n_new": 50}
@@ -758,23 +737,22 @@ def test_the_whole_rows_of_a_recalibration(tmp_path, write_measurement, predicti
     """HDC falls from 90 to 40 and 30 %, and the rule's update wins half and three quarters of that
     back; others do not count."""
     of = {"origin": "computed", "n_test_new": 100, "n_test_old": 100, "n_old": 400,
-          "draw": 0, "p": None, "right_old": 90}  # fmt: skip
-    rule = ("time", "replace", 0.75, 50)
+          "p": None, "right_old": 90}  # fmt: skip
+    rule = ("replace", 0.75, 50)
     ways = (
-        ("hdc", ("time", "stored", None, 0), (40, 30)),
+        ("hdc", ("stored", None, 0), (40, 30)),
         ("hdc", rule, (65, 75)),
-        ("hdc", ("time", "replace", 0.5, 50), (10, 10)),
-        ("hdc", ("time", "replace", 0.75, 5), (11, 11)),
-        ("hdc", ("time", "pooled", None, 50), (71, 73)),
-        ("hdc", ("time", "pooled", None, 90), (99, 99)),
-        ("hdc", ("random", "replace", 0.75, 50), (98, 98)),
-        ("correlation", ("time", "stored", None, 0), (20, 20)),
-        ("correlation", ("time", "new", None, 50), (99, 90)),
+        ("hdc", ("replace", 0.5, 50), (10, 10)),
+        ("hdc", ("replace", 0.75, 5), (11, 11)),
+        ("hdc", ("pooled", None, 50), (71, 73)),
+        ("hdc", ("pooled", None, 90), (99, 99)),
+        ("correlation", ("stored", None, 0), (20, 20)),
+        ("correlation", ("new", None, 50), (99, 90)),
     )
     rows = [
-        of | {"model": model, "order": order, "method": method, "p": p, "n_new": n,
+        of | {"model": model, "method": method, "p": p, "n_new": n,
               "seed": seed, "right_new": right}
-        for model, (order, method, p, n), by_seed in ways
+        for model, (method, p, n), by_seed in ways
         for seed, right in enumerate(by_seed)
     ]  # fmt: skip
     scene = "fibres_exchanged"
@@ -984,24 +962,20 @@ def test_the_note_names_the_rules_and_the_commit_that_froze_them(
     record("gelsight_billets", 80, 60)
     of_commit = f", frozen by commit {commit}" if commit else ""
     frame = Results(tmp_path).frame(*view.OF)
-    for table in view.STUDY.tables[:2]:
-        ((note,),) = [[made.note for made in table.made(frame)]]
-        assert note.endswith(
-            f"Rules: docs/claims.md, version {RULES.version} of {RULES.dated}, "
-            f"digest {frozen.digest()}{of_commit}."
-        )
+    (made,) = view.STUDY.tables[0].made(frame)
+    assert made.note.endswith(
+        f"Rules: docs/claims.md, version {RULES.version} of {RULES.dated}, "
+        f"digest {frozen.digest()}{of_commit}."
+    )
 
 
-def test_each_note_says_whether_its_recordings_had_been_seen(record, tmp_path):
+def test_the_note_says_that_most_recordings_had_been_seen(record, tmp_path):
     record("gelsight", 95, 60)
     record("gelsight_billets", 80, 60)
     record("spr", 99, 60)  # the rules do not list it
     frame = Results(tmp_path).frame(*view.OF)
-    every, unseen = (next(t.made(frame)).note for t in view.STUDY.tables[:2])
+    every = next(view.STUDY.tables[0].made(frame)).note
     assert "Verdicts are exploratory" in every
-    assert "Verdicts are confirmatory" not in every
-    assert "Verdicts are confirmatory" in unseen
-    assert "Verdicts are exploratory" not in unseen
     sentence = (
         "With 5 frames per class published HDC exceeds 90 % on 1 of 2 recordings."
     )

@@ -68,29 +68,25 @@ def scene():
     )
 
 
-@pytest.mark.parametrize("order", ["time", "random"])
-def test_no_test_sample_is_learnt_from(scene, order):
-    choice = choose(scene, SPLIT, 30, order, seed=0)
+def test_no_test_sample_is_learnt_from(scene):
+    choice = choose(scene, SPLIT, 30, seed=0)
     session, time = scene.samples["session"], scene.samples["order"]
     assert len(choice.old) == 48
     assert (session[choice.tests["old"]] == 0).all()
     assert (session[choice.tests["new"]] == 1).all()
-    by_size = subsets(choice, scene.labels, [3, 9, 30], order, seed=0)
+    by_size = subsets(choice, scene.labels, [3, 9, 30])
     for n, chosen in by_size.items():
         assert len(set(chosen) - set(choice.tests["new"])) == n
         assert (session[chosen] == 1).all()
         assert len(set(np.bincount(scene.labels[chosen]))) == 1
     assert set(by_size[3]) < set(by_size[9])
-    if order == "time":
-        assert time[by_size[30]].max() < time[choice.tests["new"]].min()
+    assert time[by_size[30]].max() < time[choice.tests["new"]].min()
 
 
 def scores(scene, model, n_new=30):
     """{(method, p): (right of the new, right of the old)}."""
-    choice = choose(scene, SPLIT, 30, "time", seed=0)
-    made = updates(
-        bank_of(scene), choice, model, [n_new], (0, 0.5, 1), "time", 1, seed=0
-    )
+    choice = choose(scene, SPLIT, 30, seed=0)
+    made = updates(bank_of(scene), choice, model, [n_new], (0, 0.5, 1), seed=0)
     found = {}
     for about, predicted in made:
         right = predicted == scene.labels[choice.asked]
@@ -101,8 +97,8 @@ def scores(scene, model, n_new=30):
 
 def test_every_update_of_prototypes_is_a_classifier_of_those_samples(scene):
     right = scores(scene, HDCClassifier())
-    choice = choose(scene, SPLIT, 30, "time", seed=0)
-    new = subsets(choice, scene.labels, [30], "time", seed=0)[30]
+    choice = choose(scene, SPLIT, 30, seed=0)
+    new = subsets(choice, scene.labels, [30])[30]
     for key, train in {
         ("stored", None): choice.old,
         ("replace", 0.0): choice.old,
@@ -125,16 +121,16 @@ def asked_what(monkeypatch):
 
 
 def test_each_update_is_trained_on_what_it_is_called(scene, asked_what):
-    """Of another model than HDC, in the order of time: 48 samples of the old session, and the first
+    """Of another model than HDC, 48 samples of the old session, and the first
     3 and 18 of the new one, which count as much as the old in ``balanced``."""
-    choice = choose(scene, SPLIT, 30, "time", seed=0)
+    choice = choose(scene, SPLIT, 30, seed=0)
     bank = bank_of(scene)
-    made = updates(bank, choice, object(), [3, 18], (0.5,), "time", draws=4, seed=0)
+    made = updates(bank, choice, object(), [3, 18], (0.5,), seed=0)
     found = [(about, sorted(train.tolist())) for about, train in made]
     old = sorted(choice.old.tolist())
     expected = [({"method": "stored", "n_new": 0}, old)]
     for n, times in ((3, 16), (18, 3)):  # 48/3, and 48/18 rounded
-        about = {"p": None, "n_new": n, "draw": 0}
+        about = {"p": None, "n_new": n}
         new = list(range(60, 60 + n))
         expected += [
             ({"method": "new", **about}, new),
@@ -144,40 +140,18 @@ def test_each_update_is_trained_on_what_it_is_called(scene, asked_what):
     assert found == expected
 
 
-def test_each_draw_has_new_samples_of_its_own(scene, asked_what):
-    choice = choose(scene, SPLIT, 30, "random", seed=0)
-    bank = bank_of(scene)
-
-    def drawn(seed):
-        made = updates(bank, choice, object(), [3, 9], (), "random", 2, seed)
-        return {
-            (about["draw"], about["n_new"]): train.tolist()
-            for about, train in made
-            if about["method"] == "new"
-        }
-
-    found = drawn(0)
-    assert list(found) == [(0, 3), (0, 9), (1, 3), (1, 9)]
-    for draw in (0, 1):
-        assert set(found[draw, 3]) < set(found[draw, 9]) <= set(choice.pool.tolist())
-        assert [len(found[draw, n]) for n in (3, 9)] == [3, 9]
-    assert found[0, 9] != found[1, 9]
-    assert drawn(0) == found
-    assert drawn(1) != found
-
-
 def test_more_new_samples_than_there_are_is_an_error_that_names_the_key(scene):
-    choice = choose(scene, SPLIT, 30, "time", seed=0)
+    choice = choose(scene, SPLIT, 30, seed=0)
     with pytest.raises(ValueError, match=r"task\.n_new: expected 1 to 30, found 31"):
-        subsets(choice, scene.labels, [3, 31], "time", seed=0)
-    assert list(subsets(choice, scene.labels, [30], "time", seed=0)) == [30]
-    assert subsets(choice, scene.labels, [], "time", seed=0) == {}
+        subsets(choice, scene.labels, [3, 31])
+    assert list(subsets(choice, scene.labels, [30])) == [30]
+    assert subsets(choice, scene.labels, []) == {}
 
 
 def test_one_session_alone_has_no_drift(scene):
     samples = {"order": scene.samples["order"]}
     with pytest.raises(ValueError, match=r"split\.test: .*sessions \[0\]"):
-        choose(replace(scene, samples=samples), SPLIT, 30, "time", seed=0)
+        choose(replace(scene, samples=samples), SPLIT, 30, seed=0)
 
 
 def test_updates_of_hdc_are_its_own_recalibrations(scene):
@@ -239,11 +213,10 @@ def test_the_whole_row_of_an_answer():
         "n_new": 0,
         "p": None,
         "share": None,
-        "draw": 0,
         **same,
         "labels": pack_labels([2, 1, 0, 2]),
     }
-    about = {"method": "replace", "p": 0.5, "share": 0.25, "draw": 3, "n_new": 2}
+    about = {"method": "replace", "p": 0.5, "share": 0.25, "n_new": 2}
     assert answers.row(about, said) == {**about, **same}
 
 
@@ -272,32 +245,24 @@ def test_rows_of_a_small_experiment(small_scene):
         "seeds": [0],
         "n_test": 8,
     }
-    rows = pd.DataFrame(
-        drift.rows(
-            Run(), **common, n_new=[2, 4], p=[0.5], order=["time", "random"], draws=2
-        )
-    )
-    # Stored models, and 4 + 4 + 4 + 3 updates of one choice in time order and of two others.
-    assert len(rows) == 2 * 4 + 3 * 2 * 15
-    assert set(rows.groupby("order").labels.count()) == {1}
+    rows = pd.DataFrame(drift.rows(Run(), **common, n_new=[2, 4], p=[0.5]))
+    # Stored models, and 4 + 4 + 4 + 3 updates by two sizes.
+    assert len(rows) == 4 + 2 * 15
+    assert rows.labels.count() == 1
     counted = with_right(rows)
     assert (counted.right_new <= rows.n_test_new).all()
     assert (counted.right_old <= rows.n_test_old).all()
     assert (counted.right_new + counted.right_old).min() > 0
     assert ((rows.method == "stored") == (rows.n_new == 0)).all()
-    with pytest.raises(
-        ValueError, match=r"task\.order: .* time, random, found \['late'\]"
-    ):
-        next(drift.rows(Run(), **common, n_new=[2], p=[0.5], order=["late"]))
 
 
-def test_accuracies_are_means_over_seeds_and_draws(predicting):
-    """p = 0.5 has 90 and 94 % in two seeds, new alone 80 and 83; two draws each, 1 point apart."""
+def test_accuracies_are_means_over_seeds(predicting):
+    """p = 0.5 has 90 and 94 % in two seeds, new alone 80 and 83."""
     rows = [
-        {"origin": "simulated", "seed": seed, "order": "time", "model": "hdc", "method": method,
-         "p": p, "n_old": 400, "n_new": n, "draw": draw, "n_test_new": 10_000, "n_test_old": 50,
-         "right_new": 100 * (right[seed] + (-1) ** draw), "right_old": 45}
-        for seed in (0, 1) for draw in (0, 1)
+        {"origin": "simulated", "seed": seed, "model": "hdc", "method": method,
+         "p": p, "n_old": 400, "n_new": n, "n_test_new": 10_000, "n_test_old": 50,
+         "right_new": 100 * right[seed], "right_old": 45}
+        for seed in (0, 1)
         for method, p, n, right in (("stored", None, 0, (30, 30)), ("new", None, 50, (80, 83)),
                                     ("replace", 0.5, 50, (90, 94)))
     ]  # fmt: skip
@@ -424,10 +389,10 @@ def test_the_rows_of_a_zeroing(scene, name):
     """The stored model; it re-zeroed by six frames of all classes, by ten with six of class 1; one
     trained on the first three new samples; and one that has a reference of class 2 alone."""
     model, bank = built(name), bank_of(scene)
-    choice = choose(scene, SPLIT, 30, "time", seed=0)
+    choice = choose(scene, SPLIT, 30, seed=0)
     old, asked, labels = choice.old, choice.asked, scene.labels
     frames = Unlabelled([6], [0.6], [10], [4], favoured=1)
-    found = list(zeroings(bank, choice, model, [3], 0, frames, no_touch=2))
+    found = list(zeroings(bank, choice, model, [3], frames, no_touch=2))
     abouts = [about for about, _ in found]
     assert abouts == [
         {"method": "stored", "n_new": 0},
@@ -446,12 +411,12 @@ def test_the_rows_of_a_zeroing(scene, name):
     expected = [stored, by_six, by_ten, new, without]
     for (about, predicted), answer in zip(found, expected, strict=True):
         assert (predicted == answer).all(), about
-    made = zeroings(bank, choice, model, [], 0, frames, no_touch=None)
+    made = zeroings(bank, choice, model, [], frames, no_touch=None)
     assert [about["method"] for about, _ in made] == ["stored", "zeroed", "zeroed"]
 
 
 def test_rows_of_a_small_experiment_without_labels(scene, monkeypatch):
-    """Of the seeds and the order that are asked for; the class without touch by its name."""
+    """Of the seeds that are asked for; the class without touch by its name."""
     two = replace(scene, classes=("A", "B", "None"))
     monkeypatch.setattr(
         Run, "scenes", lambda run, scene, seeds: ((seed, two) for seed in seeds)
@@ -463,25 +428,23 @@ def test_rows_of_a_small_experiment_without_labels(scene, monkeypatch):
     }  # fmt: skip
     common = {
         "scene": {}, "old_split": SPLIT, "models": {"hdc": MODELS["hdc"]},
-        "seeds": [0, 1], "n_test": 30, "n_new": [3], "p": [], "draws": 1,
+        "seeds": [0, 1], "n_test": 30, "n_new": [3], "p": [],
     }  # fmt: skip
     rows = pd.DataFrame(drift.rows(Run(), **common, **options, no_touch="None"))
     of_zeroing = rows[rows.model == "ridge"]
     assert set(of_zeroing.seed) == {1}
-    assert set(of_zeroing.order) == {"time"}
     methods = ["stored", "zeroed", "zeroed", "new", "untouched"]
     assert of_zeroing.method.tolist() == methods
     assert of_zeroing.n_new.tolist() == [0, 6, 10, 3, 4]
     assert of_zeroing.share.dropna().tolist() == [0.6]
     of_hdc = rows[rows.model == "hdc"]
-    assert of_hdc.method.tolist() == 4 * ["stored", "new", "balanced", "pooled"]
-    places = [(0, "time"), (0, "random"), (1, "time"), (1, "random")]
-    assert list(of_hdc.groupby(["seed", "order"], sort=False).groups) == places
+    assert of_hdc.method.tolist() == 2 * ["stored", "new", "balanced", "pooled"]
+    assert of_hdc.seed.tolist() == 4 * [0] + 4 * [1]
     truth = unpack_labels(rows.labels.iloc[0])
-    choice = choose(two, SPLIT, 30, "time", seed=0)
+    choice = choose(two, SPLIT, 30, seed=0)
     assert (truth == two.labels[choice.asked]).all()
     # The share of ten frames is of class 1, the seed: 60, 63, six of class 1, 62, 65.
-    choice = choose(two, SPLIT, 30, "time", seed=1)
+    choice = choose(two, SPLIT, 30, seed=1)
     ten = np.array([60, 63, 61, 64, 67, 70, 73, 76, 62, 65])
     (expected,) = rezeroed(
         built("ridge_standardised"),
@@ -506,7 +469,7 @@ def test_the_whole_row_of_what_an_update_regains(predicting):
             ("zeroed", 10, None, stored),
         ):
             rows.append(
-                {"order": "time", "model": "hdc", "p": None, "draw": 0, "seed": seed,
+                {"model": "hdc", "p": None, "seed": seed,
                  "method": method, "n_new": n, "share": share, "right_new": right * 100,
                  "right_old": old * 10, "n_test_new": 10_000, "n_test_old": 1000}
             )  # fmt: skip
@@ -522,7 +485,7 @@ def test_the_whole_row_of_what_an_update_regains(predicting):
         # Of gains 0.4 and 0.15: 0.6875 + (gain − 0.6875·lost)/0.4 is 0.828 and 0.547.
         "regained": (0.6875, 0.6875 - 12.7062 * 0.140625, 0.6875 + 12.7062 * 0.140625),
     }
-    expected = {"order": "time", "model": "hdc", "method": "zeroed", "share": 0.6,
+    expected = {"model": "hdc", "method": "zeroed", "share": 0.6,
                 "update": "re-referenced, 60 % of one class", "n_new": 10,
                 "labels": False}  # fmt: skip
     for name, numbers in shares.items():
@@ -539,7 +502,7 @@ def close(number):
 
 def test_the_best_update_has_the_highest_mean_and_few_labels(predicting):
     """Right answers of 1000 in one session; of 60 labelled frames the paper has no number."""
-    common = {"order": "time", "model": "hdc", "p": None, "draw": 0, "seed": 0}
+    common = {"model": "hdc", "p": None, "seed": 0}
     common |= {"n_test_new": 1000, "n_test_old": 1000, "right_old": 900}
     found = (("stored", 0, 400), ("new", 50, 800), ("pooled", 50, 790))
     found += (("pooled", 60, 880), ("zeroed", 90, 400))

@@ -22,10 +22,10 @@ def verdict(word, value, units=4):
 
 @pytest.fixture
 def judged(monkeypatch):
-    def set_to(*lines, unseen=None, bits=None, objects=None, left=(), **tables):
+    def set_to(*lines, unseen=(), bits=None, objects=None, left=(), **tables):
         found = [(claim, rival, verdict(*of), []) for claim, rival, *of in lines]
         monkeypatch.setattr(module, "judged", lambda _: found)
-        monkeypatch.setattr(module, "confirmatory", lambda _: unseen)
+        monkeypatch.setattr(module, "every_piece", lambda _: unseen)
         monkeypatch.setattr(contest, "measured", lambda _: bits or {})
         monkeypatch.setattr(contest, "confirmed", lambda _: objects or {})
         monkeypatch.setattr(contest, "missing", lambda _: left)
@@ -165,38 +165,44 @@ def test_what_was_not_measured_has_no_sentence(judged):
     assert "CNN" not in times
 
 
+def unseen(claim, value, recording="gelsight_billets", **more):
+    about = {"rival": module.STRONGER, "status": "confirmatory", **more}
+    estimate = Estimate(value, value - 0.1, value + 0.1)
+    words = {"laboratory": "x", "frames": "captured", "quantity": "less"}
+    return Piece(claim, evidence=recording, estimate=estimate, **words, **about)
+
+
 def test_unseen_recordings_have_both_forms_against_the_stronger_rival(judged):
-    line = {"rival": module.STRONGER, "recording": "gelsight_billets"}
-    unseen = pd.DataFrame(
-        [
-            line | {"claim": "accuracy", "mean": -21.7},
-            line | {"claim": "accuracy_mended", "mean": 1.39},
-            line | {"claim": "accuracy", "mean": -3.0, "recording": module.JOINED},
-            line | {"claim": "accuracy", "mean": 5.0, "rival": "softmax_dual"},
-        ]
-    )
-    text, _ = judged(unseen=unseen)
-    assert "GelSight, billets: −21.7 published, +1.4 extended." in text
-
-
-def test_unseen_recordings_are_in_the_order_of_their_table(judged):
-    """One without both forms has no part."""
-    lines = [
-        {"rival": module.STRONGER, "recording": recording, "claim": claim, "mean": mean}
-        for recording, by_claim in (
-            ("rgb_fibres", {"accuracy": -150.0, "accuracy_mended": 2.0}),
-            ("tactip", {"accuracy": 1.0}),
-            ("gelsight_billets", {"accuracy": 3.0, "accuracy_mended": 4.0}),
-        )
-        for claim, mean in by_claim.items()
+    pieces = [
+        unseen("accuracy", -0.217),
+        unseen("accuracy_mended", 0.0139),
+        unseen("accuracy", 0.05, rival="softmax_dual"),
+        unseen("accuracy", 0.06, "gelsight", status="exploratory"),
+        unseen("accuracy_mended", 0.07, "gelsight", status="exploratory"),
+        unseen("accuracy", 0.08, "tactip", enters=False),
+        unseen("accuracy_mended", 0.09, "tactip", enters=False),
     ]
-    text, _ = judged(unseen=pd.DataFrame(lines))
+    text, _ = judged(unseen=pieces)
+    assert text.endswith("frames. GelSight, billets: −21.7 published, +1.4 extended.")
+
+
+def test_unseen_recordings_are_in_the_order_of_the_evidence(judged):
+    """One without both forms has no part."""
+    pieces = [
+        unseen(claim, value, recording)
+        for claim, by_recording in (
+            ("accuracy", {"rgb_fibres": -1.5, "tactip": 1.0, "gelsight_billets": 0.03}),
+            ("accuracy_mended", {"gelsight_billets": 0.04, "rgb_fibres": 0.02}),
+        )
+        for recording, value in by_recording.items()
+    ]
+    text, _ = judged(unseen=pieces)
     # No difference of accuracies is larger than 100 points.
     assert text.endswith(
         "Plastic fibres: −100.0 published, +2.0 extended; "
         "GelSight, billets: +3.0 published, +4.0 extended."
     )
-    assert judged(unseen=pd.DataFrame(lines[2:3])) == []
+    assert judged(unseen=pieces[1:2]) == []
 
 
 def test_the_extended_form_has_its_cost_in_time(judged):

@@ -196,31 +196,6 @@ def test_the_note_names_what_is_as_accurate_as_hdc_in_less_time(
     )
 
 
-def test_few_samples_have_a_table_of_the_same_form(tmp_path, write_run, epochs):
-    assert not [t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1_few"]
-    for seed in range(3):
-        write_run("hdc", seed=seed, n_train=25, wrong=range(4))
-        write_run(
-            "cnn3", seed=seed, n_train=25, curve=epochs(0.95, 1.0), wrong=range(20)
-        )
-        write_run("softmax", seed=seed, n_train=25, curve=epochs(0.95, 1.0))
-        write_run("hdc", seed=seed, n_train=25, scene="finger")
-        write_run("hdc", seed=seed, n_train=100, wrong=range(1))
-    (made,) = (t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "table1_few")
-    rows = [
-        (r["scene"], r["model"], r["n_train"], r["seeds"]) for r in records(made.data)
-    ]
-    assert rows == [
-        ("touch", "hdc", 25, 3),
-        ("touch", "softmax", 25, 3),
-        ("touch", "cnn3", 25, 3),
-    ]
-    assert [cells[0] for cells in made.cells()] == ["Touch"] * 3
-    cnn3 = records(made.data)[2]
-    assert cnn3["over_hdc"] == pytest.approx(-0.16)
-    assert not [name for name in made.data if name.startswith("published")]
-
-
 def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(
     tmp_path, write_run, epochs
 ):

@@ -188,8 +188,17 @@ def test_frames_are_asked_about_in_small_batches(tmp_path):
     model = Nearest()
     assert len(list(answers.ask(model, Window(), [path]))) == 70
     assert model.asked == [32, 32, 6]
-    found = scores.score(model, open_recording(path), np.arange(70))
+    recording = open_recording(path)
+    found = scores.score(model, recording, np.arange(70))
     assert (found["frames"], model.asked[3:]) == (70, [32, 32, 6])
+    found = scores.score(model, recording, np.arange(70), reject=0.4, interval=0.8)
+    one_by_one = [
+        scores.score(model, recording, np.array([i]), reject=0.4, interval=0.8)
+        for i in range(70)
+    ]
+    assert found["refused"] == sum(one["refused"] for one in one_by_one)
+    shares = [one["coverage"]["share"] for one in one_by_one]
+    assert found["coverage"]["share"] == pytest.approx(np.mean(shares))
 
 
 def test_a_score_of_classes_is_complete(classes):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import itertools
 
 import numpy as np
@@ -169,3 +170,33 @@ def frames_of(n: int = 30):
 def test_other_factors_are_refused(name, values):
     with pytest.raises(ValueError, match=f"{name}: expected a list of numbers above"):
         Kernel(**{name: values}).check()
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_discriminants_of_new_frames_are_mixed_in_by_their_lengths(share):
+    """Each in units of its length in the space of the kernel; of new frames as if not learnt."""
+    first, rows = problem(40, 300, 3)
+    second, others = problem(30, 300, 3, seed=1)
+    old = fitted(first, rows)
+    reach, penalty = float(old.reach_), float(old.penalty_)
+    scale = reach / median(second)
+    new = fitted(second, others, scales=[scale], penalties=[penalty])
+    lengths = []
+    for masks, model in ((first, old), (second, new)):
+        dual = model.dual_.numpy()
+        products = likeness(masks, masks, reach) @ dual
+        lengths.append(np.sqrt((dual * products).sum()))
+    before, after = (1 - share) / lengths[0], share / lengths[1]
+    asked = bits.pack(torch.from_numpy(problem(20, 300, 3, seed=2)[0]))
+    expected = before * old.scores(asked) + after * new.scores(asked)
+    words = bits.pack(torch.from_numpy(second))
+    left_out = new.held_out(None, None)
+    among = before * old.scores(words) + after * left_out.scores
+    adapted = copy.copy(old)
+    assert adapted.adapt(words, torch.from_numpy(others), share) == pytest.approx(
+        before
+    )
+    torch.testing.assert_close(adapted.scores(asked), expected, rtol=1e-9, atol=1e-9)
+    found = adapted.held_out(None, None)
+    torch.testing.assert_close(found.scores, among, rtol=1e-9, atol=1e-9)
+    assert torch.equal(found.rows, torch.from_numpy(others))

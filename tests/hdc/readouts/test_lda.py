@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import warnings
 
 import numpy as np
@@ -235,3 +236,34 @@ def test_weights_are_sums_of_hypervectors():
     expected = (x.T @ whole.numpy()).T
     for backend in backends.BACKENDS:
         assert np.array_equal(combinations(whole, words, backend)[:, :333], expected)
+
+
+@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
+def test_discriminants_of_new_frames_are_mixed_in_by_their_lengths(share):
+    """Up to rounding to four bits; of new frames, two of the last class, as if not learnt."""
+    _, words, rows = problem(60, 700, 3, seed=0)
+    _, added, others = problem(40, 700, 3, seed=1)
+    others[1] = 2
+    old, new = (LDA(0.5).fit(w, r, 3, 700) for w, r in ((words, rows), (added, others)))
+    lengths = []
+    for model in (old, new):
+        sliced = bits.unpack(model.weights_, 700).double()
+        q = (sliced * 2.0 ** torch.arange(4)[:, None]).sum(1) - 8
+        lengths.append(float((q * model.scales_[:, None]).norm()))
+    before, after = (1 - share) / lengths[0], share / lengths[1]
+    _, asked, _ = problem(50, 700, 3, seed=2)
+    expected = before * old.scores(asked) + after * new.scores(asked)
+    left_out = new.held_out(added, others)
+    assert torch.equal(left_out.rows, others)
+    among = before * old.scores(added) + after * left_out.scores
+    adapted = copy.copy(old)
+    factor = adapted.adapt(added, others, share)
+    unit = factor / before if before else float(2**20 / new.scales_.max() * lengths[1])
+    found = adapted.scores(asked) / unit
+    spread = float(expected.std())
+    assert float((found - expected).abs().max()) < 0.15 * spread
+    held_out = adapted.held_out(added, others)
+    assert torch.equal(held_out.rows, others)
+    torch.testing.assert_close(
+        held_out.scores / unit, among, rtol=1e-4, atol=1e-4 * spread
+    )
