@@ -79,7 +79,7 @@ def models_of(configs: Mapping[str, Any]) -> dict[str, Any]:
     """
     models = {}
     for name, part in configs.items():
-        model = instantiate(part["model"], "model")
+        model = instantiate(part["model"], f"task.models.{name}.model")
         try:
             check_model(model)
         except ValueError as error:

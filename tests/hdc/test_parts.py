@@ -368,3 +368,17 @@ def test_a_bank_holds_words_of_equal_encoders_once():
     images = torch.from_numpy(frames)
     for encoder in (low, high, Quantile("1/3"), Levels(3)):
         assert torch.equal(bank.words(encoder), encoder.encode(images))
+
+
+@pytest.mark.parametrize("readout", ["lda", "kernel", "trained", "ridge", "majority"])
+def test_tensors_of_another_number_of_classes_are_refused(readout):
+    frames, labels = touches(24)
+    model = HDCClassifier(readout=readout).fit(frames, labels)
+    stored = model.readout_.stored()
+    for n_classes, fits in ((3, False), (4, True), (5, False)):
+        empty = make_readout(readout).unlearned()
+        if fits:
+            empty.restore(stored, n_classes, model.dimension_)
+            continue
+        with pytest.raises(ValueError, match=r"expected .*int64|planes|weights|dual"):
+            empty.restore(stored, n_classes, model.dimension_)

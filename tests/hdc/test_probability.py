@@ -23,6 +23,7 @@ from hdc.readouts import (
     leave_one_out,
 )
 from hdc.readouts.base import HeldOut
+from hdc.readouts.counts import cosines
 from tests.hdc.own import Nearest
 
 D, L = 300, 3
@@ -83,6 +84,20 @@ def test_a_larger_class_is_held_out_as_it_is_compared():
     expected = without_each(Counts(), words, rows)
     large = rows == 2  # its size goes down to that of the smallest before and after
     torch.testing.assert_close(found[large], expected[large])
+
+
+@pytest.mark.parametrize("balance", [False, True])
+def test_a_frame_is_held_out_of_counts_of_a_larger_class(balance):
+    """The class without it is compared as a random subset of the size of the smallest."""
+    words, rows = drawn([4, 4, 12])
+    trained = Counts(balance=balance).fit(words, rows, L, D)
+    found = trained.held_out(words, rows).scores
+    size = 4 if balance else None
+    for i in range(len(rows)):
+        others = torch.arange(len(rows)) != i
+        without = Counts(balance=False).fit(words[others], rows[others], L, D)
+        expected = cosines(without.counters_, words[i : i + 1], size)[0, rows[i]]
+        torch.testing.assert_close(found[i, rows[i]], expected / D**0.5)
 
 
 def test_ridge_has_its_exact_residuals():

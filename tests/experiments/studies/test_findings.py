@@ -165,6 +165,21 @@ def test_what_was_not_measured_has_no_sentence(judged):
     assert "CNN" not in times
 
 
+def test_training_times_name_each_model(judged):
+    text, _ = judged(
+        ("softmax", "softmax_dual", "no", 3.64),
+        ("networks_one_layer", "cnn1", "yes", 129.0),
+        ("networks_three_layers", "cnn3", "partly", 9.1),
+    )
+    for name in (
+        "converged softmax",
+        "the CNN of one layer",
+        "the CNN of three layers",
+    ):
+        assert f"{name} ×" in text
+    assert text.count("×") == 3
+
+
 def unseen(claim, value, recording="gelsight_billets", **more):
     about = {"rival": module.STRONGER, "status": "confirmatory", **more}
     estimate = Estimate(value, value - 0.1, value + 0.1)

@@ -589,3 +589,13 @@ def test_a_table_of_vectors_has_what_is_learnt_or_says_what_is_missing(tmp_path)
     path.write_text("label,400\n")
     with pytest.raises(ValueError, match=r"v\.csv: expected a row per frame"):
         open_recording(path)
+
+
+def test_folders_of_several_depths_are_refused_and_named(tmp_path, pixels):
+    for file in ("a/1/x.png", "b/2/3/x.png"):
+        write(tmp_path / file, pixels[0])
+    message = (
+        r"folders of one depth, found a/1/x\.png and b/2/3/x\.png \(a manifest\.csv"
+    )
+    with pytest.raises(SettingError, match=message):
+        open_recording(tmp_path)

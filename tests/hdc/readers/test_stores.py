@@ -16,7 +16,7 @@ import pytest
 import scipy.io
 import tifffile
 
-from hdc.readers import Ambiguous, BadFrame, SettingError, open_recording
+from hdc.readers import Ambiguous, BadFrame, SettingError, open_recording, stores
 from tests.hdc.readers.matlab import save_v73
 
 N, H, W = 4, 3, 5
@@ -142,6 +142,33 @@ def test_what_matlab_saves_in_forms_of_its_own_is_named_with_what_to_do(tmp_path
         file["labels"].attrs["MATLAB_class"] = np.bytes_("string")
         file["labels"].attrs["MATLAB_object_decode"] = 3
     refused(path, r"not read: labels: .*: cellstr\(labels\) for text")
+
+
+def test_characters_and_plain_numbers_of_version_73_are_read(tmp_path):
+    """Rows of characters are labels; numbers without MATLAB's mark are as MATLAB shows them."""
+    path = tmp_path / "x.mat"
+    save_v73(path, cube=MATLAB)
+    width = max(map(len, NAMES))
+    codes = [[ord(c) for c in name.ljust(width)] for name in NAMES]
+    with h5py.File(path, "r+") as file:
+        file["labels"] = np.array(codes, np.uint16).T
+        file["labels"].attrs["MATLAB_class"] = np.bytes_("char")
+    check(open_recording(path))
+    assert stores.load(path).frames_last
+    save_v73(tmp_path / "y.mat", cube=MATLAB)
+    with h5py.File(tmp_path / "y.mat", "r+") as file:
+        del file["cube"].attrs["MATLAB_class"]
+    assert stores.load(tmp_path / "y.mat").frames_last
+    (tmp_path / "y.mat").rename(tmp_path / "y.h5")
+    assert not stores.load(tmp_path / "y.h5").frames_last
+
+
+def test_what_matlab_saves_otherwise_is_named(tmp_path):
+    path = tmp_path / "x.mat"
+    cell = np.empty(2, object)
+    cell[:] = [np.zeros(2), "a"]
+    scipy.io.savemat(path, {"cube": MATLAB, "labels": cell})
+    refused(path, "not read: labels: no numbers or text that MATLAB saves plainly")
 
 
 # A table beside ----------------------------------------------------------------------------------
@@ -305,6 +332,7 @@ def test_images_of_a_parquet_are_read_group_by_group(tmp_path, form):
     pq.write_table(table.append_column("depth", table["image"]).rename_columns(
         ["rgb", "label", "force", "depth"]), path)  # fmt: skip
     error = refused(path, "several columns of images", Ambiguous)
+    assert str(error).startswith(f"{path}: several columns of images")
     assert error.choices == ("--image-column rgb", "--image-column depth")
     check(open_recording(path, image_column="depth"))
     pq.write_table(table.select(["label", "force"]), path)
