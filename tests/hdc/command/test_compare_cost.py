@@ -219,6 +219,10 @@ def test_dither_costs_frames_whose_bits_rounding_decides(contrast):
     assert found["after"] == expected
     assert found["warns"] == (found["before"] - expected > dither.FALL)
     assert found["warns"] == (contrast == 1)
+    other = selection.Combination("median", "neighbours")
+    found = dither.dithered(data, other, train, test)
+    model = HDCClassifier(readout="neighbours").fit(frames[:40], labels[:40])
+    assert found["before"] == model.score(frames[40:], labels[40:])
 
 
 def test_frames_of_other_than_8_bits_have_no_dither():

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from matplotlib.figure import Figure
 
+from hdc import selection
 from hdc.command.compare import advice, curve, show
 
 
@@ -28,6 +29,16 @@ def cost(train_s, predict_ms, size, training, prediction):
         "front_train_s": training,
         "front_predict_ms": prediction,
     }
+
+
+def test_a_line_marks_what_was_given_up():
+    first, second = selection.combinations(["median"], ["majority", "lda"], False)
+    scores = selection.Scores({first: 0.25, second: 0.5}, given_up=[second.name])
+    assert show.row(first.name, scores, False) == f"{first.name}: accuracy 75.0%"
+    assert show.row(second.name, scores, False) == f"{second.name}: accuracy 50.0%*"
+    found = show.row(first.name, scores, True)
+    assert found == f"{first.name}: 0.25 of a guess's error"
+    assert show.row("ridge", scores, True) == "ridge: left out"
 
 
 COSTS = (
