@@ -7,6 +7,7 @@ rule of one standard error: Breiman et al., Classification and Regression Trees 
 
 from __future__ import annotations
 
+import itertools
 from abc import abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,6 +21,7 @@ from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource
 from baselines.discriminant import GreysKernel, GreysLDA
 from baselines.smoothing import smoothed_part
+from baselines.softmax_dual import DualSoftmaxRegression
 from hdc.bank import Selection, Shared
 from hdc.classifier import HDCClassifier
 from hdc.encoders import Smoothed, make_encoder
@@ -27,9 +29,11 @@ from hdc.encoders.relative import RelativeEncoder
 from hdc.encoders.standardised import standardised
 from hdc.parameters import check_choice, is_number
 from hdc.readouts import make_readout
-from hdc.selection import Frames, folds
+from hdc.selection import Fold, Frames, folds
 
 READOUTS = ("lda", "kernel")
+Form = tuple[Any, Any]
+"""What tells one form of a family from another."""
 _STEP = 32  # frames encoded at a time
 
 
@@ -37,14 +41,10 @@ _STEP = 32  # frames encoded at a time
 class Chosen(Classifier):
     """The simplest form of a family that no other is clearly better than.
 
-    Forms are each read-out on frames smoothed by each Gaussian, named ``"lda"``, ``"lda, smooth
-    1"`` and so on; the first read-out at all deviations, then the next. Folds keep frames of one
-    group together.
+    Folds keep frames of one group together.
 
     Args:
         fixed: name of the form where there are no folds: a class has one frame, or one group.
-        readouts: ``lda``, ``kernel`` or both, the simpler first.
-        smooth: deviations of the Gaussian in pixels, 0 for none, rising.
         folds: how many at most, from 2; fewer where a class has fewer frames, or groups.
         margin: in standard errors; 0 is the form of least error, the first of equal ones.
 
@@ -53,38 +53,29 @@ class Chosen(Classifier):
         model_: that model, trained.
     """
 
-    fixed: str = "lda"
-    readouts: Sequence[str] = READOUTS
-    smooth: Sequence[int] = (0, 1, 2, 4)
+    fixed: str
     folds: int = 5
     margin: float = 1.0
 
     prediction_batch: ClassVar[int] = 500
 
     @abstractmethod
-    def form(self, readout: str, smooth: int) -> Any:
+    def forms(self) -> dict[str, Form]:
+        """Each form by its name, the simplest first.
+
+        Raises:
+            ValueError: for one that is none.
+        """
+
+    @abstractmethod
+    def form(self, form: Form) -> Any:
         """An untrained model."""
 
     @abstractmethod
-    def prepared(self, bank: Bank, smooth: int) -> tuple[Bank, Callable[[str], Any]]:
-        """Functions that make untrained models of the read-outs, and the bank of their frames.
-
-        All that does not depend on the fold is computed here, once for all folds and read-outs.
-        """
-
-    def forms(self) -> dict[str, tuple[str, int]]:
-        """Read-out and deviation of each form by its name, the simplest first.
-
-        Raises:
-            ValueError: for a read-out that is none.
-        """
-        found = {}
-        for readout in self.readouts:
-            check_choice("readouts", readout, READOUTS)
-            for deviation in self.smooth:
-                name = f"{readout}, smooth {deviation}" if deviation else readout
-                found[name] = readout, deviation
-        return found
+    def answers(
+        self, bank: Bank, made: Sequence[Fold]
+    ) -> Iterator[tuple[Form, np.ndarray]]:
+        """Each form, and its labels of the test frames of all folds."""
 
     def choose(self, bank: Bank, train: np.ndarray) -> tuple[str, Any]:
         """The name of the form for some frames of a bank, and that model, untrained.
@@ -101,24 +92,18 @@ class Chosen(Classifier):
         if losses:
             in_order = {name: losses[form] for name, form in forms.items()}
             name = simplest(in_order, self.margin)
-        return name, self.form(*forms[name])
+        return name, self.form(forms[name])
 
-    def _losses(self, bank: Bank) -> dict[tuple[str, int], np.ndarray]:
+    def _losses(self, bank: Bank) -> dict[Form, np.ndarray]:
         """1 for each wrong answer, 0 for each right one, of all folds, by form; none without
         folds."""
         data = Frames(bank, (), (), None, None, group=bank.groups)
         made, _ = folds(data, np.arange(len(bank)), self.folds)
-        found = {}
-        for deviation in self.smooth if made else ():
-            seen, make = self.prepared(bank, deviation)
-            wrong: dict[str, list[np.ndarray]] = {name: [] for name in self.readouts}
-            for train, test in made:
-                for readout in self.readouts:
-                    answers = make(readout).predict_from(seen, train, test)
-                    wrong[readout].append(answers != bank.labels[test])
-            for readout, parts in wrong.items():
-                found[readout, deviation] = np.concatenate(parts).astype(float)
-        return found
+        if not made:
+            return {}
+        truth = bank.labels[np.concatenate([test for _, test in made])]
+        every = self.answers(bank, made)
+        return {form: (labels != truth).astype(float) for form, labels in every}
 
     def train(
         self, frames: FrameSource, labels: np.ndarray
@@ -181,7 +166,50 @@ def simplest(losses: Mapping[str, np.ndarray], margin: float) -> str:
 
 
 @dataclass(kw_only=True, eq=False)
-class BitsChosen(Chosen):
+class ReadoutChosen(Chosen):
+    """Forms are each read-out on frames smoothed by each Gaussian, named ``"lda"``, ``"lda, smooth
+    1"`` and so on; the first read-out at all deviations, then the next.
+
+    Args:
+        readouts: ``lda``, ``kernel`` or both, the simpler first.
+        smooth: deviations of the Gaussian in pixels, 0 for none, rising.
+    """
+
+    fixed: str = "lda"
+    readouts: Sequence[str] = READOUTS
+    smooth: Sequence[int] = (0, 1, 2, 4)
+
+    @abstractmethod
+    def prepared(self, bank: Bank, smooth: int) -> tuple[Bank, Callable[[str], Any]]:
+        """Functions that make untrained models of the read-outs, and the bank of their frames.
+
+        All that does not depend on the fold is computed here, once for all folds and read-outs.
+        """
+
+    def forms(self) -> dict[str, Form]:
+        found: dict[str, Form] = {}
+        for readout in self.readouts:
+            check_choice("readouts", readout, READOUTS)
+            for deviation in self.smooth:
+                name = f"{readout}, smooth {deviation}" if deviation else readout
+                found[name] = readout, deviation
+        return found
+
+    def answers(
+        self, bank: Bank, made: Sequence[Fold]
+    ) -> Iterator[tuple[Form, np.ndarray]]:
+        for deviation in self.smooth:
+            seen, make = self.prepared(bank, deviation)
+            found: dict[str, list[np.ndarray]] = {name: [] for name in self.readouts}
+            for train, test in made:
+                for readout, parts in found.items():
+                    parts.append(make(readout).predict_from(seen, train, test))
+            for readout, parts in found.items():
+                yield (readout, deviation), np.concatenate(parts)
+
+
+@dataclass(kw_only=True, eq=False)
+class BitsChosen(ReadoutChosen):
     """HDC, with an encoder relative to a reference, of smoothed frames.
 
     Args:
@@ -204,7 +232,8 @@ class BitsChosen(Chosen):
         readouts = [type(make_readout(name)) for name in READOUTS]
         return HDCClassifier, Smoothed, type(make_encoder(encoder)), *readouts
 
-    def form(self, readout: str, smooth: int) -> HDCClassifier:
+    def form(self, form: Form) -> HDCClassifier:
+        readout, smooth = form
         encoder = Smoothed(self.encoder, smooth) if smooth else self.encoder
         return HDCClassifier(encoder, readout, self.device, self.backend)
 
@@ -270,7 +299,7 @@ class _Standardised(Shared):
 
 
 @dataclass(kw_only=True, eq=False)
-class GreysChosen(Chosen):
+class GreysChosen(ReadoutChosen):
     """The same read-outs on grey values.
 
     Args:
@@ -286,10 +315,51 @@ class GreysChosen(Chosen):
         """The classes of the forms."""
         return GreysLDA, GreysKernel
 
-    def form(self, readout: str, smooth: int) -> Classifier:
+    def form(self, form: Form) -> Classifier:
+        readout, smooth = form
         kind = {"lda": GreysLDA, "kernel": GreysKernel}[readout]
         return kind(pixels=self.pixels, smooth=smooth, device=self.device)
 
     def prepared(self, bank: Bank, smooth: int) -> tuple[Bank, Callable[[str], Any]]:
         part, _ = smoothed_part(bank, smooth, np.arange(len(bank)))
-        return part, lambda readout: self.form(readout, 0)
+        return part, lambda readout: self.form((readout, 0))
+
+
+@dataclass(kw_only=True, eq=False)
+class SoftmaxChosen(Chosen):
+    """Converged softmax regression of raw or standardised frames with a penalty.
+
+    Forms are each scaling with each strength, named ``"unit, C = 1"`` and so on.
+
+    Args:
+        pixels: scalings of :mod:`baselines.pixels`.
+        strengths: values of C, the inverse strength of the penalty.
+    """
+
+    fixed: str = "standardised, C = 1"
+    margin: float = 0.0
+    pixels: Sequence[str] = ("standardised", "unit")
+    strengths: Sequence[float] = (1.0, 0.01, 100.0)
+
+    revision: ClassVar[int] = 1
+
+    @classmethod
+    def components(cls, **parameters: Any) -> tuple[type, ...]:
+        """The class of the forms."""
+        return (DualSoftmaxRegression,)
+
+    def forms(self) -> dict[str, Form]:
+        every = itertools.product(self.pixels, self.strengths)
+        return {f"{pixels}, C = {c:g}": (pixels, c) for pixels, c in every}
+
+    def form(self, form: Form) -> DualSoftmaxRegression:
+        pixels, c = form
+        return DualSoftmaxRegression(pixels=pixels, C=c, device=self.device)
+
+    def answers(
+        self, bank: Bank, made: Sequence[Fold]
+    ) -> Iterator[tuple[Form, np.ndarray]]:
+        for form in self.forms().values():
+            model = self.form(form)
+            parts = [model.predict_from(bank, train, test) for train, test in made]
+            yield form, np.concatenate(parts)

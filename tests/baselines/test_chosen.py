@@ -5,9 +5,10 @@ import pytest
 import torch
 
 from baselines.bank import Bank
-from baselines.chosen import BitsChosen, GreysChosen, simplest
+from baselines.chosen import BitsChosen, GreysChosen, SoftmaxChosen, simplest
 from baselines.discriminant import GreysKernel, GreysLDA
 from baselines.smoothing import smoothed
+from baselines.softmax_dual import DualSoftmaxRegression
 from hdc import HDCClassifier
 from hdc.encoders import Deviation, Smoothed
 from hdc.encoders.smoothed import gaussian
@@ -192,3 +193,43 @@ def test_the_kernel_is_that_of_the_euclidean_distances(pixels):
     expected += model.offsets_.numpy()
     found = model.scores(frames).numpy()
     assert np.allclose(found, expected, atol=1e-6 * np.abs(expected).max())
+
+
+# Softmax regression -------------------------------------------------------------------------------
+
+
+def test_softmax_has_the_penalty_and_the_scaling_of_least_error_in_the_folds():
+    frames, labels = blurred(40, grain=2)
+    bank = Bank(frames, labels, 2)
+    model = SoftmaxChosen(strengths=[1.0, 1e-5, 100.0])
+    assert list(model.forms())[:4] == [
+        *("standardised, C = 1", "standardised, C = 1e-05", "standardised, C = 100"),
+        "unit, C = 1",
+    ]
+    made, _ = folds(Frames(bank, (), (), None, None), np.arange(40), 5)
+    errors = {}
+    for name, (pixels, c) in model.forms().items():
+        errors[name] = 0
+        for train, test in made:
+            one = DualSoftmaxRegression(pixels=pixels, C=c)
+            one.fit(frames[train], labels[train])
+            errors[name] += int((one.predict(frames[test]) != labels[test]).sum())
+    best = min(errors, key=lambda name: errors[name])
+    name, chosen = model.choose(bank, np.arange(40))
+    assert len(set(errors.values())) > 1
+    assert name == best
+    assert (chosen.pixels, chosen.C) == model.forms()[best]
+    model.fit(frames, labels)
+    alone = DualSoftmaxRegression(pixels=chosen.pixels, C=chosen.C).fit(frames, labels)
+    assert (model.predict(frames) == alone.predict(frames)).all()
+    assert model.form_ == best
+
+
+def test_softmax_of_one_frame_of_each_class_has_the_fixed_form():
+    frames, labels = blurred(2)
+    name, _ = SoftmaxChosen().choose(Bank(frames, labels, 2), np.arange(2))
+    assert name == "standardised, C = 1"
+    with pytest.raises(ValueError, match="fixed: expected one of unit, C = 1, found"):
+        SoftmaxChosen(pixels=["unit"], strengths=[1]).choose(
+            Bank(frames, labels, 2), np.arange(2)
+        )
