@@ -21,6 +21,8 @@ from hdc.readers.files import BadFrame, missing
 
 _WHITE_IS_ZERO, _GREY, _RGB, _YCBCR, _MOSAIC = 0, 1, 2, 6, 32803
 """Values of the tag PhotometricInterpretation."""
+_ALPHA = (1, 2)
+"""Values of the tag ExtraSamples that mean alpha."""
 _JPEG = (6, 7)
 """Values of the tag Compression: pixels in YCbCr are then decoded to RGB."""
 
@@ -38,6 +40,7 @@ class Stack:
     def __init__(self, place: str, series: Any, on_disk: bool) -> None:
         self._page = series.keyframe
         _check_meaning(place, series)
+        _check_samples(place, self._page)
         _check_whole(place, series)
         pixels = series.asarray(out="memmap" if on_disk else None)
         channels = self._page.samplesperpixel
@@ -90,6 +93,23 @@ def _check_meaning(place: str, series: Any) -> None:
     if meaning == _WHITE_IS_ZERO and series.dtype.kind not in "ub":
         wanted = "unsigned pixels where white is zero"
         raise BadFrame(f"{place}: expected {wanted}, found {series.dtype}")
+
+
+def _check_samples(place: str, page: Any) -> None:
+    """Raise BadFrame for samples of a pixel that are neither grey, RGB nor alpha.
+
+    A fourth sample of RGB is alpha even where its tag does not say so, as some writers leave it.
+    """
+    is_colour = int(page.photometric) in (_RGB, _YCBCR)
+    extras = page.samplesperpixel - (3 if is_colour else 1)
+    is_alpha = is_colour or all(int(kind) in _ALPHA for kind in page.extrasamples)
+    if extras > 1 or (extras == 1 and not is_alpha):
+        wanted = "one sample a pixel, or three of RGB, and at most alpha beside them"
+        name = getattr(page.photometric, "name", page.photometric)
+        found = f"{page.samplesperpixel} of {name}"
+        raise BadFrame(
+            f"{place}: expected {wanted}, found {found} (a page each keeps them apart)"
+        )
 
 
 def _check_whole(place: str, series: Any) -> None:

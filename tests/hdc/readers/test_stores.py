@@ -290,6 +290,31 @@ def test_alpha_is_left_out_and_colour_becomes_luminance(tmp_path, planar):
     assert "alpha left out" in recording.notes
 
 
+@pytest.mark.parametrize("planar", ["contig", "separate"])
+def test_samples_of_a_pixel_are_grey_colour_or_alpha(tmp_path, planar):
+    """Four grey samples, such as a polariser's angles, were read as red, green and blue."""
+    path = tmp_path / "x.tif"
+    path.with_suffix(".csv").write_text("\n".join(["label", *NAMES]))
+    pixels = RNG.integers(0, 256, (N, H, W, 4), np.uint8)
+
+    def write(samples, photometric, extra):
+        stored = pixels[..., :samples]
+        if planar == "separate":
+            stored = np.moveaxis(stored, -1, 1)
+        options = {"photometric": photometric, "planarconfig": planar}
+        tifffile.imwrite(path, stored, extrasamples=extra, **options)
+
+    write(4, "minisblack", ["unspecified"] * 3)
+    refused(path, "at most alpha beside them, found 4 of MINISBLACK", BadFrame)
+    write(2, "minisblack", ["unspecified"])
+    refused(path, "at most alpha beside them, found 2 of MINISBLACK", BadFrame)
+    write(2, "minisblack", ["assocalpha"])
+    assert np.array_equal(open_recording(path)[:], pixels[..., 0])
+    write(4, "rgb", ["unspecified"])
+    luminance = pixels[..., :3] @ [0.299, 0.587, 0.114]  # ITU-R BT.601
+    assert np.abs(open_recording(path)[:] - luminance).max() <= 1
+
+
 def test_a_tiff_that_is_cut_or_of_a_palette_is_refused(tmp_path):
     path = tmp_path / "x.tif"
     write_stack(path, FRAMES)
