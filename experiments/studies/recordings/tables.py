@@ -120,9 +120,14 @@ def _columns(data: pd.DataFrame) -> dict[str, Column]:
 
 
 def _shown(data: pd.DataFrame) -> list[str]:
-    """The recording, then HDC as published and extended, the baseline and other models."""
+    """The recording, then HDC as published and extended, the baseline and other models.
+
+    Of these, models with an interval come first: others learnt from a few of the draws only.
+    """
     first = ("recording", "n", "told", *CONFIRMATORY, *RIVALS)
-    others = (name for name in values_of(data) if name not in (*first, *COLUMNS))
+    others = [name for name in values_of(data) if name not in (*first, *COLUMNS)]
+    low = data.reindex(columns=[name + ENDS[1] for name in others])
+    others = [others[k] for k in low.isna().sum().argsort(kind="stable")]
     return [*(name for name in first if name in data), *others]
 
 
