@@ -103,9 +103,7 @@ def test_a_study_says_of_a_model_what_the_model_says_itself(kind, scene, monkeyp
 def test_updates_that_a_read_out_refuses_have_no_row(scene):
     models = {name: {"model": part} for name, part in KINDS.items()}
     arguments = {"old_split": RANDOM, "seeds": [0], "n_test": 30, "n_new": [6]}
-    made = drift.rows(
-        Run(), scene={}, models=models, p=[0.5], order=["time"], **arguments
-    )
+    made = drift.rows(Run(), scene={}, models=models, p=[0.5], **arguments)
     rows = pd.DataFrame(made)
     methods = {name: set(part.method) for name, part in rows.groupby("model")}
     always = {"stored", "new", "pooled", "balanced"}
