@@ -40,11 +40,12 @@ def test_bytes_do_not_change(kind):
             axes.fill_between([1, 2], [0, 1], [1, 2], clip_path=None)
         return plot.save(figure, kind)
 
+    open_before = plt.get_fignums()
     first, second = drawn(), drawn()
     assert first == second
     assert len(first) > 1000
     assert b"dc:date" not in first
-    assert not plt.get_fignums()
+    assert plt.get_fignums() == open_before
 
 
 def test_no_error_lies_below_one_error_of_all_samples(figure):
