@@ -172,6 +172,10 @@ def test_too_few_frames_of_a_class_are_named():
     with pytest.warns(UserWarning, match=f"^{text}"):
         sets = model.predict_set(frames, 0.1)
     assert {len(found) for found in sets} == {5}
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sets = model.predict_set(frames, 0.3)  # more than a quarter: three are enough
+    assert min(len(found) for found in sets) < 5
 
 
 def noisy(seed, noise):

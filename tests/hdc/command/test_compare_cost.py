@@ -185,11 +185,69 @@ def test_an_estimate_counts_calls():
     assert estimate(data, np.arange(40), method, 1, 1) > 0
     assert method.calls == 6  # one warm-up and two trials, twice each
     assert estimate(data, np.arange(3), method, 1, 1) == 0
-    assert [in_words(s) for s in (3, 44, 130)] == [
+    assert [in_words(s) for s in (3, 44, 130, 3600)] == [
         "a few seconds",
         "40 seconds",
         "2 minutes",
+        "60 minutes",
     ]
+
+
+class Passing:
+    """Time that passes only where it is made to."""
+
+    def __init__(self):
+        self.now = 1000.0
+
+    def perf_counter(self):
+        return self.now
+
+
+@dataclass
+class Sharing:
+    """Takes 20 ms a frame to make what it shares, and 10 ms a frame in every call."""
+
+    time: Passing
+    name: str = "sharing"
+
+    def answers(self, frames, train, test):
+        n = len(train)
+        assert frames.values.shape == (n, 2)
+        if "made" not in frames.memories:
+            frames.memories["made"] = {}
+            self.time.now += 0.020 * n
+        self.time.now += 0.010 * n
+        return np.zeros((len(test), 2))
+
+
+def test_an_estimate_knows_what_calls_share(monkeypatch):
+    """Two calls that make it, five in all, of 80 frames."""
+    passing = Passing()
+    monkeypatch.setattr("hdc.command.compare.budget.time", passing)
+    frames = np.random.default_rng(0).integers(0, 255, (80, 5, 5)).astype(np.uint8)
+    bank = FrameBank(frames, np.zeros(80, np.int64), 1)
+    data = Frames(bank, ("x", "y"), (), None, np.zeros((80, 2)))
+    assert estimate(data, np.arange(80), Sharing(passing), 2, 3) == pytest.approx(
+        2 * 0.020 * 80 + 5 * 0.010 * 80
+    )
+
+
+def test_milliseconds_are_those_of_a_frame(monkeypatch):
+    """The first answer, which may compile, is not counted."""
+    passing = Passing()
+    monkeypatch.setattr(cost, "time", passing)
+    frames = np.zeros((250, 5, 5), np.uint8)
+    costs = cost.Costs(
+        in_memory(frames, np.arange(250) % 2), np.arange(9), np.arange(250)
+    )
+    asked = []
+
+    def predict(batch):
+        passing.now += 0.002 * len(batch) if asked else 100
+        asked.append(len(batch))
+
+    assert costs._per_frame(predict) == pytest.approx(2)
+    assert asked == [1, 100, 100, 50]
 
 
 def test_dither_moves_pixels_by_one_level_at_most_and_is_seeded():

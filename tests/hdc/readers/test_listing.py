@@ -520,6 +520,18 @@ def test_tables_are_read_as_spreadsheets_write_them(tmp_path):
     ]
 
 
+@pytest.mark.parametrize("separator", ";\t")
+def test_a_comma_in_a_number_is_decimal_where_another_sign_separates(
+    tmp_path, separator
+):
+    path = tmp_path / "t.csv"
+    cells = ["a,b.png", "-1,5", " 2,5e3 ", "1,2,3"]
+    rows = [["image", "x", "y", "note"], cells]
+    path.write_text("\n".join(separator.join(row) for row in rows), encoding="utf-16")
+    ((_, found),) = read_csv(path, ["image"])
+    assert list(found.values()) == ["a,b.png", "-1.5", "2.5e3", "1,2,3"]
+
+
 @pytest.mark.parametrize(
     ("texts", "expected"),
     [

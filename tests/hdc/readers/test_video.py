@@ -13,7 +13,7 @@ import pytest
 
 from hdc.command.holdout import UNSEEN_GROUPS, hold_out
 from hdc.readers import BadFrame, Window, open_recording
-from hdc.readers.film import _Times, stream_video
+from hdc.readers.film import _pixels, _Times, stream_video
 
 RATE, N = 10, 60
 # What OpenCV cannot write: uniform frames of grey_of(k), 32 × 32 pixels, 25 Hz, written by FFmpeg
@@ -239,6 +239,17 @@ def test_grey_of_more_bits_comes_as_it_was_written(tmp_path, pixels, bits):
     assert scene.notes == (f"{bits} bits per pixel",)
 
 
+def test_luminance_of_more_bits_is_scaled_to_16_and_said():
+    frame = av.VideoFrame(48, 32, "yuv420p10le")
+    for plane, level in zip(frame.planes, (940, 512, 512), strict=True):  # white
+        plane.update(np.full(plane.buffer_size // 2, level, np.uint16).tobytes())
+    notes = []
+    image = _pixels(frame, notes)
+    assert notes == ["luminance of 10 bits, scaled to 16"]
+    assert image.dtype == np.uint16
+    assert image.min() == image.max() > 0.99 * 65535
+
+
 def turned(path, degrees):
     """An mp4 whose header says that its frames are shown turned clockwise."""
     cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[degrees // 90]
@@ -305,6 +316,26 @@ def decoded(path):
         yield capture.get(cv2.CAP_PROP_POS_MSEC) / 1e3, capture.retrieve()[1]
 
 
+@pytest.mark.parametrize(
+    ("lasts", "end_s", "is_whole"),
+    [(0.5, 3.8, True), (0.5, 3.9, False), (None, 3.2, True), (None, 3.3, False)],
+)
+def test_a_video_ends_within_one_and_a_half_frames_of_what_its_header_says(
+    lasts, end_s, is_whole
+):
+    """Frames at 3.0 and 3.1 s, the last of which may be shown longer."""
+    container = SimpleNamespace(duration=end_s * av.time_base, streams=[None])
+    kept = _Times(Path("x.mkv"), container, SimpleNamespace(frames=0, metadata={}))
+    for time in (3.0, 3.1):
+        duration = None if lasts is None else 1000 * lasts
+        kept.of(SimpleNamespace(time=time, duration=duration, time_base=0.001))
+    if is_whole:
+        kept.check_whole()
+    else:
+        with pytest.raises(BadFrame, match=rf"expected {end_s:g} s .*, found 2 frames"):
+            kept.check_whole()
+
+
 def test_a_video_of_varying_rate_is_whole(tmp_path):
     path = tmp_path / "variable_rate.mp4"
     shutil.copyfile(VIDEOS / path.name, path)
@@ -327,6 +358,8 @@ def tenths(*numbers):
         (tenths(*range(10), 11), 0, True, "found 1 gaps"),
         (tenths(*range(9), 10), 0, False, None),  # a rate that varies has more gaps
         (tenths(0, 1, 3, 4, 6, 7), 0, False, None),
+        ([], 0, False, "expected frames, found none"),
+        ([], 0, True, None),
         (tenths(0, 1, 2, 2), 0, False, "frame 3 at 0.2 s after one at 0.2 s"),
     ],
 )

@@ -72,6 +72,11 @@ def strength(masks, rows, reach, factor) -> float:
     return factor * total / len(masks)
 
 
+def test_frames_without_two_that_differ_have_a_reach_of_one():
+    for n in (1, 2, 5):
+        assert median_of_pairs(torch.zeros(n, n, dtype=torch.int64)) == 1
+
+
 def fitted(masks, rows, n_classes=None, **parameters):
     words = bits.pack(torch.from_numpy(masks))
     count = n_classes or rows.max() + 1
