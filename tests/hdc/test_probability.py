@@ -310,6 +310,12 @@ def test_a_class_of_one_frame_and_one_of_none():
         assert found.shape == (41, 5)
         if readout == "trained":  # scored by folds: the only frame of a class is in all
             assert found.max(1).mean() > 0.3
+    # Its own frame is not scored without itself, but the others are asked about its class, too.
+    model = HDCClassifier().fit(frames, labels)
+    scores, rows = model._learned.held_out()
+    kept = rows != 4
+    expected = Temperature.fit(HeldOut(scores[kept], rows[kept]))
+    assert model._learned.temperature() == expected
     model = HDCClassifier().partial_fit(frames[:40], labels[:40], classes=range(6))
     found = model.predict_proba(frames)
     assert found.shape == (41, 6)

@@ -318,6 +318,7 @@ def test_a_template_that_reads_a_name_in_two_ways_is_refused(tmp_path, pixels):
         ("{label}{session}.png", "abc.png", None),
         ("*_{label}_*.png", "a_x_y_x_b.png", None),
         ("{label}-{value}.png", "a--5.png", None),
+        ("./{label}.png", "a.png", {"label": "a"}),
         (
             "{label:w}_{group}_{order}.png",
             "Both_Shear_T_2.png",
@@ -333,6 +334,16 @@ def test_readings_of_a_name(template, name, expected):
     else:
         assert pattern.read(name) == expected
     assert pattern.read("other/" + name) is None
+
+
+def test_a_table_of_an_array_without_anything_to_learn_is_named(tmp_path, pixels):
+    np.save(tmp_path / "x.npy", pixels)
+    (tmp_path / "x.csv").write_text("\n".join(["note", *["good"] * len(pixels)]))
+    for fewest in (1, 2):
+        with pytest.raises(ValueError, match=r"x\.csv: expected a label .*found note"):
+            open_recording(
+                tmp_path / "x.npy", table=tmp_path / "x.csv", fewest_classes=fewest
+            )
 
 
 def test_fields_that_a_template_cannot_have_are_named():

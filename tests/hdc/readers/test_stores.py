@@ -32,6 +32,7 @@ def check(recording, names=NAMES):
     assert recording.dtype == np.uint16
     assert np.array_equal(recording[:], FRAMES)
     assert np.array_equal(recording[[2, 0]], FRAMES[[2, 0]])
+    assert recording[[]].shape == (0, H, W)
     assert recording.names == names
 
 
