@@ -296,7 +296,7 @@ def rebuild(
     if name not in known and trusted is not None and name not in trusted:
         raise ValueError(
             f"{what}: expected one of {', '.join(known)}, or a class that is trusted, found "
-            f"{name!r}; to import it: load(path, trusted=[{name!r}])"
+            f"{name!r}; to import it: load(path, trusted=[{name!r}]), or --trusted {name}"
         )
     kind = find_class(name, what, known)
     if not issubclass(kind, Parametrised):

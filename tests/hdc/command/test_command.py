@@ -325,6 +325,20 @@ def test_models_made_in_python_are_taken_as_well(hdc, frames, tmp_path):
     )
 
 
+def test_a_class_of_ones_own_is_imported_where_the_command_line_names_it(
+    hdc, folder, frames, tmp_path
+):
+    path = tmp_path / "m.safetensors"
+    labels = np.repeat([*"abc"], 12)
+    images = frames.reshape(-1, SIDE, SIDE)
+    HDCClassifier(readout="tests.hdc.own.Nearest").fit(images, labels).save(path)
+    status, _, (line,) = hdc("evaluate", path, folder)
+    assert status == 1
+    assert "--trusted tests.hdc.own.Nearest" in line
+    words = ("evaluate", path, folder, "--trusted", "tests.hdc.own.Nearest")
+    assert hdc(*words)[0] == 0
+
+
 def test_an_encoder_that_learns_sees_no_frame_that_is_held_out(
     hdc, folder, frames, tmp_path
 ):
