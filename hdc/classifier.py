@@ -124,13 +124,13 @@ class HDCClassifier(Estimator):
         return self
 
     def _warn_of_unequal(self) -> None:
-        """Warn of larger classes where the read-out favours them, and is given by name."""
+        """Warn of larger classes, which a read-out that was given by name favours."""
         more = max(self.counts_) / min(self.counts_) - 1
-        if self.readout in ("majority", "counts") and more > _UNEQUAL:
-            name = type(self.readout_).__name__
+        if isinstance(self.readout, str) and more > _UNEQUAL:
             warnings.warn(
-                f"fit: the largest class has {more:.0%} more frames than the smallest, and "
-                f"{self.readout!r} favours it; {name}(balance=True) counts classes alike",
+                f"fit: the largest class has {more:.0%} more frames than the smallest and may be "
+                "favoured; record as many of each (in Python, Majority(balance=True) counts "
+                "classes alike)",
                 stacklevel=3,
             )
 
