@@ -165,6 +165,13 @@ def test_what_was_not_measured_has_no_sentence(judged):
     assert "CNN" not in times
 
 
+def test_one_model_alone_has_no_order(judged):
+    alone = table1(("hdc", 1.0, 1.0), ("other", 0.1, 0.2))  # which the paper lacks
+    unmeasured = table1(("softmax", 0.89, 1.0), ("cnn1", 0.8, 1.0), ("other", 0.1, 0.2))
+    for rows in (alone, unmeasured):
+        assert judged(table1=rows) == []
+
+
 def test_training_times_name_each_model(judged):
     text, _ = judged(
         ("softmax", "softmax_dual", "no", 3.64),
