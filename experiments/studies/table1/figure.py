@@ -8,23 +8,27 @@ import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from experiments.records import configs
 from experiments.records.groups import Group, Groups
 from experiments.records.run import Finished
 from experiments.reporting import estimates
+from experiments.reporting.columns import display_name
 from experiments.reporting.curves import (
     error_axis,
     error_bars,
     plain_decades,
     published_point,
 )
-from experiments.reporting.plot import by_panel, handle, look_of, title
+from experiments.reporting.plot import by_panel, handle, look_of, title, wrapped
 from experiments.reporting.rows import Row, row
 from experiments.reporting.study import WIDTH
 from experiments.reporting.text import split_name
 from experiments.studies.table1 import models
 from experiments.studies.table1.rows import hdc_seconds
+
+_ENTRY = 22  # characters of a line of the legend
 
 
 def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
@@ -44,7 +48,7 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
             _draw(axes, groups[model], hdc, rows[model], floor)
         axes.set_ylabel("test error")
         axes.legend(
-            handles=list(map(handle, names)),
+            handles=list(map(_entry, names)),
             loc="lower left",
             bbox_to_anchor=(0, 1),
             ncols=2,
@@ -55,6 +59,13 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
     split = split_name(hdc.runs[0].config["split"])
     text = "Test error against training time"
     title(figure, panels[0], text, list(rows.values()), split)
+
+
+def _entry(model: str) -> Line2D:
+    """The legend's entry of a model, in lines of which two stand side by side in a column."""
+    entry = handle(model)
+    entry.set_label(wrapped(display_name(model), _ENTRY))
+    return entry
 
 
 def _groups(runs: Groups, hdc: Group) -> Iterator[Group]:
