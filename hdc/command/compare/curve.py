@@ -147,7 +147,7 @@ def _draw_curve(
 def _draw_chance(axes: Any, result: dict[str, Any]) -> None:
     """The level of a guess, and what the axes show."""
     if "classes" in result:
-        level, label = 100 / len(result["classes"]), "guess"
+        level, label = 100 * result["tests"][-1]["guess"], "guess of the largest class"
         axes.set_ylim(0, 102)
         axes.set_xlabel("training frames per class")
         axes.set_ylabel("accuracy (%)")
