@@ -124,7 +124,7 @@ class HDCClassifier(Estimator):
         return self
 
     def _warn_of_unequal(self) -> None:
-        """Warn of larger classes, which a read-out that was given by name favours."""
+        """Warn of larger classes, which a read-out that was given by name may favour."""
         more = max(self.counts_) / min(self.counts_) - 1
         if isinstance(self.readout, str) and more > _UNEQUAL:
             warnings.warn(

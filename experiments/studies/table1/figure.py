@@ -28,7 +28,7 @@ from experiments.reporting.text import split_name
 from experiments.studies.table1 import models
 from experiments.studies.table1.rows import hdc_seconds
 
-_ENTRY = 22  # characters of a line of the legend
+_LEGEND_WIDTH = 22  # characters of a name on one line
 
 
 def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
@@ -62,9 +62,9 @@ def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
 
 
 def _entry(model: str) -> Line2D:
-    """The legend's entry of a model, in lines of which two stand side by side in a column."""
+    """The legend's entry of a model, its name wrapped so that two columns of entries fit."""
     entry = handle(model)
-    entry.set_label(wrapped(display_name(model), _ENTRY))
+    entry.set_label(wrapped(display_name(model), _LEGEND_WIDTH))
     return entry
 
 

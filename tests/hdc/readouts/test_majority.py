@@ -46,7 +46,7 @@ def test_one_larger_class_costs_nothing(more, readout):
 
 @pytest.mark.parametrize("name", READOUTS)
 def test_larger_classes_are_warned_of_unless_they_are_meant(name):
-    """A larger class takes frames of the others: of the paper's majority few, of lda many."""
+    """A larger class may take frames of the others, whatever the read-out."""
     for numbers in ([6, 5, 5, 5, 5], [5] * 5):
         with warnings.catch_warnings():
             warnings.simplefilter("error")
