@@ -26,8 +26,7 @@ table1: $(HARNESS)  ## run HDC and the baselines on the simulated touch scene, s
 	$(BIN)/python -m experiments.table1
 
 benchmark: $(VENV)  ## time every route of the classifier beside its peers
-	$(BIN)/python -m experiments.run experiment=benchmark
-	$(BIN)/python -m experiments.report
+	$(BIN)/python -m tests.benchmark
 
 stability: $(VENV)  ## numbers at their limits, training as a stiff problem, what each scene loads
 	$(BIN)/python -m experiments.run experiment=stability

@@ -1,11 +1,10 @@
 """Everything again, or what one claim needs: ``python -m experiments.reproduce``.
 
-The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. Finished
-work is skipped by the commands themselves, so that the same call resumes after an interruption. A
-step that fails is named at the end, and the others run all the same. Steps that time nothing
-(``timed: false``) run two at a time, with one thread each. ``--list`` shows steps and claims with
-their times, and runs none. ``reproduce.csv`` gets the time of each step, its calls added up, and
-its largest memory.
+The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. A step
+that is finished is not begun again, so that the same call resumes after an interruption; one that
+fails is named at the end, and the others run all the same. Timed steps run first, each alone; then
+the others, two at a time with one thread each. ``--list`` shows steps and claims with their times,
+and runs none.
 """
 
 from __future__ import annotations
@@ -18,9 +17,9 @@ from collections.abc import Sequence
 from rich.console import Console
 
 from experiments.protocol.sweep import span
-from experiments.records.files import REFERENCE, results_dir
-from experiments.reproduction import calls, claim
-from experiments.reproduction.adopt import go_on_from
+from experiments.records import locks
+from experiments.records.files import results_dir
+from experiments.reproduction import claim, make
 from experiments.reproduction.steps import (
     WHAT,
     Step,
@@ -34,7 +33,7 @@ ASKS = 15  # minutes from which a claim asks for --full
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the steps; 1 if one failed, 2 if nothing was begun, 130 after an interruption."""
+    """Run the steps; 1 if one failed, 2 if none can begin, 130 after an interruption."""
     chosen = _parser().parse_args(arguments)
     console = Console(highlight=False)
     try:
@@ -48,14 +47,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if chosen.claim is None:
             _tell_claims(console)
         return 0
+    if all(step.skipped for step in found):
+        reasons = "; ".join(dict.fromkeys(step.skipped for step in found))
+        text = f"error: nothing is measured: every step is {reasons}"
+        how = "python -m scenes.measured says how to get it"
+        console.print(f"{text}; {how}", markup=False, soft_wrap=True)
+        return 2
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     results = results_dir()
-    if chosen.go_on:
-        copied = go_on_from(REFERENCE, results)
-        console.print(f"{copied} records of the reference taken into own results")
-    status = calls.run(found, mode, results, console)
+    try:
+        status = make.run(found, mode, results, console)
+    except locks.Held as error:
+        console.print(str(error), style="yellow", markup=False)
+        return locks.LEFT
     if chosen.claim is not None and status < 128:
-        claim.show(chosen.claim, results, console)
+        claim.show(chosen.claim, console)
     return status
 
 
@@ -79,12 +85,6 @@ def _parser() -> argparse.ArgumentParser:
         metavar="NAME",
         action="append",
         help="this step alone; may be repeated",
-    )
-    parser.add_argument(
-        "--continue",
-        dest="go_on",
-        action="store_true",
-        help="go on from the committed reference: what the present code made of it counts as done",
     )
     parser.add_argument(
         "--list", action="store_true", help="show steps and claims, run none"

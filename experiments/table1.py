@@ -17,10 +17,10 @@ from experiments import report, run
 from experiments.protocol.sweep import span
 from experiments.records.configs import CONFIGS
 from experiments.records.files import results_dir
-from experiments.records.results import RUNS, Results
+from experiments.records.results import Results
 from experiments.reporting.columns import display_name
 from experiments.reporting.terminal import show_row
-from experiments.studies.table1.view import STUDY
+from experiments.studies.table1.view import TABLE1
 
 SIGNALLED = 128  # and the number of the signal: the status of a process that one ended
 
@@ -77,9 +77,8 @@ def _run(model: str) -> int:
 
 def _show(console: Console, model: str, heads: bool) -> None:
     """The row of a model that has just been trained."""
-    (table_of,) = (table for table in STUDY.tables if table.name == "table1")
-    lines = Results(results_dir()).frame(RUNS)
-    for table in table_of.made(lines) if len(lines) else ():
+    table = TABLE1.made(Results(results_dir()).frame(*TABLE1.experiments))
+    if table is not None:
         show_row(console, table, model, heads)
 
 

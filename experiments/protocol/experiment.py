@@ -22,7 +22,7 @@ from experiments.protocol.settings import checked
 from experiments.records import configs, locks, store
 from experiments.records.environment import command, environment
 from experiments.records.files import results_dir
-from experiments.records.record import SCHEMA, Measurement, current_steps, name_of
+from experiments.records.record import SCHEMA, Measurement, name_of
 from experiments.records.revision import revisions
 from experiments.records.rows import Row, Rows
 from scenes.frames import Scene
@@ -126,9 +126,9 @@ class Run:
         identity = self._id(config)
         torch = sys.modules.get("torch")
         threads = torch.get_num_threads() if torch else 1
-        known = store.made_before(
-            folder, identity, self.force, console, threads if self.timed else None
-        )
+        now = revisions(config)
+        counting = threads if self.timed else None
+        known = store.made_before(folder, identity, now, self.force, console, counting)
         if isinstance(known, Measurement):
             if console:
                 text = _found_text(self.name, known)
@@ -141,13 +141,12 @@ class Run:
             id=identity,
             name=self.name,
             command=command(),
-            steps=current_steps(),
             task=str(config.get("_target_", "")),
             scene=self.scene_name,
             config={k: v for k, v in config.items() if k != "_target_"},
             changed=dict(changed or {}),
             data=self.data,
-            revisions=revisions(config),
+            revisions=now,
             environment=environment(self.device, threads),
             seconds=time.perf_counter() - start,
             rows=rows,

@@ -22,11 +22,10 @@ from experiments.records.files import results_dir
 from experiments.records.record import (
     NOT_IDENTITY,
     SCHEMA,
-    current_steps,
     name_of,
     to_line,
 )
-from experiments.records.revision import revisions
+from experiments.records.revision import Revisions, revisions
 from experiments.records.rows import Rows
 from experiments.records.run import (
     Choices,
@@ -77,13 +76,13 @@ def run(
     data = scene.fingerprint()
     names = {key: choices.get(key) or "custom" for key in _OF_FILES}
     identity = name_of(f"{names['scene']}-{names['model']}", config, data)
-    folder = results_dir()
-    known = _finished(folder, identity, settings)
+    folder, now = results_dir(), revisions(config)
+    known = _finished(folder, identity, now, settings)
     if known is not None:
         return known, True
     with locks.held(store.lock_of(folder, identity), identity):
         # Another process may have finished it since.
-        known = _finished(folder, identity, settings, console)
+        known = _finished(folder, identity, now, settings, console)
         if known is not None:
             return known, True
         libraries_of = machine.libraries(config["model"], config["threads"])
@@ -95,11 +94,10 @@ def run(
                 schema=SCHEMA,
                 id=identity,
                 command=command(),
-                steps=current_steps(),
                 config=config,
                 changed=changed_keys(config, choices, overrides),
                 data=data,
-                revisions=revisions(config),
+                revisions=now,
                 environment=of_machine,
                 choices=Choices(**names),
                 scene=_scene_of(scene, names["scene"]),
@@ -117,12 +115,13 @@ def run(
 def _finished(
     folder: Path,
     identity: str,
+    now: Revisions,
     settings: Settings,
     console: Console | None = None,
 ) -> Finished | None:
     """The finished record of a run, if today's code made it and trained the models beside it that
     are asked for; if not, that is said."""
-    known = store.made_before(folder, identity, settings.force, console)
+    known = store.made_before(folder, identity, now, settings.force, console)
     if not isinstance(known, Finished):
         return None
     missing = sorted(settings.beside.keys() - known.beside_s.keys())

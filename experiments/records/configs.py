@@ -5,7 +5,10 @@ from __future__ import annotations
 import functools
 import json
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from contextvars import ContextVar
+from types import MappingProxyType
 from typing import Any
 
 from omegaconf import OmegaConf
@@ -74,26 +77,31 @@ def reproduction() -> tuple[dict[str, Any], ...]:
     return tuple(steps)
 
 
-def numbers(values: Sequence[str]) -> list[int | None]:
-    """Values of a sweep as integers; null is None."""
-    return [None if value == "null" else int(value) for value in values]
+def numbers(values: Sequence[str]) -> list[int]:
+    """Values of a sweep as integers; null, which stands for all, is 0."""
+    return [0 if value == "null" else int(value) for value in values]
 
 
-_own_displays: dict[tuple[str, str], Mapping[str, Any]] = {}
+_own_displays: ContextVar[Mapping[tuple[str, str], Mapping[str, Any]]] = ContextVar(
+    "own displays", default=MappingProxyType({})
+)
 
 
-def show_as(
-    group: str,
-    name: str,
-    display: Mapping[str, Any],
-) -> None:
-    """Remember how a model or a scene is shown whose config is not in ``configs/``."""
-    _own_displays[group, name] = display
+@contextmanager
+def shown_as(
+    displays: Mapping[tuple[str, str], Mapping[str, Any]],
+) -> Iterator[None]:
+    """Show models and scenes, by group and name, that have no file in ``configs/``, as these."""
+    token = _own_displays.set(displays)
+    try:
+        yield
+    finally:
+        _own_displays.reset(token)
 
 
 def display(model: str) -> dict[str, str]:
     """How tables and figures show a model; one without a display by its name, in grey."""
-    return _shown("model", model) | dict(_own_displays.get(("model", model), {}))
+    return _shown("model", model) | dict(_own_displays.get().get(("model", model), {}))
 
 
 def scene_display(scene: str) -> dict[str, Any]:
@@ -103,9 +111,13 @@ def scene_display(scene: str) -> dict[str, Any]:
     the scene were chosen by HDC's own accuracy on it, and ``figure``: of the paper, which shows the
     confusion of its classes.
 
-    One that is not in ``configs/scene/`` is shown by its name, as a family of its own, last.
+    A scene of which something was changed (``touch (n=3)``) is of the kind and the family of its
+    config. One that is not in ``configs/scene/`` is shown by its name, last, as a family of its
+    own.
     """
-    return _shown("scene", scene) | dict(_own_displays.get(("scene", scene), {}))
+    name = scene.partition(" ")[0]
+    own = _own_displays.get().get(("scene", name), {})
+    return _shown("scene", name) | dict(own)
 
 
 @functools.cache

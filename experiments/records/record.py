@@ -11,10 +11,9 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import os
 import shlex
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, Literal
+from typing import Any, Literal
 
 import msgspec
 import numpy as np
@@ -25,12 +24,7 @@ from experiments.records.environment import Environment, changes
 from experiments.records.revision import Revisions
 from experiments.records.rows import Rows, pack_labels
 
-if TYPE_CHECKING:
-    import pandas as pd
-
 SCHEMA: Literal[5] = 5
-STEP = "EXPERIMENTS_STEP"
-"""The environment variable that names the step of the reproduction that a process belongs to."""
 # Keys of a config that say how a run is carried out, or how it is shown, not what it computes.
 NOT_IDENTITY = (
     *("force", "cache", "exclusive", "task", "beside", "display", "scene_display"),
@@ -46,7 +40,6 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True, dict=True, eq=Fal
     Attributes:
         id: names it; a hash of config and data is part of it.
         command: that a user typed.
-        steps: of the reproduction that made it or found it finished, each ``MODE/NAME``.
         config: everything that determines it, resolved, as Hydra composed it.
         changed: values of the config that are not those of the files it was composed from, by key,
             as JSON; but for seeds.
@@ -59,7 +52,6 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True, dict=True, eq=Fal
     schema: Literal[5]
     id: str
     command: str = ""
-    steps: list[str] = []
     config: dict[str, Any]
     changed: dict[str, str] = {}
     data: str = ""
@@ -73,16 +65,15 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True, dict=True, eq=Fal
     @property
     def outdated(self) -> list[str]:
         """Why it would be made again today: what has another revision, or other changes."""
-        names = revision.outdated(self.revisions, self.full_config)
+        return self.differs_from(revision.of_today(self.revisions))
+
+    def differs_from(self, now: Revisions) -> list[str]:
+        """What of the code differs from these revisions, or lies in no commit."""
+        names = revision.outdated(self.revisions, now)
         made_with = self.environment.changes
         if made_with is not None and made_with != changes():
             names.append("changes of a checkout that are in no commit")
         return names
-
-    @property
-    def full_config(self) -> dict[str, Any]:
-        """The config with every ``_target_`` that took part."""
-        return self.config
 
 
 class Measurement(Record, tag="measurement", kw_only=True, omit_defaults=True):
@@ -102,17 +93,6 @@ class Measurement(Record, tag="measurement", kw_only=True, omit_defaults=True):
 
     def __post_init__(self) -> None:
         _ = self.scene_label  # a command with an open quote is no record
-
-    @property
-    def full_config(self) -> dict[str, Any]:
-        return {"_target_": self.task, **self.config}
-
-    @functools.cached_property
-    def frame(self) -> pd.DataFrame:
-        """The rows as a data frame; a missing number is NaN, other missing values are None."""
-        import pandas as pd  # a run does not wait for it
-
-        return pd.DataFrame(self.rows.values, columns=self.rows.columns)
 
     @functools.cached_property
     def scene_label(self) -> str:
@@ -174,9 +154,3 @@ def digest_of(value: Any) -> str:
     """12 hexadecimal digits that tell JSON values apart."""
     text = json.dumps(value, sort_keys=True, default=str)
     return hashlib.sha256(text.encode()).hexdigest()[:12]
-
-
-def current_steps() -> list[str]:
-    """The step that this process belongs to, if it belongs to one."""
-    step = os.environ.get(STEP)
-    return [step] if step else []

@@ -1,45 +1,42 @@
-"""Everything in a results folder, loaded once, and its rows as one data frame."""
+"""Everything in a results folder, loaded once, and its rows as tidy data frames."""
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable, Iterable, Iterator
+import json
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
-from typing import Any, Concatenate, ParamSpec, TypeVar
+from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from experiments.records import configs, store
 from experiments.records.record import Measurement
+from experiments.records.rows import Row, pack_labels, unpack_labels
 from experiments.records.run import Finished, Unfinished
 
-_P = ParamSpec("_P")
-_T = TypeVar("_T")
-
 RUNS = "runs"  # the name of single trainings among those of experiments
-META = (
-    *("experiment", "scene", "record", "command", "config", "elsewhere"),
-    *("device", "cpu", "threads", "of_row"),
-)
-"""Columns of :meth:`Results.frame` that a line has of its record. ``elsewhere``: whether it was
-measured on other frames than those of the experiment's config; ``of_row``: names of the columns
-that are its row's own."""
-METRICS = (
-    *("stop", "training_s", "time_to_target_train_s", "time_to_target_test_s"),
-    *("train_accuracy_at_target", "test_accuracy_at_target"),
-    *("train_accuracy_max", "train_accuracy_final", "test_accuracy_max"),
-    *("test_accuracy_final", "model_bytes", "predict_single_s"),
-    "predict_batch_s_per_frame",
-)
-"""Columns of a run, as :class:`Finished` has them."""
+CHECKPOINTS = "checkpoints"  # and of the reports that they made while they learned
+ROW = ["scene", "model", "asked_n", "asked_d"]
+"""Columns that name a row of a table of runs: how many training samples and how many pixels were
+asked for, 0 for all of them."""
+# Of several configurations of one row, the stopping rule that stands first here; others come last.
+STOPS = ("paper", "long", "end", "quick", "reached")
+# Columns that tell the resamples of a measurement apart: the true classes are stored once in each.
+_RESAMPLE = ("seed", "split", "draw")
+_OF_MODELS = (
+    "models",
+    "seeds",
+)  # keys of a config in which measurements side by side may differ
 
 
 class Results:
     """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files.
 
     Attributes:
-        measurements: those on the frames of their experiment's config first, of these those of
-            which least was changed, of these the one made last.
+        measurements: the one made last comes first.
+        displays: how models and scenes are shown that have no file in ``configs/``, by group and
+            name, for :func:`experiments.records.configs.shown_as`.
     """
 
     def __init__(self, folder: Path):
@@ -47,16 +44,15 @@ class Results:
         self.runs: list[Finished] = []
         self.unfinished: list[Unfinished] = []
         self.measurements: list[Measurement] = []
+        self.displays: dict[tuple[str, str], Mapping[str, Any]] = {}
         self._frames: dict[tuple[str, ...], pd.DataFrame] = {}
         for record in store.read(folder):
             if isinstance(record, ValueError):
                 self.problems.append(str(record))
             elif isinstance(record, Measurement):
-                _show_as_its_scene(record)
-                self.measurements.insert(0, record)  # the last comes first
+                self.measurements.insert(0, record)
             else:
                 self._take(record)
-        self.measurements.sort(key=lambda m: (m.of_other_frames, len(m.changed)))
 
     def __bool__(self) -> bool:
         return bool(self.runs or self.unfinished or self.measurements)
@@ -67,40 +63,82 @@ class Results:
         return [*self.runs, *self.measurements]
 
     def frame(self, *experiments: str) -> pd.DataFrame:
-        """The rows of records as one table, a line per row; without lines where there are none.
+        """A line per row of the records of some experiments; every cell is a scalar.
 
-        A line has the columns of its row, and those of its record: :data:`META`. ``runs`` stands
-        for the single trainings: a line a run, with its metrics. There is one measurement of an
-        experiment and scene: of those whose config was changed least the one made last, and beside
-        it those of other models (:func:`_is_beside`). Scenes are in the order of their places.
+        A line has the columns of its row. Where a row has lists of equal length, it becomes a line
+        per place in them, with the column ``place``. A line has these columns of its record, too:
+        ``experiment``, ``scene``, ``record``, ``command``, ``device``, ``cpu``, ``threads``,
+        ``elsewhere`` (whether it was measured on other frames than those of the experiment's
+        config) and every setting of the config by its dotted key, lists as JSON. ``right`` counts
+        the right answers of a line with ``predicted``; ``labels``, the true classes, stand in each.
+
+        :data:`RUNS` stands for single trainings, a line each, with the metrics of
+        :class:`experiments.records.run.Finished`; of several configurations of one row
+        (:data:`ROW`) there is one (:func:`_counting`). :data:`CHECKPOINTS` are the reports of these
+        trainings, a line each. Of an experiment and scene there is one measurement
+        (:meth:`chosen`). Scenes are in the order of their places.
         """
         if experiments not in self._frames:
-            parts = []
-            for name in experiments:
-                if name == RUNS:
-                    parts += [_frame_of_runs(self.runs)] if self.runs else []
-                else:
-                    parts += [_frame_of(one) for one in self._by_scene(name)]
-            self._frames[experiments] = _joined(parts, several=len(experiments) > 1)
+            parts = [self._part(name) for name in experiments]
+            self._frames[experiments] = _joined([part for part in parts if len(part)])
         return self._frames[experiments]
 
-    def _by_scene(self, name: str) -> list[Measurement]:
-        found: dict[str, list[Measurement]] = {}
-        for measured in self.measurements:  # those changed least come first
-            if measured.name == name:
-                of_scene = found.setdefault(measured.scene_label, [])
-                if all(_is_beside(measured, other) for other in of_scene):
-                    of_scene.append(measured)
-        places = {scene: configs.scene_display(scene)["place"] for scene in found}
-        ordered = sorted(found, key=lambda scene: (places[scene], scene))
-        return [one for scene in ordered for one in found[scene]]
+    def chosen(self, experiment: str) -> tuple[list[Measurement], list[Measurement]]:
+        """The measurements of an experiment that count, and those that are left out.
+
+        Of one scene the last one counts, of those on the experiment's own frames if there are any;
+        and beside it those of other models (:func:`_is_beside`).
+        """
+        counting: dict[str, list[Measurement]] = {}
+        left_out = []
+        of_experiment = [m for m in self.measurements if m.name == experiment]
+        for measured in sorted(of_experiment, key=lambda m: m.of_other_frames):
+            beside = counting.setdefault(measured.scene_label, [])
+            if all(_is_beside(measured, other) for other in beside):
+                beside.append(measured)
+            else:
+                left_out.append(measured)
+        ordered = sorted(counting, key=self._place)
+        return [one for scene in ordered for one in counting[scene]], left_out
+
+    def left_out(self) -> Iterator[str]:
+        """A line for each measurement that a later one of its scene stands for."""
+        for name in dict.fromkeys(measured.name for measured in self.measurements):
+            for measured in self.chosen(name)[1]:
+                yield f"{measured.id}: a later measurement of {name} takes its place"
+
+    def _place(self, scene: str) -> tuple[float, str]:
+        with configs.shown_as(self.displays):
+            return configs.scene_display(scene)["place"], scene
+
+    def _part(self, name: str) -> pd.DataFrame:
+        if name == RUNS:
+            return _counting(pd.DataFrame(map(_line_of_run, self.runs)))
+        if name == CHECKPOINTS:
+            return self._checkpoints()
+        parts = [_of_measurement(measured) for measured in self.chosen(name)[0]]
+        return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+    def _checkpoints(self) -> pd.DataFrame:
+        """The reports of the runs that count, with what names their run."""
+        runs = self.frame(RUNS)
+        if not len(runs):
+            return runs
+        lines = [
+            {"record": run.id, "place": place, **report}
+            for run in self.runs
+            for place, report in enumerate(run.curve)
+        ]
+        named = runs[["record", *ROW, "seeds", "seed", "iterative"]]
+        every = named.merge(pd.DataFrame(lines), on="record")
+        return every.assign(experiment=CHECKPOINTS, elsewhere=False)
 
     def _take(self, entry: Finished | Unfinished) -> None:
         scene, model = entry.choices.scene, entry.choices.model
         if entry.display and not configs.is_known("model", model):
-            configs.show_as("model", model, entry.display)
+            self.displays["model", model] = entry.display
         if entry.scene_display and not configs.is_known("scene", scene):
-            configs.show_as("scene", scene, entry.scene_display)
+            self.displays["scene", scene] = entry.scene_display
         if isinstance(entry, Finished):
             self.runs.append(entry)
         else:
@@ -116,124 +154,190 @@ def _of_version_2(folder: Path) -> Iterator[str]:
             )
 
 
-def _show_as_its_scene(measured: Measurement) -> None:
-    """A scene of which something was changed is of the kind and the family of its config."""
-    label = measured.scene_label
-    if label != measured.scene:
-        configs.show_as("scene", label, configs.scene_display(measured.scene))
-
-
 def _is_beside(one: Measurement, other: Measurement) -> bool:
-    """Whether a measurement has other models than another, on seeds of it, and all other settings
-    are equal. Times of two calls do not compare, so of what is timed there is one."""
-    columns = one.rows.columns
-    if any(column.endswith("_s") or column == "seconds" for column in columns):
-        return False
+    """Whether a measurement has other models than another, seeds of it or more, and all other
+    settings are equal. Times of two calls do not compare, so of what is timed there is one."""
+    rest, of_other = (configs.without(_OF_MODELS, m.config) for m in (one, other))
+    return not _is_timed(one) and rest == of_other and _has_other_models(one, other)
+
+
+def _is_timed(measured: Measurement) -> bool:
+    columns = measured.rows.columns
+    return any(column.endswith("_s") or column == "seconds" for column in columns)
+
+
+def _has_other_models(one: Measurement, other: Measurement) -> bool:
+    """Whether two measurements have different models, and one has all seeds of the other."""
     models, of_other = (set(m.config.get("models") or ()) for m in (one, other))
-    seeds, seeds_of_other = (m.config.get("seeds") or [] for m in (one, other))
-    same = (configs.without(("models", "seeds"), m.config) for m in (one, other))
-    return (
-        bool(models and of_other)
-        and models.isdisjoint(of_other)
-        and set(seeds) <= set(seeds_of_other)
-        and next(same) == next(same)
-    )
+    seeds, seeds_of_other = (set(m.config.get("seeds") or ()) for m in (one, other))
+    apart = bool(models) and bool(of_other) and models.isdisjoint(of_other)
+    return apart and (seeds <= seeds_of_other or seeds_of_other <= seeds)
 
 
-def once(
-    make: Callable[Concatenate[pd.DataFrame, _P], _T],
-) -> Callable[Concatenate[pd.DataFrame, _P], _T]:
-    """A function of a frame that computes once for each frame and arguments. Its results are kept
-    as long as the frame is, and belong to everybody: nobody may change them, or the frame."""
-
-    @functools.wraps(make)
-    def kept(frame: pd.DataFrame, *args: _P.args, **kwargs: _P.kwargs) -> _T:
-        results: dict[Any, _T] = frame.__dict__.setdefault("_once", {})
-        key = make, args, tuple(kwargs.items())
-        if key not in results:
-            results[key] = make(frame, *args, **kwargs)
-        return results[key]
-
-    return kept
+def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:
+    """The lines of one experiment."""
+    if not len(frame):
+        return frame
+    return frame[frame.experiment == experiment].infer_objects().copy()
 
 
-def own_columns(frame: pd.DataFrame) -> pd.DataFrame:
-    """The lines of one experiment with the columns of its rows alone."""
-    return frame[list(frame.of_row.iloc[0])]
-
-
-def _joined(parts: list[pd.DataFrame], several: bool) -> pd.DataFrame:
-    """The parts one below the other. Of several experiments, which have other columns, integers
-    stay integers where a column is missing elsewhere."""
-    if not parts:
-        return pd.DataFrame()
-    if several:
-        parts = [part.astype(object) for part in parts]
-    return pd.concat(parts, ignore_index=True)
-
-
-@once
 def by_scene(lines: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """The lines of each scene, in their order."""
+    if not len(lines):
+        return {}
     return {str(scene): of for scene, of in lines.groupby("scene", sort=False)}
 
 
-@once
-def of_scenes(frame: pd.DataFrame, experiment: str) -> dict[str, pd.DataFrame]:
-    """The lines of one experiment by scene, in the order of the frame, with the columns of its rows
-    and of records alone."""
-    found = {}
-    if len(frame):
-        for scene, rows in by_scene(frame[frame.experiment == experiment]).items():
-            names = dict.fromkeys([*rows.of_row.iloc[0], *META])
-            found[scene] = rows[list(names)].infer_objects()
+def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
+    """The parts one below the other; integers stay integers where others lack their column."""
+    if len(parts) > 1:
+        parts = [part.astype(object) for part in parts]
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
+
+
+# Lines --------------------------------------------------------------------------------------------
+
+
+def _settings(config: Mapping[str, Any], above: str = "") -> Row:
+    """The values of a config by their dotted keys; a list as JSON."""
+    found: Row = {}
+    for key, value in config.items():
+        name = f"{above}{key}"
+        if isinstance(value, Mapping):
+            found |= _settings(value, f"{name}.")
+        elif isinstance(value, list | tuple):
+            found[name] = json.dumps(value)
+        else:
+            found[name] = value
     return found
 
 
-def _frame_of(measured: Measurement) -> pd.DataFrame:
-    """A line a row of a measurement; a column of the row keeps its name before that of a record."""
+def _line_of_run(run: Finished) -> Row:
+    """What names a run, its settings, its machine and its metrics."""
+    environment = run.environment
+    return {
+        **_settings(run.config),
+        "experiment": RUNS,
+        "sweep": run.experiment or "",
+        "scene": run.scene_label,
+        "model": run.model_label,
+        "asked_n": run.config["split"]["n_train"] or 0,
+        "asked_d": run.config["data"]["pixels"] or 0,
+        "record": run.id,
+        "command": run.command,
+        "elsewhere": False,
+        "origin": run.scene.origin,
+        "saturated": run.scene.saturated,
+        "classes": json.dumps(run.scene.classes),
+        "n_classes": len(run.scene.classes),
+        "n_pixels": int(np.prod(run.scene.shape)),
+        "device": environment.device,
+        "cpu": environment.cpu,
+        "threads": environment.threads,
+        "exclusive": environment.exclusive,
+        "code": environment.short_commit,
+        "seed": run.seed,
+        "seeds": run.seeds,
+        "repetition": run.every_seed,
+        "alike": f"{run.configuration} {run.made_by}",
+        "stop_rule": run.choices.stop,
+        "stop": run.stop,
+        "iterative": run.iterative,
+        "training_time_s": run.time_to_90_s,
+        "total_time_s": run.training_s,
+        **{f"beside.{name}_s": seconds for name, seconds in run.beside_s.items()},
+        "train_accuracy_at_target": run.train_accuracy_at_target,
+        "test_accuracy_at_target": run.test_accuracy_at_target,
+        "train_accuracy_max": run.train_accuracy_max,
+        "train_accuracy_final": run.train_accuracy_final,
+        "test_accuracy_max": run.test_accuracy_max,
+        "test_accuracy_final": run.test_accuracy_final,
+        "model_bytes": run.model_bytes,
+        "predict_single_s": run.predict_single_s,
+        "predict_batch_s_per_frame": run.predict_batch_s_per_frame,
+        "n_train": run.n_train,
+        "n_test": run.n_test,
+        "right": int(run.right.sum()),
+        "test_set": run.data_sha256.test,
+        "labels": pack_labels(run.test_labels),
+        "predicted": pack_labels(run.predicted),
+    }
+
+
+def _counting(lines: pd.DataFrame) -> pd.DataFrame:
+    """Of the runs of each row those that count, with ``others``: how many are left out.
+
+    Runs of one row have one configuration, and code of one revision made them. Of several such, a
+    row has those timed alone on the machine, then those of the stopping rule that stands first in
+    :data:`STOPS`, then the newest. The same holds of several runs with the same seeds.
+    """
+    if not len(lines):
+        return lines
+    places = {name: place for place, name in enumerate(STOPS)}
+    ordered = lines.assign(
+        place_of_stop=lines.stop_rule.map(places).fillna(len(places)),
+        age=-np.arange(len(lines)),
+    ).sort_values(["exclusive", "place_of_stop", "age"], ascending=[False, True, True])
+    first = ordered.groupby(ROW).alike.transform("first")
+    ordered["counts"] = ordered.alike == first
+    by_row = ordered.groupby(ROW).counts
+    ordered["others"] = by_row.transform("size") - by_row.transform("sum")
+    chosen = ordered[ordered.counts].drop_duplicates([*ROW, "repetition"])
+    chosen = chosen.sort_values([*ROW, "seed"])
+    return chosen.drop(columns=["alike", "place_of_stop", "age", "counts"]).reset_index(
+        drop=True
+    )
+
+
+def _of_measurement(measured: Measurement) -> pd.DataFrame:
+    """The lines of one measurement; a column of a row keeps its name before that of a record."""
     environment = measured.environment
-    frame = measured.frame.copy()
     of_record = {
+        **_settings(measured.config),
         "experiment": measured.name,
         "scene": measured.scene_label,
         "record": measured.id,
         "command": measured.command,
-        "config": measured.config,
         "elsewhere": measured.of_other_frames,
         "device": environment.device,
         "cpu": environment.cpu,
         "threads": environment.threads,
-        "of_row": tuple(frame.columns),
     }
-    for name, value in of_record.items():
-        if name not in frame:
-            frame[name] = [value] * len(frame)
-    return frame
+    lines = pd.DataFrame(_answered(_lines(measured.rows.dicts())))
+    named = [name for name in of_record if name not in lines]
+    about = pd.DataFrame([of_record] * len(lines), columns=named)
+    return pd.concat([lines, about], axis="columns")
 
 
-def _frame_of_runs(runs: Iterable[Finished]) -> pd.DataFrame:
-    """A line a run: its place, its metrics and the run itself, with its curve."""
-    lines = []
-    for run in runs:
-        environment = run.environment
-        line: dict[str, Any] = {
-            "experiment": RUNS,
-            "scene": run.scene_label,
-            "model": run.model_label,
-            "n_train": run.config["split"]["n_train"],
-            "pixels": run.config["data"]["pixels"],
-            "seed": run.seed,
-            "origin": run.scene.origin,
-            "record": run.id,
-            "command": run.command,
-            "config": run.config,
-            "elsewhere": False,
-            "device": environment.device,
-            "cpu": environment.cpu,
-            "threads": environment.threads,
-            "run": run,
-        }
-        line |= {name: getattr(run, name) for name in METRICS}
-        lines.append(line)
-    return pd.DataFrame(lines)
+def _lines(rows: Iterable[Row]) -> Iterator[Row]:
+    """A line per row, or per place in its lists; lists of unequal lengths become JSON."""
+    for row in rows:
+        lists = {name: of for name, of in row.items() if isinstance(of, list)}
+        if len({len(of) for of in lists.values()}) > 1:
+            yield row | {name: json.dumps(of) for name, of in lists.items()}
+        elif not lists:
+            yield row
+        else:
+            for place, values in enumerate(zip(*lists.values(), strict=True)):
+                at_place = zip(lists, map(_scalar, values), strict=True)
+                yield row | dict(at_place) | {"place": place}
+
+
+def _scalar(value: Any) -> Any:
+    """A value of a list; one that is a list or a mapping itself as JSON."""
+    return json.dumps(value) if isinstance(value, list | dict) else value
+
+
+def _answered(lines: Iterable[Row]) -> Iterator[Row]:
+    """Lines with ``predicted`` get the true classes of their resample, and how many are right."""
+    truths: dict[tuple[Any, ...], str] = {}
+    for line in lines:
+        resample = tuple(line.get(name) for name in _RESAMPLE)
+        if line.get("labels") is not None:
+            truths[resample] = line["labels"]
+        if line.get("predicted") is None:
+            yield line
+            continue
+        labels = truths[resample]
+        right = unpack_labels(line["predicted"]) == unpack_labels(labels)
+        yield line | {"labels": labels, "right": int(right.sum())}

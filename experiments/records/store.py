@@ -16,7 +16,8 @@ import numpy as np
 from rich.console import Console
 
 from experiments.records import locks
-from experiments.records.record import Measurement, Record, current_steps, to_line
+from experiments.records.record import Measurement, Record, to_line
+from experiments.records.revision import Revisions
 from experiments.records.rows import unpack_labels
 from experiments.records.run import Finished, Unfinished
 from hdc.io import write_atomically
@@ -83,16 +84,17 @@ def lock_of(folder: Path, name: str) -> Path:
 def made_before(
     folder: Path,
     name: str,
+    now: Revisions,
     force: bool = False,
     console: Console | None = None,
     threads: int | None = None,
 ) -> Made | None:
-    """The finished record of this id, if today's code made it. It then belongs to the step that
-    asks for it, too.
+    """The finished record of this id, if today's code made it.
 
     Args:
         folder: of the records.
         name: the id.
+        now: revisions of today's code for the config of this id.
         force: find none.
         console: prints why one does not count.
         threads: of torch, where times are made: those of another number are made again.
@@ -100,14 +102,10 @@ def made_before(
     known = None if force else find(folder, name)
     if known is None:
         return None
-    reasons, before = known.outdated, known.environment.threads
+    reasons, before = known.differs_from(now), known.environment.threads
     if threads not in (None, before):
         reasons.append(f"{before} threads, now {threads}")
     if not reasons:
-        steps = list(dict.fromkeys([*known.steps, *current_steps()]))
-        if known.steps != steps:
-            known.steps = steps
-            append(folder, known)
         return known
     if console is not None:
         text = f"{name}: made again, finished otherwise: {', '.join(reasons)}"

@@ -1,5 +1,4 @@
-"""Columns of tables: one entry a quantity, with its head, how it is shown, a note, and how it
-follows from runs: times are medians over seeds, accuracies means.
+"""Columns of tables: one entry a quantity, with its head, how it is shown, and a note.
 
 A table shows a column ``x`` that has ``x_low`` and ``x_high`` beside it as one cell,
 ``value [low, high]``.
@@ -7,18 +6,13 @@ A table shows a column ``x`` that has ``x_low`` and ``x_high`` beside it as one 
 
 from __future__ import annotations
 
-import math
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-
 from experiments.records import configs
-from experiments.records.groups import Group
-from experiments.reporting import estimates
-from experiments.reporting.text import kind_of, number, percent, points, size
+from experiments.reporting.text import number, percent, points, size
 
 Row = Mapping[str, Any]
 
@@ -31,18 +25,19 @@ class Column:
         head: of the column, with its unit.
         show: text of a value; a missing value is shown as a dash.
         note: what a reader has to know to read it, a sentence.
-        of: its value in a row of runs, from their group and the group of HDC on the same frames; an
-            :class:`estimates.Estimate` fills ``x``, ``x_low`` and ``x_high``.
         cell: text of a whole row, for a cell that several values make; replaces `show`.
+        of_machine: whether it belongs to the machine, as seconds do, so that numbers of two
+            machines do not compare.
     """
 
     head: str
     show: Callable[[Any], str] = number
     note: str = ""
-    of: Callable[[Group, Group], Any] | None = None
     cell: Callable[[Row], str] | None = None
+    of_machine: bool = False
 
     def text(self, name: str, row: Row) -> str:
+        """The cell of a row."""
         if self.cell is not None:
             return self.cell(row)
         value = row.get(name)
@@ -78,72 +73,12 @@ def model_columns(
 
 
 def milliseconds(seconds: float) -> str:
+    """Seconds as milliseconds."""
     return number(1e3 * seconds)
 
 
-def same(values: Iterable[Any]) -> Any:
-    """The value that all have, or ``mixed``."""
-    distinct = set(values)
-    return distinct.pop() if len(distinct) == 1 else "mixed"
-
-
-def _mean(key: str) -> Callable[[Group, Group], float | None]:
-    def mean(group: Group, _: Group) -> float | None:
-        values = [getattr(run, key) for run in group.runs]
-        known = [value for value in values if value is not None]
-        return float(np.mean(known)) if known else None
-
-    return mean
-
-
-def _median(key: str) -> Callable[[Group, Group], float]:
-    def median(group: Group, _: Group) -> float:
-        values = [getattr(run, key) for run in group.runs]
-        return float(np.median(values))
-
-    return median
-
-
-def _same(get: Callable[[Any], Any]) -> Callable[[Group, Group], Any]:
-    def of_all(group: Group, _: Group) -> Any:
-        return same(get(run) for run in group.runs)
-
-    return of_all
-
-
-def _training_time(group: Group, _: Group) -> float | str:
-    """Median of the training times; a text where that run never reached 90 %."""
-    times = [estimates.training_time(run) for run in group.runs]
-    seconds = float(np.median(times))
-    longest = max(run.training_s for run in group.runs)
-    return seconds if math.isfinite(seconds) else f"not reached in {longest:.3g} s"
-
-
-def _over_hdc(group: Group, hdc: Group) -> float | None:
-    """Training time relative to HDC with the same seeds, median over runs; on one processor."""
-    if group.machines != hdc.machines or len(group.machines) != 1:
-        return None
-    reference = {run.seeds: estimates.training_time(run) for run in hdc.runs}
-    ratios = []
-    for run in group.runs:
-        if run.seeds in reference:
-            time = estimates.training_time(run)
-            ratios.append(time / reference[run.seeds])
-    ratio = float(np.median(ratios)) if ratios else math.inf
-    return ratio if math.isfinite(ratio) else None
-
-
-def _difference(group: Group, hdc: Group) -> estimates.Estimate | None:
-    if group.model == "hdc":
-        return None
-    return estimates.difference(group.runs, hdc.runs)
-
-
-def _kind(group: Group, _: Group) -> str:
-    """The kind of the frames; of a scene whose parameters were chosen by HDC's own accuracy, so."""
-    kind = same(kind_of(run.scene.origin) for run in group.runs)
-    fitted = configs.scene_display(group.scene)["fitted"]
-    return f"{kind}, fitted to the accuracy of HDC" if fitted else str(kind)
+def _pixels(count: Any) -> str:
+    return count if isinstance(count, str) else f"{int(count):,}"
 
 
 def _status(row: Row) -> str:
@@ -151,54 +86,60 @@ def _status(row: Row) -> str:
     return ", ".join(filter(None, parts))
 
 
-# fmt: off
 COLUMNS: dict[str, Column] = {
-    # Of runs, in the order of the CSV.
-    "scene": Column("Scene", of=lambda group, _: group.scene),
-    "model": Column("Model", display_name, of=lambda group, _: group.model),
-    "n_train": Column("N", of=lambda group, _: group.runs[0].n_train),
-    "pixels": Column("D", show=lambda d: d if isinstance(d, str) else f"{int(d):,}",
-        of=lambda group, _: group.pixels or math.prod(group.runs[0].scene.shape)),
-    "seeds": Column("Seeds", of=lambda group, _: len(group.runs)),
-    "stop": Column("Stop",
-        of=lambda group, _: "; ".join(sorted({run.stop for run in group.runs}))),
-    "status": Column("Status", of=lambda group, _: group.status, cell=_status),
-    "training_time_s": Column("Training time, s", of=_training_time,
+    # Of runs.
+    "scene": Column("Scene", scene_name),
+    "model": Column("Model", display_name),
+    "n_train": Column("N"),
+    "pixels": Column("D", _pixels),
+    "seeds": Column("Seeds"),
+    "stop": Column("Stop"),
+    "status": Column("Status", cell=_status),
+    "training_time_s": Column(
+        "Training time, s",
         note="Training time: iterative models, until training accuracy exceeds 90 %; one-pass "
-        "models, until fitted. Median over seeds."),
-    "total_time_s": Column("Until it stopped, s", of=_median("training_s")),
-    "training_time_over_hdc": Column("× HDC", of=_over_hdc),
-    "train_accuracy_at_target": Column("Training accuracy at 90 %, %", percent,
-        of=_mean("train_accuracy_at_target")),
-    "test_accuracy_at_target": Column("Test accuracy when training passes 90 %, %", percent,
-        of=_mean("test_accuracy_at_target")),
-    "train_accuracy_max": Column("Training accuracy, maximum, %", percent,
-        of=_mean("train_accuracy_max")),
-    "train_accuracy_final": Column("Training accuracy, %", percent,
-        of=_mean("train_accuracy_final")),
-    "test_accuracy_max": Column("Test accuracy, maximum, %", percent,
-        of=_mean("test_accuracy_max"), note="A maximum over a run has no interval."),
-    "test_accuracy_final": Column("Test accuracy, % [95 %]", percent,
-        of=lambda group, _: estimates.share(group),
+        "models, until fitted. Median over seeds; empty where runs were timed beside others.",
+        of_machine=True,
+    ),
+    "total_time_s": Column("Until it stopped, s", of_machine=True),
+    "train_accuracy_at_target": Column("Training accuracy at 90 %, %", percent),
+    "test_accuracy_at_target": Column(
+        "Test accuracy when training passes 90 %, %", percent
+    ),
+    "train_accuracy_max": Column("Training accuracy, maximum, %", percent),
+    "train_accuracy_final": Column("Training accuracy, %", percent),
+    "test_accuracy_max": Column(
+        "Test accuracy, maximum, %",
+        percent,
+        note="A maximum over a run has no interval.",
+    ),
+    "test_accuracy_final": Column(
+        "Test accuracy, % [95 %]",
+        percent,
         note="95 % intervals: Student over seeds, never narrower than the test set allows; Wilson "
-        "for one seed or one recording."),
-    "n_test": Column("Test samples", of=lambda group, _: len(group.right)),
-    "over_hdc": Column("Difference from HDC, points [95 %]", points, of=_difference,
+        "for one seed or one recording.",
+    ),
+    "over_hdc": Column(
+        "Difference from HDC, points [95 %]",
+        points,
         note="Difference from HDC: paired by seed on the same test samples; above zero, the model "
-        "is more accurate."),
-    "model_bytes": Column("Size", size, of=_same(lambda record: record.model_bytes)),
-    "predict_single_s": Column("Prediction, ms per frame", milliseconds,
-        of=_median("predict_single_s")),
-    "predict_batch_s_per_frame": Column("Prediction in a batch, ms per frame", milliseconds,
-        of=_median("predict_batch_s_per_frame")),
-    "origin": Column("Frames", of=_kind),
-    "cpu": Column("Processor", of=_same(lambda record: record.environment.cpu)),
-    "threads": Column("Threads", of=_same(lambda record: record.environment.threads)),
-    "code": Column("Code", of=lambda group, _: group.runs[0].environment.short_commit),
+        "is more accurate.",
+    ),
+    "n_test": Column("Test samples"),
+    "model_bytes": Column("Size", size),
+    "predict_single_s": Column(
+        "Prediction, ms per frame", milliseconds, of_machine=True
+    ),
+    "predict_batch_s_per_frame": Column(
+        "Prediction in a batch, ms per frame", milliseconds, of_machine=True
+    ),
+    "origin": Column("Frames"),
+    "cpu": Column("Processor"),
+    "threads": Column("Threads"),
+    "code": Column("Code"),
     # Of measurements.
     "accuracy": Column("Accuracy, %", percent),
     "test_accuracy": Column("Test accuracy, %", percent),
     "train_accuracy": Column("Training accuracy, %", percent),
-    "seconds": Column("Time, s"),
+    "seconds": Column("Time, s", of_machine=True),
 }
-# fmt: on

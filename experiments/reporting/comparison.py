@@ -66,12 +66,14 @@ def compare(
     ]
     if not with_missing:
         rows = [row for row in rows if row["verdict"] != MISSING]
+    data = frame(rows, COLUMNS)
     return Table(
         "comparison",
-        of=experiments,
+        lambda _: data,
+        of=tuple(dict.fromkeys(experiments)),
         title=TITLE,
         note=HOW,
-        data=frame(rows, COLUMNS),
+        data=data,
         shown=(
             "quantity",
             "verdict",

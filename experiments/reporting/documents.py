@@ -7,16 +7,17 @@ experiments.reference`` fills them again, so that no page says what the records 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
 from experiments.records import configs
-from experiments.records.results import Results, of_scenes
+from experiments.records.results import Results, by_scene
+from experiments.reporting.answers import Answers
 from experiments.reporting.columns import display_name
-from experiments.reporting.study import Plot, Study
+from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import (
     CAPTURED,
@@ -52,22 +53,7 @@ def fill(text: str, contents: Mapping[str, Callable[[], str]]) -> str:
     return _BLOCK.sub(filled, text)
 
 
-def named(rows: str) -> str:
-    """Rows of claims: names in place of commands, each claim once."""
-    cells = [line.strip("|").split("|") for line in rows.splitlines()]
-    heads = [head.strip() for head in cells[0]]
-    if "Command" not in heads:
-        return rows
-    command = heads.index("Command")
-    before = ""
-    for line in cells[2:]:
-        line[command] = f" `{line[command].split()[-1]}` "
-        before, line[0] = line[0], " " if line[0] == before else line[0]
-    cells[0][command] = " Name "
-    return "\n".join(f"|{'|'.join(line)}|" for line in cells)
-
-
-def costs(table: pd.DataFrame | None) -> str:
+def costs(table: Table | None) -> str:
     """Error on two recordings, and on the first of them training time, time per frame and size.
 
     Times are by NumPy or by the compiled kernels, whichever are less.
@@ -77,7 +63,7 @@ def costs(table: pd.DataFrame | None) -> str:
     """
     if table is None:
         return NOT_MEASURED
-    first, second = (_of_most_frames(table, name) for name in COSTS)
+    first, second = (_of_most_frames(table.data, name) for name in COSTS)
     heads = [f"Error, {configs.scene_display(name)['name']} (%)" for name in COSTS]
     lines = [
         ["Model", *heads, "Training (s)", "Frame (ms)", "Model (kB)"],
@@ -90,8 +76,8 @@ def costs(table: pd.DataFrame | None) -> str:
         numbers = (
             100 * row.error,
             100 * second.error[model],
-            row[["fit_s", "fit_compiled_s"]].min(),
-            1e3 * row[["predict_frame_s", "predict_frame_compiled_s"]].min(),
+            row.fit_best_s,
+            1e3 * row.predict_frame_best_s,
             row.bytes / 1e3,
         )
         lines.append([display_name(model), *(number(x, 2) for x in numbers)])
@@ -104,37 +90,35 @@ def _of_most_frames(table: pd.DataFrame, recording: str) -> pd.DataFrame:
     return rows[rows.n == rows.n.max()].set_index("model")
 
 
-def results_page(
-    studies: Sequence[Study],
-    tables: Mapping[str, Sequence[Table]],
-    plots: Mapping[str, Sequence[Plot]],
-) -> str:
-    """Every figure with its caption, the tables of each study, and the commands.
-
-    Args:
-        studies: in the order of the page.
-        tables, plots: those of each study, by its name.
-    """
+def results_page(answers: Answers) -> str:
+    """Every figure with its caption, the tables of each study, and the commands."""
     parts = []
-    for study in studies:
-        shown, written = plots.get(study.name, ()), tables.get(study.name, ())
-        if not shown and not written:
+    for study in answers.studies:
+        figures = [figure for figure, _ in answers.figures(study)]
+        tables = list(answers.tables(study))
+        if not figures and not tables:
             continue
         parts.append(f"## {study.title}\n\n{study.question}")
-        parts += [_figure(plot) for plot in shown]
-        links = [f"[{t.name}]({_RESULTS}/tables/{t.name}.csv)" for t in written]
+        parts += map(_figure, figures)
+        links = [f"[{t.name}]({_RESULTS}/tables/{t.name}.csv)" for t in tables]
         parts.append(f"Tables: {', '.join(links)}." if links else "")
-        made_by = [command for one in shown for command in one.commands]
-        made_by += [command for one in written for command in one.commands]
-        commands = dict.fromkeys(filter(_can_run, map(_bare, made_by)))
-        parts.append("\n".join(f"    {command}" for command in commands))
+        commands: dict[str, None] = {}
+        made = [*(f.commands for f in figures), *(t.commands for t in tables)]
+        for made_by in made:
+            commands |= dict.fromkeys(map(_bare, made_by))
+        known = filter(_can_run, commands)
+        parts.append("\n".join(f"    {command}" for command in known))
     return "\n\n".join(filter(None, parts))
 
 
 def _bare(command: str) -> str:
-    """A command without the settings of one step: its program and its experiment."""
-    program, given = command.split()[:3], command.split()[3:]
-    return " ".join([*program, *(w for w in given if w.startswith("experiment="))])
+    """A command of ``experiments.run`` without the settings of one step: its experiment alone."""
+    words = command.split()
+    if words[2:3] != ["experiments.run"]:
+        return command
+    return " ".join(
+        [*words[:3], *(w for w in words[3:] if w.startswith("experiment="))]
+    )
 
 
 def _can_run(command: str) -> bool:
@@ -143,9 +127,10 @@ def _can_run(command: str) -> bool:
     return not experiment or configs.is_known("experiment", experiment)
 
 
-def _figure(plot: Plot) -> str:
-    caption = markdown_text(plot.caption)
-    return f"![{plot.name}]({_RESULTS}/figures/{plot.name}.{plot.kind})\n\n{caption}"
+def _figure(figure: Figure) -> str:
+    caption = markdown_text(str(figure.caption))
+    file = f"{_RESULTS}/figures/{figure.name}.{figure.kind}"
+    return f"![{figure.name}]({file})\n\n{caption}"
 
 
 def scene_list(results: Results) -> str:
@@ -191,14 +176,12 @@ def _counts(results: Results) -> dict[str, str]:
         found[run.scene_label] = (
             f"{scene.n:,} frames of {height} × {width} pixels; {len(scene.classes)} classes."
         )
-    frame = results.frame("recordings")
-    for name, every in of_scenes(frame, "recordings").items():
-        rows = every[every.split == "counts"]
-        if not len(rows) or "n_classes" not in rows:
-            continue
-        whole = found.get(name) or f"{rows.n_classes.iloc[0]:.0f} classes."
-        split = _split_of(rows.config.iloc[0]["splits"]["counts"])
-        found[name] = f"{whole} Test: {split}."
+    for name, every in by_scene(results.frame("recordings")).items():
+        rows = every[(every.split == "counts") & every.n_classes.notna()]
+        if len(rows):
+            first = rows.iloc[0]
+            whole = found.get(name) or f"{first.n_classes:.0f} classes."
+            found[name] = f"{whole} Test: {_split_of(first)}."
     return found
 
 
@@ -210,10 +193,13 @@ _SPLITS = {
 }
 
 
-def _split_of(split: Mapping[str, Any]) -> str:
-    """A split in words."""
-    share = f"{100 * split['test_fraction']:g} %"
-    return _SPLITS[split["kind"]].format(share=share, group=f"“{split['group']}”")
+def _split_of(line: pd.Series) -> str:
+    """The split that counts, in words."""
+    kind, group, fraction = (
+        line.get(f"splits.counts.{key}") for key in ("kind", "group", "test_fraction")
+    )
+    share = f"{100 * fraction:g} %"
+    return _SPLITS[kind].format(share=share, group=f"“{group}”")
 
 
 def _scene(name: str, counts: str) -> str:

@@ -14,12 +14,14 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+import pandas as pd
 
-from experiments.records.groups import Group
-from experiments.records.run import Finished
+from experiments.records.rows import unpack_labels
 from experiments.reporting.text import CAPTURED, kind_of
 from hdc.accuracy import wilson
 
+# Columns of runs that a paired difference needs.
+_PAIRED = ["seeds", "test_set", "origin", "n_test", "right", "labels", "predicted"]
 ONE_SENSOR = "of one sensor, Student over seeds"
 
 
@@ -134,50 +136,54 @@ def _rank_of_bound(n: int) -> int:
     return max(fitting, default=0)
 
 
-def share(group: Group) -> Estimate:
-    """Test accuracy, as :func:`mean_share`; one recording counts as one seed."""
-    shares, n = _shares(group)
-    if _are_of_one_recording(group.runs):
+def share(runs: pd.DataFrame) -> Estimate:
+    """Test accuracy of the runs of one row, as :func:`mean_share`; one recording counts as one
+    seed."""
+    shares, n = _shares(runs)
+    if are_of_one_recording(runs):
         shares = [float(np.mean(shares))]
     return mean_share(shares, n)
 
 
-def share_of_one_sensor(group: Group) -> Estimate:
+def share_of_one_sensor(runs: pd.DataFrame) -> Estimate:
     """Test accuracy, mean over seeds with the interval for one more sensor."""
-    shares, n = _shares(group)
+    shares, n = _shares(runs)
     return one_sensor(shares, least_variance(shares, n)).within(0, 1)
 
 
-def difference(
-    runs: Sequence[Finished], reference: Sequence[Finished]
-) -> Estimate | None:
+def difference(runs: pd.DataFrame, reference: pd.DataFrame) -> Estimate | None:
     """How much more accurate a model is than another, paired by seed; None without a pair.
 
     That test samples are the same is proven by the digest of their frames and labels. There is no
     interval on one recording.
     """
-    theirs = {_test_set(run): run.right for run in reference}
-    paired = [run for run in runs if _test_set(run) in theirs]
-    if not paired:
+    ours, theirs = runs[_PAIRED], reference[_PAIRED]
+    paired = ours.merge(
+        theirs, on=["seeds", "test_set"], suffixes=("", "_of_reference")
+    )
+    if not len(paired):
         return None
-    differences, disagree = [], 0
-    for run in paired:
-        right, other = run.right, theirs[_test_set(run)]
-        differences.append(float(right.mean() - other.mean()))
-        disagree += int((right != other).sum())
-    if _are_of_one_recording(paired):
-        return Estimate(float(np.mean(differences)))
-    n = float(np.mean([len(run.right) for run in paired]))
-    return mean_difference(differences, n, disagree)
+    differences = (paired.right - paired.right_of_reference) / paired.n_test
+    if are_of_one_recording(paired):
+        return Estimate(float(differences.mean()))
+    answers = zip(
+        paired.labels, paired.predicted, paired.predicted_of_reference, strict=True
+    )
+    disagree = sum(_disagree(*texts) for texts in answers)
+    n = float(paired.n_test.mean())
+    return mean_difference(differences.tolist(), n, disagree)
 
 
-def _are_of_one_recording(runs: Sequence[Finished]) -> bool:
-    """Whether their seeds only choose frames of one recording, all of one sensor."""
-    return kind_of(runs[0].scene.origin) == CAPTURED
+def _disagree(labels: str, predicted: str, other: str) -> int:
+    """On how many test samples one of two models is right and the other is not."""
+    truth = unpack_labels(labels)
+    right = unpack_labels(predicted) == truth
+    return int((right != (unpack_labels(other) == truth)).sum())
 
 
-def _test_set(run: Finished) -> tuple[str, str]:
-    return run.seeds, run.data_sha256.test
+def are_of_one_recording(runs: pd.DataFrame) -> bool:
+    """Whether the seeds of some runs only choose frames of one recording, all of one sensor."""
+    return kind_of(runs.origin.iloc[0]) == CAPTURED
 
 
 def crossing(
@@ -200,18 +206,6 @@ def crossing(
     return float(np.interp(level, y[pair], x[pair]))
 
 
-def training_time(run: Finished) -> float:
-    """Seconds in the paper's sense: of a model that learns by steps until its training accuracy
-    exceeded 90 % (infinite if it never did), of one that is solved, or learns in one pass, until it
-    is done."""
-    if not run.iterative:
-        return run.training_s
-    reached = run.time_to_target_train_s
-    if reached is not None:
-        return reached
-    return run.training_s if run.solved else math.inf
-
-
 def _student(
     values: Sequence[float],
     least: float,
@@ -229,8 +223,6 @@ def _student(
     return Estimate(mean, mean - half, mean + half)
 
 
-def _shares(group: Group) -> tuple[list[float], float]:
+def _shares(runs: pd.DataFrame) -> tuple[list[float], float]:
     """Share of right test samples in each run, and how many test samples a run has."""
-    shares = [float(run.right.mean()) for run in group.runs]
-    counts = [run.n_test for run in group.runs]
-    return shares, float(np.mean(counts))
+    return (runs.right / runs.n_test).tolist(), float(runs.n_test.mean())

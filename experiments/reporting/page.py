@@ -12,14 +12,14 @@ from pathlib import Path
 from urllib.parse import quote
 
 import jinja2
+import pandas as pd
 
-from experiments.reporting.against import Cell
-from experiments.reporting.study import Plot
+from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 
 ROWS = 30  # of a table that is not folded away
 _NUMBER = re.compile(
-    r"[-+−±×]?[\d,]*\.?\d+(e[-+]?\d+)?( [kM]?B)?( \[.*)?", re.IGNORECASE
+    r"[-+−±×>]? ?[\d,]*\.?\d+(e[-+]?\d+)?( [kM]?B)?( \[.*)?", re.IGNORECASE
 )
 _NOTHING = ("", "–")
 
@@ -31,7 +31,7 @@ class Section:
     Attributes:
         name: its anchor.
         title, text: heading, and what is asked.
-        tables, plots: its answers.
+        tables, figures: its answers.
         failures: what could not be made of it, a line each.
     """
 
@@ -39,7 +39,7 @@ class Section:
     title: str
     text: str
     tables: Sequence[Table]
-    plots: Sequence[Plot] = ()
+    figures: Sequence[Figure] = ()
     failures: Sequence[str] = ()
 
 
@@ -53,7 +53,7 @@ class Part:
         about: where the results are from.
         folder: of tables and figures, relative to the page.
         sections: unfolded if `unfolded`.
-        figures: those of the reference by name, relative to the page.
+        of_reference: figures of the reference by name, relative to the page.
     """
 
     name: str
@@ -62,17 +62,18 @@ class Part:
     folder: str
     sections: Sequence[Section]
     unfolded: bool = False
-    figures: Mapping[str, str] = field(default_factory=dict)
+    of_reference: Mapping[str, str] = field(default_factory=dict)
 
 
 def render(
-    parts: Sequence[Part], differing: Sequence[Cell], problems: Sequence[str]
+    parts: Sequence[Part], differing: pd.DataFrame, problems: Sequence[str]
 ) -> str:
     """The page's HTML.
 
     Args:
         parts: sets of results, one's own first.
-        differing: numbers of one's own that differ from the reference, which is shown beside them.
+        differing: numbers of one's own that differ from the reference, which is shown beside them
+            (:func:`experiments.reporting.compare.compare`).
         problems: what was left out, a line each.
     """
     environment = jinja2.Environment(
@@ -83,14 +84,12 @@ def render(
         lstrip_blocks=True,
     )
     environment.filters |= {"numeric": _numeric, "quote": quote}
-    beside = {
-        (cell.table.name, cell.index, cell.column): cell.bounds for cell in differing
-    }
+    place = differing[["table", "row", "column"]].itertuples(index=False, name=None)
     return environment.get_template("page.html").render(
         parts=parts,
-        differing=differing,
+        differing=differing.to_dict("records"),
         problems=problems,
-        beside=beside,
+        beside=dict(zip(place, differing.bounds, strict=True)),
         most_rows=ROWS,
     )
 

@@ -13,11 +13,11 @@ from matplotlib import pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.ticker import FuncFormatter
 
 from experiments.records import configs
-from experiments.records.rows import Row
-from experiments.reporting.columns import display_name, scene_name
-from experiments.reporting.text import frames_of, printable
+from experiments.reporting.columns import display_name
+from experiments.reporting.text import printable
 
 plt.switch_backend("Agg")  # without a display
 STYLE = Path(__file__).with_name("column.mplstyle")
@@ -29,6 +29,7 @@ PAPER: Any = {
     "ms": 7,
     "mew": 0.7,
 }
+DASHED: Any = {"color": "0.5", "lw": 0.8, "ls": (0, (4, 3)), "zorder": 0}
 LETTERS = "abcdefghijklmnopqrstuvwxyz"  # of panels
 _MOST_ENTRIES = 4  # of the legend of a panel
 _LINE = 60 / 3.4  # characters of a head's line, an inch
@@ -72,14 +73,11 @@ def look_of(model: str) -> dict[str, Any]:
     }
 
 
-def handle(model: str) -> Line2D:
-    """The legend's entry of a model."""
-    return Line2D(
-        [],
-        [],
-        label=literal(display_name(model)),
-        **look_of(model),
-    )
+def handle(model: str, width: int = 0) -> Line2D:
+    """The legend's entry of a model; its name in lines of so many characters."""
+    name = display_name(model)
+    label = wrapped(name, width) if width else literal(name)
+    return Line2D([], [], label=label, **look_of(model))
 
 
 def by_panel(models: Sequence[str]) -> list[Sequence[str]]:
@@ -88,20 +86,18 @@ def by_panel(models: Sequence[str]) -> list[Sequence[str]]:
     return [models[k : k + _MOST_ENTRIES] for k in places]
 
 
-def star(label: str) -> Line2D:
-    """The legend's entry of the paper's values."""
-    return Line2D([], [], label=label, **PAPER)
+def published_point(axes: Axes, model: str, x: float, y: float, size: float) -> None:
+    """The paper's value of a model, a star in its colour."""
+    colour, _, _ = style_of(model)
+    look: Any = {**PAPER, "mfc": colour, "ms": size, "mew": 0.6}
+    axes.plot(x, y, zorder=5, clip_on=False, **look)
 
 
-def head(
-    figure: Figure,
-    title: str,
-    details: Iterable[str],
-) -> None:
+def head(figure: Figure, title: str, details: str = "") -> None:
     """A title and, below it, what it is of; wrapped to the width of the figure."""
     lines = []
     width, _ = figure.get_size_inches()
-    for text in (title, *details):
+    for text in filter(None, (title, details)):
         lines += textwrap.wrap(text, round(_LINE * width))
     figure.suptitle(
         "\n".join(lines),
@@ -114,27 +110,6 @@ def head(
 def literal(text: str) -> str:
     """A name of the user's, in which matplotlib must not look for mathematics."""
     return printable(text).replace("$", r"\$")
-
-
-def title(
-    figure: Figure,
-    axes: Axes,
-    text: str,
-    rows: Sequence[Row],
-    split: str = "",
-) -> None:
-    """Title with the scene of rows of runs, the origin of its frames, and their split."""
-    seeds = sorted({line["seeds"] for line in rows if line["seeds"]})
-    details = []
-    if seeds:
-        ends = dict.fromkeys((seeds[0], seeds[-1]))
-        count = "–".join(map(str, ends))
-        count += " seed" if seeds[-1] == 1 else " seeds"
-        strip = ", grey: no error" if axes.get_yscale() == "log" else ""
-        scenes = ", ".join(dict.fromkeys(scene_name(line["scene"]) for line in rows))
-        frames = ", ".join(filter(None, [literal(scenes), frames_of(rows), split]))
-        details.append(f"{frames}, {count}, 95 % intervals{strip}")
-    head(figure, text, details)
 
 
 def wrapped(text: str, width: int) -> str:
@@ -153,4 +128,16 @@ def panel(
         loc="left",
         fontsize=6.5,
         pad=3,
+    )
+
+
+def legend_below(figure: Figure, handles: Iterable[Any], columns: int = 2) -> None:
+    """One legend below all panels."""
+    figure.legend(handles=list(handles), loc="outside lower center", ncols=columns)
+
+
+def plain_decades(axes: Axes) -> None:
+    """Decades of the x axis written out where they are short."""
+    axes.xaxis.set_major_formatter(
+        FuncFormatter(lambda x, _: f"{x:,g}" if 1e-3 <= x <= 1e5 else f"{x:.0e}")
     )

@@ -1,20 +1,22 @@
-"""A study: a question, and functions of a data frame that answer it as tables, figures and numbers.
+"""A study: a question, and what answers it: tables, figures of tables, and numbers of the paper.
 
-A study is a folder of ``experiments/studies`` with a module ``view`` that has a ``STUDY``::
+A study is a folder of ``experiments/studies``, or a module of one's own, that has a ``STUDY``::
 
-    def updates(frame):
-        return frame.groupby(["scene", "model", "method"], as_index=False)...
+    def by_model(frame):
+        return frame.groupby(["scene", "model"], as_index=False).error.mean()
 
+    ERRORS = Table("errors", by_model, of="my_experiment", key=("scene", "model"))
     STUDY = Study(
-        "drift",
-        "Drift and recalibration",
-        "How many new samples …?",
-        order=5,
-        tables=[Table("drift_updates", updates, of="drift", title="Accuracy after …")],
+        "mine",
+        "Errors",
+        "Which model errs least?",
+        order=20,
+        tables=[ERRORS],
+        figures=[Figure("errors", ERRORS, draw, title="Errors", caption="Error by model.")],
     )
 
-Each function takes the lines of :meth:`experiments.records.results.Results.frame` of the
-experiments that it names; a table's gives a data frame, a figure's draws on a figure.
+A table takes the lines of :meth:`experiments.records.results.Results.frame` of the experiments that
+it names. A figure draws the values of one table and nothing else.
 """
 
 from __future__ import annotations
@@ -23,86 +25,92 @@ import importlib
 import math
 import pkgutil
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass
 from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from experiments.records.results import Results
+from experiments.records import configs
+from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.table import (
-    Of,
-    Table,
-    Text,
-    commands_of,
-    experiments_of,
-    text_of,
-)
+from experiments.reporting.table import Table, Text
+from experiments.reporting.text import frames_of
 
 if TYPE_CHECKING:  # matplotlib is slow to load
-    from matplotlib.figure import Figure
+    from matplotlib.figure import Figure as Canvas
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
 
 
+MOST_NAMES = 2  # of scenes below a title; with more, each panel has its own
+
+
+def about(data: pd.DataFrame) -> str:
+    """What the values of a table are of, as far as its columns say it: scenes, frames, split, and
+    how many seeds."""
+    parts: list[str] = []
+    if "scene" in data:
+        scenes = [str(scene) for scene in data.scene.unique()]
+        names = map(scene_name, scenes)
+        parts += names if len(scenes) <= MOST_NAMES else []
+        parts.append(
+            frames_of(configs.scene_display(scene)["kind"] for scene in scenes)
+        )
+    if "split" in data:
+        parts += map(str, data.split.dropna().unique())
+    if "seeds" in data:
+        counts = sorted({int(count) for count in data.seeds if count})
+        ends = "–".join(map(str, dict.fromkeys((*counts[:1], *counts[-1:]))))
+        parts.append("1 seed" if ends == "1" else f"{ends} seeds")
+    return ", ".join(dict.fromkeys(filter(None, parts)))
+
+
 @dataclass(frozen=True)
-class Plot:
-    """A figure; it is drawn when it is needed.
+class Figure:
+    """A figure of a table; it is drawn when it is needed.
 
     Attributes:
         name: stem of its file, and its anchor on the page.
-        draws: takes a matplotlib figure and the frame.
-        of: the experiments whose lines it takes.
-        caption: what it shows; also the alternative text; may hold ``{frames}``.
+        table: whose values it draws. If the study does not show the table, its CSV lies beside the
+            figure.
+        draws: takes a matplotlib figure and the values.
+        title: above the figure; or a function of the values.
+        caption: what it shows; also the alternative text; or a function of the values.
+        details: below the title, what it is of; or a function of the values.
         size: width and height in inches.
-        kind: ``svg``, or ``webp`` for a figure made of pixels.
-        needs: whether there is anything to draw.
-        commands: what makes its results again; those of the records if there are none here.
-        frame: what it is drawn from.
+        kind: ``svg``, or ``webp`` for pictures of frames, whose values are no table.
+        commands: what makes its results again; those of the table if there are none here.
     """
 
     name: str
-    draws: Callable[[Figure, pd.DataFrame], None]
-    of: Of
+    table: Table
+    draws: Callable[[Canvas, pd.DataFrame], None]
     caption: Text
+    title: Text = ""
+    details: Text = about
     size: tuple[float, float] = (WIDTH, 2.6)
     kind: str = "svg"
-    needs: Callable[[pd.DataFrame], bool] = lambda _: True
     commands: Sequence[str] = ()
-    frame: pd.DataFrame = field(default_factory=pd.DataFrame)
 
-    def made(self, frame: pd.DataFrame) -> Iterator[Plot]:
-        """The figure of the frame of its experiments, if there is anything to draw."""
-        if self.needs(frame):
-            caption = text_of(self.caption, frame)
-            commands = commands_of(self.commands, frame)
-            yield replace(self, caption=caption, commands=commands, frame=frame)
-
-    def draw(self) -> Figure:
-        """The matplotlib figure."""
-        from experiments.reporting.plot import STYLE, plt  # --help need not wait for it
+    def draw(self, data: pd.DataFrame) -> Canvas:
+        """The matplotlib figure of some values."""
+        from experiments.reporting.plot import STYLE, head, literal, plt
 
         with plt.rc_context(fname=STYLE):
             figure = plt.figure(figsize=self.size, layout="constrained")
-            self.draws(figure, self.frame)
+            self.draws(figure, data)
+            texts = (self.title, self.details)
+            title, details = (text_of_figure(text, data) for text in texts)
+            if title:
+                head(figure, title, literal(details))
         return figure
 
 
-@dataclass(frozen=True)
-class Numbers:
-    """How numbers are made that the paper gives, too: of the experiments' own frames alone."""
-
-    make: Callable[[pd.DataFrame], Iterator[Quantity]]
-    of: Of
-    name: str = "its numbers"
-
-    def made(self, frame: pd.DataFrame) -> Iterator[Quantity]:
-        """The numbers, if there are lines."""
-        own = frame[~frame.elsewhere.astype(bool)]
-        if len(own):
-            yield from self.make(own)
+def text_of_figure(text: Text, data: pd.DataFrame) -> str:
+    """A title or a caption for some values."""
+    return text(data) if callable(text) else text
 
 
 @dataclass(frozen=True)
@@ -149,6 +157,20 @@ class Quantity:
 
 
 @dataclass(frozen=True)
+class Numbers:
+    """How numbers are made that the paper gives, too: of the experiments' own frames alone."""
+
+    make: Callable[[pd.DataFrame], Iterator[Quantity]]
+    of: Sequence[str]
+
+    def made(self, frame: pd.DataFrame) -> Iterator[Quantity]:
+        """The numbers, if there are lines."""
+        own = frame[~frame.elsewhere.astype(bool)] if len(frame) else frame
+        if len(own):
+            yield from self.make(own)
+
+
+@dataclass(frozen=True)
 class Study:
     """One question.
 
@@ -167,64 +189,8 @@ class Study:
     order: float
     front: bool = False
     tables: Sequence[Table] = ()
-    figures: Sequence[Plot] = ()
+    figures: Sequence[Figure] = ()
     numbers: Sequence[Numbers] = ()
-
-    def tables_of(
-        self, results: Results, failures: list[Failure] | None = None
-    ) -> Iterator[Table]:
-        """Its tables of these results.
-
-        Args:
-            results: records.
-            failures: takes what fails, so that the others are made all the same; None raises it.
-        """
-        return self._made("table", self.tables, results, failures)
-
-    def plots_of(
-        self, results: Results, failures: list[Failure] | None = None
-    ) -> Iterator[Plot]:
-        """Its figures of these results, not yet drawn; `failures` as :meth:`tables_of`."""
-        return self._made("figure", self.figures, results, failures)
-
-    def quantities_of(
-        self, results: Results, failures: list[Failure] | None = None
-    ) -> Iterator[Quantity]:
-        """Its numbers of these results; `failures` as :meth:`tables_of`."""
-        return self._made("numbers", self.numbers, results, failures)
-
-    def _made(
-        self,
-        kind: str,
-        asked: Sequence[Table | Plot | Numbers],
-        results: Results,
-        failures: list[Failure] | None,
-    ) -> Iterator[Any]:
-        """Results from the lines that each takes; nothing where there are none."""
-        for one in asked:
-            try:
-                frame = results.frame(*experiments_of(one.of))
-                if len(frame):
-                    yield from one.made(frame)
-            except Exception as error:
-                if failures is None:
-                    raise
-                failures.append(Failure(self.name, f"{kind} {one.name}", error))
-
-
-@dataclass(frozen=True)
-class Failure:
-    """A table, figure or number of a study that could not be made, and why."""
-
-    study: str
-    called: str
-    error: Exception
-
-    def __str__(self) -> str:
-        """One line."""
-        text = " ".join(str(self.error).split())
-        kind = type(self.error).__name__
-        return f"study {self.study} failed at {self.called}: {kind}: {text}"
 
 
 def studies(package: ModuleType) -> list[Study]:
@@ -240,21 +206,17 @@ def studies(package: ModuleType) -> list[Study]:
     )
 
 
-def own_studies(results: Results) -> list[Study]:
-    """Studies of a user's modules that made a measurement, by the ``STUDY`` of the same module.
+def own_study(module: str) -> Study:
+    """The study of a user's own module.
 
-    A module that cannot be imported from here has none: its rows stay in its records.
+    Raises:
+        ValueError: the module cannot be imported, or has no ``STUDY``.
     """
-    tasks = {measured.task for measured in results.measurements}
-    modules = {task.rpartition(".")[0] for task in tasks if task}
-    found = []
-    for name in sorted(modules):
-        if name.partition(".")[0] == "experiments":
-            continue
-        try:
-            module = importlib.import_module(name)
-        except ImportError:
-            continue
-        if hasattr(module, "STUDY"):
-            found.append(module.STUDY)
-    return found
+    try:
+        found = importlib.import_module(module)
+    except ImportError as error:
+        raise ValueError(f"--study {module}: {error}; set PYTHONPATH") from None
+    if not hasattr(found, "STUDY"):
+        raise ValueError(f"--study {module}: expected a name STUDY in it, found none")
+    study: Study = found.STUDY
+    return study

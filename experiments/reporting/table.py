@@ -1,9 +1,9 @@
-"""A table: how it follows from results, its values, and its cells in CSV, Markdown and LaTeX."""
+"""A table: how it follows from records, its values, and its cells in CSV, Markdown and LaTeX."""
 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -21,8 +21,8 @@ from experiments.reporting.text import (
 )
 
 MOST_COLUMNS = 8  # that are shown; a page has no room for more
-Of = str | Sequence[str]  # one experiment, or several; "runs" for single trainings
-Text = Any  # a str, or a function of the frame that gives one
+ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
+Text = str | Callable[[pd.DataFrame], str]  # a text, or what gives it from the values
 Columns = Mapping[str, Column] | Callable[[pd.DataFrame], Mapping[str, Column]]
 Names = Sequence[str] | Callable[[pd.DataFrame], Sequence[str]]
 
@@ -33,40 +33,47 @@ class Table:
 
     Attributes:
         name: stem of its files, and its anchor on the page.
-        make: from the frame of the experiments to the values; None where there are none.
-        of: the experiments whose lines it takes.
+        make: from the tidy frame of the experiments to the values, a data frame; no rows, or None,
+            where there are none.
+        of: the experiments whose lines it takes; ``runs`` stands for single trainings.
+        key: names of the columns that tell its rows apart, by which own results are compared with
+            the reference; nothing is compared without.
         title, note: what it shows, and how to read it; may hold ``{frames}`` and ``{machine}``.
         columns: how columns are shown, before :data:`COLUMNS`; or a function of the values.
         shown: names of the columns that are shown, in their order; or a function of the values;
             all but bounds, if empty.
-        key: names of the columns that tell its rows apart, by which own results are compared with
-            the reference; nothing is compared without.
         commands: what makes it again; those of the records if there are none here.
         data: the values, as the CSV has them.
     """
 
     name: str
-    make: Callable[[pd.DataFrame], pd.DataFrame | None] | None = None
-    of: Of = ()
+    make: Callable[[pd.DataFrame], pd.DataFrame | None]
+    of: str | Sequence[str]
+    key: Sequence[str] = ()
     title: Text = ""
     note: Text = ""
     columns: Columns = field(default_factory=dict)
     shown: Names = ()
-    key: Sequence[str] = ()
     commands: Sequence[str] = ()
     data: pd.DataFrame = field(default_factory=pd.DataFrame)
 
-    def made(self, frame: pd.DataFrame) -> Iterator[Table]:
+    @property
+    def experiments(self) -> tuple[str, ...]:
+        """Names of the experiments whose lines it takes."""
+        return (self.of,) if isinstance(self.of, str) else tuple(self.of)
+
+    def made(self, frame: pd.DataFrame) -> Table | None:
         """The table with the values that follow from the frame of its experiments, if any do."""
-        data = self.make(frame) if self.make else None
+        data = self.make(frame) if len(frame) else None
         if data is None or not len(data):
-            return
-        yield replace(
+            return None
+        return replace(
             self,
-            data=data,
-            title=text_of(self.title, frame),
-            note=text_of(self.note, frame),
-            commands=commands_of(self.commands, frame),
+            data=data.reset_index(drop=True),
+            title=text_of(self.title, data, frame),
+            note=text_of(self.note, data, frame),
+            commands=tuple(self.commands)
+            or tuple(dict.fromkeys(frame.command.dropna())),
         )
 
     @property
@@ -74,7 +81,7 @@ class Table:
         """Names of the columns that are shown; the CSV has all of them."""
         shown = self.shown(self.data) if callable(self.shown) else self.shown
         every = map(str, shown or self.data.columns)
-        values = [name for name in every if not name.endswith(("_low", "_high"))]
+        values = [name for name in every if not name.endswith(ENDS[1:])]
         return values[:MOST_COLUMNS]
 
     def column(self, name: str) -> Column:
@@ -106,12 +113,11 @@ class Table:
     def notes(self) -> str:
         """The note, after those of its columns."""
         of_columns = dict.fromkeys(self.column(name).note for name in self.names)
-        return " ".join(filter(None, [*of_columns, self.note]))
+        return " ".join(filter(None, [*of_columns, str(self.note)]))
 
     def csv(self) -> str:
         """Comma-separated values; a missing value is empty, numbers have six digits."""
-        shown = self.data.map(_exact) if len(self.data) else self.data
-        return shown.to_csv(index=False, lineterminator="\n")
+        return self.data.map(_exact).to_csv(index=False, lineterminator="\n")
 
     def tex(self) -> str:
         """The table as LaTeX, by pandas; it needs the package ``booktabs``."""
@@ -121,34 +127,38 @@ class Table:
         return escaped.to_latex(
             index=False,
             escape=False,
-            caption=tex_text(self.title),
+            caption=tex_text(str(self.title)),
             label=f"tab:{self.name}",
         )
 
-    def markdown(self) -> str:
-        """The table with its title above and its note below."""
+    def rows(self) -> str:
+        """Heads and cells in Markdown."""
         heads = self.heads
         lines = [heads, ["---"] * len(heads)]
         lines += [list(map(_lines, row)) for row in self.cells()]
-        table = "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+    def markdown(self) -> str:
+        """The table with its title above and its note below."""
         parts = [
-            f"**{markdown_text(self.title)}**",
-            table,
+            f"**{markdown_text(str(self.title))}**",
+            self.rows(),
             markdown_text(self.notes),
         ]
         return "\n\n".join(filter(None, parts)) + "\n"
 
 
-def experiments_of(of: Of) -> tuple[str, ...]:
-    """Names of experiments."""
-    return (of,) if isinstance(of, str) else tuple(of)
+def text_of(text: Text, data: pd.DataFrame, frame: pd.DataFrame) -> str:
+    """A text with the frames and the machine of the records put in.
 
-
-def text_of(text: Text, frame: pd.DataFrame) -> str:
-    """A text with the frames and the machine of the records put in."""
-    filled = str(text(frame) if callable(text) else text)
+    Args:
+        text: the text, or a function of the values.
+        data: the values.
+        frame: the lines of the records that they follow from.
+    """
+    filled = text(data) if callable(text) else text
     if "{frames}" in filled:
-        filled = filled.replace("{frames}", frames_of(frame.to_dict("records")))
+        filled = filled.replace("{frames}", frames_of(frame.origin.dropna()))
     if "{machine}" in filled:
         filled = filled.replace("{machine}", _machine(frame.iloc[0]))
     return filled
@@ -159,11 +169,6 @@ def _machine(line: pd.Series) -> str:
     if line.device not in (None, "cpu"):
         parts.insert(0, str(line.device))
     return ", ".join(parts)
-
-
-def commands_of(given: Sequence[str], frame: pd.DataFrame) -> tuple[str, ...]:
-    """Those given, else those that made the records, each once."""
-    return tuple(given) or tuple(dict.fromkeys(frame.command))
 
 
 def frame(

@@ -1,4 +1,4 @@
-"""Table I on the terminal, own models on every scene, and what to do next."""
+"""Tables on the terminal: Table I, own models on every scene, one table that is asked for."""
 
 from __future__ import annotations
 
@@ -17,6 +17,28 @@ _MOST = 20  # rows
 _WIDTHS = (23, 13, 12, 10, 13, 10, 9)  # of the columns of Table I: less than 100 signs
 
 
+def say(console: Console, lines: Iterable[str], style: str = "") -> None:
+    """Print lines as they are, whatever signs they have."""
+    for line in lines:
+        console.print(Text(printable(line), style), soft_wrap=True)
+
+
+def show(console: Console, table: Table, most: int | None = None) -> None:
+    """A table with its title and its note, or the first lines of it."""
+    cells = table.cells()
+    say(console, [str(table.title)])
+    console.print(_grid(table, cells[:most]))
+    if most is not None and len(cells) > most:
+        say(console, [f"{len(cells) - most} more: tables/{table.name}.csv"])
+    elif most is None:
+        say(console, [table.notes], "dim")
+
+
+def show_scenes(console: Console, table: Table) -> None:
+    """Own models on every scene, as many lines as a screen has."""
+    show(console, replace(table, shown=_OF_SCENES), _MOST)
+
+
 def show_table1(console: Console, table: Table, reference: Table | None = None) -> None:
     """Table I of a set of results: the cells of its file, and the note below them.
 
@@ -28,9 +50,9 @@ def show_table1(console: Console, table: Table, reference: Table | None = None) 
     for model, (name, *values) in theirs.items():
         if model not in measured:
             shown[model] = [f"{name} (reference)", *values]
-    console.print(Text(printable(table.title)), soft_wrap=True)
+    say(console, [str(table.title)])
     console.print(_grid(table, shown.values(), _WIDTHS))
-    console.print(Text(printable(table.note), "dim"))
+    say(console, [str(table.note)], "dim")
 
 
 def show_row(console: Console, table: Table, model: str, heads: bool) -> None:
@@ -38,15 +60,6 @@ def show_row(console: Console, table: Table, model: str, heads: bool) -> None:
     shown = _grid(table, [_cells(table)[model]], _WIDTHS)
     shown.show_header = heads
     console.print(shown)
-
-
-def show_scenes(console: Console, table: Table) -> None:
-    """Own models on every scene, as many lines as a screen has."""
-    few = replace(table, shown=_OF_SCENES)
-    cells = few.cells()
-    console.print(Text(printable(table.title)), _grid(few, cells[:_MOST]), sep="\n")
-    if len(cells) > _MOST:
-        console.print(f"{len(cells) - _MOST} more: tables/{table.name}.csv")
 
 
 def _cells(table: Table, measured: bool = False) -> dict[str, list[str]]:

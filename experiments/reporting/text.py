@@ -133,7 +133,7 @@ _SPLITS = {
 def split_name(split: Mapping[str, Any]) -> str:
     """A split of a config in words: ``random split, 20 % test``; nothing where it is unknown."""
     kind = split.get("kind")
-    if kind is None:
+    if not isinstance(kind, str):
         return ""
     name = _SPLITS.get(kind, f"split by {split.get('group')}")
     if kind == "session":  # one session trains, another tests
@@ -141,9 +141,8 @@ def split_name(split: Mapping[str, Any]) -> str:
     return f"{name}, {100 * split['test_fraction']:.0f} % test"
 
 
-def frames_of(rows: Iterable[Mapping[str, Any]]) -> str:
-    """The kinds of the frames of some rows: ``simulated frames``, ``captured frames`` …"""
-    origins = [str(row["origin"]) for row in rows if row.get("origin")]
+def frames_of(origins: Iterable[str]) -> str:
+    """The kinds of frames by their origins: ``simulated frames``, ``captured frames`` …"""
     kinds = sorted(set(map(kind_of, origins)))
     words = {COMPUTED: "frames computed from measured matrices"}
     return " and ".join(words.get(kind, f"{kind} frames") for kind in kinds)

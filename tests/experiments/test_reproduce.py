@@ -1,39 +1,47 @@
-"""The reproduction goes on after failures and interruptions and writes down what each step took."""
+"""The reproduction goes on after failures, kills and second calls; no step is done twice."""
 
 import io
 import os
 import signal
 import subprocess
 import sys
-import threading
 import time
 
-import pandas as pd
 import pytest
 from hydra import compose, initialize_config_dir
 from rich.console import Console
 
 from experiments import reproduce
+from experiments.records import locks
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
-from experiments.reporting.table import Table
-from experiments.reproduction import calls, claim, took
+from experiments.reproduction import make
 from experiments.reproduction.steps import WHAT, Step, claims, cost, steps
-from experiments.studies.claims import frozen
 
-NOTHING, FAILING = ("json.tool", "--help"), ("json.tool", "/nowhere")
+# A step: what it is called with is added to a file, after a while.
+WORK = """
+import pathlib, sys, time
+name, seconds, *status = sys.argv[1:]
+with pathlib.Path("{folder}", "begun").open("a") as file:
+    file.write(f"{{name}}\\n")
+time.sleep(float(seconds))
+with pathlib.Path("{folder}", "done").open("a") as file:
+    file.write(f"{{name}}\\n")
+sys.exit(int(status[0]) if status else 0)
+"""
 
 
 @pytest.fixture
-def commands(monkeypatch):
-    """The commands that were run; each is run in a moment, those on /nowhere fail."""
-    made = []
+def step(tmp_path, monkeypatch):
+    """step(name, seconds=0, status=0, **attributes) → one that notes that it ran."""
+    (tmp_path / "a_step_of_work.py").write_text(WORK.format(folder=tmp_path))
+    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{ROOT}")
+    monkeypatch.setattr(make, "digest_of_code", lambda: "of this code")
 
-    def run(step, mode, results, lanes, processes):
-        made.append(step.name)
-        return "failed with 1" if "/nowhere" in step.words else "finished"
+    def made(name, seconds=0, status=0, **attributes):
+        words = ("a_step_of_work", name, str(seconds), str(status))
+        return Step(name, words, 1, **attributes)
 
-    monkeypatch.setattr(calls, "carry_out", run)
     return made
 
 
@@ -41,36 +49,27 @@ def console():
     return Console(file=io.StringIO(), width=120, highlight=False)
 
 
+def lines(path):
+    return path.read_text().split() if path.exists() else []
+
+
 # The list -----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("mode", WHAT)
-def test_every_step_names_something_that_exists(mode):
+def test_every_step_names_something_that_exists_and_composes(mode):
     found = steps(mode)
     assert len({step.name for step in found}) == len(found)
-    for step in found:
-        assert step.minutes > 0, step.name
-        path = ROOT.joinpath(*step.words[0].split("."))
-        assert step.words[0] == "pytest" or path.with_suffix(".py").is_file()
-        for word in step.words[1:]:
-            key, _, value = word.partition("=")
-            for name in (
-                value.split(",")
-                if key in ("experiment", "model", "stop", "scene")
-                else ()
-            ):
-                assert (CONFIGS / key / f"{name}.yaml").is_file(), (step.name, word)
-
-
-@pytest.mark.parametrize("mode", WHAT)
-def test_every_step_composes(mode):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        for step in steps(mode):
+        for step in found:
+            assert step.minutes > 0, step.name
+            path = ROOT.joinpath(*step.words[0].split("."))
+            assert step.words[0] == "pytest" or path.with_suffix(".py").is_file()
             if step.words[0] == "experiments.run":
                 # A sweep takes several values of a key, a config one of them.
-                words = (w if "[" in w else w.partition(",")[0] for w in step.words[1:]
-                         if w != "-m")  # fmt: skip
-                assert "model" in compose("config", overrides=list(words)), step.name
+                words = [w if "[" in w else w.partition(",")[0] for w in step.words[1:]]
+                words = [word for word in words if word != "-m"]
+                assert "model" in compose("config", overrides=words), step.name
 
 
 def test_every_experiment_is_reproduced():
@@ -79,22 +78,37 @@ def test_every_experiment_is_reproduced():
     assert {f"experiment={name}" for name in there} <= words
 
 
-def test_a_step_without_the_data_it_needs_is_skipped_and_that_is_said(
-    commands, monkeypatch, tmp_path
+def test_every_claim_has_quick_steps_or_says_that_it_has_none():
+    for name in claims():
+        assert steps("full", name)
+        assert cost(steps("quick", name)) < reproduce.ASKS
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--claim", "nothing"], "--claim: expected one of softmax"),
+        (["--claim", "faults"], "add --full, or --quick"),
+        (["--step", "nothing"], "--step: expected one of table1"),
+        (["--claim", "networks_three_layers", "--quick"], "it has no step for --quick"),
+        (["--step", "recordings_gelsight"], "nothing is measured"),
+    ],
+)
+def test_what_cannot_be_run_is_refused_in_one_line(
+    words, said, capsys, tmp_path, monkeypatch
 ):
-    monkeypatch.delenv("SOME_DATA", raising=False)
-    shown = console()
-    found = [Step("one", NOTHING, 1, "SOME_DATA"), Step("two", NOTHING, 1)]
-    assert calls.run(found, "full", tmp_path, shown) == 0
-    assert commands == ["two"]
-    assert "SOME_DATA" in shown.file.getvalue()
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "mine"))
+    monkeypatch.setenv("COLUMNS", "500")
+    monkeypatch.delenv("MEASURED_DATA", raising=False)
+    assert reproduce.main(words) == 2
+    assert said in capsys.readouterr().out
+    assert not (tmp_path / "mine").exists()
 
 
-def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
+def test_the_list_runs_nothing(monkeypatch, capsys, tmp_path):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "mine"))
     monkeypatch.setenv("COLUMNS", "200")
     assert reproduce.main(["--list", "--quick"]) == 0
-    assert not commands
     assert not (tmp_path / "mine").exists()
     shown = capsys.readouterr().out
     assert all(step.name in shown for step in steps("quick"))
@@ -103,227 +117,106 @@ def test_the_list_runs_nothing(monkeypatch, capsys, commands, tmp_path):
 # Running it ---------------------------------------------------------------------------------------
 
 
-def test_it_goes_on_after_a_failure_and_tells_of_it_at_the_end(tmp_path, commands):
+def test_it_goes_on_after_a_failure_and_the_same_call_tries_it_again(
+    step, tmp_path, capfd
+):
+    found = [step("one"), step("two", status=3), step("three", needs="SOME_DATA")]
+    found.append(step("four"))
     out = console()
-    chosen = [
-        Step("one", NOTHING, 1),
-        Step("two", FAILING, 90),
-        Step("three", NOTHING, 1),
+    assert make.run(found, "full", tmp_path, out) == 1
+    assert lines(tmp_path / "done") == ["one", "two", "four"]
+    said = out.file.getvalue()
+    assert "SOME_DATA" in said
+    assert "failed: two" in said.splitlines()[-1]
+    assert "2 of 3: two; about 2 min left" in capfd.readouterr().out
+    assert make.run(found, "full", tmp_path, console()) == 1
+    assert lines(tmp_path / "done") == ["one", "two", "four", "two"]
+
+
+def test_other_code_and_the_other_mode_begin_anew(step, tmp_path, monkeypatch):
+    for _ in range(2):
+        make.run([step("one")], "full", tmp_path, console())
+    assert lines(tmp_path / "done") == ["one"]
+    make.run([step("one")], "quick", tmp_path, console())
+    monkeypatch.setattr(make, "digest_of_code", lambda: "of other code")
+    make.run([step("one")], "full", tmp_path, console())
+    assert lines(tmp_path / "done") == ["one"] * 3
+
+
+def test_timed_steps_run_first_and_alone_the_others_side_by_side(step, tmp_path):
+    untimed = [step(name, 0.5, timed=False) for name in "ab"]
+    timed = [step(name, 0.2) for name in "cd"]
+    assert make.run([*untimed, *timed], "full", tmp_path, console()) == 0
+    begun, done = lines(tmp_path / "begun"), lines(tmp_path / "done")
+    assert done[:2] == begun[:2] == ["c", "d"]
+    seconds = [
+        int((make.folder_of_stamps(tmp_path, "full") / name).read_text())
+        for name in "ab"
     ]
-    assert calls.run(chosen, "full", tmp_path, out) == 1
-    assert commands == ["one", "two", "three"]
-    assert "failed: two" in out.file.getvalue().splitlines()[-1]
-    assert calls.run(chosen[:1], "full", tmp_path, console()) == 0
+    assert all(0 <= each <= 30 for each in seconds)
+    assert sorted(begun[2:]) == ["a", "b"]
 
 
-def test_seconds_memory_and_status_of_commands(tmp_path):
-    (tmp_path / "large.py").write_text("held = bytearray(b'x' * 600_000_000)")
+def call(folder, *names, seconds):
+    """A process that carries out steps of so many seconds."""
     code = (
-        "from pathlib import Path; from experiments.reproduction.calls import Step, carry_out\n"
-        "for name in ('large', 'this', 'nowhere'):\n"
-        f"    carry_out(Step(name, (name,), 1), 'full', Path({str(tmp_path)!r}))"
+        "import pathlib, sys; from rich.console import Console\n"
+        "from experiments.records import locks\n"
+        "from experiments.reproduction import make\n"
+        "from experiments.reproduction.steps import Step\n"
+        "make.digest_of_code = lambda: 'of this code'\n"
+        f"found = [Step(n, ('a_step_of_work', n, '{seconds}'), 1) for n in {names}]\n"
+        "try:\n"
+        f"    status = make.run(found, 'full', pathlib.Path({str(folder)!r}), Console())\n"
+        "except locks.Held:\n"
+        "    status = locks.LEFT\n"
+        "sys.exit(status)\n"
     )
-    # In a process of its own: a child's peak counts from what its parent holds.
-    subprocess.run(
-        [sys.executable, "-c", code], cwd=ROOT, capture_output=True, check=True,
-        env={**os.environ, "PYTHONPATH": f"{ROOT}{os.pathsep}{tmp_path}"},
-    )  # fmt: skip
-    large, small, failed = (took.read(tmp_path)[name, "full"]
-                            for name in ("large", "this", "nowhere"))  # fmt: skip
-    assert [row["status"] for row in (large, small, failed)] == [
-        "finished", "finished", "failed with 1",
-    ]  # fmt: skip
-    assert int(large["peak_bytes"]) > 6e8 > 2 * int(small["peak_bytes"]) > 1e7
-    assert 0 < float(small["seconds"]) < 60
-    assert large["command"] == "python -m large"
+    return subprocess.Popen([sys.executable, "-c", code], start_new_session=True)
 
 
-# What it took -------------------------------------------------------------------------------------
-
-ROW = {"step": "hdc", "mode": "full", "command": "c", "commit": "a"}
-
-
-def noted(folder, *calls, **more):
-    for seconds, status in calls:
-        row = {**ROW, "seconds": seconds, "peak_bytes": 7, "status": status, **more}
-        took.end(folder, row, took.begin(folder, row))
-    (row,) = took.read(folder).values()
-    return float(row["seconds"]), row["status"]
+def wait_for(condition, seconds=60):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.02)
 
 
-@pytest.mark.parametrize(
-    ("calls", "expected"),
-    [
-        (["40 interrupted", "30 interrupted", "5 finished"], (75, "finished")),
-        (["40 failed with 1", "30 finished"], (70, "finished")),
-        (["40 finished", "1 finished"], (40, "finished")),
-        (["40 finished", "1 interrupted"], (40, "finished")),
-        (["40 finished", "1 failed with 2"], (40, "finished")),
-    ],
-    ids=str,
-)
-def test_calls_of_a_step_add_up_until_it_is_finished(tmp_path, calls, expected):
-    pairs = [call.split(" ", 1) for call in calls]
-    assert noted(tmp_path, *((float(s), status) for s, status in pairs)) == expected
+def test_a_kill_in_the_middle_loses_one_step(step, tmp_path):
+    step("one")
+    process = call(tmp_path, "one", "two", "three", seconds=2)
+    wait_for(lambda: "two" in lines(tmp_path / "begun"))
+    os.killpg(process.pid, signal.SIGKILL)
+    process.wait()
+    assert lines(tmp_path / "done") == ["one"]
+    assert call(tmp_path, "one", "two", "three", seconds=0).wait(60) == 0
+    assert lines(tmp_path / "done") == ["one", "two", "three"]
 
 
-def test_another_command_of_a_step_begins_anew(tmp_path):
-    noted(tmp_path, (40.0, "interrupted"))
-    assert noted(tmp_path, (5.0, "finished"), command="d") == (5, "finished")
+def test_a_second_call_at_once_leaves_it_to_the_first(step, tmp_path):
+    step("one")
+    first = call(tmp_path, "one", seconds=4)
+    wait_for(lambda: "one" in lines(tmp_path / "begun"))
+    assert call(tmp_path, "one", seconds=0).wait(60) == locks.LEFT
+    assert first.wait(60) == 0
+    assert lines(tmp_path / "done") == ["one"]
 
 
-def test_a_call_that_is_killed_is_one_that_broke_off(tmp_path):
-    noted(tmp_path, (40.0, "finished"))
-    row = {**ROW, "seconds": 0.0, "peak_bytes": 0, "status": "interrupted"}
-    for commit, status in (("a", "finished"), ("b", "interrupted")):
-        took.begin(tmp_path, {**row, "commit": commit})
-        (found,) = took.read(tmp_path).values()
-        assert (found["seconds"], found["status"]) == (40, status)
-        assert found["peak_bytes"] == 7  # what earlier calls needed is not forgotten
+def test_an_end_by_signal_ends_the_steps(step, tmp_path):
+    step("one")
+    process = call(tmp_path, "one", "two", seconds=30)
+    wait_for(lambda: "one" in lines(tmp_path / "begun"))
+    os.killpg(process.pid, signal.SIGINT)
+    assert process.wait(60) == 128 + signal.SIGINT
+    assert lines(tmp_path / "done") == []
 
 
-# Two at a time ------------------------------------------------------------------------------------
-
-
-def test_steps_that_time_nothing_run_two_at_a_time_with_one_thread(
-    tmp_path, monkeypatch
-):
-    (tmp_path / "meeting.py").write_text(
-        "import os, sys, time\n"
-        "from pathlib import Path\n"
-        "me, other = sys.argv[1:3]\n"
-        "Path(me).touch()\n"
-        "limit = time.monotonic() + 20\n"
-        "while not Path(other).exists():\n"
-        "    assert time.monotonic() < limit\n"
-        "    time.sleep(0.01)\n"
-        "assert os.environ['OMP_NUM_THREADS'] == '1'\n"
-    )
-    monkeypatch.setenv("PYTHONPATH", str(tmp_path))
-    monkeypatch.setenv("OMP_NUM_THREADS", "7")
-    places = [str(tmp_path / name) for name in ("a", "b")]
-    chosen = [
-        Step("one", ("meeting", *places), 1, timed=False),
-        Step("two", ("meeting", *places[::-1]), 1, timed=False),
-    ]
-    assert calls.run(chosen, "full", tmp_path, console()) == 0
-    rows = took.read(tmp_path).values()
-    assert [row["lanes"] for row in rows] == [2, 2]
-    assert sum(map(took.wall_seconds, rows)) < 20
-
-
-def test_timed_steps_have_the_machine_alone(tmp_path, monkeypatch):
-    together, running = {}, set()
-    lock = threading.Lock()
-
-    def call(step, mode, results, lanes, processes):
-        with lock:
-            running.add(step.name)
-        time.sleep(0.05)
-        with lock:
-            together[step.name] = set(running)
-            running.remove(step.name)
-        return "finished"
-
-    monkeypatch.setattr(calls, "carry_out", call)
-    found = [Step(str(k), NOTHING, 1, timed=k in (2, 5)) for k in range(7)]
-    assert calls.run(found, "full", tmp_path, console()) == 0
-    assert together["2"] == {"2"}
-    assert together["5"] == {"5"}
-    assert {"0", "1"} <= together["0"] | together["1"]
-    assert max(map(len, together.values())) == 2
-
-
-def test_after_the_running_commands_were_ended_none_begins():
-    processes = calls.Processes()
-    waiting = [sys.executable, "-c", "import time; time.sleep(60)"]
-    process = processes.start(waiting, os.environ)
-    processes.end()
-    assert process.wait(20) == -signal.SIGTERM
-    with pytest.raises(KeyboardInterrupt):
-        processes.start(waiting, os.environ)
-
-
-def test_a_run_that_times_nothing_has_one_thread_and_does_not_wait():
-    step = Step("one", ("experiments.run", "-m", "threads=1"), 1, timed=False)
-    assert step.command == "python -m experiments.run -m threads=1 exclusive=false"
-    assert Step("one", ("experiments.run",), 1).command == "python -m experiments.run"
-
-
-# Claims -------------------------------------------------------------------------------------------
-
-
-def test_every_claim_has_steps_and_every_step_serves_claims_that_there_are():
-    assert set(claims()) == set(frozen.rules().claims)
-    for name in set(claims()) - {
-        "networks_one_layer",
-        "networks_three_layers",
-    }:  # too long
-        assert steps("quick", name), name
-        assert cost(steps("quick", name)) < reproduce.ASKS
-
-
-def test_a_claim_runs_its_steps_and_no_others_and_shows_its_rule(
-    commands, tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
-    assert reproduce.main(["--claim", "contrast"]) == 0
-    assert set(commands) == {step.name for step in steps("full", "contrast")}
-    said = capsys.readouterr().out
-    assert "Prototypes sharpen the contrast" in said
-    assert "rule sharper" in said
-    assert "no evidence of it yet" in said
-
-
-def test_a_long_claim_asks_for_full_and_an_unknown_one_is_named(
-    commands, capsys, tmp_path, monkeypatch
-):
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    monkeypatch.setattr(reproduce, "ASKS", 10)
-    assert reproduce.main(["--claim", "softmax"]) == 2
-    assert "add --full, or --quick" in capsys.readouterr().out
-    assert reproduce.main(["--claim", "nothing"]) == 2
-    assert "expected one of" in capsys.readouterr().out
-    assert commands == []
-    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
-    assert reproduce.main(["--claim", "softmax", "--full"]) == 0
-    assert set(commands) == {step.name for step in steps("full", "softmax")}
-
-
-def test_what_the_quick_form_does_not_measure_is_not_offered_quickly(commands, capsys):
-    assert reproduce.main(["--claim", "networks_three_layers", "--quick"]) == 2
-    assert "no step for --quick" in capsys.readouterr().out
-    assert commands == []
-
-
-def test_own_numbers_of_a_claim_stand_beside_the_reference(
-    tmp_path, write_measurement, monkeypatch
-):
-    shown = console()
-    reference = tmp_path / "reference"
-    reference.mkdir()
-    monkeypatch.setattr(claim, "REFERENCE", reference)
-    tables = {
-        tmp_path: [("one", 0.1, "yes")],
-        reference: [("one", 0.2, "yes"), ("two", 0.3, "no")],
-    }
-
-    def made(folder):
-        rows = [
-            {"claim": "contrast", "evidence": name, "value": value, "value_low": value,
-             "value_high": value, "word": word}
-            for name, value, word in tables[folder]
-        ]  # fmt: skip
-        yield (
-            "some",
-            Table("some", data=pd.DataFrame(rows), key=("claim", "evidence")),
-        )
-
-    monkeypatch.setattr(claim, "_tables", made)
-    claim.show("contrast", tmp_path, shown)
-    said = shown.file.getvalue()
-    (row,) = (line for line in said.splitlines() if line.strip().startswith("one"))
-    numbers = "0.100 [0.100, 0.100] 0.200 [0.200, 0.200]"
-    assert " ".join(row.split()) == f"one {numbers} yes yes"
-    assert "not measured here, in the reference: two" in said
+def test_code_and_configs_have_a_digest(tmp_path, monkeypatch):
+    for name, text in (("hdc/a.py", "x = 1"), ("configs/b.yaml", "y: 1")):
+        path = tmp_path / name
+        path.parent.mkdir()
+        path.write_text(text)
+    monkeypatch.setattr(make, "ROOT", tmp_path)
+    before = make.digest_of_code()
+    (tmp_path / "configs" / "b.yaml").write_text("y: 2")
+    assert make.digest_of_code() != before

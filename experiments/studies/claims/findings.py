@@ -1,252 +1,198 @@
-"""Findings in a few sentences, for the first screen of README.
+"""Findings in a few sentences, for the first screen of README: findings.yaml, filled from tables.
 
-Which words a sentence has follows from the verdict, so that none outlives its numbers; a claim that
-was not measured has no sentence.
+A field of a sentence is ``{row.column:format}``, where ``row`` is a row that the finding names, and
+``format`` is one of :data:`FORMATS`, with `` interval`` after it if the bounds are to follow.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
 
+import msgspec
 import pandas as pd
+from omegaconf import OmegaConf
 
+from experiments.reporting.answers import Answers
 from experiments.reporting.columns import display_name, scene_name
-from experiments.reporting.estimates import Estimate
-from experiments.reporting.measured import ENDS
-from experiments.reporting.text import interval, number, two_digits
-from experiments.studies.claims import contest
-from experiments.studies.claims.evidence import Evidence
-from experiments.studies.claims.frozen import rules
-from experiments.studies.claims.piece import CONFIRMATORY
-from experiments.studies.claims.rules import NO, PARTLY, UNDECIDED, YES
-from experiments.studies.claims.verdict import Verdict, equal_weights
-from experiments.studies.claims.view import OF as OF_CLAIMS
-from experiments.studies.claims.view import every_piece, judged
-from experiments.studies.table1.models import DESCENT
-from experiments.studies.table1.rows import AT_PAPERS, OVER_NUMPY
+from experiments.reporting.table import ENDS
+from experiments.reporting.text import interval, percent, two_digits
 
-OF = (*OF_CLAIMS, contest.rules().experiment)
-LAST = (
-    "**No public recording is of the paper's sensor.** Diffusers (captured) and fibres (computed) "
-    "show laser speckle. The others show a gel, a skin with pins, or plastic fibres."
-)
-RAW, STRONGER = rules().rivals  # the second is the stronger one on most recordings
-PUBLISHED, EXTENDED = rules().forms["published"], rules().forms["mended"]
-# Verdicts against both baselines together: no, if one is no; partly, if one is yes.
-RECOGNISES = {
-    YES: "is more accurate than converged softmax",
-    NO: "is not more accurate than converged softmax",
-    PARTLY: "is more accurate than converged softmax on {frames} frames",
-    UNDECIDED: "may or may not be more accurate than converged softmax",
+PATH = Path(__file__).with_name("findings.yaml")
+FORMATS: Mapping[str, Callable[[Any], str]] = {
+    "": str,
+    "points": lambda value: f"{value:+.1f}".replace("-", "−"),
+    "percent": percent,
+    "two": two_digits,
+    "count": "{:.0f}".format,
+    "model": display_name,
+    "scene": scene_name,
 }
-KEEPS_UP = {
-    YES: "keeps up with converged softmax",
-    NO: "does not keep up with converged softmax",
-    PARTLY: "keeps up with converged softmax on {frames} frames",
-    UNDECIDED: "may or may not keep up with converged softmax",
-}
-# The verdict of rules 3.
-LOSES = {
-    YES: "lose nothing",
-    NO: "lose accuracy",
-    UNDECIDED: "may or may not lose accuracy",
-}
-# Test accuracies closer than this are called equal, in points.
-EQUAL = 0.5
 
 
-def findings(
-    frame: pd.DataFrame,
-    costs: pd.DataFrame | None = None,
-    table1: pd.DataFrame | None = None,
-) -> list[str]:
-    """Sentences in Markdown, the answer first.
+class Ratio(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A column of one model relative to that of another, on each recording at its largest n."""
 
-    Args:
-        frame: the lines of the experiments that claims and the contest read (:data:`OF`).
-        costs: the table ``recording_costs``; None where it was not measured.
-        table1: the table ``table1``; None where it was not measured.
+    table: str
+    column: str
+    model: str
+    over: str
+
+
+class Finding(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A sentence, or one of several.
+
+    Attributes:
+        text: the sentence.
+        rows: by name, a ``table`` and the values that tell one of its rows.
+        ratios: by name; has the columns ``least`` and ``most``.
+        texts: a sentence for each ``word`` that these fields give, or for ``yes`` and ``no``:
+            whether the inequality ``holds``.
     """
-    found = {(name, rival): verdict for name, rival, verdict, _ in judged(frame)}
-    extended = _recognition(found, "accuracy_mended", _extended(), KEEPS_UP)
-    sentences = [
-        *_recognition(found, "accuracy", "Published HDC", RECOGNISES),
-        *_contest(frame),
-        *(sentence + _cost(costs) for sentence in extended),
-        *_unseen(frame),
-        *_times(found),
-        *_order(table1),
-    ]
-    return [*sentences, LAST] if sentences else []
+
+    text: str = ""
+    rows: dict[str, dict[str, Any]] = {}
+    ratios: dict[str, Ratio] = {}
+    word: str = ""
+    holds: str = ""
+    texts: dict[str, str] = {}
 
 
-def _extended() -> str:
-    """The extended form, in words."""
-    levels = rules().mended["thresholds"]
-    return f"Extended HDC, with {levels} levels per pixel and LDA,"
+class NotMeasured(Exception):
+    """A table or a number is not there yet."""
 
 
-def _recognition(
-    found: dict[tuple[str, str], Verdict],
-    claim: str,
-    who: str,
-    words: dict[str, str],
-) -> Iterator[str]:
-    """HDC against softmax regression of standardised and of raw frames, the answer first."""
-    verdicts = [found.get((claim, rival)) for rival in (STRONGER, RAW)]
-    if None in verdicts:
-        return
-    known = [verdict for verdict in verdicts if verdict is not None]
-    given = {_with_equal_weights(verdict) for verdict in known}
-    together = given.pop() if len(given) == 1 else NO if NO in given else PARTLY
-    parts, won = [], []
-    for verdict, frames in zip(known, ("standardised", "raw"), strict=True):
-        won += [frames] * (_with_equal_weights(verdict) == YES)
-        part = f"{_number(verdict.pooled.mean)} on {frames} frames, *{verdict.word}*"
-        if verdict.word == YES and verdict.decided_by:
-            equal = _number(equal_weights(verdict.decided_by))
-            part += f" (with equal weights {equal}, *{_with_equal_weights(verdict)}*)"
-        parts.append(part)
-    head = f"{who} {words[together].format(frames=' and '.join(won))}"
-    units = known[0].pooled.units
-    yield f"**{head}**: {'; '.join(parts)} (means over {units} laboratories)."
+@dataclass(frozen=True)
+class Cell:
+    """A number or a text with its bounds, as a field of a sentence."""
+
+    value: Any
+    bounds: tuple[Any, Any]
+
+    def __format__(self, text: str) -> str:
+        name, _, with_bounds = text.partition(" ")
+        if name not in FORMATS or with_bounds not in ("", "interval"):
+            known = ", ".join(filter(None, FORMATS))
+            raise ValueError(f"format: expected one of {known}, found {text}")
+        if self.value is None or pd.isna(self.value):
+            raise NotMeasured
+        show = FORMATS[name]
+        unit = " points" if name == "points" and with_bounds else ""
+        if not with_bounds or any(map(pd.isna, self.bounds)):
+            return show(self.value) + unit
+        return interval(show(self.value) + unit, *map(show, self.bounds))
 
 
-def _with_equal_weights(verdict: Verdict) -> str:
-    """The verdict, where a yes also needs the interval of laboratories of equal weight, as rules 3
-    have it: a laboratory whose loss is large and uncertain hardly counts in random effects."""
-    if verdict.word != YES or not verdict.decided_by:
-        return verdict.word
-    low = equal_weights(verdict.decided_by).low
-    return YES if low > -rules().margin else UNDECIDED
+class Line:
+    """A row whose columns are attributes, as fields of a sentence have them."""
+
+    def __init__(self, where: str, values: Mapping[str, Any]) -> None:
+        self._where, self._values = where, values
+
+    def __getattr__(self, name: str) -> Cell:
+        if name not in self._values:
+            known = ", ".join(self._values)
+            raise ValueError(f"{self._where} has no column {name}; it has {known}")
+        low, high = (self._values.get(f"{name}{end}") for end in ENDS[1:])
+        return Cell(self._values[name], (low, high))
 
 
-def _contest(frame: pd.DataFrame) -> Iterator[str]:
-    """Bits against grey values by rules 3, and on the recordings that no model had seen."""
-    evidence = Evidence(frame)
-    whole = contest.verdict(contest.measured(evidence))
-    if whole is None:
-        return
-    listed, left = contest.rules().recordings, contest.missing(evidence)
-    text = (
-        f"**Chosen alike on training frames, one to seven bits per pixel {LOSES[whole.word]} "
-        f"against grey values**: {_number(whole.equal)} with equal weights, "
-        f"{_number(whole.random)} by random effects, *{whole.word}* ({whole.units} laboratories)."
-    )
-    if left:
-        text = (
-            "**Bits against grey values, chosen alike on training frames**: no verdict yet, "
-            f"{len(listed) - len(left)} of {len(listed)} recordings are measured."
+def findings(answers: Answers) -> list[str]:
+    """Sentences in Markdown, in their order; none of what was not measured.
+
+    Raises:
+        ValueError: naming the finding and what of it the tables do not have.
+    """
+    sentences = []
+    for place, finding in enumerate(_read(), 1):
+        try:
+            sentences.append(_sentence(finding, answers))
+        except NotMeasured:
+            continue
+        except ValueError as error:
+            raise ValueError(f"{PATH.name}, finding {place}: {error}") from None
+    return sentences
+
+
+def _read() -> list[Finding]:
+    """The findings of the file.
+
+    Raises:
+        ValueError: naming the file and the key that is wrong.
+    """
+    try:
+        return msgspec.convert(
+            OmegaConf.to_container(OmegaConf.load(PATH)), list[Finding]
         )
-    for scene, difference in contest.confirmed(evidence).items():
-        word = contest.word_of(difference)
-        text += f" {scene_name(scene)}, unseen before: {_number(difference)}, *{word}*."
-    yield text
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{PATH}: {error}") from None
 
 
-def _cost(costs: pd.DataFrame | None) -> str:
-    """How much longer the extended form trains than the published one, over recordings."""
-    if costs is None:
-        return ""
-    at_most = costs[costs.n == costs.groupby("recording").n.transform("max")]
-    times = at_most.pivot_table(index="recording", columns="model", values="fit_s")
-    if not {PUBLISHED, EXTENDED} <= set(times.columns):
-        return ""
-    ratio = (times[EXTENDED] / times[PUBLISHED]).dropna()
-    low, high = number(ratio.min(), 2), number(ratio.max(), 2)
-    return f" Training takes {low} to {high} times as long as for the published form."
-
-
-def _unseen(frame: pd.DataFrame) -> Iterator[str]:
-    """Both forms on each recording that no model had classified when the rules were frozen."""
-    found: dict[str, dict[str, float]] = {}
-    for piece in every_piece(frame):
-        unseen = piece.status == CONFIRMATORY and piece.enters
-        if unseen and piece.rival == STRONGER:
-            of_recording = found.setdefault(piece.evidence, {})
-            of_recording[piece.claim] = piece.estimate.value
-    parts = []
-    for recording, values in found.items():
-        if {"accuracy", "accuracy_mended"} <= set(values):
-            published = _points(values["accuracy"])
-            extended = _points(values["accuracy_mended"])
-            name = scene_name(recording)
-            parts.append(f"{name}: {published} published, {extended} extended")
-    if parts:
-        yield (
-            "**Recordings unseen when the rules were fixed**, points relative to "
-            f"converged softmax on standardised frames. {'; '.join(parts)}."
+def _sentence(finding: Finding, answers: Answers) -> str:
+    lines = {name: _line(wanted, answers) for name, wanted in finding.rows.items()}
+    lines |= {name: _ratio(wanted, answers) for name, wanted in finding.ratios.items()}
+    if not finding.texts:
+        return _filled(finding.text, lines)
+    word = _filled(finding.word, lines)
+    if finding.holds:
+        word = "yes" if pd.eval(_filled(finding.holds, lines)) else "no"
+    if word not in finding.texts:
+        raise ValueError(
+            f"texts: expected one for {word}, found {', '.join(finding.texts)}"
         )
+    return _filled(finding.texts[word], lines)
 
 
-def _times(found: dict[tuple[str, str], Verdict]) -> Iterator[str]:
-    """How much longer baselines train than HDC in the same implementation."""
-    parts = []
-    for claim, rival, name in (
-        ("softmax", "softmax_dual", "converged softmax"),
-        ("networks_one_layer", "cnn1", "the CNN of one layer"),
-        ("networks_three_layers", "cnn3", "the CNN of three layers"),
-    ):
-        verdict = found.get((claim, rival))
-        if verdict is not None:
-            least = interval(*map(two_digits, verdict.pooled.mean))
-            parts.append(f"{name} ×{least}, *{verdict.word}*")
-    if parts:
-        yield (
-            "**Training time relative to published HDC**, in the implementation that favours the "
-            f"other model most: {'; '.join(parts)} (*yes*: at least ten in every implementation)."
-        )
+def _filled(text: str, lines: Mapping[str, Line]) -> str:
+    try:
+        return text.format(**lines)
+    except KeyError as error:
+        known = ", ".join(lines)
+        raise ValueError(f"rows: expected {error}, found {known}") from None
 
 
-def _order(table1: pd.DataFrame | None) -> Iterator[str]:
-    """Test accuracies of the paper's models where training passes 90 %, and after it converged;
-    then softmax by full-batch descent, which ends at a limit of steps."""
-    if table1 is None:
-        return
-    measured = table1[table1.test_accuracy_final.notna()].set_index("model")
-    rows = measured[measured.published_test_accuracy.notna()]
-    rows = rows.drop(DESCENT, errors="ignore")
-    early, late = 100 * rows.test_accuracy_at_target, 100 * rows.test_accuracy_final
-    if PUBLISHED not in rows.index or len(rows) < 2 or early.isna().any():
-        return
-    others = early.drop(PUBLISHED)
-    ahead = early[PUBLISHED] - others.max() >= EQUAL
-    equal = late.max() - late.min() < EQUAL
-    head = "Table I"
-    if ahead and equal:
-        head = "HDC leads Table I only where training stops early"
-    listed = (f"{display_name(model)} {number(of, 3)} %" for model, of in early.items())
-    converged = (number(of, 3) for of in ([late.min()] if equal else late))
-    yield (
-        f"**{head}**. Test accuracy at 90 % training accuracy: {'; '.join(listed)}. "
-        f"Converged: {', '.join(converged)} %.{_descent(measured)}"
+def _values(name: str, answers: Answers) -> pd.DataFrame:
+    """The values of a table of some study."""
+    known = [table.name for study in answers.studies for table in study.tables]
+    if name not in known:
+        raise ValueError(f"table: expected one of {', '.join(known)}, found {name}")
+    table = answers.table(name)
+    if table is None:
+        raise NotMeasured
+    return table.data
+
+
+def _line(wanted: Mapping[str, Any], answers: Answers) -> Line:
+    """The only row of a table that has these values; an empty one stands for none."""
+    values = {**wanted}
+    name = values.pop("table")
+    data = _values(name, answers)
+    where = f"table {name}"
+    for column, value in values.items():
+        if column not in data:
+            raise ValueError(
+                f"{where} has no column {column}; it has {', '.join(data)}"
+            )
+        data = data[data[column].fillna("").astype(str) == str(value)]
+    if len(data) != 1:
+        raise ValueError(f"{where}: expected one row with {values}, found {len(data)}")
+    return Line(where, data.iloc[0].to_dict())
+
+
+def _ratio(wanted: Ratio, answers: Answers) -> Line:
+    """The least and the most over recordings of a column of one model relative to another's."""
+    data = _values(wanted.table, answers)
+    at_most = data[data.n == data.groupby("recording").n.transform("max")]
+    by_model = at_most.pivot(index="recording", columns="model", values=wanted.column)
+    for model in (wanted.model, wanted.over):
+        if model not in by_model:
+            known = ", ".join(by_model)
+            raise ValueError(
+                f"table {wanted.table} has no model {model}; it has {known}"
+            )
+    ratio = by_model[wanted.model] / by_model[wanted.over]
+    return Line(
+        f"ratio of {wanted.column}", {"least": ratio.min(), "most": ratio.max()}
     )
-
-
-def _descent(rows: pd.DataFrame) -> str:
-    """Softmax by full-batch descent from a normal start at the paper's training accuracy, and its
-    time relative to an HDC whose median sorts."""
-    if DESCENT not in rows.index:
-        return ""
-    row = rows.loc[DESCENT]
-    papers = row.published_test_accuracy, row.published_training_time_over_hdc
-    shares = [100 * row[f"{AT_PAPERS}{end}"] for end in ENDS]
-    times = [row[f"{OVER_NUMPY}{end}"] for end in ENDS]
-    return (
-        " Softmax by full-batch descent from a normal start has, at the paper's "
-        f"training accuracy, {interval(*(number(x, 3) for x in shares))} % in testing (paper: "
-        f"{100 * papers[0]:g} %), and {interval(*map(two_digits, times))} times the training time "
-        f"of an HDC whose median sorts (paper: {number(papers[1], 3)})."
-    )
-
-
-def _number(difference: Estimate) -> str:
-    """``points [low, high]``."""
-    value, low, high = map(_points, difference)
-    return f"{value} points [{low}, {high}]"
-
-
-def _points(share: float) -> str:
-    """A difference of accuracies in points, with its sign."""
-    value = 100 * min(1.0, max(-1.0, share))
-    return f"{value:+.1f}".replace("-", "−")

@@ -1,4 +1,4 @@
-"""How much of what a drift costs each update wins back, from the rows of the study."""
+"""How much of what a drift costs each update wins back, from the lines of the study."""
 
 from __future__ import annotations
 
@@ -6,60 +6,57 @@ from typing import Any
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
-from experiments.records.results import once
+from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates
 from experiments.reporting.estimates import Estimate
 from experiments.studies.drift.sessions import SESSIONS, accuracies
 
 N_NEW = 50  # at which the paper reports the recovered accuracy
 UNLABELLED = ("zeroed", "untouched")
+KEYS = ["scene", "model", "method", "update", "share", "n_new", "p", "origin"]
 
 
-@once
-def regained(rows: pd.DataFrame) -> pd.DataFrame:
+def regained(frame: pd.DataFrame) -> pd.DataFrame:
     """How much of what a drift costs each update wins back, in the new session.
 
-    Args:
-        rows: of the study, of one scene.
-
     Returns:
-        DataFrame, one row for each ``model``, ``update`` and ``n_new``: ``method``, ``share``,
-        ``labels`` (whether the update needs them), and as fractions, each with its 95 % interval
-        over seeds under ``_low`` and ``_high``: ``before``, the accuracy of the stored model in the
-        old session, ``stored`` in the new one, ``updated`` and ``old`` of the updated model in the
-        new and in the old one, ``lost`` = before − stored, and ``regained`` = (updated −
-        stored)/lost, a ratio of means.
+        DataFrame, one row for each ``scene``, ``model``, ``update`` and ``n_new``: ``method``,
+        ``p``, ``share``, ``labels`` (whether the update needs them), and as fractions, each with
+        its 95 % interval over seeds under ``_low`` and ``_high``: ``before``, the accuracy of the
+        stored model in the old session, ``stored`` in the new one, ``updated`` and ``old`` of the
+        updated model in the new and in the old one, ``lost`` = before − stored, and ``regained`` =
+        (updated − stored)/lost, a ratio of means.
     """
-    n_new, n_old = (int(rows[f"n_test_{name}"].iloc[0]) for name in SESSIONS)
-    every = accuracies(rows)
-    stored = every[every.method == "stored"]
-    at = ["model", "seed"]
-    updated = every[every.method != "stored"].merge(
-        stored[[*at, *SESSIONS]], on=at, suffixes=("", "_stored"), validate="m:1"
+    every = accuracies(frame)
+    is_stored = every.method == "stored"
+    of_sensor = ["scene", "model", "seed"]
+    stored = every.loc[is_stored, [*of_sensor, *SESSIONS]]
+    updated = every[~is_stored].merge(
+        stored, on=of_sensor, suffixes=("", "_stored"), validate="m:1"
     )
-    lines: list[dict[str, Any]] = []
-    keys = ["method", "update", "share", "n_new"]
-    for model, part in updated.groupby("model", sort=False):
-        for key, way in part.groupby(keys, sort=False, dropna=False):
-            new, old = way.new.to_numpy(), way.old.to_numpy()
-            new_stored, before = way.new_stored.to_numpy(), way.old_stored.to_numpy()
-            lost = before - new_stored
-            line: dict[str, Any] = {"model": model}
-            line |= dict(zip(keys, key, strict=True))
-            line["labels"] = key[0] not in UNLABELLED
-            line |= estimates.mean_share(before.tolist(), n_old).columns("before")
-            line |= estimates.mean_share(new_stored.tolist(), n_new).columns("stored")
-            line |= estimates.mean_share(new.tolist(), n_new).columns("updated")
-            line |= estimates.mean_share(old.tolist(), n_old).columns("old")
-            line |= estimates.mean_interval(lost.tolist()).columns("lost")
-            line |= ratio(new - new_stored, lost).columns("regained")
-            lines.append(line)
+    lines = []
+    for key, way in updated.groupby(KEYS, sort=False, dropna=False):
+        first = way.iloc[0]
+        line: dict[str, Any] = dict(zip(KEYS, key, strict=True))
+        line["labels"] = first.method not in UNLABELLED
+        for name, values, n_test in (
+            ("before", way.old_stored, first.n_test_old),
+            ("stored", way.new_stored, first.n_test_new),
+            ("updated", way.new, first.n_test_new),
+            ("old", way.old, first.n_test_old),
+        ):
+            line |= estimates.mean_share(values.tolist(), n_test).columns(name)
+        lost = way.old_stored - way.new_stored
+        line |= estimates.mean_interval(lost.tolist()).columns("lost")
+        line |= ratio(way.new - way.new_stored, lost).columns("regained")
+        line["seeds"] = len(way)
+        line["n_classes"] = len(np.unique(unpack_labels(first.labels)))
+        lines.append(line)
     return pd.DataFrame(lines)
 
 
-def ratio(parts: NDArray[np.float64], wholes: NDArray[np.float64]) -> Estimate:
+def ratio(parts: pd.Series, wholes: pd.Series) -> Estimate:
     """Mean of the parts over mean of the wholes, a value a seed, with Student's interval of the
     linearised ratio (Cochran, Sampling Techniques, 1977, Sec. 6.4)."""
     whole = float(wholes.mean())
@@ -70,13 +67,58 @@ def ratio(parts: NDArray[np.float64], wholes: NDArray[np.float64]) -> Estimate:
     return estimates.mean_interval(linear.tolist())
 
 
-def best_updates(found: pd.DataFrame, most: int = N_NEW) -> pd.DataFrame:
-    """Of :func:`regained`, every model's best update with at most so many labelled samples, and its
-    best without labels, by frames of all classes alike or of no touch.
+def best_updates(frame: pd.DataFrame) -> pd.DataFrame:
+    """Of :func:`regained`, every model's best update with at most :data:`N_NEW` labelled samples,
+    and its best without labels, by frames of all classes alike or of no touch.
 
     The best is the highest mean on the test samples: the choice favours models with many updates.
     """
-    alike = found[found.share.isna()]
-    allowed = alike[~alike.labels | (alike.n_new <= most)]
-    best = allowed.groupby(["model", "labels"], sort=False).updated.idxmax()
-    return allowed.loc[best.tolist()]
+    found = regained(frame)
+    is_allowed = ~found.labels | (found.n_new <= N_NEW)
+    allowed = found[found.share.isna() & is_allowed]
+    by_model = allowed.groupby(["scene", "model", "labels"], sort=False)
+    return allowed.loc[by_model.updated.idxmax()]
+
+
+def recalibrated(frame: pd.DataFrame) -> pd.DataFrame:
+    """Of :func:`regained`, what is shown of labelled updates on the experiment's own scene, which
+    is the paper's; of the first scene without.
+
+    Returns:
+        DataFrame: ``panel`` is ``shares`` for HDC by the share p of its bits that are replaced, 1
+        where new samples stand alone; ``models`` for the update of each model that is the best
+        after :data:`N_NEW` samples. Models that are updated without labels are left out.
+    """
+    own = frame[~frame.elsewhere.astype(bool)]
+    found = regained(own if len(own) else frame[frame.scene == frame.scene.iloc[0]])
+    of_hdc = found[(found.model == "hdc") & found.method.isin(("new", "replace"))]
+    without = found.model[~found.labels]
+    labelled = found[found.labels & ~found.model.isin(without)]
+    after = labelled[labelled.n_new == N_NEW]
+    best = after.loc[after.groupby("model", sort=False).updated.idxmax()]
+    of_models = best[["model", "update"]].merge(labelled)
+    shares = of_hdc.fillna({"p": 1}).assign(panel="shares")
+    return pd.concat([shares, of_models.assign(panel="models")])
+
+
+def unlabelled(frame: pd.DataFrame, n_frames: int = 30) -> pd.DataFrame:
+    """Of :func:`regained`, models that are re-referenced by so many frames without labels, and
+    what that is compared with.
+
+    Returns:
+        DataFrame: ``way`` is ``stored`` before the update, ``alike`` with frames of all classes
+        alike, ``one_class`` of one class alone, ``new`` after training on :data:`N_NEW` labelled
+        frames alone.
+    """
+    found = regained(frame)
+    zeroed = found[(found.method == "zeroed") & (found.n_new == n_frames)]
+    alike = zeroed[zeroed.share.isna()]
+    new = found[(found.method == "new") & (found.n_new == N_NEW)]
+    stored = alike.drop(columns=["updated", "updated_low", "updated_high"])
+    ways = {
+        "stored": stored.rename(columns=lambda name: name.replace("stored", "updated")),
+        "alike": alike,
+        "one_class": zeroed[zeroed.share == 1],
+        "new": new.merge(alike[["scene", "model"]]),
+    }
+    return pd.concat([rows.assign(way=way) for way, rows in ways.items()])

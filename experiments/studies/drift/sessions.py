@@ -1,4 +1,4 @@
-"""Accuracies in an old and a new session, before and after an update, from rows of drift."""
+"""Accuracies in an old and a new session, before and after an update, from lines of drift."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import numpy as np
 import pandas as pd
 
 from experiments.records.rows import unpack_labels
-from experiments.reporting.measured import truths
 
 UPDATES = {
     "stored": "not updated",
@@ -21,17 +20,6 @@ UPDATES = {
 SESSIONS = ("new", "old")
 
 
-def with_right(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows with ``right_new`` and ``right_old``, counted from what was predicted."""
-    labels = truths(rows, ("seed",))
-    new, old = [], []
-    for text, truth, first in zip(rows.predicted, labels, rows.n_test_new, strict=True):
-        right = unpack_labels(text) == truth
-        new.append(int(right[:first].sum()))
-        old.append(int(right[first:].sum()))
-    return rows.assign(right_new=new, right_old=old)
-
-
 def update_name(method: str, p: float | None, share: float | None) -> str:
     """An update in words; `share` is that of one class among the unlabelled frames, None or NaN
     where all classes have the same."""
@@ -40,21 +28,20 @@ def update_name(method: str, p: float | None, share: float | None) -> str:
     return f"re-referenced, {100 * share:g} % of one class"
 
 
-def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy of each sensor.
+def accuracies(lines: pd.DataFrame) -> pd.DataFrame:
+    """The lines with the accuracy of each sensor.
 
     Returns:
-        DataFrame: ``model``, ``method``, ``p``, ``share``, ``update`` (the three in words),
-        ``n_new`` (0 for the stored model), ``seed``; accuracies ``new`` and ``old`` by session.
+        DataFrame: the lines with ``share``, NaN where it was not measured, ``update`` (``method``,
+        ``p`` and ``share`` in words) and the accuracies ``new`` and ``old`` by session; ``n_new``
+        is 0 for the stored model.
     """
-    rows = with_right(rows)
-    if "share" not in rows:
-        rows = rows.assign(share=np.nan)
-    ways = zip(rows.method, rows.p, rows.share, strict=True)
-    shares = rows.assign(
-        new=rows.right_new / rows.n_test_new,
-        old=rows.right_old / rows.n_test_old,
-        update=[update_name(*way) for way in ways],
-    )
-    keys = ["model", "method", "p", "share", "update", "n_new", "seed"]
-    return shares[[*keys, *SESSIONS]]
+    lines = lines.assign(share=lines.get("share", np.nan))
+    names = map(update_name, lines.method, lines.p, lines.share)
+    new, old = [], []
+    answers = zip(lines.labels, lines.predicted, lines.n_test_new, strict=True)
+    for labels, predicted, first in answers:
+        right = unpack_labels(labels) == unpack_labels(predicted)
+        new.append(right[:first].mean())
+        old.append(right[first:].mean())
+    return lines.assign(update=list(names), new=new, old=old)

@@ -11,6 +11,6 @@ STUDY = Study(
     "Where do the obvious formulas lose digits, and do ours keep them? How much time does "
     "another digit cost? Which training method survives a stiff problem?",
     order=9,
-    tables=[*stability.TABLES, *numerics.TABLES, *stiffness.TABLES],
-    figures=[*stability.FIGURES, *numerics.FIGURES, *stiffness.FIGURES],
+    tables=[stability.TABLE, numerics.TABLE, stiffness.TABLE],
+    figures=[stability.FIGURE, stiffness.FIGURE],
 )

@@ -1,12 +1,7 @@
 """Every model on public recordings."""
 
 from experiments.reporting.study import Study
-from experiments.studies.recordings import (
-    costs,
-    decomposition,
-    forest,
-    tables,
-)
+from experiments.studies.recordings import figures, tables
 
 STUDY = Study(
     "recordings",
@@ -15,10 +10,6 @@ STUDY = Study(
     "which changes win back its losses?",
     0.5,
     front=True,
-    tables=[
-        *tables.TABLES,
-        *decomposition.TABLES,
-        *costs.TABLES,
-    ],
-    figures=[*forest.FIGURES, *decomposition.FIGURES, *costs.FIGURES],
+    tables=tables.TABLES,
+    figures=figures.FIGURES,
 )

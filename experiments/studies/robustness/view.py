@@ -2,29 +2,28 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from functools import partial
+import itertools
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.figure import Figure as Canvas
+from matplotlib.lines import Line2D
 
-from experiments.records.results import by_scene
 from experiments.reporting.columns import Column, display_name, scene_name
-from experiments.reporting.curves import errors
 from experiments.reporting.estimates import Estimate, mean_share
-from experiments.reporting.measured import each_scene
-from experiments.reporting.plot import head, literal, look_of, panel, wrapped
-from experiments.reporting.study import Plot, Study
+from experiments.reporting.facets import facets
+from experiments.reporting.plot import DASHED, legend_below, literal, look_of, wrapped
+from experiments.reporting.resamples import models_of
+from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import percent
 
-FLIPS = ("bit_flips", "query_flips")
+BY = ["scene", "model", "disturbance", "level", "n_classes"]
+FLIPS = ("query_flips", "bit_flips", "bit_flips_int8")
 # Columns of the table, by disturbance and level.
-_HEADS = {
+HEADS = {
     "none_0": "Undisturbed, %",
     "dither_1": "±1 grey level, %",
     "shift_1": "Shifted by a pixel, %",
@@ -32,160 +31,95 @@ _HEADS = {
     "bit_flips_0.1": "10 % of stored bits flipped, %",
     "bit_flips_int8_0.1": "of 8-bit weights, %",
 }
-# Panels of the figure: disturbance, label of its axis, title, and the units in a level of 1.
-_PANELS = (
-    ("dither", "dither (± grey levels)", "rounding", 1),
-    ("shift", "shift (pixels)", "camera shifted", 1),
-    ("query_flips", "flipped bits (%)", "query bits flipped", 100),
-    ("bit_flips", "flipped bits (%)", "stored bits flipped", 100),
-)
-# Models of the figure; those of HDC have one colour elsewhere. Floats are stored in 8 bits.
-_COLOURS = {
-    "hdc": "#E8924F",
-    "hdc_levels_lda": "#D55E00",
-    "bits_chosen": "#7A3600",
-    "softmax_dual": "#332288",
+# Of models, HDC first: its forms have one colour elsewhere.
+COLOURS = ("#E8924F", "#332288", "#D55E00", "#7A3600")
+# Panels of the figure, by disturbance: label of the axis.
+PANELS = {
+    "dither": "dither (± grey levels)",
+    "shift": "camera shifted (pixels)",
+    "query_flips": "query bits flipped (%)",
+    "bit_flips": "stored bits flipped (%)",
 }
-_LEAST = 0.05  # percent of flipped bits, where none is drawn
 
 
-def accuracies(rows: pd.DataFrame) -> pd.DataFrame:
-    """Accuracy of each model, a column per disturbance and level, mean over seeds.
+def left(frame: pd.DataFrame) -> Iterator[tuple[Any, Estimate]]:
+    """The accuracy of each group of :data:`BY`, mean over seeds.
 
-    Bounds are Student's interval over seeds. A flipped bit can ruin all predictions of a seed at
-    once, so of flips they are the lowest and the highest seed.
+    Bounds are Student's interval. A flipped bit can ruin all predictions of a seed at once, so of
+    flips they are the lowest and the highest seed.
     """
-    table = []
-    for model, of_model in rows.groupby("model", sort=False):
-        line: dict[str, Any] = {"model": model}
-        for name, level, estimate in _estimates(of_model):
-            line |= estimate.columns(f"{name}_{level:g}")
-        table.append(line)
-    return pd.DataFrame(table)
+    for key, same in frame.groupby(BY, sort=False):
+        shares = same.right / same.n_test
+        if same.disturbance.iloc[0] in FLIPS:
+            worst, best = shares.min(), shares.max()
+            # The mean of equal shares may differ from them in the last digit.
+            mean = float(np.clip(shares.mean(), worst, best))
+            yield key, Estimate(mean, worst, best)
+        else:
+            yield key, mean_share(shares.tolist(), same.n_test.iloc[0])
 
 
-def _estimates(rows: pd.DataFrame) -> Iterator[tuple[str, float, Estimate]]:
-    """Each disturbance and level of a model, and the accuracy that is left."""
-    by = ["disturbance", "level"]
-    for (name, level), same in rows.groupby(by, sort=False):
-        shares = (same.right / same.n_test).astype(float)
-        # The mean of equal shares may differ from them in the last digit.
-        mean = float(np.clip(shares.mean(), shares.min(), shares.max()))
-        estimate = Estimate(mean, shares.min(), shares.max())
-        if not name.startswith(FLIPS):
-            by_seed = shares.groupby(same.seed).mean()
-            estimate = mean_share(by_seed.tolist(), same.n_test.iloc[0])
-        yield name, level, estimate
+def robustness(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row per scene and model, a column per disturbance and level."""
+    rows: dict[Any, dict[str, Any]] = {}
+    for (scene, model, name, level, _), estimate in left(frame):
+        row = rows.setdefault((scene, model), {"scene": scene, "model": model})
+        row |= estimate.columns(f"{name}_{level:g}")
+    return pd.DataFrame(rows.values())
 
 
-def _note(rows: pd.DataFrame) -> str:
-    """How to read the table, and which models were stopped at 90 % in training."""
-    early: dict[str, None] = {}
-    for config in rows.config.drop_duplicates():
-        for model, stop in (config.get("stops") or {}).items():
-            if stop.get("reached_after_s") is not None:
-                early[display_name(model)] = None
-    return f"{_NOTE} Stopped at 90 % in training: {', '.join(early) or 'none'}."
+def levels(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row per panel, model and level; of weights stored in 32 and in 8 bits those in 8 bits."""
+    lines = []
+    for key, estimate in left(frame):
+        lines.append(dict(zip(BY, key, strict=True)) | estimate.columns("accuracy"))
+    every = pd.DataFrame(lines)
+    parts = []
+    for name in PANELS:
+        of_int8 = every[every.disturbance == f"{name}_int8"]
+        others = every[every.disturbance.isin(("none", name))]
+        parts.append(pd.concat([of_int8, others]).assign(panel=name))
+    return pd.concat(parts).drop_duplicates(["scene", "model", "level", "panel"])
 
 
-_NOTE = (
-    "±1 grey level: −1, 0 or 1 added to each pixel, as another conversion to grey may. Query bits: "
-    "of the hypervector of HDC, of the pixels of a frame of others. Stored bits: of every stored "
-    "tensor, of LDA except its scale and offset per class. 8-bit weights: every float32 was "
-    "rounded to one of 255 equal steps before. In brackets: Student, 95 %, over seeds, Wilson for "
-    "one seed; of flips the lowest and the highest seed. Forms that take long to train have fewer "
-    "seeds. –: not measured yet. The CSV has every level, and another laser power for every frame "
-    "and dead pixels."
-)
-
-
-def curves(figure: Figure, rows: pd.DataFrame) -> None:
+def draw(figure: Canvas, data: pd.DataFrame) -> None:
     """A row per scene, a column per disturbance, a line per model."""
-    scenes = by_scene(drawn(rows))
-    figure.set_size_inches(7.0, 1.2 + 1.35 * len(scenes))
-    grid = figure.subplots(len(scenes), len(_PANELS), sharey=True, squeeze=False)
-    for line, (scene, of_scene) in zip(grid, scenes.items(), strict=True):
-        chance = 100 / of_scene.n_classes.iloc[0]
-        for axes, (kind, _, _, units) in zip(line, _PANELS, strict=True):
-            for model in _COLOURS:
-                of_model = of_scene[of_scene.model == model]
-                _curve(axes, model, _series(of_model, kind), units)
-            if not axes.lines:
-                axes.text(
-                    0.5, 0.5, "not measured yet", ha="center", transform=axes.transAxes
-                )
-            axes.axhline(chance, color="0.5", lw=0.8, ls=(0, (4, 3)), zorder=0)
-            axes.set_ylim(0, 103)
-            _axis(axes, kind)
-        line[0].set_ylabel(f"{wrapped(scene_name(str(scene)), 22)}\naccuracy (%)")
-    for top, bottom, letter, (_, label, title, _) in zip(
-        grid[0], grid[-1], "abcd", _PANELS, strict=True
-    ):
-        panel(top, letter, title)
-        bottom.set_xlabel(label)
-    handles = _handles(grid.ravel())
-    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
-    details = ["dashed: chance; bars: lowest to highest seed of flips, else 95 %"]
-    head(figure, "Accuracy under disturbances after training, by scene", details)
+    models = models_of(data)
+    colours = dict(zip(models, itertools.cycle(COLOURS), strict=False))
+
+    def look(model: str) -> dict[str, Any]:
+        return {**look_of(model), "color": colours[model], "mfc": None}
+
+    figure.set_size_inches(7.0, 1.2 + 1.35 * data.scene.nunique())
+    names = ("level", "accuracy", "model", "scene", "panel")
+    panels = facets(figure, data, *names, scale=100, look=look, sharey=True)
+    for (scene, name), axes in panels.items():
+        axes.set(xlabel=PANELS[name], ylim=(0, 103))
+        axes.set_ylabel(f"{wrapped(scene_name(scene), 22)}\naccuracy (%)")
+        axes.label_outer()
+        of_scene = data[data.scene == scene]
+        axes.axhline(100 / of_scene.n_classes.iloc[0], **DASHED)
+        if name in FLIPS:
+            axes.set_xscale("symlog", linthresh=0.001)
+            axes.set_xlim(-0.0002, 0.5)
+            axes.set_xticks([0, 0.001, 0.01, 0.1, 0.3], ["0", "0.1", "1", "10", "30"])
+            axes.set_xticks([], minor=True)
+    handles = [
+        Line2D([], [], label=literal(display_name(model)), **look(model))
+        for model in models
+    ]
+    legend_below(figure, handles, len(models))
 
 
-def _handles(panels: Iterable[Axes]) -> list[Any]:
-    """One entry of the legend per model that some panel shows."""
-    found: dict[str, Any] = {}
-    for axes in panels:
-        handles, labels = axes.get_legend_handles_labels()
-        found = dict(zip(labels, handles, strict=True)) | found
-    names = [literal(display_name(model)) for model in _COLOURS]
-    return [found[name] for name in names if name in found]
-
-
-def _series(rows: pd.DataFrame, kind: str) -> list[tuple[str, float, Estimate]]:
-    """A model without the disturbance and with each level of it; of floats, stored in 8 bits."""
-    of_int8 = rows[rows.disturbance == f"{kind}_int8"]
-    if len(of_int8):
-        return list(_estimates(of_int8))
-    return list(_estimates(rows[rows.disturbance.isin(("none", kind))]))
-
-
-def drawn(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows of scenes on which some model has errors without a disturbance; else of all scenes."""
-    told = rows.groupby("scene").filter(lambda of_scene: not _is_full(of_scene))
-    return told if len(told) else rows
-
-
-def _is_full(rows: pd.DataFrame) -> bool:
-    """Whether every model is right on all undisturbed frames."""
-    clean = rows[rows.disturbance == "none"]
-    return bool((clean.right == clean.n_test).all())
-
-
-def _curve(
-    axes: Axes, model: str, found: list[tuple[str, float, Estimate]], units: float
-) -> None:
-    """Accuracy of a model against the level of a disturbance, from none; from 0.1 % of flips."""
-    found = [one for one in found if one[1] == 0 or units * one[1] >= 0.1]
-    if len(found) < 2:  # undisturbed alone
-        return
-    places = units * np.array([level for _, level, _ in found])
-    values, spread = errors([estimate for *_, estimate in found], 100)
-    if units > 1:
-        places = np.maximum(places, _LEAST)
-    look: dict[str, Any] = {**look_of(model), "color": _COLOURS[model]}
-    look |= {"mfc": None, "label": literal(display_name(model))}
-    axes.errorbar(places, values, yerr=spread, lw=0.9, elinewidth=0.5, **look)
-
-
-def _axis(axes: Axes, kind: str) -> None:
-    """The axis of levels: whole numbers, or percent of flipped bits."""
-    if kind not in FLIPS:
-        axes.xaxis.set_major_locator(MaxNLocator(4, integer=True))
-        return
-    axes.set_xscale("log")
-    axes.set_xticks([_LEAST, 0.1, 1, 10, 30], ["0", "0.1", "1", "10", "30"])
-    axes.set_xticks([], minor=True)
-    axes.set_xlim(_LEAST / 1.3, 40)
-
-
+NOTE = (
+    "±1 grey level: −1, 0 or 1 is added to each pixel, as another conversion to grey may do. "
+    "Query bits: of the hypervector of HDC, of the pixels of a frame of others. Stored bits: of "
+    "every stored tensor, of LDA except its scale and offset per class. 8-bit weights: every "
+    "float32 was rounded to one of 255 equal steps before. In brackets: Student, 95 %, over seeds, "
+    "Wilson for one seed; of flips the lowest and the highest seed. Models that take long to train "
+    "have fewer seeds. –: not measured yet. The CSV has every level, and another laser power for "
+    "every frame and dead pixels."
+)
 STUDY = Study(
     "robustness",
     "Robustness",
@@ -195,28 +129,27 @@ STUDY = Study(
     tables=[
         Table(
             "robustness",
-            partial(each_scene, accuracies),
+            robustness,
             of="robustness",
             key=("scene", "model"),
             title="Test accuracy under disturbances after training",
-            shown=("scene", "model", *_HEADS),
-            columns={
-                "scene": Column("Scene", scene_name),
-                **{name: Column(head, percent) for name, head in _HEADS.items()},
-            },
-            note=_note,
+            shown=("scene", "model", *HEADS),
+            columns={name: Column(head, percent) for name, head in HEADS.items()},
+            note=NOTE,
         )
     ],
     figures=[
-        Plot(
+        Figure(
             "robustness",
-            curves,
-            of="robustness",
-            caption="Accuracy that remains, one row per scene on which not every model is right. "
-            "(a): dither of the test frames. (b): the camera has moved. (c): flips of "
-            "bits of the query. (d): flips of bits of the stored model, whose weights "
-            "have 8 bits. Left: undisturbed. Bars: lowest to highest seed of flips, else "
-            "95 % intervals.",
+            Table("robustness_levels", levels, of="robustness"),
+            draw,
+            title="Accuracy under disturbances after training, by scene",
+            details="dashed: chance; bars: range over seeds for flips, otherwise 95 % intervals",
+            caption="Accuracy that remains, a row of panels per scene. From left to right: dither "
+            "of the test frames; the camera has moved; flips of bits of the query; flips of bits "
+            "of the stored model, whose weights have 8 bits. Leftmost point: no disturbance. Error "
+            "bars: range over seeds for flips, otherwise 95 % intervals. 0 %: the damaged model "
+            "gives no answer.",
         )
     ],
 )

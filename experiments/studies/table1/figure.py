@@ -2,120 +2,107 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
-from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.figure import Figure as Canvas
 
 from experiments.records import configs
-from experiments.records.groups import Group, Groups
-from experiments.records.run import Finished
-from experiments.reporting import estimates
-from experiments.reporting.columns import display_name
-from experiments.reporting.curves import (
-    error_axis,
-    error_bars,
+from experiments.records.results import ROW, RUNS, of_experiment
+from experiments.reporting.facets import error_axis, learning_curves
+from experiments.reporting.plot import (
+    by_panel,
+    handle,
+    look_of,
     plain_decades,
     published_point,
 )
-from experiments.reporting.plot import by_panel, handle, look_of, title, wrapped
-from experiments.reporting.rows import Row, row
-from experiments.reporting.study import WIDTH
-from experiments.reporting.text import split_name
+from experiments.reporting.study import RUN, Figure
+from experiments.reporting.table import Table
+from experiments.reporting.trained import extra_models, learning
 from experiments.studies.table1 import models
-from experiments.studies.table1.rows import hdc_seconds
+from experiments.studies.table1.tables import OF, on_scene, with_hdc_seconds
 
 _LEGEND_WIDTH = 22  # characters of a name on one line
 
 
-def error_vs_time(figure: Figure, lines: pd.DataFrame) -> None:
-    """Test error against training time relative to HDC, a curve per model and seed: the paper's
-    models with its points, then the others."""
-    runs = Groups.of(lines)
-    hdc = runs.group(models.scene(), "hdc")
-    groups = {group.model: group for group in _groups(runs, hdc)}
-    rows = {model: row(group, hdc) for model, group in groups.items()}
-    shown = by_panel(list(groups))
-    figure.set_size_inches(WIDTH, 0.8 + 2.3 * len(shown))
+def error_vs_time(frame: pd.DataFrame) -> pd.DataFrame | None:
+    """Test error against training time relative to HDC: a row per report of a run, and one per
+    model at the end of training; ``reached`` marks the report at which training accuracy passed
+    90 %. Models: the paper's, HDC first, fast ones, one's own."""
+    scene = models.scene()
+    timed = with_hdc_seconds(on_scene(of_experiment(frame, RUNS)))
+    timed = timed.dropna(subset="hdc_s").set_index("record", drop=False)
+    names = [*configs.models("paper"), *configs.models("fast"), models.DESCENT]
+    names += extra_models(timed, scene)
+    timed = timed[timed.model.isin(names)]
+    if "hdc" not in set(timed.model):
+        return None
+    every = learning(frame[frame.record.isin(timed.record)])
+    every["time"] = every.seconds / every.record.map(timed.hdc_s)
+    every["reached"] = _reached(every, timed)
+    is_end = every["at"] == "end"
+    by_model = (timed.total_time_s / timed.hdc_s).groupby(timed.model).median()
+    every.loc[is_end, "time"] = every.model[is_end].map(by_model)
+    never = np.isinf(timed.training_time_s.groupby(timed.model).median())
+    every = every[~(is_end & every.model.map(never))]
+    order = {name: place for place, name in enumerate(names)}
+    every = every.sort_values("model", key=lambda name: name.map(order), kind="stable")
+    kind = configs.scene_display(scene)["kind"]
+    return every.drop(columns=[*ROW[2:], "seconds"]).assign(origin=kind)
+
+
+def _reached(every: pd.DataFrame, timed: pd.DataFrame) -> pd.Series:
+    """Whether a report is the one nearest to the time at which training accuracy passed 90 %."""
+    passed = every.record.map(timed.training_time_s)
+    distance = (every.seconds - passed).abs()
+    nearest = distance == distance.groupby(every.record).transform("min")
+    return nearest & np.isfinite(distance)
+
+
+def draw(figure: Canvas, data: pd.DataFrame) -> None:
+    """Panels of a few models each, the first with the paper's points."""
+    shown = by_panel(list(data.model.unique()))
+    figure.set_size_inches(3.4, 0.8 + 2.3 * len(shown))
     panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
     for axes, names in zip(panels, shown, strict=True):
-        floor = error_axis(axes, list(rows.values()))
+        floor = error_axis(axes, data.n_test.max())
         axes.set_xscale("log")
-        for model in names:
-            _draw(axes, groups[model], hdc, rows[model], floor)
+        rows = data[data.model.isin(names)]
+        learning_curves(axes, rows, "time", floor)
+        _mark(axes, rows[rows.reached], floor)
         axes.set_ylabel("test error")
-        axes.legend(
-            handles=list(map(_entry, names)),
-            loc="lower left",
-            bbox_to_anchor=(0, 1),
-            ncols=2,
-        )
-    _draw_published(panels[0], floor)
-    panels[-1].set_xlabel("training time relative to HDC")
-    plain_decades(panels[-1])
-    split = split_name(hdc.runs[0].config["split"])
-    text = "Test error against training time"
-    title(figure, panels[0], text, list(rows.values()), split)
-
-
-def _entry(model: str) -> Line2D:
-    """The legend's entry of a model, its name wrapped so that two columns of entries fit."""
-    entry = handle(model)
-    entry.set_label(wrapped(display_name(model), _LEGEND_WIDTH))
-    return entry
-
-
-def _groups(runs: Groups, hdc: Group) -> Iterator[Group]:
-    """The groups of Table I whose times are relative to HDC: the paper's models, HDC first, fast
-    ones, one's own."""
-    known = [*configs.models("paper"), *configs.models("fast"), models.DESCENT]
-    for model in (*known, *runs.extra_models(models.scene())):
-        group = runs.group(models.scene(), model)
-        if any(hdc_seconds(run, hdc) is not None for run in group.runs):
-            yield group
-
-
-def _draw(axes: Axes, group: Group, hdc: Group, line: Row, floor: float) -> None:
-    """A curve per run of a model, and its error with the interval after full training."""
-    ends = []
-    for run in group.runs:
-        hdc_s = hdc_seconds(run, hdc)
-        if hdc_s is not None:
-            _curve(axes, run, floor, hdc_s)
-            ends.append(run.training_s / hdc_s)
-    if not isinstance(line["training_time_s"], str):
-        at = [float(np.median(ends))]
-        error_bars(axes, group.model, at, [line], floor, marker=False)
-
-
-def _curve(
-    axes: Axes,
-    run: Finished,
-    floor: float,
-    hdc_s: float,
-) -> None:
-    """Error over the reports of one run, times relative to HDC; a marker where training accuracy
-    passed 90 %."""
-    look = look_of(run.model_label) | {"alpha": 0.75, "lw": 0.8}
-    tested = [report for report in run.curve if "test_accuracy" in report]
-    if not tested:
-        return
-    times = np.array([report["training_s"] for report in tested]) / hdc_s
-    errors = [max(1 - report["test_accuracy"], floor) for report in tested]
-    reached = estimates.training_time(run) / hdc_s
-    marked: list[int] = []
-    if np.isfinite(reached):
-        marked = [int(np.abs(times - reached).argmin())]
-    axes.plot(times, errors, markevery=marked, ms=5, **look)
-
-
-def _draw_published(axes: Axes, floor: float) -> None:
-    """The paper's points."""
+        handles = [handle(name, _LEGEND_WIDTH) for name in names]
+        place = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 2}
+        axes.legend(handles=handles, **place)
     for model in models.PAPER:
         known = models.papers_numbers(model)
         error = max(1 - known["published_test_accuracy"], floor)
-        ratio = known["published_training_time_over_hdc"]
-        published_point(axes, model, ratio, error, 9)
+        time = known["published_training_time_over_hdc"]
+        published_point(panels[0], model, time, error, 9)
+    panels[-1].set_xlabel("training time relative to HDC")
+    plain_decades(panels[-1])
+
+
+def _mark(axes: Axes, rows: pd.DataFrame, floor: float) -> None:
+    """A marker where training accuracy passed 90 %."""
+    for row in rows.itertuples():
+        look = look_of(str(row.model)) | {"ls": "", "ms": 5, "alpha": 0.75}
+        axes.plot(row.time, max(row.error, floor), **look)
+
+
+FIGURE = Figure(
+    "error_vs_time",
+    Table(
+        "error_vs_time",
+        error_vs_time,
+        of=OF,
+        commands=[f"{RUN}table1", f"{RUN}table1_extended"],
+    ),
+    draw,
+    title="Test error against training time",
+    caption="Test error against training time relative to HDC (Table I): one curve "
+    "per model and seed, with a marker where training accuracy exceeds 90 %. "
+    "Bars: 95 %, after full training. Grey: no error. Stars: the paper.",
+    size=(3.4, 5.4),
+)

@@ -6,7 +6,7 @@ from typing import Any
 
 from experiments.records import configs
 from experiments.reporting import published
-from experiments.reporting.measured import RIVAL
+from experiments.reporting.resamples import RIVAL
 
 PAPER = published.models_of_table1()
 DESCENT = "softmax_descent"  # another recipe for the paper's softmax row

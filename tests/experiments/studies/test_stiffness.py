@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 import numpy as np
+import pandas as pd
 import pytest
 import torch
 from torch.nn import functional as F
 
 from experiments.protocol.experiment import Run
 from experiments.records import configs
-from experiments.records.results import Results
-from experiments.studies.limits.stiffness import measure, newton
+from experiments.studies.limits.stiffness import measure, newton, view
 from experiments.studies.limits.stiffness.problem import Problem, condition
-from experiments.studies.limits.view import STUDY
 from scenes.frames import Frames
 
 pytestmark = pytest.mark.usefixtures("one_thread")
@@ -38,6 +37,13 @@ def loss_of(problem):
     return loss
 
 
+def eigenvalues(problem, weights):
+    """Of the Hessian at some weights, by torch."""
+    flat = torch.from_numpy(weights.ravel())
+    hessian = torch.autograd.functional.hessian(loss_of(problem), flat)
+    return torch.linalg.eigvalsh(hessian).numpy()
+
+
 def test_loss_and_gradient_are_those_of_torch():
     problem = problem_of()
     weights = np.random.default_rng(1).standard_normal((3, 6))
@@ -52,9 +58,7 @@ def test_loss_and_gradient_are_those_of_torch():
 def test_the_condition_number_is_that_of_the_hessian_where_frames_tell_something():
     problem = problem_of(strength=1e-3, n=5)  # fewer frames than pixels
     weights = newton.optimum(problem).astype(float)
-    flat = torch.from_numpy(weights.ravel())
-    hessian = torch.autograd.functional.hessian(loss_of(problem), flat)
-    values = torch.linalg.eigvalsh(hessian).numpy()
+    values = eigenvalues(problem, weights)
     # Two contrasts of classes, five directions of frames; the others have the penalty alone.
     told = values[-2 * 5 :]
     assert values[-2 * 5 - 1] == pytest.approx(1e-3, rel=1e-9)
@@ -65,16 +69,12 @@ def test_the_bound_is_above_every_eigenvalue():
     problem = problem_of()
     for scale in (0, 1, 10):
         weights = scale * np.random.default_rng(2).standard_normal(18)
-        hessian = torch.autograd.functional.hessian(
-            loss_of(problem), torch.from_numpy(weights)
-        )
-        assert torch.linalg.eigvalsh(hessian)[-1] <= problem.bound * (1 + 1e-12)
+        assert eigenvalues(problem, weights)[-1] <= problem.bound * (1 + 1e-12)
 
 
 def test_the_optimum_has_digits_that_float64_has_not():
-    problem = problem_of()
-    best = newton.optimum(problem)
-    _, gradient = problem.evaluate(best)
+    best = newton.optimum(problem_of())
+    _, gradient = problem_of().evaluate(best)
     assert best.dtype == np.longdouble
     assert np.linalg.norm(gradient) < 1e-12
 
@@ -97,9 +97,11 @@ def test_a_system_is_solved_in_its_own_precision(dtype):
         newton.solve(-matrix, exact)
 
 
-def followed(name, problem, budget_s=60.0, goal=1e-6):
-    least, _ = problem.evaluate(newton.optimum(problem))
-    watch = measure.Watch(problem, least, budget_s, goal)
+def followed(name, problem, budget_s=60.0, least=None):
+    """The points of a method; `least` is the loss of the optimum, if that is known."""
+    if least is None:
+        least, _ = problem.evaluate(newton.optimum(problem))
+    watch = measure.Watch(problem, least, budget_s, goal=1e-6)
     return watch.follow(measure.named_methods([1])[name])
 
 
@@ -115,18 +117,17 @@ def test_every_method_arrives_where_nothing_is_stiff(name):
 
 
 def test_out_of_time_is_said():
-    assert followed("gradient descent", problem_of(), budget_s=0.0)[-1]["ended"] == (
-        "out of time"
-    )
+    end = followed("gradient descent", problem_of(), budget_s=0.0)[-1]
+    assert end["ended"] == "out of time"
 
 
 def test_newton_fails_where_rounding_makes_the_hessian_indefinite():
     problem = problem_of(strength=1e-22, contrast=1e-9, n=40)
-    watch = measure.Watch(problem, 0.0, 60.0, 1e-6)
-    end = watch.follow(measure.named_methods([1])["Newton"])[-1]
+    end = followed("Newton", problem, least=0.0)[-1]
     assert end["ended"].startswith("failed: ")
 
 
+@pytest.mark.filterwarnings("ignore:overflow encountered")
 def test_a_descent_that_diverges_fails(monkeypatch):
     monkeypatch.setattr(Problem, "bound", 1e-3)
     # A quadratic penalty grows without end where the rate is too large.
@@ -143,34 +144,34 @@ def test_a_gradient_that_is_wrong_does_not_arrive_at_the_optimum(monkeypatch):
         return loss, gradient + 1e-3
 
     monkeypatch.setattr(Problem, "evaluate", wrong)
-    watch = measure.Watch(problem_of(), least, 60.0, 1e-6)
-    end = watch.follow(measure.named_methods([1])["L-BFGS"])[-1]
+    end = followed("L-BFGS", problem_of(), least=least)[-1]
     assert end["error"] > 1e-8
 
 
-def test_the_study_shows_a_line_a_problem_and_method(
-    tmp_path, write_measurement, drawn
-):
+def test_a_line_is_a_point_of_a_method_on_a_problem_and_the_best_rate_of_adam_counts():
     class OnFrames(Run):
         def scene(self, config, seed):
             rng = np.random.default_rng(0)
             labels = np.arange(60) % 3
-            base = rng.integers(0, 60, (3, 8, 8))[labels]
-            images = (base + rng.integers(0, 190, (60, 8, 8))).astype(np.uint8)
-            names = ("a", "b", "c")
-            return Frames(torch.from_numpy(images), labels, names, origin="simulated")
+            frames = rng.integers(0, 60, (3, 8, 8))[labels]
+            frames += rng.integers(0, 190, (60, 8, 8))
+            images = torch.from_numpy(frames).byte()
+            return Frames(images, labels, ("a", "b", "c"), origin="simulated")
 
-    config = configs.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.2}
-    config["problems"] = [
-        {"contrast": 1, "strength": 1e-2},
-        {"contrast": 1e-2, "strength": 1e-8},
+    task = configs.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
+    task["problems"] = [
+        {"contrast": 1, "strength": 0.01},
+        {"contrast": 0.01, "strength": 1e-8},
     ]
-    del config["_target_"]
-    rows = list(measure.stiffness.rows(OnFrames(), **config))
-    write_measurement("stiffness", rows, config=config)
-    (table,) = STUDY.tables_of(Results(tmp_path))
-    assert len(table.data) == 2 * 5
-    assert len(table.cells()[0]) <= 8
-    assert table.data.kappa.nunique() == 2
-    assert table.data.method.str.startswith("Adam, rate").sum() == 2
-    assert "Newton" in drawn(STUDY)["stiffness"]
+    del task["_target_"]
+    frame = pd.DataFrame(measure.stiffness.rows(OnFrames(), **task))
+    ends = view.ends(frame)
+    assert frame.kappa.nunique() == ends.kappa.nunique() == 2
+    assert len(ends) == 2 * 5
+    of_adam = ends[ends.method.str.startswith("Adam, rate")]
+    assert len(of_adam) == 2
+    last = frame[frame.ended != ""]
+    for end in of_adam.itertuples():
+        rates = last[(last.kappa == end.kappa) & last.method.str.startswith("Adam")]
+        arrived = rates[rates.ended == "arrived"]
+        assert end.error == (arrived if len(arrived) else rates).error.min()

@@ -8,11 +8,9 @@ from sklearn.linear_model import RidgeCV
 
 from experiments.protocol.experiment import Run
 from experiments.records import configs
-from experiments.records.results import Results
 from experiments.studies.promises.values import view
 from experiments.studies.promises.values.measure import coverage, values
 from experiments.studies.promises.values.numbers import ridge_values
-from experiments.studies.promises.view import STUDY
 from scenes.frames import Frames
 
 SPLITS = {"random": {"kind": "random", "test_fraction": 0.4, "group": None}}
@@ -25,23 +23,19 @@ def scene(monkeypatch):
     rng = np.random.default_rng(3)
     depth = rng.uniform(0, 10, 200)
     waves = rng.normal(size=(2, 40, 40))
-    turned = (
-        np.cos(depth / 4)[:, None, None] * waves[0]
-        + np.sin(depth / 4)[:, None, None] * waves[1]
-    )
-    images = np.clip(128 + 25 * (turned + 0.5 * rng.normal(size=turned.shape)), 0, 255)
-    scene = Frames(
-        torch.from_numpy(images.astype(np.uint8)),
-        (depth // 2.5).astype(int),
-        tuple("ABCD"),
-    )
-    about = {"values": depth[:, None], "value_names": ("depth",), "units": ("mm",)}
-    noise = Frames(
-        torch.randint(0, 255, (20, 40, 40)).to(torch.uint8), np.zeros(20, int), ("X",)
-    )
-    for name, value in (about | {"unknown": noise}).items():
-        object.__setattr__(scene, name, value)
-    monkeypatch.setattr(Run, "scene", lambda *_: scene)
+    turns = np.stack([np.cos(depth / 4), np.sin(depth / 4)], axis=1)
+    turned = np.tensordot(turns, waves, 1) + 0.5 * rng.normal(size=(200, 40, 40))
+    images = torch.from_numpy(np.clip(128 + 25 * turned, 0, 255)).byte()
+    noise = torch.from_numpy(rng.integers(0, 255, (20, 40, 40))).byte()
+    made = Frames(images, (depth // 2.5).astype(int), tuple("ABCD"))
+    for name, value in {
+        "values": depth[:, None],
+        "value_names": ("depth",),
+        "units": ("mm",),
+        "unknown": Frames(noise, np.zeros(20, int), ("X",)),
+    }.items():
+        object.__setattr__(made, name, value)
+    monkeypatch.setattr(Run, "scene", lambda *_: made)
 
 
 def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
@@ -56,61 +50,57 @@ def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
 
 
 def test_values_below_the_least_are_left_out(scene):
-    rows = list(values.rows(Run(), {}, SPLITS, n_train=[20], draws=1, at_least=5.0))
-    assert 25 < rows[0]["n_test"] < 55
-    (mean,) = (row["error"] for row in rows if row["model"] == "mean")
-    assert mean < 1.6  # of 5 mm; of all 10 mm, it is 2.5
+    mean, *_ = values.rows(Run(), {}, SPLITS, n_train=[20], draws=1, at_least=5.0)
+    assert 25 < mean["n_test"] < 55
+    assert mean["error"] < 1.6  # of 5 mm; of all 10 mm, it is 2.5
 
 
-def test_sets_hold_their_promise_and_noise_is_refused(
-    scene, monkeypatch, tmp_path, drawn
-):
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    coverage(
-        name="coverage",
-        scene_name="spr",
-        scene={},
-        splits=SPLITS,
-        models=MODELS,
-        n_per_class=[1, 2, 20, 999],
-        draws=4,
+@pytest.mark.filterwarnings("ignore:lda. no class has two")
+def test_sets_hold_their_promise_and_noise_is_refused(scene):
+    rows = pd.DataFrame(
+        coverage.rows(Run(), {}, SPLITS, MODELS, n_per_class=[1, 2, 20, 999], draws=4)
     )
-    promises, every = STUDY.tables_of(Results(tmp_path))
-    assert promises.data.model.tolist() == ["hdc"] * 4 + ["hdc_lda"] * 4
-    least, _, middle, most = promises.data.n[:4]
-    assert (least, middle) == (1, 20)
+    means = rows.groupby(["n", "model"])[view.OF_SETS].mean().reset_index()
+    least, two, middle, most = means.n.unique()
+    assert (least, two, middle) == (1, 2, 20)
     assert most > 20  # as many as there are
-    for row in every.data.to_dict("records"):
-        if row["n"] < 4:
-            assert (row["covered"], row["size"]) == (1, 4)  # all labels
-            continue
-        assert row["covered"] > 0.82
-        assert row["refused"] < 0.18
-        assert row["unknown_refused"] == 1
-        assert 0 <= row["calibration"] < 0.3
-    once = every.data[every.data.n == 1]
-    assert once.calibration.isna().all()  # one frame fits no probability
-    assert "same session" in drawn(STUDY)["calibration"]
+    few, many = means[means.n < 4], means[means.n > 4]
+    assert ((few.covered == 1) & (few["size"] == 4)).all()  # all labels
+    assert (many.covered > 0.82).all()
+    assert (many.refused < 0.18).all()
+    assert (many.unknown_refused == 1).all()
+    assert (rows.answers.isna() == (rows.n == 1)).all()  # one frame fits no probability
+    at_most = rows[rows.n == most]
+    for line in at_most.itertuples():  # tenths of the probability
+        answers, sure = np.array(line.answers), np.array(line.sure)
+        assert (answers * np.arange(10) / 10 <= sure + 1e-9).all()
+        assert (sure <= answers * np.arange(1, 11) / 10 + 1e-9).all()
+    bins = at_most[["answers", "right", "sure"]].map(np.sum)
+    assert (bins.answers == at_most.n_test).all()
+    assert (bins.right > 0.8 * bins.answers).all()
+    assert bins.sure.sum() == pytest.approx(bins.right.sum(), rel=0.1)
 
 
-def bins_of(sure, right):
-    """A row of one model with these probabilities and right answers, by the definition."""
+# Calibration --------------------------------------------------------------------------------------
+
+
+def bins_of(sure, right, draw=0):
+    """Lines of one model with these probabilities and right answers, by the definition."""
     place = np.minimum(np.floor(10 * sure), 9)
-    parts = [place == b for b in range(10)]
-    return pd.DataFrame(
-        {
-            "answers": [[part.sum() for part in parts]],
-            "right": [[right[part].sum() for part in parts]],
-            "sure": [[sure[part].sum() for part in parts]],
-            "spread": [[(sure * (1 - sure))[part].sum() for part in parts]],
-        }
-    )
+    lines = [
+        {"place": b, "answers": of.sum(), "right": right[of].sum(), "sure": sure[of].sum(),
+         "spread": (sure * (1 - sure))[of].sum()}
+        for b in range(10) for of in [place == b]
+    ]  # fmt: skip
+    same = {"scene": "spr", "model": "hdc", "n": 50, "split": "random", "origin": "simulated",
+            "seed": 0, "draw": draw}  # fmt: skip
+    return pd.DataFrame(lines).assign(**same, **dict.fromkeys(view.OF_SETS, 1.0))
 
 
 def test_the_calibration_error_is_that_of_the_bins():
     sure = np.array([0.95, 0.95, 0.95, 0.95, 0.55, 0.55, 1.0])
     right = np.array([True, True, True, False, True, False, True])
-    found = view._calibration(bins_of(sure, right)).iloc[0]
+    (found,) = view.calibrated(bins_of(sure, right)).to_dict("records")
     # Bins of 0.5 to 0.6 and of 0.9 to 1: 2 · |0.55 − 0.5| and 5 · |0.96 − 0.8|.
     assert found["calibration"] == pytest.approx((2 * 0.05 + 5 * 0.16) / 7)
     assert found["accuracy"] == pytest.approx(5 / 7)
@@ -119,27 +109,25 @@ def test_the_calibration_error_is_that_of_the_bins():
 def test_perfect_probabilities_have_the_error_of_chance():
     rng = np.random.default_rng(0)
     sure = rng.uniform(0.5, 1, 1000)
-    rows = [bins_of(sure, rng.random(1000) < sure) for _ in range(200)]
-    drawn = view._calibration(pd.concat(rows))
-    expected = drawn.calibration.mean()
-    assert drawn.perfect.iloc[0] == pytest.approx(expected, rel=0.1)
+    lines = [bins_of(sure, rng.random(1000) < sure, draw) for draw in range(200)]
+    found = view.calibrated(pd.concat(lines))
+    assert found.perfect[0] == pytest.approx(found.calibration.mean(), rel=0.1)
 
 
 def test_a_bin_of_few_answers_is_not_drawn():
     sure, right = np.repeat([0.25, 0.85], [19, 20]), np.arange(39) % 2 == 0
-    x, y = view.reliability(bins_of(sure, right))
-    np.testing.assert_allclose((x, y), [[85], [50]])
+    few = bins_of(sure, right).assign(n=10, sure=0)  # not the most training frames
+    drawn = view.reliability(pd.concat([few, bins_of(sure, right)]))
+    assert drawn.place.tolist() == [8]
+    np.testing.assert_allclose(drawn[["probability", "right"]], [[85, 50]])
 
 
 def test_ridge_of_values_is_that_of_scikit_learn():
     rng = np.random.default_rng(0)
-    x, y = rng.normal(size=(30, 50)), rng.normal(size=30)
-    train, queries, y = x[:20], x[20:], y[:20]
+    x, y = rng.normal(size=(30, 50)), rng.normal(size=20)
+    train, queries = x[:20], x[20:]
     products = [torch.from_numpy(part @ train.T) for part in (train, queries)]
     unit = ((train - train.mean(0)) ** 2).sum() / 20
-    expected = (
-        RidgeCV(alphas=[unit * 10.0**k for k in range(-4, 5)])
-        .fit(train, y)
-        .predict(queries)
-    )
+    oracle = RidgeCV(alphas=[unit * 10.0**k for k in range(-4, 5)]).fit(train, y)
+    expected = oracle.predict(queries)
     assert ridge_values(*products, y) == pytest.approx(expected, abs=1e-6)

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
-import pandas as pd
-from matplotlib.figure import Figure
+from typing import Any
 
-from experiments.records.results import own_columns
+import pandas as pd
+from matplotlib.figure import Figure as Canvas
+
 from experiments.reporting.columns import Column
-from experiments.reporting.plot import head
-from experiments.reporting.study import Plot
+from experiments.reporting.plot import legend_below
+from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import number
+
+NAMES = [
+    *("case", "part", "extreme", "naive", "ours", "unit", "tolerance"),
+    *("error_naive", "error_ours", "verdict"),
+]
+# Ends of the axis, where no error and no number are drawn: errors lie between.
+NONE, LOST = 1e-19, 1e19
+
+
+def stability(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row per case."""
+    return frame[NAMES]
 
 
 def error(value: float) -> str:
@@ -18,95 +31,74 @@ def error(value: float) -> str:
     return f"{value:,.0f}" if value == int(value) and value < 1e6 else number(value, 2)
 
 
-COLUMNS = {
-    "part": Column("Family"),
-    "case": Column("Case"),
-    "extreme": Column("Why it is extreme"),
-    "naive": Column("Obvious computation"),
-    "unit": Column("Error in"),
-    "error_naive": Column("Error, obvious", error, note="A dash: no number came out."),
-    "error_ours": Column("Error, ours", error),
-    "tolerance": Column("Tolerance", error),
-}
+def counted(data: pd.DataFrame) -> str:
+    """The title: how many cases hold."""
+    holding = (data.verdict == "holds").sum()
+    return f"Numbers at their limits: {holding} of {len(data)} cases hold"
 
 
-def _title(rows: pd.DataFrame) -> str:
-    holding = (rows["verdict"] == "holds").sum()
-    return f"Numbers at their limits: {holding} of {len(rows)} cases hold"
-
-
-# Ends of the axis, where no error and no number are drawn: errors lie between.
-NONE, LOST = 1e-19, 1e19
-
-
-def at_their_limits(figure: Figure, rows: pd.DataFrame) -> None:
-    """Both errors of each case, on a logarithmic axis, a row per family."""
+def draw(figure: Canvas, data: pd.DataFrame) -> None:
+    """Both errors of each case in multiples of the tolerance, a row per family."""
     axes = figure.subplots()
-    places, known = pd.factorize(rows.part)
-    for column, colour, marker, name in (
-        ("error_naive", "#E69F00", "o", "obvious implementation"),
-        ("error_ours", "#0072B2", "s", "ours"),
-    ):
-        shares = _of_tolerance(rows[column], rows.tolerance)
-        beside = 0.15 if column == "error_ours" else -0.15
-        axes.plot(
-            shares, places + beside, marker, color=colour, ms=3.2, alpha=0.5, label=name
-        )
-    axes.axvline(1, color="0.4", lw=0.7, ls="--")
-    axes.set(xscale="log", xlim=(NONE / 10, LOST * 10), ylim=(len(known) - 0.4, -0.6))
-    axes.set_xticks(
-        [NONE, 1e-9, 1, 1e9, LOST],
-        ["no\nerror", "$10^{-9}$", "1", "$10^9$", "no\nnumber"],
+    places, families = pd.factorize(data.part)
+    unit = data.tolerance.mask(data.tolerance == 0, 1)  # a bit or a label
+    looks: tuple[tuple[str, float, Any], ...] = (
+        ("error_naive", -0.15, {"color": "#E69F00", "marker": "o", "label": "naive"}),
+        (
+            "error_ours",
+            0.15,
+            {"color": "#0072B2", "marker": "s", "label": "this library"},
+        ),
     )
-    sizes = rows.part.value_counts()
-    heads = [f"{name} ({sizes[name]})" for name in known]
-    axes.set_yticks(range(len(known)), heads)
+    for column, apart, look in looks:
+        shares = (data[column] / unit).clip(NONE, LOST).fillna(LOST)
+        axes.plot(shares, places + apart, ls="", ms=3.2, alpha=0.5, **look)
+    axes.axvline(1, color="0.4", lw=0.7, ls="--")
+    axes.set(xscale="log", xlim=(NONE / 10, LOST * 10))
+    names = ["no\nerror", "$10^{-9}$", "1", "$10^9$", "no\nnumber"]
+    axes.set_xticks([NONE, 1e-9, 1, 1e9, LOST], names)
+    sizes = data.part.value_counts()
+    axes.set_yticks(
+        range(len(families)), [f"{name} ({sizes[name]})" for name in families]
+    )
+    axes.invert_yaxis()
     axes.minorticks_off()
     axes.grid(axis="y", color="0.92", lw=0.4)
-    axes.set_axisbelow(True)
     axes.set_xlabel("error, in multiples of the tolerance")
-    figure.legend(loc="outside lower center", ncols=2)
-    holding = (rows.verdict == "holds").sum()
-    head(figure, f"Extreme input: {holding} of {len(rows)} cases hold", [])
+    legend_below(figure, axes.lines[:2])
 
 
-def _of_tolerance(errors: pd.Series, tolerances: pd.Series) -> pd.Series:
-    """Errors in multiples of the tolerance, where it is zero of one unit (a bit, a label)."""
-    unit = tolerances.where(tolerances > 0, 1.0)
-    shares = (errors / unit).clip(NONE, LOST)
-    return shares.fillna(LOST)
-
-
-TABLES = [
-    Table(
-        "stability",
-        own_columns,
-        of="stability",
-        title=_title,
-        columns=COLUMNS,
-        shown=(
-            "part",
-            "case",
-            "extreme",
-            "naive",
-            "unit",
-            "error_naive",
-            "error_ours",
-            "tolerance",
+TABLE = Table(
+    "stability",
+    stability,
+    of="stability",
+    title=counted,
+    columns={
+        "part": Column("Family"),
+        "extreme": Column("Why it is extreme"),
+        "naive": Column("Naive computation"),
+        "unit": Column("Error in"),
+        "error_naive": Column(
+            "Error, naive", error, note="A dash: no number came out."
         ),
-        note="The same input by the obvious implementation and by ours, against an exact "
-        "reference. A case holds if our error is within the tolerance.",
-    )
-]
-FIGURES = [
-    Plot(
-        "stability",
-        at_their_limits,
-        of="stability",
-        size=(3.4, 3.0),
-        caption="Extreme input, one row per family with its number of cases: error "
-        "against an exact reference in multiples of the tolerance, by the obvious "
-        "method and by ours. Left edge: no error; right edge: no number. Left of "
-        "the line a method holds.",
-    )
-]
+        "error_ours": Column("Error, this library", error),
+        "tolerance": Column("Tolerance", error),
+    },
+    shown=(
+        *("part", "case", "extreme", "naive", "unit"),
+        *("error_naive", "error_ours", "tolerance"),
+    ),
+    note="The same input by the naive computation and by this library, against an exact "
+    "reference. A case holds if the library's error is within the tolerance.",
+)
+FIGURE = Figure(
+    "stability",
+    TABLE,
+    draw,
+    title=counted,
+    details="",
+    caption="Extreme input, one row per family with its number of cases: error against an exact "
+    "reference in multiples of the tolerance, by the naive computation and by this library. Left "
+    "edge: no error; right edge: no number. Left of the line a method holds.",
+    size=(3.4, 3.0),
+)

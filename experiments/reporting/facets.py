@@ -1,0 +1,217 @@
+"""Two ways to draw a table: lines with intervals in panels, and intervals side by side.
+
+The table is tidy: a column ``y`` with its bounds ``y_low`` and ``y_high``, and columns that say
+which panel and which line a row belongs to.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.colorbar import Colorbar
+from matplotlib.colors import PowerNorm
+from matplotlib.figure import Figure
+from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
+from numpy.typing import NDArray
+
+from experiments.reporting.plot import literal, look_of
+
+Look = Callable[[Any], Mapping[str, Any]]
+# Classes of a matrix up to which every one is named, and its cells have room for numbers.
+PRINTED = 12
+
+
+def spread(
+    data: pd.DataFrame, y: str, scale: float = 1.0
+) -> tuple[NDArray, NDArray | None]:
+    """Values [n], and distances of the bounds from them [2, n]: zero where a bound is not known,
+    or lies on the other side of its value; None where none is known."""
+    values = scale * data[y].to_numpy(float)
+    names = [f"{y}_low", f"{y}_high"]
+    if not set(names) <= set(data) or data[names].isna().all(axis=None):
+        return values, None
+    low, high = scale * data[names].to_numpy(float).T
+    distances = np.array([values - low, high - values])
+    return values, np.maximum(np.nan_to_num(distances), 0)
+
+
+def line(
+    axes: Axes, data: pd.DataFrame, x: str, y: str, scale: float = 1.0, **look: Any
+) -> None:
+    """A column over another, with its intervals."""
+    values, distances = spread(data, y, scale)
+    shown = {"lw": 0.9, "elinewidth": 0.6, "capsize": 1.2, **look}
+    axes.errorbar(data[x].to_numpy(float), values, yerr=distances, **shown)
+
+
+def facets(
+    figure: Figure,
+    data: pd.DataFrame,
+    x: str,
+    y: str,
+    hue: str,
+    row: str,
+    column: str | None = None,
+    *,
+    scale: float = 1.0,
+    look: Look = look_of,
+    rows: Sequence[Any] = (),
+    columns: Sequence[Any] = (),
+    **shared: Any,
+) -> dict[tuple[Any, Any], Axes]:
+    """Panels in a grid, in each a line per value of `hue`; the panels by row and column.
+
+    Args:
+        figure: drawn on.
+        data: the table.
+        x, y: columns of the axes.
+        hue, row, column: columns that tell lines, rows and columns of panels apart; without a
+            `column` there is one.
+        scale: of `y`; 100 shows a share in percent.
+        look: arguments of ``errorbar`` for a value of `hue`.
+        rows, columns: values, in their order; all in the order of the table, if empty.
+        shared: of ``Figure.subplots``, such as ``sharex``.
+    """
+    down = list(rows or data[row].unique())
+    across = list(columns or (data[column].unique() if column else [None]))
+    grid = figure.subplots(len(down), len(across), squeeze=False, **shared)
+    panels = {}
+    for axes_of_row, of_row in zip(grid, down, strict=True):
+        for axes, of_column in zip(axes_of_row, across, strict=True):
+            here = data[data[row] == of_row]
+            if column is not None:
+                here = here[here[column] == of_column]
+            for of_hue, points in here.groupby(hue, sort=False):
+                line(axes, points, x, y, scale, **look(of_hue))
+            panels[of_row, of_column] = axes
+    return panels
+
+
+def intervals(
+    axes: Axes,
+    data: pd.DataFrame,
+    value: str,
+    by: str,
+    hue: str,
+    *,
+    names: Sequence[Any],
+    hues: Sequence[Any],
+    look: Look,
+    scale: float = 1.0,
+    apart: float = 0.3,
+    upright: bool = False,
+) -> None:
+    """Points with their intervals, a place per value of `by`, side by side per value of `hue`.
+
+    Args:
+        axes: drawn on.
+        data: the table.
+        value: its column.
+        by, hue: columns that tell places, and points at one place, apart.
+        names: values of `by`, from the first place on.
+        hues: values of `hue`, in the order in which they stand side by side.
+        look: arguments of ``errorbar`` for a value of `hue`.
+        scale: of the value.
+        apart: distance between the first and the last of one place.
+        upright: places from left to right, values upwards; else places from top to bottom.
+    """
+    step = apart / max(1, len(hues) - 1)
+    for k, of_hue in enumerate(hues):
+        points = data[data[hue] == of_hue]
+        places = points[by].map(list(names).index).astype(float)
+        at = places + step * (k - (len(hues) - 1) / 2)
+        values, distances = spread(points, value, scale)
+        shown = {"ls": "", "zorder": 3, **look(of_hue)}
+        if upright:
+            axes.errorbar(at, values, yerr=distances, **shown)
+        else:
+            axes.errorbar(values, at, xerr=distances, **shown)
+
+
+def error_axis(axes: Axes, n_test: float) -> float:
+    """A logarithmic axis of errors with a grey strip for no error at all; the place of the strip.
+
+    An accuracy on n test samples cannot tell an error below 1/n from none: the strip lies there.
+    """
+    floor = 0.5 / n_test
+    axes.set_yscale("log")
+    axes.set_ylim(floor * 0.8, 1.1)
+    decades = (0.001, 0.01, 0.1)
+    ticks = [tick * k for tick in decades for k in (1, 2, 5)]
+    above = [tick for tick in ticks if tick >= 0.99 / n_test]
+    axes.yaxis.set_major_locator(FixedLocator([floor, *above, 1.0]))
+    axes.yaxis.set_minor_locator(NullLocator())
+    axes.yaxis.set_major_formatter(
+        FuncFormatter(lambda y, _: "0" if y < 0.9 / n_test else f"{100 * y:g} %")
+    )
+    axes.axhspan(floor * 0.8, 0.72 / n_test, color="0.92", lw=0, zorder=0)
+    return floor
+
+
+def learning_curves(axes: Axes, data: pd.DataFrame, x: str, floor: float) -> None:
+    """Test error while models learn, a line per run, and after training with its interval.
+
+    Args:
+        axes: drawn on; its axis of errors is that of :func:`error_axis`.
+        data: of :func:`experiments.reporting.trained.learning`.
+        x: the column of times.
+        floor: where no error is drawn.
+    """
+    shown = data.assign(
+        **{
+            name: data[name].clip(lower=floor)
+            for name in ("error", "error_low", "error_high")
+        }
+    )
+    for model, of_model in shown.groupby("model", sort=False):
+        look: Any = look_of(str(model)) | {"marker": ""}
+        for _, of_run in of_model[of_model["at"] == "report"].groupby("record"):
+            axes.plot(of_run[x], of_run.error, **look | {"lw": 0.8, "alpha": 0.75})
+        ends = of_model[of_model["at"] == "end"]
+        at_end: Any = look_of(str(model)) | {"capsize": 1.5, "zorder": 3}
+        line(axes, ends, x, "error", **at_end)
+
+
+def matrix(
+    axes: Axes,
+    values: pd.DataFrame,
+    cell: Callable[[float], str],
+    colours: str = "cividis",
+    limits: tuple[float | None, float | None] = (None, None),
+    gamma: float = 1.0,
+) -> Colorbar:
+    """A square matrix in colour, with a bar of it (returned).
+
+    Args:
+        axes: drawn on.
+        values: rows from top to bottom; index and columns are the names of classes.
+        cell: the text of a value, where there is room for it.
+        colours: a map, from the one to the other of `limits`.
+        gamma: colour goes as value**gamma: below 1 small values are told apart.
+    """
+    axes.spines[:].set(visible=True, color="0.7", linewidth=0.4)
+    norm = PowerNorm(gamma, *limits)
+    image = axes.imshow(values, cmap=colours, norm=norm, interpolation="nearest")
+    few = len(values) <= PRINTED
+    ticks = range(0, len(values), 1 if few else 10)
+    names = [literal(str(values.columns[k])) for k in ticks]
+    upright = few and max(map(len, names)) > 5  # side by side, long names overlap
+    axes.set_xticks(ticks, names, fontsize=6, rotation=90 if upright else 0)
+    axes.set_yticks(ticks, names, fontsize=6)
+    axes.tick_params(length=0 if few else 2, pad=2)
+    if few:
+        for (row, column), value in np.ndenumerate(values.to_numpy(float)):
+            light = np.dot(image.to_rgba(value)[:3], (0.3, 0.6, 0.1)) > 0.5
+            look: Any = {"ha": "center", "va": "center", "fontsize": 5.5}
+            colour = "black" if light else "white"
+            axes.text(column, row, cell(value), color=colour, **look)
+    where, aspect = ("right", 20) if few else ("bottom", 25)
+    place: Any = {"location": where, "fraction": 0.05, "pad": 0.03, "aspect": aspect}
+    bar = axes.figure.colorbar(image, ax=axes, **place)
+    bar.outline.set_visible(False)  # type: ignore[operator]
+    bar.ax.tick_params(labelsize=5.5, length=2, pad=1)
+    return bar

@@ -1,0 +1,209 @@
+"""Which classes HDC confuses (Figs. 6(b) and 9(d)), and by how many millimetres (Fig. 7)."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+
+from experiments.records import configs
+from experiments.records.results import RUNS, by_scene, of_experiment
+from experiments.records.rows import unpack_labels
+from experiments.reporting.columns import scene_name
+from experiments.reporting.facets import PRINTED, matrix
+from experiments.reporting.plot import LETTERS, panel, wrapped
+from experiments.reporting.resamples import mean_matrix
+from experiments.reporting.study import RUN, Figure
+from experiments.reporting.table import Table
+from experiments.reporting.trained import split_of, whole
+
+SPATIAL = "spatial"
+SPATIAL_CORRELATION = (
+    f"{RUN}correlation scene=spatial 'task.kinds=[prototype]' 'task.samples=[held-out]'"
+)
+
+
+def _of_hdc(runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The runs of HDC on all samples and pixels of each scene, in the order of the sweep."""
+    found = by_scene(whole(runs[runs.model == "hdc"]))
+    order = configs.sweep("all_scenes")["scene"]
+    last = len(order)
+
+    def place(scene: str) -> tuple[bool, int, str]:
+        at = order.index(scene) if scene in order else last
+        simulated = configs.scene_display(scene)["kind"] == "simulated"
+        return simulated, at, scene
+
+    return {scene: found[scene] for scene in sorted(found, key=place)}
+
+
+def confusion(runs: pd.DataFrame) -> pd.DataFrame:
+    """Shares of the true class, a row per true and predicted class, all seeds together."""
+    classes = json.loads(runs.classes.iloc[0])
+    counts = np.zeros((len(classes), len(classes)))
+    for labels, predicted in zip(runs.labels, runs.predicted, strict=True):
+        np.add.at(counts, (unpack_labels(labels), unpack_labels(predicted)), 1)
+    shares = counts / np.maximum(counts.sum(1, keepdims=True), 1)
+    table = pd.DataFrame(shares, classes, classes)
+    long = table.rename_axis("true").melt(ignore_index=False, var_name="predicted")
+    return long.reset_index().rename(columns={"value": "share"})
+
+
+def confusions(runs: pd.DataFrame) -> pd.DataFrame | None:
+    """The shares of each scene of few classes of which some are confused."""
+    parts = []
+    for scene, of_scene in _of_hdc(runs).items():
+        accuracy = float((of_scene.right / of_scene.n_test).mean())
+        if accuracy < 1 and of_scene.n_classes.iloc[0] <= PRINTED:
+            about = {"scene": scene, "split": split_of(of_scene), "accuracy": accuracy}
+            about |= {"origin": of_scene.origin.iloc[0], "seeds": len(of_scene)}
+            parts.append(confusion(of_scene).assign(**about))
+    return pd.concat(parts) if parts else None
+
+
+def draw_confusions(figure: Canvas, data: pd.DataFrame) -> None:
+    """A panel per scene."""
+    scenes = by_scene(data)
+    down = -(-len(scenes) // 2)
+    figure.set_size_inches(3.4, 1.4 + 1.55 * down)
+    for k, (letter, (scene, shares)) in enumerate(
+        zip(LETTERS, scenes.items(), strict=False)
+    ):
+        axes = figure.add_subplot(down, 2, k + 1)
+        _draw_confusion(axes, shares)
+        axes.set(xlabel="predicted", ylabel="true")
+        axes.tick_params(axis="x", rotation=90)
+        of_paper = configs.scene_display(scene)["figure"]
+        of = f", {of_paper}" if of_paper else ""
+        accuracy = 100 * shares.accuracy.iloc[0]
+        panel(axes, letter, f"{wrapped(scene_name(scene), 20)}{of}\n{accuracy:.1f} %")
+
+
+def _draw_confusion(axes: Axes, shares: pd.DataFrame) -> None:
+    """Shares of each true class in percent; less than half a percent is left blank."""
+    table = 100 * _square(shares, "true", "predicted", "share")
+    few = len(table) <= PRINTED
+    gamma = 1 if few else 0.4  # a colour has to show one of 100 test samples
+    bar = matrix(axes, table, _whole, "Blues", (0, 100), gamma)
+    if few:
+        bar.remove()
+    else:
+        bar.set_ticks([0, 5, 20, 50, 100])
+
+
+def _whole(share: float) -> str:
+    return f"{share:.0f}" if share >= 0.5 else ""
+
+
+def _square(rows: pd.DataFrame, row: str, column: str, value: str) -> pd.DataFrame:
+    """A matrix of rows that have one value for each pair of classes, in the order of the rows."""
+    names: list[str] = list(rows[row].unique())
+    return rows.pivot(index=row, columns=column, values=value).loc[names, names]
+
+
+# Fig. 7 -------------------------------------------------------------------------------------------
+
+
+def spatial(frame: pd.DataFrame) -> pd.DataFrame | None:
+    """Positions along a line: shares of confused ones, errors in millimetres, correlations.
+
+    Returns:
+        DataFrame: ``what`` (``confusion``, ``correlation``, ``error_mm``: the mean error at a true
+        position, or ``error``: mean, median and 95th percentile), ``true``, ``predicted`` and
+        ``share``.
+    """
+    runs = _of_hdc(of_experiment(frame, RUNS)).get(SPATIAL)
+    if runs is None:
+        return None
+    first = runs.iloc[0]
+    start, stop = (
+        np.array(json.loads(first[f"scene.classes.{end}"])) for end in ("start", "stop")
+    )
+    number = int(first["scene.classes.number"])
+    at = np.linspace(0, 1e3 * np.linalg.norm(stop - start), number)
+    truth = np.concatenate([unpack_labels(labels) for labels in runs.labels])
+    found = np.concatenate([unpack_labels(labels) for labels in runs.predicted])
+    error = np.abs(at[found] - at[truth])
+    mean = pd.Series(error).groupby(at[truth]).mean()
+    errors = pd.DataFrame(
+        {"what": "error_mm", "true": mean.index, "share": mean.values}
+    )
+    median, most = np.percentile(error, (50, 95))
+    whole = {"mean": error.mean(), "median": median, "95th percentile": most}
+    totals = pd.DataFrame(whole.items(), columns=["true", "share"])
+    parts = [
+        confusion(runs).assign(what="confusion"),
+        errors,
+        totals.assign(what="error"),
+    ]
+    correlations = of_experiment(frame, "correlation")
+    if len(correlations):
+        of_scene = correlations[correlations.scene == SPATIAL]
+        if len(of_scene):
+            parts.append(_correlations(of_scene))
+    about = {"scene": SPATIAL, "split": split_of(runs), "seeds": len(runs)}
+    return pd.concat(parts).assign(**about)
+
+
+def _correlations(rows: pd.DataFrame) -> pd.DataFrame:
+    """Prototypes (true) with held-out hypervectors (predicted), mean over seeds."""
+    mean = mean_matrix(rows, "prototype", "held-out")
+    names = {"class_i": "true", "class_j": "predicted", "value": "share"}
+    return mean.rename(columns=names).assign(what="correlation")
+
+
+def draw_spatial(figure: Canvas, data: pd.DataFrame) -> None:
+    """Fig. 7 and the error in millimetres."""
+    grid = figure.add_gridspec(2, 2, height_ratios=(1.4, 1))
+    left, right = (figure.add_subplot(grid[0, k]) for k in (0, 1))
+    below = figure.add_subplot(grid[1, :])
+    correlations = data[data.what == "correlation"]
+    if len(correlations):
+        matrix(left, _square(correlations, "true", "predicted", "share"), str)
+        left.set(xlabel="hypervectors of position (mm)")
+        left.set_ylabel("prototype of position (mm)")
+        panel(left, "a", "correlation $C^p$, held out")
+    else:
+        left.set_axis_off()
+        panel(left, "a", "no measurement")
+    _draw_confusion(right, data[data.what == "confusion"])
+    right.set(xlabel="predicted (mm)", ylabel="true position (mm)")
+    panel(right, "b", "confusion (%)")
+    errors = data[data.what == "error_mm"]
+    below.plot(
+        errors.true.astype(float), errors.share, color="#0072B2", marker="o", ms=2
+    )
+    below.set(xlabel="true position (mm)", ylabel="mean |error| (mm)")
+    below.set_ylim(0, None)
+    whole = data[data.what == "error"].set_index("true").share
+    texts = [f"{name} {value:.3g} mm" for name, value in whole.items()]
+    panel(below, "c", ", ".join(texts))
+
+
+FIGURES = [
+    Figure(
+        "confusions",
+        Table("confusions", confusions, of=RUNS, commands=[f"{RUN}all_scenes"]),
+        draw_confusions,
+        title="Confusion by HDC, % of the true label",
+        caption="Confusion of the classes by HDC, in percent of the true label (rows), test "
+        "samples of all seeds together (Figs. 6(b) and 9(d)). Cells below 0.5 % "
+        "are blank. Scenes without errors are left out.",
+    ),
+    Figure(
+        "fig7_spatial",
+        Table(
+            "fig7_spatial",
+            spatial,
+            of=(RUNS, "correlation"),
+            commands=[f"{RUN}all_scenes", SPATIAL_CORRELATION],
+        ),
+        draw_spatial,
+        title="HDC: 51 positions, 1 mm apart (Fig. 7)",
+        caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
+        size=(3.4, 3.9),
+    ),
+]

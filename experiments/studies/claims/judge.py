@@ -1,0 +1,293 @@
+"""Verdicts by rules from version 4 on: a form of HDC minus its rival, from draws to a word.
+
+Draws of a recording give a difference with its variance; recordings of one source give the number
+of the source, y_s with variance v_s, which few draws leave uncertain; so sources are joined by a
+hierarchical model with Student's t:
+
+    y_s ~ t(θ_s, √v_s) with four degrees of freedom    θ_s ~ normal(μ, τ)
+    μ ~ normal(0, 10 points)                           τ ~ half-normal(5 points)
+
+*Yes* where the loss is below the margin with a probability of 95 %, *no* where it is so with 5 %,
+otherwise *open*; open, too, where a recording of the rules was not measured, or was disturbed. The
+Student interval of sources of equal weight stands beside.
+"""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any, Literal, NamedTuple
+
+import msgspec
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+from omegaconf import OmegaConf
+
+from experiments.records.results import of_experiment
+from experiments.reporting.estimates import (
+    Estimate,
+    least_variance_of_difference,
+    mean_interval,
+)
+
+YES, NO, OPEN = "yes", "no", "open"
+LARGEST = "largest"
+FREEDOM, PRIOR_MEAN, PRIOR_BETWEEN = 4, 0.1, 0.05
+Size = int | Literal["largest"]
+Models = Annotated[tuple[str, ...], msgspec.Meta(max_length=6)]
+
+
+class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A recording that enters: its source, which is the unit; the sizes that its classes fill, all
+    if none are named; and how many groups it has if there are fewer of them than draws."""
+
+    source: str
+    sizes: tuple[Size, ...] = ()
+    groups: int | None = None
+
+
+class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A claim: `form` loses less than the margin to `rival`.
+
+    Attributes:
+        says, by: what is claimed, by whom.
+        experiment: whose lines are the evidence.
+        lines: values of columns that its lines have.
+        right, asked: columns with right answers, and with test frames.
+        disturbed: column that is true where a line was disturbed; empty if nothing can be.
+    """
+
+    says: str
+    by: str
+    experiment: str
+    form: str
+    rival: str
+    lines: dict[str, Any] = {}
+    right: str = "right"
+    asked: str = "n_test"
+    disturbed: str = ""
+
+
+class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A file of rules.
+
+    Attributes:
+        version, dated: which, and when they were fixed.
+        margin: the loss of accuracy that counts as none.
+        sure: probability of a yes; its complement is that of a no.
+        sizes: training frames of a class, each of which gets a word.
+        draws: of a recording, as many as count.
+        shared: test frames over training frames of a draw. Draws share frames, so that the variance
+            of their mean is that of one times 1/draws + shared (Nadeau and Bengio, Mach. Learn. 52,
+            239 (2003)).
+        candidates: models from which each family chooses its form.
+        recordings, claims: by name.
+    """
+
+    version: int
+    dated: Any
+    margin: float
+    sure: float
+    sizes: tuple[Size, ...]
+    draws: int
+    shared: float
+    candidates: dict[str, Models]
+    recordings: dict[str, Recording]
+    claims: dict[str, Claim]
+
+
+def read(path: Path) -> Rules:
+    """The rules of a file.
+
+    Raises:
+        ValueError: naming the file and the key that is wrong.
+    """
+    try:
+        return msgspec.convert(OmegaConf.to_container(OmegaConf.load(path)), Rules)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{path}: {error}") from None
+
+
+def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
+    """A row for each claim and size, with numbers in points.
+
+    Args:
+        rules: that judge.
+        frame: lines of the experiments of the claims.
+    """
+    rows = []
+    for name, claim in rules.claims.items():
+        about = {
+            "rules": rules.version,
+            "claim": name,
+            "says": claim.says,
+            "by": claim.by,
+        }
+        for size in rules.sizes:
+            at_size = {"rival": claim.rival, "size": size}
+            rows.append(about | at_size | _judged(rules, claim, size, frame))
+    return pd.DataFrame(rows)
+
+
+def _judged(
+    rules: Rules, claim: Claim, size: Size, frame: pd.DataFrame
+) -> dict[str, Any]:
+    found: dict[str, Difference] = {}
+    reasons: dict[str, list[str]] = {}
+    for name, recording in rules.recordings.items():
+        if recording.sizes and size not in recording.sizes:
+            continue
+        lines = _lines(claim, name, size, frame)
+        one = difference(rules, recording, claim, lines)
+        if isinstance(one, str):
+            reasons.setdefault(one, []).append(name)
+        else:
+            found[name] = one
+    row: dict[str, Any] = {"word": OPEN, "unit": "points"}
+    row["why"] = "; ".join(f"{why}: {', '.join(of)}" for why, of in reasons.items())
+    values, variances = by_source(rules, found)
+    if values:
+        joined = Joined(values, variances)
+        likely = joined.above(-rules.margin)
+        row |= _points(joined.mean()).columns("mean") | {"probability": likely}
+        row |= _points(mean_interval(values)).columns("equal")
+        row["sources"] = len(values)
+        row["word"] = OPEN if reasons else word_of(likely, rules.sure)
+    return row
+
+
+def word_of(likely: float, sure: float) -> str:
+    """The word for the probability that the loss is below the margin."""
+    if likely >= sure:
+        return YES
+    return NO if likely <= 1 - sure else OPEN
+
+
+def _points(share: Estimate) -> Estimate:
+    return Estimate(*(100 * value for value in share))
+
+
+# Draws to recordings to sources -------------------------------------------------------------------
+
+
+class Difference(NamedTuple):
+    """A form minus its rival on one recording, and the variance of this number."""
+
+    mean: float
+    variance: float
+
+
+def _lines(
+    claim: Claim, recording: str, size: Size, frame: pd.DataFrame
+) -> pd.DataFrame:
+    """The lines of both models on a recording at a size."""
+    lines = of_experiment(frame, claim.experiment)
+    for column, value in {"scene": recording, **claim.lines}.items():
+        if len(lines):
+            lines = lines[lines[column] == value]
+    if not len(lines):
+        return lines
+    lines = lines[lines.model.isin((claim.form, claim.rival))]
+    return lines[lines.n == (lines.n.max() if size == LARGEST else size)]
+
+
+def difference(
+    rules: Rules, recording: Recording, claim: Claim, lines: pd.DataFrame
+) -> Difference | str:
+    """The mean over the draws in which both models were asked, or why there is none.
+
+    Args:
+        rules: how many draws count, and what they share.
+        recording: where the lines are of.
+        claim: the two models, and the columns of their numbers.
+        lines: a line per draw and model.
+    """
+    if not len(lines):
+        return "not measured"
+    if claim.disturbed and lines[claim.disturbed].astype(bool).any():
+        return "disturbed"
+    asked = lines[claim.asked]
+    shares = lines.assign(accuracy=lines[claim.right] / asked).pivot_table(
+        "accuracy", ["seed", "draw"], "model"
+    )
+    both = shares.reindex(columns=[claim.form, claim.rival]).dropna()
+    less = (both[claim.form] - both[claim.rival]).to_numpy(float)
+    k, wanted = len(less), recording.groups or rules.draws
+    if k < wanted:
+        return f"{k} of {wanted} draws measured"
+    n, mean = float(asked.mean()), float(less.mean())
+    least = least_variance_of_difference(n * abs(mean), n, n)
+    of_one = max(float(less.var(ddof=1)) if k > 1 else 0.0, least)
+    return Difference(mean, of_one * (1 / k + rules.shared))
+
+
+def by_source(
+    rules: Rules, found: Mapping[str, Difference]
+) -> tuple[list[float], list[float]]:
+    """The number of each source, the mean of its recordings, and its variance: that within the
+    recordings or that between them, whichever is larger, over how many there are."""
+    sources: dict[str, list[Difference]] = {}
+    for name, one in found.items():
+        sources.setdefault(rules.recordings[name].source, []).append(one)
+    values, variances = [], []
+    for each in sources.values():
+        means, within = np.array(each).T
+        between = means.var(ddof=1) if len(means) > 1 else 0.0
+        values.append(float(means.mean()))
+        variances.append(float(max(within.mean(), between)) / len(means))
+    return values, variances
+
+
+# Sources to all -----------------------------------------------------------------------------------
+
+STEP = 0.001  # of the grid of μ, whose cells end at multiples of it
+MEANS = STEP * (np.arange(-500, 500) + 0.5)
+N_BETWEEN, N_SCALES = (
+    32,
+    12,
+)  # values of τ, each as likely by its prior; nodes for Student's t
+
+
+@functools.cache
+def _variances() -> tuple[
+    NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
+]:
+    """τ²; and Student's t as a mixture of normals: factors of a variance, and their weights."""
+    from scipy.special import ndtri, roots_genlaguerre
+
+    prior = (np.arange(N_BETWEEN) + 0.5) / N_BETWEEN
+    between = PRIOR_BETWEEN * ndtri((1 + prior) / 2)
+    nodes, weights = roots_genlaguerre(N_SCALES, FREEDOM / 2 - 1)
+    return between**2, FREEDOM / 2 / nodes, weights / weights.sum()
+
+
+class Joined:
+    """The posterior of μ given numbers of sources, on a grid.
+
+    Args:
+        values: a number of each source [k].
+        variances: of each [k], above zero.
+    """
+
+    def __init__(self, values: Sequence[float], variances: Sequence[float]) -> None:
+        between, factors, weights = _variances()
+        log = np.zeros((len(MEANS), len(between)))
+        for value, variance in zip(values, variances, strict=True):
+            of_each = between[:, None] + variance * factors
+            squares = (value - MEANS)[:, None, None] ** 2
+            density = weights / np.sqrt(of_each) * np.exp(-squares / (2 * of_each))
+            log += np.log(density.sum(axis=2) + np.finfo(float).tiny)
+        log -= ((MEANS / PRIOR_MEAN) ** 2 / 2)[:, None]
+        posterior = np.exp(log - log.max()).sum(axis=1)
+        self.shares = posterior / posterior.sum()
+
+    def above(self, limit: float) -> float:
+        """The probability that μ is above a limit."""
+        return float(self.shares[limit < MEANS].sum())
+
+    def mean(self) -> Estimate:
+        """The mean of μ with its central 95 %."""
+        ends = np.interp((0.025, 0.975), self.shares.cumsum(), MEANS + STEP / 2)
+        return Estimate(float(self.shares @ MEANS), *ends.tolist())

@@ -1,0 +1,116 @@
+"""Accuracies on recordings and their differences, as tables, figures and claims need them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+import pandas as pd
+from numpy.typing import NDArray
+
+from experiments.records.results import by_scene, of_experiment
+from experiments.reporting.estimates import Estimate
+from experiments.reporting.resamples import (
+    RIVAL,
+    accuracies,
+    fields_of,
+    over_units,
+    saturated,
+    seeds_are_units,
+)
+
+RIVALS = (RIVAL, "softmax_dual_standardised")
+"""Converged softmax regression, of grey values and of standardised frames."""
+CONFIRMATORY = ("hdc", "hdc_levels_lda")
+"""The forms of HDC that the frozen rules name; every other is exploratory."""
+FEW = 5  # frames per class
+
+
+def recordings(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The rows of each recording by its scene; a fibre counts once, by one input field."""
+    found = by_scene(of_experiment(frame, "recordings")).items()
+    return {scene: rows for scene, rows in found if fields_of(rows) == 1}
+
+
+def unsaturated(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The rows of each recording that can tell models apart."""
+    found = recordings(frame).items()
+    return {scene: rows for scene, rows in found if not saturated(rows)}
+
+
+class Accuracies:
+    """Accuracies on one recording by the split that counts, a row per unit and a column per model.
+
+    Attributes:
+        sizes: frames per class at which some model was asked, increasing.
+        models: names, in the order of the rows.
+        seeds: whether units are seeds, not draws of one recording.
+        n_test: test frames of a unit by model.
+        units: draws or seeds, in rising order.
+    """
+
+    def __init__(self, of_recording: pd.DataFrame) -> None:
+        rows = of_recording[of_recording.split == "counts"]
+        self.models = [str(model) for model in rows.model.unique()]
+        self.seeds = seeds_are_units(rows)
+        self.n_test: dict[Any, float] = rows.groupby("model").n_test.mean().to_dict()
+        every = accuracies(rows)
+        self.sizes: list[int] = sorted(every.n.unique().tolist())
+        asked = ["model", "n"]
+        self._table = every.pivot(index="unit", columns=asked, values="accuracy")
+        self.units: list[Any] = self._table.index.tolist()
+
+    def ends(self) -> list[int]:
+        """The fewest frames per class, five, and the most."""
+        middle = [n for n in self.sizes if n == FEW]
+        return list(dict.fromkeys((*self.sizes[:1], *middle, *self.sizes[-1:])))
+
+    def by_unit(self, model: str, n: int) -> NDArray[np.float64]:
+        """Accuracy in each unit, [units]; NaN where the model was not asked."""
+        if (model, n) not in self._table:
+            return np.full(len(self.units), math.nan)
+        return self._table[model, n].to_numpy(float)
+
+    def mean(self, model: str, n: int) -> Estimate:
+        """Mean accuracy with its interval; NaN where the model was not asked."""
+        return self._estimate(self.by_unit(model, n))
+
+    def pair(self, first: str, second: str, n: int) -> NDArray[np.float64]:
+        """Accuracies of two models in the units in which both were asked, [2, units]."""
+        both = np.stack([self.by_unit(first, n), self.by_unit(second, n)])
+        return both[:, ~np.isnan(both).any(axis=0)]
+
+    def difference(self, first: str, second: str, n: int) -> Estimate:
+        """How much more accurate one model is than another in the same units."""
+        return self._estimate(self.by_unit(first, n) - self.by_unit(second, n))
+
+    def _estimate(self, by_unit: NDArray[np.float64]) -> Estimate:
+        values = by_unit[~np.isnan(by_unit)].tolist()
+        return over_units(values, self.seeds) if values else Estimate(math.nan)
+
+
+class Gap(NamedTuple):
+    """How much more accurate a form of HDC is than a baseline on one recording."""
+
+    form: str
+    rival: str
+    n: int
+    difference: Estimate
+
+
+def gaps(
+    every: Accuracies, n: int, forms: Sequence[str], rivals: Sequence[str]
+) -> Iterator[Gap]:
+    """Each form minus the stronger of some baselines at n, which favours the baseline; nothing
+    where either was not asked."""
+    means = {rival: every.mean(rival, n).value for rival in rivals}
+    known = {rival: value for rival, value in means.items() if not math.isnan(value)}
+    if not known:
+        return
+    rival = max(known, key=lambda name: known[name])
+    for form in forms:
+        difference = every.difference(form, rival, n)
+        if not math.isnan(difference.value):
+            yield Gap(form, rival, n, difference)

@@ -1,0 +1,211 @@
+"""HDC as published and extended beside its baseline by recording, and error against run time."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pandas as pd
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure as Canvas
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from experiments.reporting.columns import display_name, scene_name
+from experiments.reporting.facets import intervals
+from experiments.reporting.plot import (
+    LETTERS,
+    handle,
+    legend_below,
+    literal,
+    look_of,
+    panel,
+    plain_decades,
+)
+from experiments.reporting.resamples import RIVAL, place_of
+from experiments.reporting.study import RUN, Figure
+from experiments.reporting.table import Table
+from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED, kind_of
+from experiments.studies.recordings.accuracies import (
+    CONFIRMATORY,
+    FEW,
+    RIVALS,
+    Accuracies,
+    gaps,
+    unsaturated,
+)
+from experiments.studies.recordings.tables import COSTS
+
+SPLIT = "test frames of another time, session, group or position than those of training"
+WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
+MARGIN = 3  # points, within which two models count as equally good
+HEADINGS = (CAPTURED, COMPUTED, SIMULATED)
+# Look of each form: told apart by marker and fill as well as by colour.
+LOOKS: dict[str, dict[str, Any]] = {
+    "hdc": {"color": "#D55E00", "marker": "o", "mfc": "white"},
+    "hdc_levels_lda": {"color": "#0072B2", "marker": "D"},
+}
+NAMES = {"hdc": "HDC, published", "hdc_levels_lda": "HDC, extended (levels, LDA)"}
+SIZES = {"few": f"{FEW} frames per class", "most": "the most frames per class"}
+
+
+def forest(frame: pd.DataFrame) -> pd.DataFrame:
+    """Each form minus the baseline that is stronger, on each recording at five and the most frames
+    per class: ``size``, ``n``, ``form``, ``rival`` and ``difference`` with its 95 % interval."""
+    lines = []
+    for scene, rows in unsaturated(frame).items():
+        every = Accuracies(rows)
+        about = {"recording": scene, "kind": kind_of(str(rows.origin.iloc[0]))}
+        for size, n in zip(SIZES, (FEW, every.sizes[-1]), strict=True):
+            for gap in gaps(every, n, CONFIRMATORY, RIVALS):
+                compared = {"size": size, "n": n, "form": gap.form, "rival": gap.rival}
+                lines.append(about | compared | gap.difference.columns("difference"))
+    return pd.DataFrame(lines)
+
+
+def draw_forest(figure: Canvas, data: pd.DataFrame) -> None:
+    """Two panels: five frames per class, and the most."""
+    rows = _rows(data)
+    figure.set_size_inches(WIDTH, 1.2 + 0.22 * len(rows))
+    panels = figure.subplots(1, 2, sharey=True, sharex=True)
+    for axes, letter, (size, title) in zip(panels, "ab", SIZES.items(), strict=True):
+        _frame(axes, rows)
+        shown = data[data["size"] == size]
+        intervals(
+            axes,
+            shown,
+            "difference",
+            "recording",
+            "form",
+            names=rows,
+            hues=CONFIRMATORY,
+            look=lambda form: {"ms": 5, "mew": 1, "elinewidth": 1.2, **LOOKS[form]},
+            scale=100,
+            apart=0.32,
+        )
+        for missing in set(data.recording) - set(shown.recording):
+            place: Any = {"ha": "right", "va": "center", "fontsize": 7, "color": "0.4"}
+            axes.text(0, rows.index(missing), "not measured ", **place)
+        axes.set_title(f"({letter}) {title}", loc="left", fontsize=8, pad=3)
+    names = [name if name in HEADINGS else literal(scene_name(name)) for name in rows]
+    panels[0].set_yticks(range(len(rows)), names, fontsize=8)
+    for label, name in zip(panels[0].get_yticklabels(), rows, strict=True):
+        label.set_fontweight("bold" if name in HEADINGS else "normal")
+    handles: list[Any] = [
+        Line2D([], [], ls="", ms=5, label=NAMES[form], **LOOKS[form])
+        for form in CONFIRMATORY
+    ]
+    handles.append(Patch(color="0.88", label=f"±{MARGIN:g} points"))
+    legend_below(figure, handles, 3)
+
+
+def _rows(data: pd.DataFrame) -> list[str]:
+    """Kinds and recordings from top to bottom."""
+    rows = []
+    for kind in HEADINGS:
+        scenes = data.recording[data.kind == kind].unique()
+        if len(scenes):
+            rows += [kind, *sorted(scenes, key=place_of)]
+    return rows
+
+
+def _frame(axes: Axes, rows: list[str]) -> None:
+    axes.axvspan(-MARGIN, MARGIN, color="0.88", lw=0, zorder=0)
+    axes.axvline(0, color="0.4", lw=0.7, zorder=1)
+    for y, name in enumerate(rows):
+        if name not in HEADINGS:
+            axes.axhline(y, color="0.93", lw=0.5, zorder=0)
+    axes.set_ylim(len(rows) - 0.4, -0.6)
+    axes.set_xlabel("HDC minus softmax (points)", fontsize=8)
+    axes.tick_params(axis="x", labelsize=8)
+    axes.tick_params(axis="y", length=0)
+    axes.spines["left"].set_visible(False)
+
+
+# Error against training time ----------------------------------------------------------------------
+
+# Models that have a name in the figure; others are grey.
+NAMED = (
+    *("hdc", "hdc_lda", "hdc_levels_lda", "hdc_deviation_lda"),
+    *("softmax_dual_standardised", "mean_image", "thumbnail"),
+)
+ACROSS = 3  # panels in a row
+
+
+def draw_errors(figure: Canvas, data: pd.DataFrame) -> None:
+    """A panel per recording: error against training time at the most frames per class; the Pareto
+    front is joined."""
+    known = data.dropna(subset="error")
+    most = known[known.n == known.groupby("recording").n.transform("max")]
+    scenes = sorted(most.recording.unique(), key=place_of)
+    down = -(-len(scenes) // ACROSS)
+    figure.set_size_inches(7.0, 0.9 + 1.7 * down)
+    panels = figure.subplots(down, ACROSS, squeeze=False).ravel()
+    for unused in panels[len(scenes) :]:
+        unused.set_visible(False)
+    for letter, axes, scene in zip(LETTERS, panels, scenes, strict=False):
+        rows = most[most.recording == scene]
+        _draw_models(axes, rows)
+        panel(axes, letter, f"{literal(scene_name(scene))}, n = {rows.n.iloc[0]}")
+        axes.set(xlabel="training (s)", ylabel="test error (%)")
+        axes.set_ylim(bottom=-4 * rows.error.max())  # shows a whole marker at zero
+    named = [handle(model) for model in NAMED if model in set(most.model)]
+    legend_below(figure, [*named, Line2D([], [], label="other models", **_OTHER)], 4)
+
+
+_OTHER: Any = {"ls": "", "marker": ".", "color": "0.7"}
+
+
+def _draw_models(axes: Axes, rows: pd.DataFrame) -> None:
+    """A marker per model; those of the Pareto front are joined."""
+    front = rows[is_on_front(rows.fit_best_s, rows.error)].sort_values("fit_best_s")
+    step: Any = {"where": "post", "color": "0.6", "lw": 1.0, "zorder": 0, "marker": ""}
+    axes.step(front.fit_best_s, 100 * front.error, **step)
+    for row in rows.itertuples():
+        model = str(row.model)
+        look = {**look_of(model), "ls": ""} if model in NAMED else _OTHER
+        axes.plot(row.fit_best_s, 100 * row.error, **look)
+    axes.set_xscale("log")
+    plain_decades(axes)
+    axes.grid(color="0.92", lw=0.5)
+    axes.set_axisbelow(True)
+
+
+def is_on_front(times: pd.Series, errors: pd.Series) -> list[bool]:
+    """Whether no other point has less time and less error, or as much of one and less of the
+    other."""
+    points = pd.DataFrame({"time": times, "error": errors})
+    found = []
+    for point in points.itertuples(index=False):
+        no_worse = (points <= point).all(axis="columns")
+        better = (points < point).any(axis="columns")
+        found.append(not (no_worse & better).any())
+    return found
+
+
+FIGURES = [
+    Figure(
+        "forest",
+        Table("forest", forest, of="recordings", commands=[f"{RUN}recordings"]),
+        draw_forest,
+        title="Accuracy of HDC minus that of softmax, by recording",
+        details=SPLIT,
+        caption=f"Accuracy of HDC minus that of {display_name(RIVAL).lower()} on test "
+        "frames, in points, one row per recording. Circles: as published; "
+        "diamonds: extended (levels and LDA). The baseline gets raw or "
+        f"standardised grey values, whichever suits it better. Band: ±{MARGIN:g} "
+        "points. Bars: 95 %, Student over input fields or seeds, the central 95 % "
+        "of resamples for cameras.",
+        size=(WIDTH, 3.8),
+    ),
+    Figure(
+        "recordings_error_vs_time",
+        COSTS,
+        draw_errors,
+        title="Test error against training time, by recording",
+        details=SPLIT,
+        caption="Test error against training time at the most frames per class, one panel per "
+        "recording, with compiled kernels if they are faster. Grey line: the Pareto front, where "
+        "no other model has less of both.",
+        size=(7.0, 6.0),
+    ),
+]

@@ -1,0 +1,278 @@
+"""Every way to carry out an operation on the same bytes: ours, the peers', the machine's limits.
+
+:data:`OPERATIONS` is the registry: a function per operation, which yields its routes for a case.
+The routes of a case share its inputs, in the form that their users have at hand. A call prepares
+anything else that it needs when it is first made, which is not timed. Routes on a GPU find their
+input in its memory; those that train or predict begin in the machine's, as all others do.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
+from functools import cache, partial
+from importlib import import_module as load
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from baselines.libraries import multisets, opencv_median
+from experiments.protocol.clock import synchronise
+from hdc import HDCClassifier, bits
+from hdc.encoders import Median
+from hdc.prototypes import Counters
+from hdc.readers import open_recording
+from hdc.readers.batches import Batches
+from tests.benchmark import names
+from tests.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
+
+
+class Route(NamedTuple):
+    """One way to carry out an operation: its name, the package it needs, the call."""
+
+    name: str
+    module: str
+    call: Callable[[], Any]
+
+
+def encode_routes(case: Case) -> Iterator[Route]:
+    """Frames to hypervectors."""
+    frames = case.pixels
+    yield from ours(lambda backend: partial(Median().encode, frames, backend=backend))
+    yield from on_gpu(case, lambda gpu: partial(Median().encode, frames.to(gpu)))
+    yield from on_gpu(
+        case, lambda gpu: partial(torch_bits, frames.to(gpu)), names.ENCODE_GPU
+    )
+    yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
+    yield Route(
+        "cv2.calcHist, compare, packbits", "cv2", lambda: opencv_words(frames.numpy())
+    )
+
+
+def bundle_routes(case: Case) -> Iterator[Route]:
+    """Hypervectors to prototypes."""
+    # As torchhd has them, a byte per bit.
+    classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
+    yield from ours(lambda backend: partial(count, case, case.words, backend))
+    yield from on_gpu(
+        case, lambda gpu: partial(count, case, case.words.to(gpu), "numpy")
+    )
+    yield Route(names.TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
+
+
+def hamming_routes(case: Case) -> Iterator[Route]:
+    """Distances of queries and prototypes."""
+    pair = case.words, case.prototypes
+    queries, prototypes = (words.numpy().view(np.uint8) for words in pair)
+
+    def faiss_distances() -> np.ndarray:
+        faiss = load("faiss")
+        distances, order = faiss.knn_hamming(queries, prototypes, len(prototypes))
+        return np.take_along_axis(distances, order.argsort(1), 1)
+
+    def numkong_distances() -> Any:
+        numkong = load("numkong")
+        return numkong.cdist(queries, prototypes, metric="hamming", dtype="uint1")
+
+    yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
+    yield from on_gpu(
+        case, lambda gpu: partial(bits.hamming, pair[0].to(gpu), pair[1].to(gpu))
+    )
+    yield Route(names.NUMKONG, "numkong", numkong_distances)
+    yield Route("faiss.knn_hamming", "faiss", faiss_distances)
+
+
+def train_routes(case: Case) -> Iterator[Route]:
+    """Frames to prototypes."""
+    frames = case.pixels
+    pixels = frames.numpy()
+    copied = np.zeros(pixels.shape, np.uint8)
+
+    def train(backend: str, device: str = "cpu") -> HDCClassifier:
+        model = HDCClassifier(backend=backend, device=device)
+        return model.fit(frames, case.labels)
+
+    def ordinary(ones: Callable[[Tensor], Tensor]) -> Tensor:
+        return multisets(by_class(case, ones(frames)))
+
+    def read() -> np.ndarray:
+        return np.bitwise_xor.reduce(pixels.view(np.uint64))
+
+    yield from ours(lambda backend: partial(train, backend))
+    yield from on_gpu(case, lambda gpu: partial(train, "auto", gpu))
+    yield Route(names.READ, "numpy", read)
+    yield Route(names.COPY, "numpy", partial(np.copyto, copied, pixels))
+    of_frames = (torch_bits, numpy_bits, opencv_bits)
+    for name, ones in zip(names.ORDINARY_ROUTES, of_frames, strict=True):
+        yield Route(name, "torchhd", partial(ordinary, ones))
+
+
+def predict_routes(case: Case) -> Iterator[Route]:
+    """A frame to its label; successive calls take successive held-out frames."""
+    frames, labels = case.held_out.split(1), np.arange(case.l)
+    prototypes = case.prototypes.numpy().view(np.uint64)
+    n_bytes = -(-case.d // 8)
+
+    @cache
+    def ones() -> Any:
+        return load("torchhd").BSCTensor(torch_bits(case.examples))
+
+    def opencv_label(frame: Tensor) -> np.intp:
+        query = np.zeros_like(prototypes[:1]).view(np.uint8)
+        query[:, :n_bytes] = opencv_words(frame.numpy())
+        differing = np.bitwise_count(query.view(np.uint64) ^ prototypes)
+        return differing.sum(1, dtype=np.int64).argmin()
+
+    def torchhd_label(frame: Tensor) -> Tensor:
+        torchhd = load("torchhd")
+        query = torchhd.BSCTensor(torch_bits(frame))
+        return torchhd.hamming_similarity(query, ones()).argmax()
+
+    def each(label: Callable[[Tensor], Any]) -> Callable[[], Any]:
+        turn = itertools.cycle(frames)
+        return lambda: label(next(turn))
+
+    def predict(backend: str, device: str = "cpu") -> Callable[[], Any]:
+        model = HDCClassifier(backend=backend, device=device)
+        return each(model.fit(case.examples, labels).predict)
+
+    yield from ours(predict)
+    yield from on_gpu(case, lambda gpu: predict("auto", gpu))
+    yield Route(
+        "torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label)
+    )
+    yield Route("cv2.calcHist, numpy.bitwise_count", "cv2", each(opencv_label))
+
+
+def folder_routes(case: Case) -> Iterator[Route]:
+    """Images of a folder to prototypes, as ``hdc train`` makes them."""
+    files = [str(file) for file in case.folder.glob("images/*/*.png")]
+
+    def decode() -> None:
+        cv2 = load("cv2")
+        read = partial(cv2.imread, flags=cv2.IMREAD_UNCHANGED)
+        with ThreadPoolExecutor() as pool:
+            for _ in pool.map(read, files):
+                pass
+
+    yield from ours(partial(trained_on, case.folder / "images"))
+    yield Route(names.DECODE_IMAGES, "cv2", decode)
+
+
+def video_routes(case: Case) -> Iterator[Route]:
+    """A video to prototypes."""
+
+    def decode() -> None:
+        path = str(case.folder / "video.avi")
+        capture = load("cv2").VideoCapture(path)
+        while capture.read()[0]:
+            pass
+
+    yield from ours(partial(trained_on, case.folder / "video.avi"), "av")
+    yield Route(names.DECODE_VIDEO, "cv2", decode)
+
+
+def trained_on(path: Path, backend: str) -> Callable[[], HDCClassifier]:
+    """A call that trains on a recording."""
+
+    def train() -> HDCClassifier:
+        recording = open_recording(path, check=False)
+        frames = Batches(recording, np.arange(len(recording)))
+        return HDCClassifier(backend=backend).fit(frames, recording.names)
+
+    return train
+
+
+OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {
+    "encode": encode_routes,
+    "bundle": bundle_routes,
+    "hamming": hamming_routes,
+    "train": train_routes,
+    "predict": predict_routes,
+    "folder": folder_routes,
+    "video": video_routes,
+}
+
+
+def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
+    """The result of a call: packed bits uint8, distances, or labels of the held-out frames."""
+    if case.operation == "predict":
+        return np.array([call() for _ in range(HELD_OUT)]).ravel()
+    result: Any = call()
+    if isinstance(result, HDCClassifier):
+        result = result.prototypes_
+    if isinstance(result, Tensor):
+        result = result.cpu()
+    is_packed = isinstance(result, Tensor) and result.dtype == torch.int64
+    if is_packed and case.operation != "hamming":
+        result = unpack_bits(result, case.d)
+    array = np.asarray(result)
+    return pack_bits(array) if array.dtype == np.bool_ else array
+
+
+def ours(
+    build: Callable[[str], Callable[[], Any]], package: str | None = None
+) -> Iterator[Route]:
+    """Routes of both backends of hdc, by a function that makes a call of its name.
+
+    A reader may need a package of its own.
+    """
+    yield Route(names.OURS, package or "torch", build("numpy"))
+    yield Route(names.OURS_COMPILED, package or "numba", build("compiled"))
+
+
+def on_gpu(
+    case: Case, build: Callable[[str], Callable[[], Any]], name: str = names.OURS_GPU
+) -> Iterator[Route]:
+    """The route on the GPU, where the case has one, by a function that makes a call there.
+
+    It ends when the GPU has finished its queue.
+    """
+    if case.device == "cpu":
+        return
+    call = build(case.device)
+
+    def finished() -> Any:
+        result = call()
+        synchronise(case.device)
+        return result
+
+    yield Route(name, "torch", finished)
+
+
+def count(case: Case, words: Tensor, backend: str) -> Tensor:
+    """Prototypes int64 [L, W] of the case's hypervectors by our counters, on their device."""
+    counters = Counters(case.l, case.d, words.device, backend)
+    counters.add(words, torch.from_numpy(case.labels))
+    return counters.majority()
+
+
+def torch_bits(frames: Tensor) -> Tensor:
+    """Pixels above the median of their frame, bool [N, D]."""
+    return frames > frames.median(1, keepdim=True).values
+
+
+def numpy_bits(frames: Tensor) -> Tensor:
+    """The same by NumPy."""
+    pixels = frames.numpy()
+    return torch.from_numpy(pixels > np.median(pixels, 1, keepdims=True))
+
+
+def opencv_words(frames: np.ndarray) -> np.ndarray:
+    """The same of uint8 frames, packed, by OpenCV's histograms; exact to 2^24 pixels."""
+    return np.stack([pack_bits(frame > opencv_median(frame)) for frame in frames])
+
+
+def opencv_bits(frames: Tensor) -> Tensor:
+    """The same, not packed."""
+    ones = [frame > opencv_median(frame) for frame in frames.numpy()]
+    return torch.from_numpy(np.stack(ones))
+
+
+def by_class(case: Case, ones: Tensor) -> list[Tensor]:
+    """Hypervectors bool [N, D], class by class."""
+    return [ones[case.labels == c] for c in range(case.l)]

@@ -1,0 +1,160 @@
+"""Every measured number of table1.csv once more, from the records, by code that shares nothing with
+that which made it.
+
+    python -m tests.experiments.recompute_table1 results/reference
+
+Reads ``records.jsonl``, ``published.csv``, the two configs of Table I and the table with json, csv,
+YAML and numpy. Exits 1 and names each cell on which the two disagree, each row that the table
+lacks, and a file that is not there.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from tests.experiments.recompute_arithmetic import mean_share, median_range
+from tests.experiments.recompute_records import ROOT, runs_of
+
+SCENE, EXPERIMENTS = "touch", ("table1", "table1_descent")
+RECIPES = {"softmax_descent": "softmax"}  # whose row of the paper a model repeats
+PUBLISHED = ROOT / "results" / "published.csv"
+TOLERANCE = 2e-5  # the table has six digits
+STOPS = ("paper", "long", "end", "quick", "reached")
+
+
+def models() -> list[str]:
+    """The models that the configs of Table I name."""
+    names: list[str] = []
+    for name in EXPERIMENTS:
+        path = ROOT / "configs" / "experiment" / f"{name}.yaml"
+        tree = yaml.safe_load(path.read_text("utf-8"))
+        names += tree["hydra"]["sweeper"]["params"]["model"].split(",")
+    return names
+
+
+def counting(runs: list[dict], model: str) -> list[dict]:
+    """The runs of a row, the last of each seed: those alone on the machine, by the first rule to
+    stop of which there are some."""
+    own = []
+    for run in runs:
+        config, choices = run["config"], run["choices"]
+        whole = config["split"]["n_train"] is config["data"]["pixels"] is None
+        named = (choices["scene"], choices["model"]) == (SCENE, model)
+        if named and whole and not run.get("changed"):
+            own.append(run)
+
+    def place(run: dict) -> tuple[bool, int]:
+        alone = run["environment"].get("exclusive", True)
+        return not alone, STOPS.index(run["choices"]["stop"])
+
+    first = min(map(place, own), default=None)
+    by_seed = {run["config"]["seed"]["run"]: run for run in own if place(run) == first}
+    return [by_seed[seed] for seed in sorted(by_seed)]
+
+
+def is_iterative(run: dict) -> bool:
+    return "loss" in run["rows"]["columns"]
+
+
+def seconds(run: dict) -> float:
+    """Training time: of an iterative model that until training accuracy passes 90 %."""
+    if not is_iterative(run):
+        return run["training_s"]
+    reached = run.get("time_to_target_train_s")
+    return math.inf if reached is None else reached
+
+
+def at_papers(run: dict, level: float | None) -> float | None:
+    """Test accuracy at the first report with the paper's training accuracy, or after one pass."""
+    if not is_iterative(run):
+        return run["test_accuracy_final"]
+    names = run["rows"]["columns"]
+    for values in run["rows"]["values"]:
+        report = dict(zip(names, values, strict=True))
+        if level is not None and (report["train_accuracy"] or 0) >= level:
+            return report["test_accuracy"]
+    return None
+
+
+def papers_level(model: str) -> float | None:
+    """Training accuracy of the paper, a fraction."""
+    wanted = f"{RECIPES.get(model, model)}_training_accuracy"
+    with PUBLISHED.open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            if (row["experiment"], row["quantity"]) == ("table1", wanted):
+                return float(row["value"]) / 100
+    return None
+
+
+def recompute(runs: list[dict], model: str) -> dict[str, float]:
+    """The measured cells of a row by column; nan where there is no number."""
+    own = counting(runs, model)
+    n = float(np.mean([run["n_test"] for run in own]))
+    finals = [run["test_accuracy_final"] for run in own]
+    early = [run.get("test_accuracy_at_target") for run in own]
+    found = {"seeds": len(own), "n_test": sum(run["n_test"] for run in own)}
+    found |= mean_share("test_accuracy_final", finals, n)
+    found["test_accuracy_at_target"] = _mean(early)
+    found["train_accuracy_final"] = _mean([run["train_accuracy_final"] for run in own])
+    times = [seconds(run) for run in own]
+    if math.inf not in times:
+        found["training_time_s"] = float(np.median(times))
+    found["total_time_s"] = float(np.median([run["training_s"] for run in own]))
+    for name, key in (("hdc", "hdc"), ("numpy_hdc", "hdc_numpy")):
+        beside = [run.get("beside_s", {}).get(key) for run in own]
+        if model != "hdc" and None not in beside and math.inf not in times:
+            ratios = [time / of for time, of in zip(times, beside, strict=True)]
+            found |= median_range(f"training_time_over_{name}", ratios)
+    level = papers_level(model)
+    known = [share for run in own if (share := at_papers(run, level)) is not None]
+    return found | mean_share("test_accuracy_at_papers", known, n)
+
+
+def _mean(values: list[float | None]) -> float:
+    known = [value for value in values if value is not None]
+    return float(np.mean(known)) if known else math.nan
+
+
+def disagreements(path: Path) -> Iterator[str]:
+    """Cells that the records do not give again, rows that are missing, files that are missing."""
+    files = path / "records.jsonl", path / "tables" / "table1.csv"
+    missing = [file for file in files if not file.is_file()]
+    yield from (f"{file}: missing" for file in missing)
+    if missing:
+        return
+    runs = runs_of(path)
+    with files[1].open(encoding="utf-8") as file:
+        rows = {row["model"]: row for row in csv.DictReader(file)}
+    for model in models():
+        if not counting(runs, model):
+            continue
+        if model not in rows:
+            yield f"{model}: missing"
+            continue
+        for column, value in recompute(runs, model).items():
+            stated = float(rows[model][column]) if rows[model][column] else math.nan
+            nothing = math.isnan(stated) and math.isnan(value)
+            close = math.isclose(stated, value, rel_tol=TOLERANCE, abs_tol=TOLERANCE)
+            if not nothing and not close:
+                yield f"{model}, {column}: {stated}, recomputed {value}"
+
+
+def main() -> int:
+    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "results" / "reference")
+    wrong = list(disagreements(folder))
+    for line in wrong:
+        print(line)
+    if not wrong:
+        print(f"{folder / 'tables' / 'table1.csv'}: every measured cell recomputed")
+    return 1 if wrong else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
