@@ -132,7 +132,6 @@ def parts(answers: Answers) -> dict[str, Callable[[], str]]:
         "table1": lambda: rows("table1"),
         "results": lambda: documents.results_page(answers),
         "scenes": lambda: documents.scene_list(answers.results),
-        "benchmark_goals": lambda: rows("benchmark_goals"),
         "claims": lambda: rows("claims"),
         "reproduction": _reproduction,
     }

@@ -15,13 +15,8 @@ def contrast(run, scene, seeds):
         for sample, label in enumerate(sensor.labels[:40]):
             frame = sensor.frames([sample]).float()
             value = float(frame.std() / frame.mean())
-            name = sensor.classes[label]
-            yield {
-                "origin": sensor.origin,
-                "seed": seed,
-                "class": name,
-                "contrast": value,
-            }
+            about = {"origin": sensor.origin, "seed": seed}
+            yield {**about, "class": sensor.classes[label], "contrast": value}
 
 
 def by_class(frame):
@@ -54,11 +49,5 @@ CONTRAST = Table(
 FIGURE = Figure(
     "contrast", CONTRAST, draw, title="Speckle contrast", caption="Contrast by class."
 )
-STUDY = Study(
-    "contrast",
-    "Speckle contrast",
-    "How strong is it?",
-    20,
-    tables=[CONTRAST],
-    figures=[FIGURE],
-)
+ANSWERS = {"tables": [CONTRAST], "figures": [FIGURE]}
+STUDY = Study("contrast", "Speckle contrast", "How strong is it?", 20, **ANSWERS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import functools
 import json
 import multiprocessing
 import os
@@ -14,7 +15,6 @@ import msgspec
 import numpy as np
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from rich.console import Console
 
@@ -30,7 +30,7 @@ from experiments.records.results import Results
 from experiments.records.revision import revisions
 from experiments.records.rows import Rows, pack_labels
 from experiments.records.run import Finished, Unfinished
-from experiments.report import Answers
+from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
 
 
@@ -61,6 +61,20 @@ def beside_the_reference(committed, monkeypatch):
         return committed if name == "reference" else Answers(name, results, questions)
 
     monkeypatch.setattr(report, "Answers", answers)
+
+
+@pytest.fixture
+def answers(tmp_path):
+    """answers(*studies) → what they answer from the records in tmp_path; nothing may fail."""
+    asked = []
+
+    def ask(*questions):
+        asked.append(Answers("mine", Results(tmp_path), questions))
+        return asked[-1]
+
+    yield ask
+    for each in asked:
+        assert [str(failure) for failure in each.failures] == []
 
 
 @pytest.fixture
@@ -100,19 +114,30 @@ def _command_line(out, overrides, environment, before):
     run.entry_point()
 
 
+def composed_of(*words):
+    """The config that Hydra composes of a command line."""
+    with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        return hydra.compose("config", overrides=list(words))
+
+
+@pytest.fixture(scope="session")
+def compose():
+    """compose(*words) → the config that Hydra composes of a command line."""
+    return composed_of
+
+
 @pytest.fixture(scope="session")
 def composed():
-    """compose(overrides) → a resolved config as a record holds it; each combination made once."""
-    known = {}
+    """composed(scene, model, stop) → a config as composed; each combination is made once."""
+    known = functools.cache(
+        lambda *names: composed_of(
+            *map("=".join, zip(("scene", "model", "stop"), names, strict=True))
+        )
+    )
+    return lambda *names: copy.deepcopy(known(*names))
 
-    def make(scene, model, stop):
-        key = (f"scene={scene}", f"model={model}", f"stop={stop}")
-        if key not in known:
-            with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-                known[key] = compose("config", overrides=list(key))
-        return copy.deepcopy(known[key])
 
-    return make
+MADE_ON = {"cpu": "A CPU", "threads": 2, "commit": "c" * 40, "dirty": False}
 
 
 def _changed(values):
@@ -161,12 +186,8 @@ def write_run(tmp_path, composed):
         for key in record.NOT_IDENTITY:
             config.pop(key, None)
         config["threads"] = 2
-        choices = {
-            "scene": scene,
-            "model": model,
-            "stop": stop,
-            **results.pop("choices", {}),
-        }
+        choices = {"scene": scene, "model": model, "stop": stop}
+        choices |= results.pop("choices", {})
         name = f"{choices['scene']}-{choices['model']}"
         identity = record.name_of(name, config, fingerprint)
         entry = {
@@ -175,15 +196,8 @@ def write_run(tmp_path, composed):
             "choices": choices,
             "experiment": None,
             "config": config,
-            "environment": {
-                "cpu": "A CPU",
-                "threads": 2,
-                "commit": "c" * 40,
-                "dirty": False,
-                **(environment or {}),
-            },
+            "environment": MADE_ON | (environment or {}),
             "data": fingerprint,
-            "steps": record.current_steps(),
             "revisions": revisions(config) if made_by is None else made_by,
             "changed": _changed(change or {}),
             "scene": {
@@ -249,19 +263,14 @@ def write_measurement(tmp_path):
             "name": name,
             "config": {},
             "seconds": 1.5,
-            "steps": record.current_steps(),
             "command": f"python -m experiments.run experiment={name}",
-            "environment": {
-                "cpu": "A CPU",
-                "threads": 2,
-                "commit": "c" * 40,
-                "dirty": False,
-            },
+            "environment": MADE_ON,
             "changed": _changed_task(name, entry.get("config", {})),
             **entry,
         }
         entry["id"] = record.name_of(name, entry["config"], "")
-        entry.setdefault("revisions", revisions(entry["config"]))
+        if "revisions" not in entry:  # which imports what the config names
+            entry["revisions"] = revisions(entry["config"])
         made = msgspec.convert(entry, record.Measurement)
         made.rows = Rows.of(rows)
         store.append(tmp_path, made)
@@ -390,17 +399,8 @@ def composed_run(recording):
     """composed_run(*overrides, scene=None) → the resolved config of a run on a small recording."""
 
     def make(*overrides, scene=None):
-        with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
-            cfg = hydra.compose(
-                "config",
-                [
-                    "scene=recorded",
-                    f"scene.path={scene or recording()}",
-                    "threads=1",
-                    *overrides,
-                ],
-            )
-        return resolved(cfg)
+        path = f"scene.path={scene or recording()}"
+        return resolved(composed_of("scene=recorded", path, "threads=1", *overrides))
 
     return make
 

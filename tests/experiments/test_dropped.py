@@ -7,58 +7,35 @@ the records that have it is what it was, and not made again.
 from __future__ import annotations
 
 import copy
-import dataclasses
+from dataclasses import replace
 
+import msgspec
 import pytest
 from matplotlib import pyplot as plt
-from msgspec.structs import replace
 
 from experiments import studies
 from experiments.records.files import REFERENCE
-from experiments.records.results import RUNS, Results
+from experiments.records.results import CHECKPOINTS, RUNS, Results
 from experiments.records.rows import Rows
+from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.table import experiments_of
 
-# Draws that are kept of each measurement: enough to be shown, quick to be summed.
-FEW = 3
+FEW = 3  # draws that are kept of each measurement: enough to be shown
 RESULTS = Results(REFERENCE)
-
-
-def few_draws(measured):
-    rows = measured.rows.dicts()
-    return replace(measured, rows=Rows.of(r for r in rows if r.get("draw", 0) < FEW))
-
-
-MEASUREMENTS = [few_draws(measured) for measured in RESULTS.measurements]
-MODELS = sorted(
-    {run.choices.model for run in RESULTS.runs}
-    | {
-        str(row["model"])
-        for m in MEASUREMENTS
-        for row in m.rows.dicts()
-        if "model" in row
-    }
-)
-EVERYWHERE = (
-    "hdc",
-    "softmax_dual",
-    "mean_image",
-)  # the others are slow to take out one by one
-NAMES = sorted({measured.name for measured in MEASUREMENTS})
-
-
-def reduced(runs, measurements):
-    """The committed results with these runs and measurements alone."""
-    results = copy.copy(RESULTS)
-    results.__dict__ |= {"runs": runs, "measurements": measurements, "_frames": {}}
-    return results
+ROWS = {measured.id: measured.rows.dicts() for measured in RESULTS.measurements}
+MODELS = {run.choices.model for run in RESULTS.runs}
+MODELS |= {row["model"] for rows in ROWS.values() for row in rows if "model" in row}
+# The others are slow to take out one by one.
+EVERYWHERE = ("hdc", "softmax_dual", "mean_image")
+NAMES = {measured.name for measured in RESULTS.measurements}
 
 
 def rows_without(rows, model):
-    """Rows of the other models; the true classes of a draw move to its next row."""
+    """A few rows of the other models; the true classes of a draw move to its next row."""
     kept, moved = [], {}
     for row in rows:
+        if row.get("draw", 0) >= FEW:
+            continue
         if row.get("model") != model:
             kept.append({**row, **moved})
             moved = {}
@@ -67,68 +44,67 @@ def rows_without(rows, model):
     return kept
 
 
-def without_model(model):
-    """The committed results without a model, and the experiments that had it."""
-    runs = [run for run in RESULTS.runs if run.choices.model != model]
-    touched = {RUNS} if len(runs) < len(RESULTS.runs) else set()
-    measurements = []
-    for measured in MEASUREMENTS:
-        every = measured.rows.dicts()
-        rows = rows_without(every, model)
-        if len(rows) == len(every):
-            measurements.append(measured)
-            continue
-        touched.add(measured.name)
-        if rows:
-            measurements.append(replace(measured, rows=Rows.of(rows)))
-    return reduced(runs, measurements), touched
+def reduced(model=None, name=None):
+    """The committed results without a model or a measurement, and the experiments that had it."""
+    results, touched = copy.copy(RESULTS), {name}
+    results._frames = {}
+    results.runs = [run for run in RESULTS.runs if run.choices.model != model]
+    if len(results.runs) < len(RESULTS.runs):
+        touched |= {RUNS, CHECKPOINTS}
+    results.measurements = []
+    for measured in RESULTS.measurements:
+        rows = ROWS[measured.id]
+        if any(row.get("model") == model for row in rows if model):
+            touched.add(measured.name)
+        kept = rows_without(rows, model)
+        if kept and measured.name != name:
+            fewer = msgspec.structs.replace(measured, rows=Rows.of(kept))
+            results.measurements.append(fewer)
+    return results, touched
 
 
 def made_whole(results, touched):
     """Every table, figure and number that takes one of these experiments is made; the names of the
     tables."""
-
-    def takes(asked):
-        return [one for one in asked if not touched.isdisjoint(experiments_of(one.of))]
-
-    failures, names = [], []
+    names = []
     for study in studies_of(studies):
-        kinds = ("tables", "figures", "numbers")
-        part = dataclasses.replace(
-            study, **{kind: takes(getattr(study, kind)) for kind in kinds}
-        )
-        names += [
-            table.csv() and table.name for table in part.tables_of(results, failures)
+        tables = [t for t in study.tables if not touched.isdisjoint(t.experiments)]
+        figures = [
+            f for f in study.figures if not touched.isdisjoint(f.table.experiments)
         ]
-        list(part.quantities_of(results, failures))
-        for plot in part.plots_of(results, failures):
-            plot.draw()
-            plt.close("all")
-    assert [str(failure) for failure in failures] == []
+        numbers = [n for n in study.numbers if not touched.isdisjoint(n.of)]
+        part = replace(study, tables=tables, figures=figures, numbers=numbers)
+        answers = Answers("reference", results, [part])
+        names += [table.name for table in answers.tables(part) if table.csv()]
+        for figure, table in answers.figures(part):
+            figure.draw(table.data)
+        answers.comparison()
+        assert [str(failure) for failure in answers.failures] == []
+        plt.close("all")
     return names
 
 
 def slowly(names, quick):
     """The names as parameters of a test, slow but for the quick ones."""
-    return [n if n in quick else pytest.param(n, marks=pytest.mark.slow) for n in names]
+    every = sorted(map(str, names))
+    return [n if n in quick else pytest.param(n, marks=pytest.mark.slow) for n in every]
 
 
 @pytest.mark.parametrize("model", slowly(MODELS, EVERYWHERE))
 def test_a_model_that_is_missing_ends_nothing(model):
-    names = made_whole(*without_model(model))
+    names = made_whole(*reduced(model=model))
     assert names
     if model in ("hdc", "softmax_dual"):  # which are everywhere
         assert {"table1", "recordings", "drift"} <= set(names)
 
 
-@pytest.mark.parametrize("name", slowly(NAMES, ("benchmark", "recordings")))
+@pytest.mark.parametrize("name", slowly(NAMES, ("footprint", "recordings")))
 def test_a_measurement_that_is_missing_costs_its_own_tables(name):
-    left = [measured for measured in MEASUREMENTS if measured.name != name]
-    made = made_whole(reduced(RESULTS.runs, left), {name})
-    own = {
+    made = made_whole(*reduced(name=name))
+    of_it_alone = {
         table.name
         for study in studies_of(studies)
         for table in study.tables
-        if experiments_of(table.of) == (name,)
+        if table.experiments == (name,)
     }
-    assert own.isdisjoint(made)
+    assert of_it_alone.isdisjoint(made)

@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from rich.console import Console
 
 from experiments.protocol import job
@@ -16,11 +15,8 @@ from experiments.protocol.model import instantiate
 from experiments.protocol.settings import resolved, settings_of
 from experiments.protocol.train_test import train_and_test
 from experiments.records import store
-from experiments.records.configs import CONFIGS
-from experiments.records.files import REFERENCE
-from experiments.records.groups import Groups
 from experiments.records.results import Results
-from experiments.report import Answers
+from experiments.reporting.answers import Answers
 from experiments.studies.table1 import models, view
 from hdc import HDCClassifier
 
@@ -31,27 +27,23 @@ SMALL = ["scene=touch", "scene.samples_per_class=12", "scene.contact.depth_sprea
          "scene.contact.position_spread=0.0", f"+scene.sensor.camera={CAMERA}"]  # fmt: skip
 SHORT = ["stop.most_steps=40", "stop.least_steps=10"]
 COUNTS = [
-    "model",
-    "n_train",
-    "pixels",
-    "seeds",
-    "stop",
-    "status",
-    "n_test",
-    "model_bytes",
+    *("model", "n_train", "pixels", "seeds", "stop", "status", "n_test", "model_bytes")
 ]
 
 
-def run(*overrides, **names):
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        cfg = compose(
-            "config", ["threads=1", "exclusive=false", "cache=false", *overrides]
-        )
-    return job.run(resolved(cfg), names, [], Console(quiet=True))[0]
+@pytest.fixture
+def run(compose):
+    """run(*overrides, **names) → the record of a run of one thread."""
+
+    def carry_out(*overrides, **names):
+        words = ("threads=1", "exclusive=false", "cache=false", *overrides)
+        return job.run(resolved(compose(*words)), names, [], Console(quiet=True))[0]
+
+    return carry_out
 
 
 def test_table_1_of_a_small_scene_is_the_committed_one(
-    results, one_thread, monkeypatch
+    results, one_thread, monkeypatch, run
 ):
     monkeypatch.setattr(models, "scene", lambda: "small")
     for model in models.LINES:
@@ -71,14 +63,16 @@ def test_table_1_of_a_small_scene_is_the_committed_one(
     assert text.getvalue() == GOLDEN.read_text()
 
 
-def test_a_committed_number_is_made_again(request, one_thread):
+def test_a_committed_number_is_made_again(committed_results, request, one_thread):
     place = "fibre"
     try:
         request.getfixturevalue("measured_data")
     except pytest.skip.Exception:
         place = "touch"  # half a minute of simulated frames
-    runs = Groups(Results(REFERENCE).runs).group(place, "ridge").runs
-    known = min(runs, key=lambda run: run.training_s)
+    name = (place, "ridge")
+    every = committed_results.runs
+    of_ridge = [r for r in every if (r.scene_label, r.model_label) == name]
+    known = min(of_ridge, key=lambda run: run.training_s)
     carried = {"cache": False, "exclusive": False, "force": False}
     settings = settings_of({**known.config, **carried})
     scene = instantiate(settings.scene, "scene")
@@ -94,7 +88,7 @@ def test_a_committed_number_is_made_again(request, one_thread):
         pytest.skip(f"{place}: frames differ on this processor; accuracy agrees")
 
 
-def test_a_measured_excerpt_goes_through_the_runner(results, one_thread):
+def test_a_measured_excerpt_goes_through_the_runner(results, one_thread, run):
     made = run("scene=fibre", f"scene.path={EXCERPT}", "scene.side=21", "model=hdc",
                scene="fibre", model="hdc", stop="paper")  # fmt: skip
     assert (made.n_test, made.scene.origin) == (100, "computed")

@@ -6,17 +6,18 @@ encoder or a read-out a class, and a YAML for the harness; a study a module and 
 
 import csv
 import io
+import shutil
 
 import numpy as np
 import pytest
 from rich.console import Console
 
 from experiments import report
-from experiments.records.groups import Groups
-from experiments.records.results import Results
-from experiments.reporting import columns
+from experiments.records.files import ROOT
+from experiments.records.results import RUNS, Results
 from hdc import HDCClassifier
 
+EXAMPLES = ROOT / "docs" / "examples"
 pytestmark = pytest.mark.usefixtures("beside_the_reference")
 
 COMPETITOR = '''
@@ -103,40 +104,33 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     carry_out("scene=recorded", f"scene.path='{own}/my $frames$ <b>.npz'", "model=nearest_mean",
               "model.power=1.0")  # fmt: skip
     results = own / "results"
-    page = report.write(results, Console(file=io.StringIO())).read_text(
-        encoding="utf-8"
-    )
+    page = report.write(results, Console(file=io.StringIO())).read_text("utf-8")
     read = Results(results)
     assert read.problems == []
-    recording = next(
-        r.scene_label
-        for r in read.runs
-        if r.scene.name == "recorded" and "my" in r.scene_label
-    )
-
     runs = table(results, "runs")
     assert len(runs) == 15
     assert [row["overrides"] for row in runs if row["overrides"]] == ["model.power=1.0"]
     assert {row["origin"] for row in runs} == {"simulated", "recorded"}
-
-    # Table I of the scene's name is untouched; the table of all scenes has both.
-    rows = table(results, "all_scenes")
-    for scene, models in (
-        ("small_touch", ["hdc", "nearest_mean"]),
-        (recording, ["hdc", "nearest_mean", "nearest_mean (power=1.0)"]),
-    ):
-        lines = {row["model"]: row for row in rows if row["scene"] == scene}
-        assert list(lines) == models
-        for model, row in lines.items():
-            group = Groups(read.runs).group(scene, model)
-            assert float(row["test_accuracy_final"]) == pytest.approx(
-                group.right.mean(), abs=1e-6
-            )
-            assert int(row["seeds"]) == len(group.runs)
+    # The table of all scenes has both, of all samples, by the numbers of their records.
+    lines = read.frame(RUNS)
+    known = lines[lines.asked_n == 0].groupby(["scene", "model"])
+    (recording,) = set(lines.scene) - {"small_touch"}
+    rows = {(r["scene"], r["model"]): r for r in table(results, "all_scenes")}
+    expected = {"small_touch": [], recording: ["nearest_mean (power=1.0)"]}
+    assert set(rows) == {
+        (scene, model)
+        for scene, more in expected.items()
+        for model in ("hdc", "nearest_mean", *more)
+    }
+    for place, of_row in known:
+        share = of_row.right.sum() / of_row.n_test.sum()
+        assert float(rows[place]["test_accuracy_final"]) == pytest.approx(
+            share, abs=1e-6
+        )
+        assert int(rows[place]["seeds"]) == len(of_row)
     assert "nearest_mean (power=1.0)" in page
-    assert "recorded my $frames$ &lt;b&gt;.npz" in page
-    # Nothing of it is taken for the paper's, whose numbers the reference has.
-    # Of what was not measured, nothing is shown as one's own.
+    assert "my $frames$ &lt;b&gt;.npz" in page
+    # Nothing of it is taken for the paper's: of what was not measured, nothing is shown.
     assert not (results / "tables" / "comparison.csv").exists()
 
 
@@ -168,38 +162,6 @@ model:
   readout: own_parts.First
 display: {name: First bright frame, colour: "#117733", marker: h, line: "-", group: other}
 """
-STUDY = """
-import pandas as pd
-
-from experiments.protocol.experiment import experiment
-from experiments.reporting.study import Study
-from experiments.reporting.table import Table
-
-
-@experiment
-def brightness(run, scene, seeds=(0,)):
-    for seed, frames in run.scenes(scene, seeds):
-        yield {"seed": seed, "grey": float(frames.frames([0, 1]).double().mean())}
-
-
-def table(frame):
-    return frame.groupby("seed", as_index=False).grey.mean()
-
-
-STUDY = Study(
-    "brightness",
-    "Brightness",
-    "How bright are the frames?",
-    order=99,
-    tables=[Table("brightness", table, of="brightness", title="Mean grey value")],
-)
-"""
-EXPERIMENT = """# @package _global_
-defaults: [{override /scene: small_touch}]
-task:
-  _target_: own_study.brightness
-  scene: ${scene}
-"""
 
 
 def test_an_encoder_and_a_readout_of_ones_own_are_in_every_table_of_their_frames(
@@ -220,23 +182,27 @@ def test_an_encoder_and_a_readout_of_ones_own_are_in_every_table_of_their_frames
         assert 0 <= float(row["hdc_own"]) <= float(row["hdc"]) <= 1
 
 
-def test_a_study_of_ones_own_has_its_section(own, carry_out):
-    (own / "own_study.py").write_text(STUDY)
-    (own / "configs" / "experiment").mkdir()
-    (own / "configs" / "experiment" / "brightness.yaml").write_text(EXPERIMENT)
-    carry_out("experiment=brightness")
-    page = report.write(own / "results", Console(file=io.StringIO()))
-    (row,) = table(own / "results", "brightness")
-    assert 0 < float(row["grey"]) < 255
-    assert "How bright are the frames?" in page.read_text(encoding="utf-8")
-
-
-def test_a_column_of_ones_own_is_one_entry(own, carry_out, monkeypatch):
-    mean = columns.Column("Classes", of=lambda group, _: len(group.classes))
-    monkeypatch.setitem(columns.COLUMNS, "classes", mean)
-    carry_out("scene=small_touch", "model=hdc", "split.n_train=20")
-    report.write(own / "results", Console(file=io.StringIO()))
-    assert [row["classes"] for row in table(own / "results", "all_scenes")] == ["5"]
+def test_a_question_of_ones_own_is_one_file_with_a_table_and_a_figure(
+    own, carry_out, capsys
+):
+    """The one that docs/extend.md shows."""
+    assert len((EXAMPLES / "contrast.py").read_text().splitlines()) <= 60
+    shutil.copy(EXAMPLES / "contrast.py", own)
+    shutil.copytree(EXAMPLES / "experiment", own / "configs" / "experiment")
+    carry_out("experiment=contrast", "scene=small_touch")
+    report.main([])
+    told = "no table shows it; if contrast has a STUDY: --study contrast"
+    assert told in " ".join(capsys.readouterr().out.split())
+    report.main(["--study", "contrast"])
+    assert "no table shows it" not in capsys.readouterr().out
+    rows = table(own / "results", "contrast")
+    assert {row["class"] for row in rows} == {"L1", "L2", "R1", "R2", "None"}
+    assert all(0 < float(row["contrast"]) < 2 for row in rows)
+    page = (own / "results" / "report.html").read_text(encoding="utf-8")
+    assert "How strong is it?" in page
+    assert 'figures/contrast.svg"' in page
+    report.main(["contrast", "--study", "contrast"])
+    assert "Speckle contrast of each class" in capsys.readouterr().out
 
 
 def test_a_readout_of_ones_own_is_compared_by_the_command(own, capsys):

@@ -6,14 +6,15 @@ import shutil
 import pytest
 
 import experiments
-from experiments import reference, report
-from experiments.records import record, store
+from experiments import reference, studies
+from experiments.records import store
 from experiments.records.files import ROOT
-from experiments.records.groups import Groups
-from experiments.records.results import Results
+from experiments.records.results import RUNS, Results
 from experiments.reporting import documents
-from experiments.reproduction import took
-from experiments.reproduction.adopt import Adopted, adopt, go_on_from
+from experiments.reporting.answers import Answers
+from experiments.reporting.study import studies as studies_of
+from experiments.reproduction import make
+from experiments.reproduction.steps import steps
 
 OLD = {"experiments": 0}  # revisions of an earlier protocol
 
@@ -28,240 +29,101 @@ def target(tmp_path, monkeypatch):
     monkeypatch.setattr(reference, "DOCS", tmp_path / "docs")
     monkeypatch.setattr(reference.report, "REFERENCE", folder)
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    reference.README.write_text("")
     return folder
-
-
-# What is adopted ----------------------------------------------------------------------------------
-
-STEPS = ("table1", "cnn3", "drift")  # three of configs/reproduce.yaml
-
-
-def a_step(folder, name, status="finished", mode="full", commit="c" * 40):
-    """What the runner notes of a call of a step."""
-    row = {"step": name, "mode": mode, "command": f"python -m c {name}", "lanes": 1}
-    row |= {"seconds": 1.0, "peak_bytes": 1, "status": status, "commit": commit}
-    took.end(folder, row, took.begin(folder, row))
-
-
-@pytest.fixture
-def in_step(monkeypatch):
-    """in_step(name, mode) → records that are written next are of this step."""
-    return lambda name, mode="full": monkeypatch.setenv(record.STEP, f"{mode}/{name}")
 
 
 def models_of(folder):
     return sorted(run.model_label for run in Results(folder).runs)
 
 
-def test_a_finished_step_takes_the_place_of_what_there_was_of_it(
-    tmp_path, target, write_run, in_step
+# What is adopted ----------------------------------------------------------------------------------
+
+
+def test_a_record_takes_the_place_of_that_of_its_name_and_others_stay(
+    tmp_path, target, write_run, write_measurement
 ):
-    in_step("table1")
     write_run("hdc", wrong=[0])
-    before = write_run("softmax", change={"model.lr": 0.5})
-    write_run("cnn1", status="failed")
-    a_step(tmp_path, "table1")
-    assert adopt(tmp_path, target) == Adopted(2, 0, 0)
-    in_step("cnn3")
-    write_run("cnn3")
-    a_step(tmp_path, "cnn3")
-    assert adopt(tmp_path, target) == Adopted(3, 0, 0)
-    # The same step of another config, measured elsewhere.
-    (tmp_path / "records.jsonl").unlink()
-    (tmp_path / took.FILE).unlink()
-    in_step("table1")
+    write_run("ridge", made_by=OLD)
+    shutil.move(tmp_path / store.FILE, target / store.FILE)
     write_run("hdc", wrong=range(5))
     write_run("softmax")
-    a_step(tmp_path, "table1")
-    assert adopt(tmp_path, target) == Adopted(2, 1, 0)
-    found = Results(target)
-    assert found.problems == []
-    assert models_of(target) == ["cnn3", "hdc", "softmax"]
-    assert Groups(found.runs).group("touch", "hdc").right.sum() == 95
-    assert before not in {run.id for run in found.runs}
-
-
-def test_older_revisions_stay_until_their_step_is_taken_over(
-    tmp_path, target, write_run, write_measurement, in_step
-):
-    in_step("table1")
-    write_run("hdc", seed=1, made_by=OLD)
-    write_run("hdc", seed=0, made_by=OLD)
-    in_step("drift")
-    write_measurement("drift", [{"a": 1}], revisions=OLD)
-    in_step("a step that is no more")
-    write_measurement("crossing", [{"a": 1}], revisions=OLD)
-    shutil.move(tmp_path / "records.jsonl", target / "records.jsonl")
-    in_step("table1")
-    again = write_run("hdc", seed=0)
-    a_step(tmp_path, "table1")
-    assert adopt(tmp_path, target) == Adopted(1, 2, 0)
-    found = Results(target)
-    assert [run.id for run in found.runs] == [again]
-    assert [(m.name, bool(m.outdated)) for m in found.measurements] == [("drift", True)]
-
-
-def test_a_step_enters_whole_or_not_at_all(
-    tmp_path, target, write_run, write_measurement, in_step
-):
-    first, second, third = STEPS
-    in_step(first)
-    write_run("hdc")
-    in_step(second)
-    write_run("softmax")
-    a_step(tmp_path, first)
-    a_step(tmp_path, second, "interrupted")
-    in_step(third, "quick")
-    drift = write_measurement("drift", [{"a": 1}])
-    a_step(tmp_path, third, mode="quick")
-    assert adopt(tmp_path, target) == Adopted(1, 0, 2)
-    assert models_of(target) == ["hdc"]
-    assert {row["step"] for row in took.read(target).values()} == {first, third}
-    a_step(tmp_path, second)
-    in_step(third)  # which finds what quick made
-    found = store.made_before(tmp_path, drift["id"])
-    assert found.steps == ["quick/drift", "full/drift"]
-    a_step(tmp_path, third)
-    assert adopt(tmp_path, target) == Adopted(3, 0, 0)
-    assert Results(target).measurements[0].steps == ["full/drift"]
-
-
-def test_a_step_that_other_code_began_again_and_that_broke_off_stays_outside(
-    tmp_path, target, write_run, in_step
-):
-    in_step("table1")
-    write_run("hdc")
-    a_step(tmp_path, "table1")
-    a_step(tmp_path, "table1", "interrupted")
-    assert adopt(tmp_path, target) == Adopted(1, 0, 0)  # the same commit found it done
-    write_run("softmax")
-    a_step(tmp_path, "table1", "interrupted", commit="d" * 40)
-    assert adopt(tmp_path, target) == Adopted(0, 0, 2)
-    assert models_of(target) == ["hdc"]
+    write_run("cnn1", status="failed")
+    write_measurement("drift", [{"a": 1}])
+    assert reference.adopt(tmp_path, target) == (3, 0)
+    assert models_of(target) == ["hdc", "ridge", "softmax"]
+    lines = Results(target).frame(RUNS).set_index("model")
+    assert lines.right["hdc"] == 95
+    assert [measured.name for measured in Results(target).measurements] == ["drift"]
+    before = (target / store.FILE).read_bytes()
+    assert reference.adopt(tmp_path, target) == (3, 0)
+    assert (target / store.FILE).read_bytes() == before
 
 
 @pytest.mark.parametrize(
-    "refused", [{"environment": {"dirty": True}}, {"made_by": OLD}], ids=str
-)
-def test_a_step_of_which_nothing_may_enter_leaves_the_reference_as_it_is(
-    tmp_path, target, write_run, in_step, refused
-):
-    in_step("table1")
-    write_run("hdc", wrong=[0])
-    a_step(tmp_path, "table1")
-    adopt(tmp_path, target)
-    before = (target / "records.jsonl").read_bytes()
-    times = took.read(target)
-    write_run("hdc", wrong=range(9), **refused)
-    a_step(tmp_path, "table1", commit="d" * 40)
-    assert adopt(tmp_path, target) == Adopted(0, 0, 1)
-    assert (target / "records.jsonl").read_bytes() == before
-    assert took.read(target) == times
-
-
-def test_a_record_of_two_steps_stays_until_both_are_taken_over_without_it(
-    tmp_path, target, write_run, in_step
-):
-    first, second, _ = STEPS
-    in_step(first)
-    shared = write_run("hdc")
-    a_step(tmp_path, first)
-    in_step(second)  # which finds it finished
-    store.made_before(tmp_path, shared)
-    a_step(tmp_path, second)
-    adopt(tmp_path, target)
-    # Elsewhere the first step alone is called: it makes the record again, then another one.
-    for model in ("hdc", "softmax"):
-        (tmp_path / "records.jsonl").unlink()
-        (tmp_path / took.FILE).unlink()
-        in_step(first)
-        write_run(model)
-        a_step(tmp_path, first)
-        assert adopt(tmp_path, target).left == 0
-    (kept,) = (run for run in Results(target).runs if run.id == shared)
-    assert kept.steps == [f"full/{second}"]
-    (tmp_path / "records.jsonl").unlink()
-    a_step(tmp_path, second)  # whose records were lost: it takes nothing away
-    assert adopt(tmp_path, target).left == 0
-
-
-def test_what_was_started_by_hand_stays_outside(tmp_path, target, write_run):
-    write_run("hdc")
-    a_step(tmp_path, "table1")
-    assert adopt(tmp_path, target) == Adopted(0, 0, 1)
-
-
-def test_another_machine_goes_on_from_the_reference(
-    tmp_path, target, write_run, write_measurement, in_step
-):
-    in_step("table1")
-    first = write_run("hdc")
-    write_run("softmax", made_by=OLD)
-    drift = write_measurement("drift", [{"a": 1}])["id"]
-    write_measurement("crossing", [{"a": 1}], revisions=OLD)
-    shutil.move(tmp_path / "records.jsonl", target / "records.jsonl")
-    a_step(target, "table1")
-    own = tmp_path / "own"
-    assert go_on_from(target, own) == 2
-    assert go_on_from(target, own) == 0
-    assert [run.id for run in Results(own).runs] == [first]
-    assert [m.id for m in Results(own).measurements] == [drift]
-    assert [row["status"] for row in took.read(own).values()] == ["finished"]
-
-
-@pytest.mark.parametrize(
-    "environment",
-    [{"dirty": True}, {"commit": None}, {"dirty": False, "changes": "a" * 12}],
+    "about",
+    [
+        {"environment": {"dirty": True}},
+        {"environment": {"commit": None}},
+        {"environment": {"changes": "a" * 12}},
+        {"made_by": OLD},
+    ],
     ids=str,
 )
 def test_what_is_of_no_commit_or_of_other_revisions_stays_outside(
-    tmp_path, target, write_run, write_measurement, monkeypatch, environment, in_step
+    tmp_path, target, write_run, monkeypatch, about
 ):
     monkeypatch.setattr("experiments.records.record.changes", lambda: "a" * 12)
-    in_step("table1")
-    write_run("hdc", environment=environment)
-    write_run("softmax", made_by=OLD)
-    made_by = {
-        "cpu": "A CPU",
-        "threads": 2,
-        "commit": "c",
-        "dirty": False,
-    } | environment
-    write_measurement("drift", [{"a": 1}], environment=made_by)
-    write_measurement("crossing", [{"a": 1}], revisions=OLD)
-    a_step(tmp_path, "table1")
-    assert adopt(tmp_path, target) == Adopted(0, 0, 4)
+    write_run("hdc", **about)
+    assert reference.adopt(tmp_path, target) == (0, 1)
     assert not Results(target)
+
+
+def test_a_whole_reproduction_is_the_reference_and_half_of_one_is_not(
+    tmp_path, target, write_run, capsys
+):
+    write_run("ridge")
+    shutil.move(tmp_path / store.FILE, target / store.FILE)
+    write_run("hdc")
+    stamps = make.folder_of_stamps(tmp_path, "full")
+    stamps.mkdir(parents=True)
+    *found, last = steps()
+    for step in found:
+        (stamps / step.name).write_text("1")
+    before = (target / store.FILE).read_bytes()
+    assert reference.main(["--whole"]) == 2
+    assert f"every step finished, missing {last.name}" in capsys.readouterr().out
+    assert (target / store.FILE).read_bytes() == before
+    (stamps / last.name).write_text("1")
+    assert reference.adopt(tmp_path, target, whole=True) == (1, 0)
+    assert models_of(target) == ["hdc"]
+
+
+# What is filled in --------------------------------------------------------------------------------
 
 
 def test_records_of_older_code_and_their_tables_are_named(
     target, tmp_path, write_run, write_measurement, capsys
 ):
-    reference.README.write_text("")
     write_run("hdc", made_by=OLD)
     row = {"input": "a", "method": "m", "number": "mixed", "verdict": "holds"}
     numbers = {"error": 1e-3, "tolerance": 1e-2, "time_s": 0.1}
     write_measurement("numerics", [row | numbers])
-    shutil.move(tmp_path / "records.jsonl", target / "records.jsonl")
+    shutil.move(tmp_path / store.FILE, target / store.FILE)
     assert reference.main(["--tables"]) == 1
     said = capsys.readouterr().out
-    assert (
-        f"experiments (revision 0, now {experiments.REVISION}): 1 records are of another"
-        in said
-    )
+    now = f"experiments (revision 0, now {experiments.REVISION})"
+    assert f"{now}: 1 records are of another" in said
     (line,) = (x for x in said.splitlines() if x.startswith("tables with records of"))
     assert "table1" in line
     assert "numerics" not in line
 
 
 def test_it_adopts_writes_the_tables_and_fills_readme_and_docs(
-    target, tmp_path, write_run, in_step
+    target, tmp_path, write_run
 ):
-    in_step("table1")
-    a_step(tmp_path, "table1")
-    reference.README.write_text(
-        "# A title\n<!-- begin table1 -->\nold\n<!-- end table1 -->\nend\n"
-    )
+    begin, end = "# A title\n<!-- begin table1 -->\n", "\n<!-- end table1 -->\nend\n"
+    reference.README.write_text(f"{begin}old{end}")
     reference.DOCS.mkdir()
     page = reference.DOCS / "results.md"
     page.write_text("# Results\n<!-- begin results -->\n<!-- end results -->\n")
@@ -272,20 +134,19 @@ def test_it_adopts_writes_the_tables_and_fills_readme_and_docs(
     lines = (target / "tables" / "table1.md").read_text().splitlines()
     table = "\n".join(line for line in lines if line.startswith("|"))
     assert "98 [93" in table
-    assert reference.README.read_text() == (
-        f"# A title\n<!-- begin table1 -->\n{table}\n<!-- end table1 -->\nend\n"
-    )
-    before = {path: path.read_bytes() for path in target.rglob("*") if path.is_file()}
+    assert reference.README.read_text() == f"{begin}{table}{end}"
+
+    def files():
+        return {path: path.read_bytes() for path in target.rglob("*") if path.is_file()}
+
+    before = files()
     assert reference.main(["--tables"]) == 0
-    assert {
-        path: path.read_bytes() for path in target.rglob("*") if path.is_file()
-    } == before
+    assert files() == before
 
 
 def test_the_committed_reference_skipped_nothing_and_names_no_folder_of_a_machine():
-    files = [
-        path for path in (ROOT / "results" / "reference").rglob("*") if path.is_file()
-    ]
+    folder = ROOT / "results" / "reference"
+    files = [path for path in folder.rglob("*") if path.is_file()]
     assert len(files) > 50
     for path in files:
         found = re.search(
@@ -294,21 +155,11 @@ def test_the_committed_reference_skipped_nothing_and_names_no_folder_of_a_machin
         assert found is None, (path, found)
 
 
-# README.md ----------------------------------------------------------------------------------------
-
-
-def test_every_part_that_fills_the_readme_stands_there_and_says_what_is_missing(target):
-    text = (ROOT / "README.md").read_text(encoding="utf-8")
-    answers = report.Answers("reference", Results(target), [])
-    parts = reference.readme_parts(answers)
-    filled = documents.fill(text, parts)
-    blocks = dict(re.findall(r"<!-- begin (\w+) -->\n(.*)\n<!-- end \1 -->", filled))
-    assert set(blocks) >= set(parts)
-    assert all(blocks[name] == "*not measured yet*" for name in parts)
-
-
-def test_every_part_that_fills_the_docs_stands_in_one_of_them(target):
-    pages = [path.read_text("utf-8") for path in (ROOT / "docs").glob("*.md")]
-    answers = report.Answers("reference", Results(target), [])
-    for name in reference.docs_parts(answers):
-        assert sum(f"<!-- begin {name} -->" in page for page in pages) == 1, name
+def test_every_part_stands_on_one_page_and_says_what_is_missing(target):
+    pages = [ROOT / "README.md", *(ROOT / "docs").glob("*.md")]
+    texts = [path.read_text(encoding="utf-8") for path in pages]
+    parts = reference.parts(Answers("reference", Results(target), studies_of(studies)))
+    for name, make_part in parts.items():
+        assert sum(f"<!-- begin {name} -->" in text for text in texts) == 1, name
+        if name not in ("results", "scenes", "reproduction"):  # which need no record
+            assert make_part() == documents.NOT_MEASURED, name

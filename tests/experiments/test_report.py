@@ -13,23 +13,25 @@ import pytest
 from rich.console import Console
 
 from experiments import report, studies
+from experiments.records import store
 from experiments.records.files import REFERENCE, ROOT
-from experiments.records.results import RUNS
-from experiments.reporting.study import Plot, Study
+from experiments.records.results import RUNS, Results
+from experiments.reporting.study import Figure, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
 
 
 @pytest.fixture
 def alone(tmp_path, monkeypatch):
-    """Own results without the reference beside them."""
+    """Own results in tmp_path, without the reference beside them."""
     monkeypatch.setattr(report, "REFERENCE", tmp_path / "no reference")
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
 
 
-def written(folder):
+def written(folder, **options):
     """The text of a report of a folder on the terminal, and its files by name."""
     console = Console(width=report.WIDTH, file=io.StringIO(), highlight=False)
-    path = report.write(folder, console)
+    path = report.write(folder, console, **options)
     files = [path, *folder.glob("tables/*"), *folder.glob("figures/*")]
     return console.file.getvalue(), {file.name: file.read_bytes() for file in files}
 
@@ -38,32 +40,112 @@ def rows_of(data):
     return list(csv.DictReader(io.StringIO(data.decode())))
 
 
+# The reference ------------------------------------------------------------------------------------
+
+
 def test_no_committed_record_is_left_out_and_nothing_fails(committed):
-    assert committed.results.problems == []
+    tables = list(committed.every_table())
     assert committed.failures == []
-    names = [cells[0] for cells in committed.tables["comparison"][0].cells()]
+    assert committed.results.problems == []
+    assert list(committed.results.left_out()) == []
+    assert len({table.name for table in tables}) == len(tables)
+    names = [cells[0] for cells in committed.table("comparison").cells()]
     assert len(set(names)) == len(names)
 
 
-def test_the_committed_tables_are_those_of_the_committed_records(committed):
+@pytest.mark.parametrize("folder", ["tables", "figures"])
+def test_the_committed_numbers_are_those_of_the_committed_records(committed, folder):
+    """Of every table, and of every figure that no table shows, the bytes."""
     made = {table.name: table.csv() for table in committed.every_table()}
-    paths = (REFERENCE / "tables").glob("*.csv")
+    if folder == "figures":
+        drawn = {
+            table.name: (figure, table)
+            for study in committed.studies
+            for figure, table in committed.figures(study)
+        }
+        made = {
+            figure.name: table.csv()
+            for name, (figure, table) in drawn.items()
+            if name not in made and figure.kind != "webp"
+        }
+    paths = (REFERENCE / folder).glob("*.csv")
     expected = {path.stem: path.read_text(encoding="utf-8") for path in paths}
     assert set(made) == set(expected)
     assert [name for name in made if made[name] != expected[name]] == []
 
 
+def test_in_a_clone_it_writes_the_page_and_shows_a_table(tmp_path):
+    def run(*words):
+        done = subprocess.run(
+            [sys.executable, "-m", "experiments.report", *words],
+            cwd=ROOT, capture_output=True, text=True, check=False,
+            env={**os.environ, "PYTHONPATH": str(ROOT), "RESULTS_DIR": str(tmp_path)},
+        )  # fmt: skip
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    assert "HDC minus" not in run("footprint")
+    assert list(tmp_path.iterdir()) == []  # it shows, and writes nothing
+    run()
+    page = tmp_path / "report.html"
+    assert 2e5 < page.stat().st_size < 1e6  # with the whole reference
+    assert not list(page.parent.glob("tables/*"))  # they are the reference's
+
+
+# Own results --------------------------------------------------------------------------------------
+
+
+@pytest.mark.usefixtures("beside_the_reference")
+def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
+    write_run("hdc", wrong=range(50))
+    write_run("ridge", scene="finger", wrong=range(20))
+    text, files = written(tmp_path)
+    assert text.count("Table I,") == 1
+    hdc = next(line for line in text.splitlines() if line.startswith("HDC "))
+    assert "50" in hdc.split()  # mine
+    assert re.search(r"^CNN, 1 layer .*\n\(reference\)", text, re.MULTILINE)
+    assert "50 (reference: 99.5 to 100)" in text
+    assert re.search(r"^finger +Ridge +1 +80 \[", text, re.MULTILINE | re.IGNORECASE)
+    assert max(map(len, text.splitlines()[:8])) <= report.WIDTH
+    assert [row["model"] for row in rows_of(files["runs.csv"])] == ["ridge", "hdc"]
+    compared = rows_of(files["comparison.csv"])
+    assert compared  # nothing that was not measured stands under one's own
+    assert all(row["measured"] for row in compared)
+    page = files["report.html"].decode()
+    heads = ["<h2>Your results</h2>", "<h2>Reference results</h2>"]
+    assert page.index(heads[0]) < page.index(heads[1])
+    assert page.count('id="table1"') == 1  # one's own
+    assert "of your numbers lie outside the interval of the reference" in page
+
+
+def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):
+    before = (tmp_path / "records.jsonl").read_bytes()
+    first = written(tmp_path, tex=True)
+    assert first == written(tmp_path, tex=True)
+    assert (tmp_path / "records.jsonl").read_bytes() == before
+    names = {name.partition(".")[0] for name in first[1]}
+    assert {"table1", "comparison", "runs", "accuracy_vs_n", "report"} <= names
+    tex = first[1]["table1.tex"].decode()
+    assert {"\\toprule", "\\label{tab:table1}"} <= set(tex.split())
+    assert "Training time to 90 \\% (s)" in tex
+    assert not [name for name in written(tmp_path)[1] if name.endswith(".tex")]
+
+
+def small(name, *makers, drawing=lambda *_: None):
+    """A study of a table for each function, and a figure of the last."""
+    tables = [
+        Table(f"{name}_{k}", make, of=RUNS, title="Seeds")
+        for k, make in enumerate(makers)
+    ]
+    figure = Figure(f"{name}_figure", tables[-1], drawing, caption="Nothing.")
+    return Study(name, name, "Is it whole?", 0, tables=tables, figures=[figure])
+
+
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
     tmp_path, write_run, alone, monkeypatch, full_disk
 ):
-    tables = [
-        Table(name, lambda lines: lines[["seed"]], of=RUNS, title="Seeds")
-        for name in ("one", "two")
-    ]
-    empty = Plot("empty", lambda *_: None, of=RUNS, caption="Nothing.")
-    small = Study("small", "Small", "Is it whole?", 0, tables=tables, figures=[empty])
-    monkeypatch.setattr(report, "studies_of", lambda _: [small])
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    study = small("some", *[lambda lines: lines[["seed"]]] * 2)
+    monkeypatch.setattr(report, "studies_of", lambda _: [study])
     write_run("hdc")
     first, records = written(tmp_path)[1], (tmp_path / "records.jsonl").read_bytes()
     for k in range(100):
@@ -75,28 +157,31 @@ def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
     assert k > 20
 
 
-def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):
-    before = (tmp_path / "records.jsonl").read_bytes()
-    first = written(tmp_path)
-    assert first == written(tmp_path)
-    assert (tmp_path / "records.jsonl").read_bytes() == before
-    names = {name.partition(".")[0] for name in first[1]}
-    assert {"table1", "comparison", "runs", "accuracy_vs_n", "report"} <= names
+def test_a_study_that_fails_costs_its_own_table_and_says_so_in_one_line(
+    tmp_path, write_run, alone, monkeypatch
+):
+    def never(frame):
+        raise KeyError("a model\nthat is not there")
 
+    def drawn(figure, data):
+        raise ValueError("nothing to draw")
 
-@pytest.mark.usefixtures("beside_the_reference")
-def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
-    write_run("hdc", wrong=range(9))
+    broken = small("broken", never, lambda _: pd.DataFrame({"x": [1]}), drawing=drawn)
+    few = [study for study in studies_of(studies) if study.name == "table1"]
+    monkeypatch.setattr(report, "studies_of", lambda _: [*few, broken])
+    write_run("hdc")
     text, files = written(tmp_path)
-    hdc = next(line for line in text.splitlines() if line.startswith("HDC "))
-    assert "91" in hdc.split()  # mine
-    assert re.search(r"^CNN, 1 layer .*\n\(reference\)", text, re.MULTILINE)
-    assert [row["model"] for row in rows_of(files["runs.csv"])] == ["hdc"]
-    write_run("ridge", scene="finger", wrong=range(20))
-    text, _ = written(tmp_path)
-    assert re.search(r"^finger +Ridge +1 +80 \[", text, re.MULTILINE)
-    assert max(map(len, text.splitlines()[:8])) <= report.WIDTH
+    lines = [line for line in text.splitlines() if "failed at" in line]
+    assert [line.partition(": ")[2] for line in lines] == [
+        "study broken failed at table broken_0: KeyError: 'a model\\nthat is not there'",
+        "study broken failed at figure broken_figure: ValueError: nothing to draw",
+    ]
+    assert {"table1.csv", "broken_1.csv"} <= set(files)
+    assert files["report.html"].decode().count('class="failed"') == 2
+    report.main([])  # the report is whole: no error
 
+
+# Bad records --------------------------------------------------------------------------------------
 
 BAD = [
     ("environment.cpu", "A\nCPU | <b>\x1b[31m` \\", False),
@@ -121,116 +206,67 @@ def test_a_bad_record_costs_itself_only(tmp_path, write_run, alone):
         lines[k] = json.dumps(entry)
     path.write_text("\n".join([*lines, "{", "[]"]) + "\n")
     text, files = written(tmp_path)
-    left_out = [k for k, (*_, goes) in enumerate(BAD, 2) if goes] + [
-        len(BAD) + 2,
-        len(BAD) + 3,
-    ]
-    assert [
-        int(n) for n in re.findall(r"left out of mine: .*line (\d+): ", text)
-    ] == left_out
+    bad = [k for k, (*_, goes) in enumerate(BAD, 2) if goes]
+    bad += [len(lines) + 1, len(lines) + 2]
+    found = re.findall(r"left out of mine: .*line (\d+): ", text)
+    assert list(map(int, found)) == bad
     assert rows_of(files["table1.csv"])[0]["test_accuracy_final"] == "0.99"
     for name, data in {**files, "terminal": text.encode()}.items():
         if name.endswith((".csv", ".md")) or name == "terminal":
             assert all(c.isprintable() or c == "\n" for c in data.decode()), name
 
 
-def test_in_a_clone_it_writes_the_page(tmp_path):
-    environment = {"PATH": os.environ["PATH"], "PYTHONPATH": str(ROOT)}
-    done = subprocess.run(
-        [sys.executable, "-m", "experiments.report"], cwd=ROOT, capture_output=True, text=True,
-        check=False, env=environment | {"RESULTS_DIR": str(tmp_path)},
-    )  # fmt: skip
-    assert done.returncode == 0, done.stderr
-    page = tmp_path / "report.html"
-    assert 2e5 < page.stat().st_size < 1e6  # with the whole reference
-    assert not list(page.parent.glob("tables/*"))  # they are the reference's
+def test_a_record_is_read_and_none_of_the_code_that_it_names(
+    tmp_path, write_run, write_measurement, alone, monkeypatch
+):
+    """Not by the table, not where it is asked whether the record is of today's code."""
+    (tmp_path / "evilmod.py").write_text("raise SystemExit('the code of a record ran')")
+    monkeypatch.syspath_prepend(tmp_path)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "this", raising=False)
+    names = {"this.s": 1, "evilmod.X": 1, "evilmod.py": "a" * 12}
+    made_by = {"made_by": {"experiments": 0, "hdc.HDCClassifier": 0, **names}}
+    parts = {"encoder": "this.s", "readout": "evilmod.X"}
+    change = {f"model.{key}": name for key, name in parts.items()}
+    write_run("hdc", change=change | {"model._target_": "evilmod.X"}, **made_by)
+    write_run("hdc", change={"scene._target_": "evilmod.X"}, **made_by)
+    about = {"task": "evilmod.X", "revisions": names}
+    config = {
+        "model": {"_target_": "evilmod.X", **parts},
+        "scene": {"_target_": "this.s"},
+    }
+    write_measurement("robustness", [{"model": "hdc"}], config=config, **about)
+    write_measurement("own", [{"model": "hdc"}], config=config, **about)
+    assert len(list(store.read(tmp_path))) == 4
+    results = Results(tmp_path)
+    assert [bool(made.outdated) for made in results.finished] == [True] * 2 + [
+        False
+    ] * 2
+    text, files = written(tmp_path)
+    report.main(["all_scenes"])
+    assert not {"this", "evilmod"} & set(sys.modules)
+    # The rows of the models stand, and a table of the experiment is one option away.
+    models = [row["model"] for row in rows_of(files["all_scenes.csv"])]
+    assert any('readout="evilmod.X"' in model for model in models)
+    assert "no table shows it; if evilmod has a STUDY: --study evilmod" in text
 
 
-def test_a_bad_folder_is_one_line(tmp_path, monkeypatch):
-    (tmp_path / "file").write_text("")
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "file"))
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ([], "error: "),
+        (["nowhere"], "expected one of "),
+        (["--study", "no_such_module"], "--study no_such_module: "),
+        (["--study", "json"], "--study json: expected a name STUDY in it, found none"),
+    ],
+)
+def test_what_cannot_be_done_is_one_line(tmp_path, monkeypatch, alone, words, expected):
+    if not words:
+        (tmp_path / "file").write_text("")
+        monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "file"))
     with pytest.raises(SystemExit) as ended:
-        report.main([])
+        report.main(words)
     line = str(ended.value)  # on standard error; the exit status is 1
     assert line.startswith("error: ")
+    assert expected in line
     assert len(line.splitlines()) == 1
-
-
-@pytest.fixture
-def a_study_that_fails(monkeypatch):
-    """Table I, and a study of which one table and one figure fail."""
-
-    def never(frame):
-        raise KeyError("a model\nthat is not there")
-
-    def drawn(figure, frame):
-        raise ValueError("nothing to draw")
-
-    broken = Study(
-        "broken",
-        "Broken",
-        "Does it end the report?",
-        0,
-        tables=[
-            Table("never", never, of=RUNS, title="Never"),
-            Table("other", lambda _: pd.DataFrame({"x": [1]}), of=RUNS, title="Other"),
-        ],
-        figures=[Plot("drawn", drawn, of=RUNS, caption="Never drawn.")],
-    )
-    few = [study for study in studies_of(studies) if study.name == "table1"]
-    monkeypatch.setattr(report, "studies_of", lambda _: [*few, broken])
-
-
-def test_a_study_that_fails_costs_its_own_table_and_says_so_in_one_line(
-    tmp_path, write_run, alone, a_study_that_fails, monkeypatch
-):
-    write_run("hdc")
-    text, files = written(tmp_path)
-    lines = [line for line in text.splitlines() if "failed at" in line]
-    assert [line.partition(": ")[2] for line in lines] == [
-        "study broken failed at table never: KeyError: 'a model\\nthat is not there'",
-        "study broken failed at figure drawn: ValueError: nothing to draw",
-    ]
-    assert {"table1.csv", "other.csv"} <= set(files)
-    page = files["report.html"].decode()
-    assert page.count('class="failed"') == 2
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    report.main([])  # the report is whole: no error
-
-
-def test_tables_become_latex_when_it_is_asked_for(tmp_path, write_run, alone):
-    write_run("hdc")
-    console = Console(file=io.StringIO())
-    report.write(tmp_path, console)
-    assert not list(tmp_path.glob("tables/*.tex"))
-    report.write(tmp_path, console, tex=True)
-    text = (tmp_path / "tables" / "table1.tex").read_text(encoding="utf-8")
-    assert text.startswith("\\begin{table}")
-    # As docs/extend.md says.
-    assert {"\\toprule", "\\label{tab:table1}"} <= set(text.split())
-    assert "Training time to 90 \\% (s)" in text
-
-
-def test_nothing_unmeasured_stands_under_mine(tmp_path, write_run, alone):
-    write_run("hdc", wrong=range(9))
-    _, files = written(tmp_path)
-    rows = rows_of(files["comparison.csv"])
-    assert rows
-    assert all(row["measured"] for row in rows)
-
-
-@pytest.mark.usefixtures("beside_the_reference")
-def test_own_numbers_outside_the_reference_are_named_and_table_1_stands_once(
-    tmp_path, write_run
-):
-    write_run("hdc", wrong=range(50))
-    text, files = written(tmp_path)
-    assert text.count("Table I,") == 1
-    assert "table1: HDC has a test accuracy of 50 % (reference: 99.5 to 100)." in text
-    page = files["report.html"].decode()
-    assert page.index("<h2>Your results</h2>") < page.index(
-        "<h2>Reference results</h2>"
-    )
-    assert page.count('id="table1"') == 1  # one's own
-    assert "of your numbers lie outside the interval of the reference" in page
-    assert page.count('<li><a href="#table1">table1</a>: ') == 2

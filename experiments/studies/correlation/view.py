@@ -25,6 +25,7 @@ from experiments.reporting.plot import PAPER, panel
 from experiments.reporting.resamples import matrices, mean_matrix
 from experiments.reporting.study import Figure, Numbers, Quantity, Study
 from experiments.reporting.table import Table
+from experiments.reporting.trained import split_of
 from experiments.studies.correlation.pairs import contrast
 
 # Pixels of the pictures that are lit evenly: elsewhere the lamp's edge is the clearest pattern.
@@ -102,7 +103,7 @@ def correlations(frame: pd.DataFrame) -> pd.DataFrame | None:
         line["published"] = numbers[f"correlation/contrast_{kind}"].value
         lines.append(line | mean_contrast(own, kind, samples).columns("value"))
     first = own.iloc[0]
-    about = {"scene": first.scene, "origin": first.origin, "seeds": own.seed.nunique()}
+    about = {"scene": first.scene, "split": split_of(own), "seeds": own.seed.nunique()}
     return pd.concat([*parts, pd.DataFrame(lines)]).assign(**about)
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 
 from experiments.reporting import estimates
 from experiments.reporting.columns import Column
-from experiments.reporting.study import Figure, Numbers, Quantity, Study
+from experiments.reporting.study import Figure, Numbers, Quantity, Study, about
 from experiments.reporting.table import Table
 from experiments.reporting.text import percent, points
 from experiments.studies.drift import figures, numbers
@@ -53,6 +53,7 @@ COLUMNS = {
     "regained": Column("Regained, %", percent),
 }
 RATIO = "Regained: gain relative to loss, a ratio of means. Intervals: Student, 95 %, over seeds."
+SPLIT = "new session split by time"
 STUDY = Study(
     "drift",
     "Drift and recalibration",
@@ -97,6 +98,7 @@ STUDY = Study(
             Table("fig8_drift", numbers.recalibrated, of="drift"),
             figures.draw_recalibrated,
             title="Recalibration with labels",
+            details=lambda data: f"{about(data)}, {SPLIT}",
             caption="Recalibration with labelled samples of the new session, which come before "
             "those tested (Fig. 8(b)), HDC with a share p of its bits replaced; p = 1: new samples "
             "alone. (a): accuracy in the new session; dashed: not updated; stars: the paper, not "
@@ -110,7 +112,7 @@ STUDY = Study(
             Table("drift_unlabelled", numbers.unlabelled, of="drift"),
             figures.draw_unlabelled,
             title="Re-referencing without labels, by scene",
-            details="dashed: chance; error bars: 95 % intervals over seeds",
+            details=f"{SPLIT}; dashed: chance; error bars: 95 % intervals over seeds",
             caption="Accuracy in the new session, re-referenced without labels, and after training "
             f"on {N_NEW} labelled frames alone. New frames come before those tested. Dashed: "
             "chance. Error bars: 95 % intervals over seeds.",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
@@ -173,11 +174,11 @@ def _draw_models(axes: Axes, rows: pd.DataFrame) -> None:
 def is_on_front(times: pd.Series, errors: pd.Series) -> list[bool]:
     """Whether no other point has less time and less error, or as much of one and less of the
     other."""
-    points = pd.DataFrame({"time": times, "error": errors})
+    points = np.array([times, errors], float).T
     found = []
-    for point in points.itertuples(index=False):
-        no_worse = (points <= point).all(axis="columns")
-        better = (points < point).any(axis="columns")
+    for point in points:
+        no_worse = (points <= point).all(axis=1)
+        better = (points < point).any(axis=1)
         found.append(not (no_worse & better).any())
     return found
 

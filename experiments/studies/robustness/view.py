@@ -19,6 +19,7 @@ from experiments.reporting.resamples import models_of
 from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import percent
+from experiments.reporting.trained import split_of
 
 BY = ["scene", "model", "disturbance", "level", "n_classes"]
 FLIPS = ("query_flips", "bit_flips", "bit_flips_int8")
@@ -73,7 +74,9 @@ def levels(frame: pd.DataFrame) -> pd.DataFrame:
     lines = []
     for key, estimate in left(frame):
         lines.append(dict(zip(BY, key, strict=True)) | estimate.columns("accuracy"))
+    splits = {scene: split_of(rows) for scene, rows in frame.groupby("scene")}
     every = pd.DataFrame(lines)
+    every["split"] = every.scene.map(splits)
     parts = []
     for name in PANELS:
         of_int8 = every[every.disturbance == f"{name}_int8"]
@@ -111,6 +114,12 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     legend_below(figure, handles, len(models))
 
 
+def _details(data: pd.DataFrame) -> str:
+    """The splits of the scenes, and what lines and bars are."""
+    bars = "bars: range over seeds for flips, otherwise 95 % intervals"
+    return "; ".join([*data.split.unique(), "dashed: chance", bars])
+
+
 NOTE = (
     "±1 grey level: −1, 0 or 1 is added to each pixel, as another conversion to grey may do. "
     "Query bits: of the hypervector of HDC, of the pixels of a frame of others. Stored bits: of "
@@ -144,7 +153,7 @@ STUDY = Study(
             Table("robustness_levels", levels, of="robustness"),
             draw,
             title="Accuracy under disturbances after training, by scene",
-            details="dashed: chance; bars: range over seeds for flips, otherwise 95 % intervals",
+            details=_details,
             caption="Accuracy that remains, a row of panels per scene. From left to right: dither "
             "of the test frames; the camera has moved; flips of bits of the query; flips of bits "
             "of the stored model, whose weights have 8 bits. Leftmost point: no disturbance. Error "

@@ -111,7 +111,7 @@ def first_reports(reports: pd.DataFrame, name: str, levels: pd.Series) -> pd.Dat
         levels: by record.
     """
     known = reports[reports.record.isin(levels.index)]
-    reached = known[known[name] >= known.record.map(levels)]
+    reached = known[known[name] >= known.record.map(levels).astype(float)]
     return reached.drop_duplicates("record").set_index("record")
 
 
@@ -166,7 +166,7 @@ def _timed(runs: pd.DataFrame, reports: pd.DataFrame) -> pd.DataFrame:
     levels = every.set_index("record").goal
     reported = first_reports(reports, "test_accuracy", levels).training_s
     at_end = every.total_time_s.where(every.test_accuracy_final >= every.goal)
-    time = every.record.map(reported).where(every.iterative, at_end)
+    time = every.record.map(reported).astype(float).where(every.iterative, at_end)
     is_goal = every.record.isin(
         of_hdc.record
     )  # its own time, not that of another beside it

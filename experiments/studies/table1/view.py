@@ -44,7 +44,7 @@ def _time(cells: Cells) -> str:
 def _ratio(cells: Cells) -> str:
     """The ratio with its interval; the least that it can be of a training that never got there."""
     if cells.get(AT_LEAST) is not None:
-        return f"> {two_digits(cells[AT_LEAST])}"
+        return f"> {float(two_digits(cells[AT_LEAST])):,g}"
     return Column("", two_digits).text(RATIO, cells)
 
 

@@ -7,12 +7,12 @@ import numpy as np
 import pandas as pd
 import pytest
 import torch
+from experiments.reporting.measured import with_right
 
 from baselines.softmax import SoftmaxRegression
 from experiments.protocol.evaluate import bank_of, evaluate, train_until
 from experiments.protocol.experiment import Run
 from experiments.protocol.stop import StopRule
-from experiments.reporting.measured import with_right
 from experiments.studies.drift.measure import drift
 from experiments.studies.recordings.measure import recordings
 from scenes.frames import Frames

@@ -11,18 +11,7 @@ import torch
 
 from experiments.records import environment as module
 from experiments.records import files
-from experiments.records.environment import Environment, environment
-
-
-def test_a_reader_of_a_time_finds_what_it_depends_on():
-    known = environment("cpu", 3)
-    assert (known.threads, known.device, known.cores) == (
-        3,
-        "cpu",
-        os.cpu_count(),
-    )
-    assert known.packages["numpy"] == np.__version__
-    assert msgspec.json.encode(known)
+from experiments.records.environment import environment
 
 
 def git(folder, *words):
@@ -62,45 +51,41 @@ def checkout(tmp_path, monkeypatch):
 def test_a_clean_checkout_has_a_commit_and_no_changes(checkout):
     clean = now()
     assert clean.commit == git(checkout, "rev-parse", "HEAD")
-    assert (clean.dirty, clean.changes) == (False, None)
+    assert (clean.dirty, clean.changes, clean.is_of_a_commit) == (False, None, True)
     (checkout / "results").mkdir()
     (checkout / "results" / "record.json").write_text("{}")
     assert now() == clean  # results are not code
-    assert Environment(
-        cpu="A CPU", threads=1, commit=clean.commit, dirty=False
-    ).is_of_a_commit
+    (checkout / ".git").rename(checkout / "no longer git")
+    found = now()
+    assert (found.commit, found.dirty, found.changes) == (None, None, None)
+    assert not found.is_of_a_commit
 
 
 def test_changes_of_code_have_a_digest_and_those_of_configs_make_dirt_only(checkout):
-    commit = now().commit
     (checkout / "configs" / "a.py").write_text("a = 2\n")
     assert (now().dirty, now().changes) == (True, None)
     digests = set()
     for name, text in (("a.py", "a = 2\n"), ("a.py", "a = 3\n"), ("new.py", "b = 1\n")):
         (checkout / "scenes" / name).write_text(text)
-        found = now()
-        assert (found.commit, found.dirty) == (commit, True)
-        digests.add(found.changes)
+        digests.add(now().changes)
     assert None not in digests
     assert len(digests) == 3
+    assert not now().is_of_a_commit
     assert module.changes("scenes") is not None
     assert module.changes("hdc") is None
 
 
-def test_what_is_no_checkout_is_of_no_commit(checkout):
-    (checkout / ".git").rename(checkout / "no longer git")
-    found = now()
-    assert (found.commit, found.dirty, found.changes) == (None, None, None)
-    assert not Environment(cpu="A CPU", threads=1).is_of_a_commit
-
-
-def test_other_versions_of_what_computes_are_named():
-    here = environment("cpu", 1).packages
-    assert Environment(cpu="A CPU", threads=1, packages=here).other_versions == []
-    other = Environment(
-        cpu="A CPU", threads=1, packages={**here, "numpy": "1.0", "numba": "0"}
-    )
-    assert other.other_versions == [f"numpy 1.0 (here {np.__version__})"]
+def test_a_reader_of_a_time_finds_what_it_depends_on(monkeypatch):
+    known = environment("cpu", 3)
+    assert (known.threads, known.device, known.cores) == (3, "cpu", os.cpu_count())
+    assert known.packages["numpy"] == np.__version__
+    assert msgspec.json.encode(known)
+    assert known.other_versions == []
+    other = {**known.packages, "numpy": "1.0", "numba": "0"}
+    told = msgspec.structs.replace(known, packages=other).other_versions
+    assert told == [f"numpy 1.0 (here {np.__version__})"]
+    monkeypatch.setattr(torch.cuda, "get_device_name", {"cuda:1": "A GPU"}.get)
+    assert environment("cuda:1", 1).device == "cuda:1: A GPU"
 
 
 @pytest.mark.parametrize(
@@ -123,9 +108,3 @@ def test_the_processor_is_named_as_the_system_does(
     monkeypatch.setattr(platform, "processor", lambda: "")
     monkeypatch.setattr(platform, "machine", lambda: "generic")
     assert module.cpu_model.__wrapped__() == expected
-
-
-def test_a_gpu_is_named_with_its_model(monkeypatch):
-    names = {"cuda:1": "A GPU"}
-    monkeypatch.setattr(torch.cuda, "get_device_name", names.__getitem__)
-    assert environment("cuda:1", 1).device == "cuda:1: A GPU"

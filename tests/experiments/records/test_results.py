@@ -1,205 +1,311 @@
-"""What may stand in one row, and that every run is seen somewhere."""
+"""Which records count, what a line of the frame has, and that every run is seen somewhere."""
+
+import json
+import math
 
 import numpy as np
 import pytest
 
-from experiments.records import configs
-from experiments.records.groups import Groups
-from experiments.records.results import Results
-from experiments.reporting.rows import runs_table
+from experiments.records import configs, store
+from experiments.records.results import CHECKPOINTS, ROW, RUNS, Results
+from experiments.records.rows import pack_labels
+from experiments.reporting.answers import runs_table
+from experiments.reporting.columns import scene_name
 
 OTHER = {"experiments": 0, "hdc.HDCClassifier": 1}  # of an earlier protocol
+STEPS = [{"training_s": 1.0, "loss": 1.0}]  # the curve of a model that learns by steps
+BESIDE = {"environment": {"exclusive": False}}
 
 
-def rows(found):
-    """What groups there are, by name, with the seeds of their runs."""
-    return {
-        (g.scene, g.model, g.n_train, g.pixels): [run.seed for run in g.runs]
-        for g in Groups(found.runs)
-    }
+# Runs ---------------------------------------------------------------------------------------------
 
 
-def test_runs_of_one_config_and_code_stand_in_one_row_by_seed(tmp_path, write_run):
-    for seed in (2, 0, 1):
-        write_run("hdc", seed=seed, wrong=range(seed))
-    found = Results(tmp_path)
-    assert rows(found) == {("touch", "hdc", None, None): [0, 1, 2]}
-    group = Groups(found.runs).group("touch", "hdc")
-    assert group.status == "ok"
-    assert group.right.tolist().count(False) == 3
-    assert np.trace(group.confusion()) == 297
-    assert group.others == 0
-
-
-def test_runs_of_other_revisions_are_not_averaged_and_todays_come_first(
-    tmp_path, write_run
-):
-    write_run("hdc", seed=0)
-    for seed in (1, 2, 3):
-        write_run("hdc", seed=seed, made_by=OTHER)
-    group = Groups(Results(tmp_path).runs).group("touch", "hdc")
-    assert [run.seed for run in group.runs] == [0]
-    assert group.runs[0].outdated == []
-    assert group.status == "3 more left out: of other code or settings"
-
-
-def test_the_stopping_rule_of_the_paper_comes_first_then_the_larger_group(
-    tmp_path, write_run
-):
-    for seed in range(3):
-        write_run(
-            "softmax", seed=seed, stop="quick", curve=[{"training_s": 1.0, "loss": 1.0}]
-        )
-    write_run("softmax", stop="paper", curve=[{"training_s": 1.0, "loss": 1.0}])
-    group = Groups(Results(tmp_path).runs).group("touch", "softmax")
-    assert [run.choices.stop for run in group.runs] == ["paper"]
-    assert group.others == 3
+def every(seeds, **about):
+    return [{"seed": seed, **about} for seed in seeds]
 
 
 @pytest.mark.parametrize(
-    ("first", "others"),
-    [  # timed alone; by the code of today
-        ({"stop": "quick"}, {"environment": {"exclusive": False}}),
-        ({"stop": "reached"}, {"made_by": OTHER}),
+    ("written", "seeds", "others"),
+    [
+        # The newest of one code: none are averaged with those of another.
+        ([*every((1, 2, 3), made_by=OTHER), *every((0,))], [0], 3),
+        ([*every((0,)), *every((3, 1), made_by=OTHER)], [1, 3], 1),
+        # The stopping rule of the paper before newer ones, and before more.
+        ([*every((7,)), *every((0, 1), stop="quick")], [7], 2),
+        # Timed alone before the rule.
+        ([*every((0,), stop="quick"), *every((1, 2), **BESIDE)], [0], 2),
+        # Another sensor is another repetition.
+        (every((0,)) + every((1, 2), change={"scene.sensor.seed": 9}), [0, 1, 2], 0),
     ],
 )
-def test_a_run_timed_alone_or_of_today_comes_before_the_rule_and_before_more(
-    tmp_path, write_run, first, others
+def test_of_several_configurations_of_one_row_one_counts(
+    tmp_path, write_run, written, seeds, others
 ):
-    curve = [{"training_s": 1.0, "loss": 1.0}]
-    write_run("softmax", seed=0, curve=curve, **first)
-    for seed in (1, 2, 3):
-        write_run("softmax", seed=seed, curve=curve, **others)
-    (run,) = Groups(Results(tmp_path).runs).group("touch", "softmax").runs
-    assert run.seed == 0
+    for about in written:
+        write_run("softmax", curve=STEPS, **about)
+    lines = Results(tmp_path).frame(RUNS)
+    assert lines.seed.tolist() == seeds
+    assert set(lines.others) == {others}
+    assert len(runs_table(Results(tmp_path)).data) == len(written)  # each is shown
 
 
-def test_what_learns_in_one_pass_ends_by_itself_whatever_the_rule(tmp_path, write_run):
-    write_run("hdc", seed=0, stop="quick")
-    write_run("hdc", seed=1, stop="paper")
-    assert rows(Results(tmp_path)) == {("touch", "hdc", None, None): [0, 1]}
+@pytest.mark.parametrize("newest", ["quick", "paper"])
+def test_of_two_records_of_one_seed_that_which_was_alone_counts(
+    tmp_path, write_run, newest
+):
+    """A model that learns in one pass ends by itself, whatever the rule."""
+    for stop in sorted(("quick", "paper"), key=newest.__eq__):
+        alone = stop == "quick"
+        curve = [{"training_s": 0.063 if alone else 3.15}]
+        about = {"exclusive": alone}
+        write_run("hdc", stop=stop, curve=curve, environment=about)
+        write_run("hdc", seed=1, stop="paper", curve=curve, environment=about)
+    lines = Results(tmp_path).frame(RUNS)
+    assert lines.seed.tolist() == [0, 1]
+    assert lines.training_time_s[0] == 0.063
 
 
 CHANGED = {
-    "model.readout.ties": ("one", ("touch", 'hdc (readout.ties="one")')),
-    "scene.sensor.seed": (9, None),  # a seed: another repetition
-    "scene.samples_per_class": (20, ("touch (samples_per_class=20)", "hdc")),
-    "split.kind": ("ordered", ('touch (kind="ordered")', "hdc")),
-    "split.test_fraction": (0.4, ("touch (test_fraction=0.4)", "hdc")),
+    "model.lr": (0.5, "touch", "softmax (lr=0.5)"),
+    "stop.budget_s": (7, "touch", "softmax (budget_s=7)"),
+    "scene.samples_per_class": (20, "touch (samples_per_class=20)", "softmax"),
+    "split.kind": ("ordered", 'touch (kind="ordered")', "softmax"),
+    "split.test_fraction": (0.4, "touch (test_fraction=0.4)", "softmax"),
 }
 
 
 @pytest.mark.parametrize("key", CHANGED)
 def test_a_run_with_another_value_has_a_row_of_its_own(tmp_path, write_run, key):
-    value, name = CHANGED[key]
-    write_run("hdc", seed=0)
-    for seed in (1, 2):
-        write_run("hdc", seed=seed, change={key: value})
-    found = Results(tmp_path)
-    if name is None:
-        assert rows(found) == {("touch", "hdc", None, None): [0, 1, 2]}
-        return
-    assert rows(found) == {
-        ("touch", "hdc", None, None): [0],
-        (*name, None, None): [1, 2],
-    }
-    overrides = [row["overrides"] for row in runs_table(found).data.to_dict("records")]
-    assert sorted(text.partition("=")[0] for text in overrides) == ["", key, key]
-
-
-def test_another_learning_rate_or_another_end_is_no_canonical_run(tmp_path, write_run):
-    curve = [{"training_s": 1.0, "loss": 1.0}]
-    write_run("softmax", seed=0, curve=curve)
-    for seed in range(1, 4):  # more of them, so that they would be preferred
-        write_run("softmax", seed=seed, curve=curve, change={"model.lr": 0.5})
-        write_run("softmax", seed=seed, curve=curve, change={"stop.budget_s": 7})
-    found = Results(tmp_path)
-    assert rows(found) == {
-        ("touch", "softmax", None, None): [0],
-        ("touch", "softmax (lr=0.5)", None, None): [1, 2, 3],
-        ("touch", "softmax (budget_s=7)", None, None): [1, 2, 3],
-    }
-    assert len(runs_table(found).data) == 7
-
-
-def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
-    good = write_run("hdc")
-    with (tmp_path / "records.jsonl").open("a") as file:
-        file.write('no\n{"schema": 4}\n')
+    value, *names = CHANGED[key]
+    write_run("softmax", curve=STEPS)
+    for seed in (1, 2):  # more of them, so that they would be preferred
+        write_run("softmax", seed=seed, curve=STEPS, change={key: value})
     results = Results(tmp_path)
-    assert [run.id for run in results.runs] == [good]
-    assert results.measurements == []
-    for name in ("records.jsonl, line 2", "records.jsonl, line 3"):
-        assert sum(name in problem for problem in results.problems) == 1, name
-
-
-def test_records_of_version_2_are_named_and_left_as_they_are(tmp_path, write_run):
-    (tmp_path / "runs.jsonl").write_text("{}\n")
-    (tmp_path / "measured").mkdir()
-    write_run("hdc")
-    results = Results(tmp_path)
-    assert len(results.runs) == 1
-    for name, problem in zip(("runs.jsonl", "measured"), results.problems, strict=True):
-        assert problem.startswith(f"{tmp_path / name}: records of version 2.0, which")
-    assert (tmp_path / "runs.jsonl").read_text() == "{}\n"
+    rows = results.frame(RUNS).groupby(["scene", "model"]).seed.agg(list)
+    assert rows.to_dict() == {("touch", "softmax"): [0], tuple(names): [1, 2]}
+    (text,) = set(runs_table(results).data.overrides) - {""}
+    assert text == f"{key}={json.dumps(value)}"
 
 
 def test_what_was_changed_is_named_frames_first(tmp_path, write_run):
-    keys = {"stop.budget_s": 7, "model.lr": 0.5, "split.kind": "ordered",
-            "scene.samples_per_class": 20}  # fmt: skip
-    curve = [{"training_s": 1.0, "loss": 1.0}]
-    write_run("softmax", change=keys, curve=curve)
-    (run,) = Results(tmp_path).runs
-    assert list(run.differences) == [
-        "scene.samples_per_class",
-        "split.kind",
-        "model.lr",
-        "stop.budget_s",
-    ]
+    keys = ("stop.budget_s", "model.lr", "split.kind", "scene.samples_per_class")
+    change = {key: CHANGED[key][0] for key in keys}
+    write_run("softmax", change=change, curve=STEPS)
+    write_run("hdc", seed=1, n_train=20, pixels=100, wrong=range(10))
+    write_run("cnn3", status="failed", error="RuntimeError: no\nmemory")
+    results = Results(tmp_path)
+    run, small = results.runs
+    assert list(run.differences) == [*keys[:1:-1], *keys[1::-1]]
     assert run.scene_label == 'touch (samples_per_class=20, kind="ordered")'
     assert run.model_label == "softmax (lr=0.5, budget_s=7)"
+    lines = runs_table(results).data.set_index("model")
+    shown = lines.loc["hdc", ["id", "n_train", "pixels", "seed", "code"]].tolist()
+    assert shown == [small.id, 20, 100, 1, "current"]
+    assert lines.loc["hdc"].test_accuracy_final == 0.9
+    assert lines.loc["cnn3"].status == "failed: RuntimeError: no\nmemory"
 
 
-def test_a_model_and_a_scene_of_no_file_are_shown_as_their_records_say(
-    tmp_path, write_run, monkeypatch
+@pytest.mark.parametrize(
+    ("iterative", "reached", "steps", "stop", "seconds"),
+    [
+        (True, 2.0, True, "trained", 2.0),
+        (True, None, True, "budget", math.inf),
+        (False, None, False, "finished", 7.0),
+        # One report without steps of an optimiser: it was solved, below 90 %.
+        (True, None, False, "finished", 7.0),
+        (True, None, False, "budget", math.inf),
+    ],
+)
+def test_a_training_lasts_until_90_percent_or_until_it_is_done(
+    tmp_path, write_run, iterative, reached, steps, stop, seconds
 ):
-    monkeypatch.setattr(configs, "_own_displays", {})
+    report = {"training_s": 7.0, "train_accuracy": 0.8}
+    report |= {"loss": 0.1} if iterative else {}
+    write_run("ridge", curve=[report | ({"steps": 20} if steps else {})])
+    (run,) = Results(tmp_path).runs
+    run.stop, run.time_to_target_train_s = stop, reached
+    assert run.time_to_90_s == seconds
+
+
+# Measurements -------------------------------------------------------------------------------------
+
+
+def of_models(*names, seeds=(0, 1), **config):
+    config |= {"models": {name: {} for name in names}, "seeds": list(seeds)}
+    return {"rows": [{"model": names[-1], "seed": 0}], "config": config}
+
+
+OTHER_FRAMES = {"changed": {"scene.template": '"x"'}}
+
+
+@pytest.mark.parametrize(
+    ("written", "models"),
+    [
+        # A richer measurement of one's own takes the place of the first.
+        ([of_models("hdc"), of_models("hdc", "ridge")], ["ridge"]),
+        ([of_models("hdc", "ridge"), of_models("hdc")], ["hdc"]),
+        # Models that were measured apart, with fewer seeds, stand beside the others.
+        (
+            [of_models("hdc", "ridge"), of_models("bits_chosen", seeds=[0])],
+            ["bits_chosen", "ridge"],
+        ),
+        ([of_models("ridge"), of_models("cnn1", p=0.5)], ["cnn1"]),
+        ([of_models("ridge"), of_models("cnn3", seeds=[2])], ["cnn3"]),
+        # The experiment's own frames before others, however new.
+        (
+            [of_models("hdc", "ridge"), of_models("ridge", "hdc", p=1) | OTHER_FRAMES],
+            ["ridge"],
+        ),
+        ([of_models("hdc") | OTHER_FRAMES], ["hdc"]),
+    ],
+)
+def test_of_several_measurements_the_newest_counts_and_what_is_left_out_is_said(
+    tmp_path, write_measurement, written, models
+):
+    for about in written:
+        write_measurement("robustness", scene="gelsight", **about)
+    results = Results(tmp_path)
+    assert sorted(results.frame("robustness").model) == models
+    told = list(results.left_out())
+    assert len(told) == len(written) - len(models)
+    assert all("a later measurement of robustness takes its place" in x for x in told)
+    counting = {measured.id for measured in results.chosen("robustness")[0]}
+    assert not counting & {line.partition(":")[0] for line in told}
+
+
+def test_times_of_two_calls_do_not_stand_beside_each_other(tmp_path, write_measurement):
+    for model in ("hdc", "ridge"):
+        about = of_models(model) | {"rows": [{"model": model, "fit_s": 1.0}]}
+        write_measurement("recording_costs", scene="gelsight", **about)
+    assert Results(tmp_path).frame("recording_costs").model.tolist() == ["ridge"]
+
+
+def test_a_scene_that_the_command_line_changed_stands_beside_its_config_and_says_how(
+    tmp_path, write_measurement
+):
+    command = "python -m experiments.run experiment=drift"
+    typed = ["scene.sessions.1.offset=0.8", "'+scene.note=a b'", "scene.sensor.seed=3"]
+    rooms = [{"offset": 0.0}, {"offset": 0.8}]
+    config = {"scene": {"sessions": rooms, "note": "a b", "sensor": {"seed": 3}}}
+    write_measurement("drift", [{"seed": 0}], scene="drift", command=command)
+    command = " ".join([command, *typed])
+    about = {"config": config, "scene": "drift", "command": command}
+    write_measurement("drift", [{"seed": 1}], **about)
+    frame = Results(tmp_path).frame("drift")
+    label = 'drift (sessions.1.offset=0.8, note="a b")'
+    assert dict(zip(frame.seed, frame.scene, strict=True)) == {0: "drift", 1: label}
+    assert scene_name(label) == 'Drift (sessions.1.offset=0.8, note="a b")'
+    kinds = {configs.scene_display(scene)["kind"] for scene in frame.scene}
+    assert len(kinds) == 1
+
+
+# Lines --------------------------------------------------------------------------------------------
+
+
+def test_a_line_has_the_values_of_its_row_and_what_names_its_record(
+    tmp_path, write_measurement
+):
+    labels, *predicted = map(pack_labels, ([0, 1, 1], [0, 1, 1], [1, 1, 1]))
+    rows = [
+        {"model": "hdc", "n": [1, 5], "predicted": predicted, "labels": labels},
+        {"model": "ridge", "n": [5], "predicted": [predicted[1]], "kept": [[1, 2]]},
+        {"model": "cnn1", "n": [1, 2, 3], "why": ["a"]},  # not of one length
+    ]
+    config = {"scene": {"path": "mine", "sizes": [1, 2]}, "draws": 2}
+    write_measurement("recordings", rows, config=config, scene="recorded")
+    row = {"n": 4, "scene": "of the row"}
+    write_measurement("drift", [row], scene="drift")
+    frame = Results(tmp_path).frame("drift", "recordings")
+    names = ["experiment", "scene", "n", "place", "right", "elsewhere", "draws"]
+    found = frame[names].astype(object).where(frame[names].notna(), None)
+    assert found.to_numpy().tolist() == [
+        ["drift", "of the row", 4, None, None, False, None],
+        ["recordings", "recorded", 1, 0, 3, True, 2],
+        ["recordings", "recorded", 5, 1, 2, True, 2],
+        ["recordings", "recorded", 5, 0, 2, True, 2],
+        ["recordings", "recorded", "[1, 2, 3]", None, None, True, 2],
+    ]
+    assert frame["scene.sizes"][1] == "[1, 2]"
+    assert frame.kept[3] == "[1, 2]"
+    assert set(frame.cpu) == {"A CPU"}
+    assert frame.labels[1:4].tolist() == [labels] * 3  # each line has the true classes
+    assert len(Results(tmp_path).frame(RUNS, "robustness")) == 0
+
+
+def test_a_report_of_a_run_that_counts_is_a_line(tmp_path, write_run, epochs):
+    name = write_run("softmax", seed=3, curve=epochs(0.5, 0.95))
+    write_run("softmax", curve=epochs(0.5), stop="quick")  # does not count
+    write_run("hdc", seed=3)
+    lines = Results(tmp_path).frame(CHECKPOINTS)
+    of_run = lines[lines.record == name]
+    assert len(lines) == len(of_run) + 1
+    assert of_run[
+        ["place", "seed", "training_s", "train_accuracy"]
+    ].values.tolist() == [
+        [0, 3, 10, 0.5],
+        [1, 3, 20, 0.95],
+    ]
+    assert set(ROW) < set(lines)
+
+
+def test_every_cell_of_the_committed_reference_is_a_scalar(committed_results):
+    names = {measured.name for measured in committed_results.measurements}
+    for name in (RUNS, CHECKPOINTS, *names):
+        frame = committed_results.frame(name)
+        assert len(frame), name
+        for column in frame:
+            kinds = set(frame[column].dropna().map(type))
+            scalar = (str, bool, int, float, np.generic)
+            assert all(issubclass(kind, scalar) for kind in kinds), (name, column)
+
+
+# What is no record --------------------------------------------------------------------------------
+
+
+def test_what_is_no_record_costs_itself_only(tmp_path, write_run, write_measurement):
+    good = write_run("hdc")
+    for name in ("drift", "robustness"):
+        write_measurement(name, [{"seed": 0}], scene="drift", command=f"typed {name}")
+    path = tmp_path / store.FILE
+    text = path.read_text().replace("typed drift", "typed 'drift")
+    path.write_text(f'{text}no\n{{"schema": 4}}\n')
+    (tmp_path / "runs.jsonl").write_text("{}\n")
+    (tmp_path / "measured").mkdir()
+    results = Results(tmp_path)
+    assert [made.id for made in results.runs] == [good]
+    assert [measured.name for measured in results.measurements] == ["robustness"]
+    for told, expected in zip(
+        results.problems,
+        (
+            f"{tmp_path / 'runs.jsonl'}: records of version 2.0",
+            f"{tmp_path / 'measured'}: records of version 2.0",
+            f"{path}, line 2: No closing quotation",
+            f"{path}, line 4: ",
+            f"{path}, line 5: ",
+        ),
+        strict=True,
+    ):
+        assert told.startswith(expected)
+    assert (tmp_path / "runs.jsonl").read_text() == "{}\n"
+
+
+def test_reading_records_changes_nothing_but_what_is_shown_while_it_is_asked_for(
+    tmp_path, write_run
+):
     shown = {"display": {"name": "Mine"}, "scene_display": {"name": "My sensor"}}
     write_run("hdc", **shown)
     write_run("hdc", **shown, choices={"model": "own", "scene": "mine"})
     write_run("hdc", choices={"model": "other", "scene": "others"})
-    Results(tmp_path)
-    names = [configs.display(model)["name"] for model in ("hdc", "own", "other")]
-    assert names == ["HDC", "Mine", "other"]
-    scenes = [configs.scene_display(scene)["name"] for scene in ("mine", "others")]
-    assert scenes == ["My sensor", "others"]
-    assert configs.scene_display("touch")["name"] != "My sensor"
 
+    def names():
+        models = [configs.display(name)["name"] for name in ("hdc", "own", "other")]
+        scenes = [configs.scene_display(s)["name"] for s in ("touch", "mine", "others")]
+        return models + scenes
 
-@pytest.mark.parametrize("first", [1, 2, 3])
-def test_of_measurements_changed_equally_little_the_last_one_counts(
-    tmp_path, write_measurement, first
-):
-    """As after a change of the experiment's own file: an id says nothing of the time."""
-    for n in (first, 4 - first, first):
-        config = {"n_test": n}  # not that of the file
-        write_measurement("drift", [{"n": n}], scene="drift", config=config)
-        assert Results(tmp_path).frame("drift").n.tolist() == [n]
-    write_measurement("drift", [{"n": 0}], scene="drift")  # nothing was changed
-    write_measurement("drift", [{"n": 1}], scene="drift", config={"n_test": 1})
-    assert Results(tmp_path).frame("drift").n.tolist() == [0]
-
-
-def test_runs_of_todays_files_come_before_more_of_files_as_they_were(
-    tmp_path, write_run
-):
-    curve = [{"training_s": 1.0, "loss": 1.0}]
-    for seed in range(3):
-        write_run("softmax", seed=seed, curve=curve, change={"model.lr": 0.5})
-    write_run("softmax", seed=7, curve=curve)
-    runs = Results(tmp_path).runs
-    for run in runs:  # as when the file of the model had 0.5
-        run.changed = {}
-    group = Groups(runs).group("touch", "softmax")
-    assert [run.seed for run in group.runs] == [7]
-    assert group.others == 3
+    before = names()
+    results = Results(tmp_path)
+    results.frame(RUNS)
+    assert names() == before == ["HDC", "own", "other", "Touch", "mine", "others"]
+    with configs.shown_as(results.displays):
+        assert names() == ["HDC", "Mine", "other", "Touch", "My sensor", "others"]
+    assert names() == before

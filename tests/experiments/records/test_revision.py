@@ -6,71 +6,74 @@ import pytest
 
 import experiments
 import hdc
-from experiments.records import record, revision, store
-from experiments.records.revision import outdated, revisions
+from experiments.records import revision
+from experiments.records.revision import of_today, outdated, revisions
 
 HDC = {"model": {"_target_": "hdc.HDCClassifier"}}
 RIDGE = {"model": {"_target_": "baselines.ridge.RidgeReadout"}}
 OWN = {"model": {"_target_": "an_own_model.Mine", "size": 3}}
+DRIFT = "experiments.studies.drift.measure.drift"
+
+
+def forget():
+    """Revisions are looked up once a process."""
+    for function in vars(revision).values():
+        if hasattr(function, "cache_clear"):
+            function.cache_clear()
 
 
 @pytest.fixture(autouse=True)
 def nothing_remembered():
-    """Revisions are looked up once a process."""
-    yield from forgotten()
-
-
-def forgotten():
-    for function in (revision._of_target, revision._own_files, revision._is_installed):
-        function.cache_clear()
+    forget()
     yield
-    for function in (revision._of_target, revision._own_files, revision._is_installed):
-        function.cache_clear()
+    forget()
 
 
-def forget():
-    next(forgotten())
-
-
-def test_whatever_a_config_names_and_the_protocol_take_part():
-    found = revisions({**HDC, "scene": [{"_target_": "scenes.sensor.contact.Press"}]})
-    assert set(found) >= {
-        "experiments",
-        "hdc.HDCClassifier",
-        "scenes.sensor.contact.Press",
-    }
-    assert not any(name.startswith("baselines") for name in found)
-    study = {"_target_": "experiments.studies.drift.measure.drift"}
-    assert set(revisions({**study, "models": {"r": RIDGE}})) >= {
-        study["_target_"],
-        "baselines.ridge.RidgeReadout",
-    }
-
-
-def test_libraries_and_what_is_not_there_have_no_revision():
-    config = [{"_target_": "sklearn.linear_model.RidgeClassifier"},
-              {"_target_": "nowhere.Nothing"}, {"_target_": "hdc.Nothing"}]  # fmt: skip
-    assert revisions(config) == revisions({})
+@pytest.mark.parametrize(
+    ("config", "found", "others"),
+    [
+        (
+            {**HDC, "scene": [{"_target_": "scenes.sensor.contact.Press"}]},
+            {"experiments", "hdc.HDCClassifier", "scenes.sensor.contact.Press"},
+            "baselines",
+        ),
+        (
+            {"_target_": DRIFT, "models": {"r": RIDGE}},
+            {DRIFT, "baselines.ridge.RidgeReadout", "hdc.HDCClassifier"},  # it uses HDC
+            "sklearn",
+        ),
+        # Libraries, and what is not there, have none.
+        (
+            [
+                {"_target_": "sklearn.linear_model.RidgeClassifier"},
+                {"_target_": "nowhere.Nothing"},
+                {"_target_": "hdc.Nothing"},
+            ],
+            {"experiments"},
+            ("sklearn", "nowhere", "hdc"),
+        ),
+    ],
+)
+def test_whatever_a_config_names_and_the_protocol_take_part(config, found, others):
+    made_by = revisions(config)
+    assert set(made_by) >= found
+    assert not any(name.startswith(others) for name in made_by)
 
 
 def test_a_raised_revision_outdates_what_it_takes_part_in_and_nothing_else(monkeypatch):
-    before_hdc, before_ridge = revisions(HDC), revisions(RIDGE)
+    by_hdc, by_ridge = revisions(HDC), revisions(RIDGE)
+    gone = by_hdc | {"hdc.Gone": 1}
+    assert outdated(gone, of_today(gone)) == ["hdc.Gone (revision 1, now none)"]
     monkeypatch.setattr(hdc.HDCClassifier, "revision", 17, raising=False)
     forget()
-    (line,) = outdated(before_hdc, HDC)
+    (line,) = outdated(by_hdc, of_today(by_hdc))
     assert line.startswith("hdc.HDCClassifier (revision ")
     assert line.endswith(", now 17)")
-    assert outdated(before_ridge, RIDGE) == []
-    assert len(outdated(revisions(HDC) | {"hdc.Gone": 1}, HDC)) == 1
-
-
-def test_a_raised_protocol_outdates_everything(monkeypatch):
-    before, number = (revisions(HDC), revisions(RIDGE)), experiments.REVISION
-    monkeypatch.setattr(experiments, "REVISION", 17)
-    forget()
-    expected = [f"experiments (revision {number}, now 17)"]
-    for made_by, config in zip(before, (HDC, RIDGE), strict=True):
-        assert outdated(made_by, config) == expected
+    assert outdated(by_ridge, of_today(by_ridge)) == []
+    number = experiments.REVISION
+    monkeypatch.setattr(experiments, "REVISION", 17)  # that of the protocol
+    lines = outdated(by_ridge, of_today(by_ridge))
+    assert lines == [f"experiments (revision {number}, now 17)"]
 
 
 def test_parts_that_a_class_names_take_part(monkeypatch):
@@ -81,113 +84,90 @@ def test_parts_that_a_class_names_take_part(monkeypatch):
         return [Part] if parameters.get("ties") == "one" else []
 
     monkeypatch.setattr(hdc.HDCClassifier, "components", components, raising=False)
-    with_it = revisions({"_target_": "hdc.HDCClassifier", "ties": "one"})
-    forget()
-    without_it = revisions({"_target_": "hdc.HDCClassifier", "ties": "zero"})
-    parts = [value for name, value in with_it.items() if name.endswith(".Part")]
-    assert parts == [5]
-    assert not any(name.endswith(".Part") for name in without_it)
-
-
-def test_what_a_study_uses_takes_part():
-    study = {"_target_": "experiments.studies.correlation.measure.correlation"}
-    assert "hdc.HDCClassifier" in revisions(study)
+    for ties, expected in (("one", [5]), ("zero", [])):
+        found = revisions({"_target_": "hdc.HDCClassifier", "ties": ties})
+        parts = [value for name, value in found.items() if name.endswith(".Part")]
+        assert parts == expected
+        forget()
 
 
 # A user's own module ------------------------------------------------------------------------------
 
+FILES = {
+    "an_own_model.py": "import numpy\nimport an_own_helper\n\nclass Mine:\n    pass\n",
+    "an_own_helper.py": "factor = 1\n",
+    "another.py": "factor = 1\n",
+    "an_own_package/__init__.py": "",
+    "an_own_package/layers.py": "from .parts import deep\n",
+    "an_own_package/models.py": "from an_own_package.layers import deep\n"
+    "\nclass Mine:\n    revision = 4\n",
+    "an_own_package/parts/__init__.py": "",
+    "an_own_package/parts/deep.py": "a = 1\n",
+    "an_own_package/nets/__init__.py": "",
+    "an_own_package/nets/models.py": "from an_own_package.layers import deep\n"
+    "\nclass Mine:\n    pass\n",
+}
+
 
 @pytest.fixture
-def own_module(tmp_path, monkeypatch):
-    """A module outside the checkout, one that it imports, and one that nobody does."""
-    (tmp_path / "an_own_model.py").write_text(
-        "import numpy\nimport an_own_helper\n\nclass Mine:\n    pass\n"
-    )
-    (tmp_path / "an_own_helper.py").write_text("factor = 1\n")
-    (tmp_path / "another.py").write_text("factor = 1\n")
+def own(tmp_path, monkeypatch):
+    """A folder of modules outside the checkout."""
+    for name, text in FILES.items():
+        (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / name).write_text(text)
     monkeypatch.syspath_prepend(tmp_path)
     yield tmp_path
     for name in [name for name in sys.modules if name.startswith("an_own_")]:
         del sys.modules[name]  # another run of these tests has other files
 
 
-def test_the_file_of_an_own_module_counts_with_those_beside_it(own_module):
-    before = revisions(OWN)
-    assert {"an_own_model.py", "an_own_helper.py"} <= set(before)
-    assert "another.py" not in before
-    (own_module / "another.py").write_text("factor = 2\n")
-    forget()
-    assert outdated(before, OWN) == []
-    for name in ("an_own_model.py", "an_own_helper.py"):
-        with (own_module / name).open("a") as file:
-            file.write("# another line\n")
-        forget()
-        assert outdated(before, OWN) == [f"{name} (changed)"]
-        before = revisions(OWN)
-
-
-def test_own_parts_of_a_config_are_told_from_others(own_module):
-    found = revision.of_own({"encoder": HDC, **OWN})
-    assert set(found) > {"an_own_model.Mine", "an_own_model.py", "an_own_helper.py"}
-    assert "hdc.HDCClassifier" not in found
+@pytest.mark.parametrize(
+    ("target", "expected"),
+    [
+        ("an_own_model.Mine", {"an_own_model.py", "an_own_helper.py"}),
+        (
+            "an_own_package.models.Mine",
+            {"models.py", "layers.py", "parts/__init__.py", "parts/deep.py"},
+        ),
+        ("an_own_package.nets.models.Mine", {"models.py", "../layers.py"}),
+    ],
+)
+def test_the_file_of_an_own_module_counts_with_those_that_it_imports(
+    own, target, expected
+):
+    config = {"encoder": HDC, "model": {"_target_": target}}
+    found = revision.of_own(config)
+    assert set(found) >= {target, *expected}
+    assert not {"another.py", "hdc.HDCClassifier"} & set(found)
+    assert found[target] == (4 if target == "an_own_package.models.Mine" else 1)
     assert revision.of_own(HDC) == {}
 
 
-def test_modules_of_an_own_package_count(own_module):
-    package = own_module / "an_own_package"
-    (package / "parts").mkdir(parents=True)
-    (package / "__init__.py").write_text("")
-    (package / "parts" / "__init__.py").write_text("")
-    (package / "parts" / "deep.py").write_text("a = 1\n")
-    (package / "layers.py").write_text("from .parts import deep\n")
-    (package / "models.py").write_text(
-        "from an_own_package.layers import deep\n\nclass Mine:\n    revision = 4\n"
-    )
-    found = revisions({"_target_": "an_own_package.models.Mine"})
-    assert found["an_own_package.models.Mine"] == 4
-    assert {"models.py", "layers.py", "parts/__init__.py", "parts/deep.py"} <= set(
-        found
-    )
-
-
-def test_a_module_counts_that_a_package_inside_its_own_imports_by_its_full_name(
-    own_module,
-):
-    inner = own_module / "an_own_outer_package" / "nets"
-    inner.mkdir(parents=True)
-    (inner.parent / "layers.py").write_text("a = 1\n")
-    for folder in (inner, inner.parent):
-        (folder / "__init__.py").write_text("")
-    (inner / "models.py").write_text(
-        "from an_own_outer_package.layers import a\n\nclass Mine:\n    pass\n"
-    )
-    found = revisions({"_target_": "an_own_outer_package.nets.models.Mine"})
-    assert {"models.py", "../layers.py"} <= set(found)
-
-
-def test_an_own_module_that_cannot_be_found_counts_as_unchanged(
-    own_module, monkeypatch
-):
+def test_a_changed_file_of_an_own_module_outdates_its_records_and_no_other_file(own):
     before = revisions(OWN)
-    monkeypatch.setattr(sys, "path", [p for p in sys.path if p != str(own_module)])
-    sys.modules.pop("an_own_model")
-    forget()
-    assert outdated(before, OWN) == []
+    for name, expected in (
+        ("another.py", []),
+        ("an_own_helper.py", ["an_own_helper.py (changed)"]),
+    ):
+        with (own / name).open("a") as file:
+            file.write("# another line\n")
+        forget()
+        assert outdated(before, revisions(OWN)) == expected
+    # Whoever reads a record imports nothing of it: what it names counts as unchanged.
+    assert outdated(before, of_today(before)) == []
 
 
 # A checkout with changes --------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize(
+    ("made", "now", "expected"),
+    [(None, None, False), (None, "b", False), ("a", None, True), ("a", "b", True),
+     ("a", "a", False)],
+)  # fmt: skip
 def test_a_record_of_changes_in_no_commit_counts_for_the_same_changes_only(
-    tmp_path, write_run, read_run, monkeypatch
+    write_run, read_run, monkeypatch, made, now, expected
 ):
-    clean = read_run(write_run("hdc", seed=0))
-    made = read_run(write_run("hdc", seed=1, environment={"changes": "a" * 12}))
-    for changes, expected in ((None, True), ("b" * 12, True), ("a" * 12, False)):
-        monkeypatch.setattr(
-            "experiments.records.record.changes", lambda changes=changes: changes
-        )
-        assert bool(made.outdated) == expected
-        assert clean.outdated == []
-    assert isinstance(made, record.Record)
-    assert len(list(store.read(tmp_path))) == 2
+    run = read_run(write_run("hdc", environment={"changes": made}))
+    monkeypatch.setattr("experiments.records.record.changes", lambda: now)
+    assert bool(run.outdated) is expected

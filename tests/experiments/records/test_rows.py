@@ -9,22 +9,19 @@ from hypothesis import strategies as st
 
 from experiments.records.rows import pack_labels, unpack_labels
 
+LABELS = st.lists(st.integers(0, 2**31 - 1), max_size=50)
 
-@given(
-    st.lists(st.integers(0, 2**31 - 1), max_size=50), st.sampled_from([1, 2**8, 2**16])
-)
+
+@given(LABELS, st.sampled_from([1, 2**8, 2**16]))
 def test_labels_come_back_as_they_were(labels, scale):
     labels = [label // scale for label in labels]
-    found = unpack_labels(pack_labels(labels))
+    found = unpack_labels(json.loads(json.dumps(pack_labels(labels))))
     assert found.dtype == np.int64
     assert found.tolist() == labels
 
 
-def test_labels_survive_json_and_are_small():
-    predicted = np.repeat(np.arange(5), 400)
-    text = json.loads(json.dumps(pack_labels(predicted)))
-    assert unpack_labels(text).tolist() == predicted.tolist()
-    assert len(text) < 100
+def test_labels_are_small():
+    assert len(pack_labels(np.repeat(np.arange(5), 400))) < 100
     noise = np.random.default_rng(0).integers(0, 50, 1000)
     assert len(pack_labels(noise)) < 1.5 * len(noise)
 

@@ -8,9 +8,11 @@ from experiments import studies
 from experiments.records import configs
 from experiments.records.files import REFERENCE, ROOT
 from experiments.reporting import documents
-from experiments.reporting.study import Plot, Study
+from experiments.reporting.answers import Answers
+from experiments.reporting.study import Figure, Study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table, frame
+from experiments.studies.recordings.tables import COSTS
 
 
 def test_marked_blocks_are_filled_and_all_else_stays():
@@ -21,65 +23,47 @@ def test_marked_blocks_are_filled_and_all_else_stays():
     assert documents.fill(made, {"one": lambda: "new\nlines"}) == made
 
 
-def test_a_claim_stands_once_with_its_names():
-    rows = [
-        "| Claim | Command |",
-        "| --- | --- |",
-        "| Fast | run --claim times |",
-        "| Fast | run --claim times |",
-    ]
-    shown = ["| Claim | Name |", "| --- | --- |", "| Fast | `times` |"]
-    shown.append("| | `times` |")
-    assert documents.named("\n".join(rows)).splitlines() == shown
-    assert documents.named(documents.NOT_MEASURED) == documents.NOT_MEASURED
-
-
 def test_the_table_of_costs_has_the_forms_and_softmax_after_most_frames():
-    columns = ["recording", "n", "model", "bytes", "error"]
-    columns += [
-        "fit_s",
-        "predict_frame_s",
-        "fit_compiled_s",
-        "predict_frame_compiled_s",
-    ]
-    nan = math.nan
+    names = ["recording", "n", "model", "bytes", "error", "fit_best_s"]
+    names += ["predict_frame_best_s"]
     rows = [
-        (recording, n, model, 1500, 0.01 * n, 0.25, 0.002, compiled, 0.003)
+        (recording, n, model, 1500, 0.01 * n, 0.13, 0.002)
         for recording in documents.COSTS
         for n in (5, 50)
-        for model, compiled in (("softmax_dual", nan), ("hdc", 0.13), ("ridge", nan))
+        for model in ("softmax_dual", "hdc", "ridge")
     ]
-    alone = ("gelsight", 50, "bits_chosen", 1, 1, 1, 1, nan, nan)
-    table = pd.DataFrame([*rows, alone], columns=columns)
-    lines = documents.costs(table).splitlines()
+    alone = ("gelsight", 50, "bits_chosen", 1, 1, 1, math.nan)
+    made = Table(
+        "costs", COSTS.make, of="", data=pd.DataFrame([*rows, alone], None, names)
+    )
+    lines = documents.costs(made).splitlines()
     assert lines[0].startswith("| Model | Error, GelSight (%) | Error, Fibre 1")
-    assert lines[2] == "| HDC | 50 | 50 | 0.13 | 2.0 | 1.5 |"  # the faster of each
-    assert lines[3].endswith("| 0.25 | 2.0 | 1.5 |")
+    assert lines[2] == "| HDC | 50 | 50 | 0.13 | 2.0 | 1.5 |"
     assert len(lines) == 4  # a form without the second recording is left out
     assert documents.costs(None) == documents.NOT_MEASURED
 
 
-def test_the_page_of_results_has_every_figure_and_each_experiment_once():
-    study = Study("some", "A title", "A question?", 1)
+def test_the_page_of_results_has_every_figure_and_each_experiment_once(
+    committed_results,
+):
+    def of(name, *words):
+        run = "python -m experiments.run"
+        commands = [f"{run} {word}" for word in words]
+        return Table(name, lambda _: frame([{"x": 1}]), of="drift", commands=commands)
+
+    shown = of("a_table", "experiment=drift scene=a", "-m experiment=drift 'x=[1, 2]'")
+    drawn = of("drawn", "experiment=footprint", "experiment=gone")  # of older code
+    figure = Figure("a_figure", drawn, lambda *_: None, caption="What it *shows*.")
+    some = Study("some", "A title", "A question?", 1, tables=[shown], figures=[figure])
     empty = Study("empty", "Nothing", "No figure?", 2)
-    commands = ["python -m run experiment=drift scene=a", "make it"]
-    commands.append("python -m run -m experiment=drift scene=b,c 'x=[1, 2]'")
-    commands.append("python -m run experiment=gone")  # of an older commit
-    plot = Plot(
-        "a_figure",
-        lambda *_: None,
-        of="runs",
-        caption="What it *shows*.",
-        commands=commands,
-    )
-    table = Table("a_table", title="Of what", data=frame([{"x": 1}]))
-    text = documents.results_page(
-        [study, empty], {"some": [table]}, {"some": [plot, plot]}
-    )
+    answers = Answers("reference", committed_results, [some, empty])
+    text = documents.results_page(answers)
     assert text.splitlines()[0] == "## A title"
-    assert "(../results/reference/figures/a_figure.svg)" in text
-    shown = [line for line in text.splitlines() if line.startswith("    ")]
-    assert shown == ["    python -m run experiment=drift", "    make it"]
+    assert "![a_figure](../results/reference/figures/a_figure.svg)" in text
+    assert "What it \\*shows\\*." in text
+    run = "    python -m experiments.run experiment="
+    commands = [line for line in text.splitlines() if line.startswith("    ")]
+    assert commands == [f"{run}footprint", f"{run}drift"]
     assert "[a_table](../results/reference/tables/a_table.csv)" in text
     assert "Nothing" not in text
 
@@ -88,9 +72,8 @@ def test_every_scene_is_listed_once_and_every_source_with_its_licence(
     committed_results,
 ):
     text = documents.scene_list(committed_results)
-    names = [path.stem for path in (configs.CONFIGS / "scene").glob("*.yaml")]
-    listed = [name for name in names if f"`scene={name}`" in text]
-    assert sorted(listed) == sorted(set(names) - {"recorded"})
+    names = {path.stem for path in (configs.CONFIGS / "scene").glob("*.yaml")}
+    assert {name for name in names if f"`scene={name}`" in text} == names - {"recorded"}
     sources = [line for line in text.splitlines() if "licence:" in line]
     assert len(sources) == len(set(sources)) > 5
     simulated = text.partition("### Simulated")[2]

@@ -11,7 +11,7 @@ from markdown_it import MarkdownIt
 
 from experiments.reporting.columns import Column
 from experiments.reporting.table import Table, frame, records
-from experiments.reporting.text import number, percent, printable
+from experiments.reporting.text import number, percent, printable, two_digits
 
 HOSTILE = [
     "</script><script>alert(1)</script> a | b, ends in a backslash \\",
@@ -22,9 +22,8 @@ HOSTILE = [
 ]
 
 
-def a_table(cells, note=""):
-    rows = [{"name": text, "value": k} for k, text in enumerate(cells)]
-    return Table("t", title="A title", data=frame(rows), note=note)
+def a_table(rows, **more):
+    return Table("t", lambda lines: lines, of="runs", data=frame(rows), **more)
 
 
 class Cells(HTMLParser):
@@ -59,11 +58,12 @@ class Cells(HTMLParser):
 
 @pytest.mark.parametrize("text", HOSTILE)
 def test_nothing_comes_of_what_a_record_quotes(text):
-    table = a_table([text, "next"], note=text)
+    rows = [{"name": name, "value": k} for k, name in enumerate((text, "next"))]
+    table = a_table(rows, title="A title", note=text)
     shown = Cells(table.markdown())
     plain = printable(" ".join(text.split()))
-    rows = [[" ".join(cell.split()) for cell in row] for row in shown.rows]
-    assert rows == [["Name", "Value"], [plain, "0"], ["next", "1"]]
+    cells = [[" ".join(cell.split()) for cell in row] for row in shown.rows]
+    assert cells == [["Name", "Value"], [plain, "0"], ["next", "1"]]
     assert shown.other == []
     first, second = csv.DictReader(io.StringIO(table.csv()))
     assert (first["name"], second["name"]) == (printable(text), "next")
@@ -72,38 +72,35 @@ def test_nothing_comes_of_what_a_record_quotes(text):
 
 
 def test_csv_keeps_integers_exact_numbers_to_six_digits_and_nothing_empty():
-    rows = [
-        {"a": 2**53, "b": 1 / 3, "c": None},
-        {"a": np.int64(1), "b": math.nan, "d": True},
-    ]
-    lines = list(csv.reader(io.StringIO(Table("t", data=frame(rows)).csv())))
-    assert lines[1:] == [
-        ["9007199254740992", "0.333333", "", ""],
-        ["1", "", "", "True"],
-    ]
+    first = {"a": 2**53, "b": 1 / 3, "c": None}
+    table = a_table([first, {"a": np.int64(1), "b": math.nan, "d": True}])
+    assert table.csv() == "a,b,c,d\n9007199254740992,0.333333,,\n1,,,True\n"
     assert records(frame([{"a": math.nan, "b": 1}])) == [{"a": None, "b": 1}]
 
 
 def test_bounds_stand_in_the_cell_of_their_value():
     rows = [{"test_accuracy": 0.98, "test_accuracy_low": 0.95, "test_accuracy_high": 1.0,
              "some_key": 0.123456}, {"test_accuracy": 0.5}]  # fmt: skip
-    table = Table("t", data=frame(rows), columns={"some_key": Column("Own", percent)})
+    table = a_table(rows, columns={"some_key": Column("Own", percent)})
     assert table.heads == ["Test accuracy, %", "Own"]
     assert table.cells() == [["98 [95, 100]", "12.3"], ["50", "–"]]
-    assert Table("t", data=frame([], ["a", "b"])).csv() == "a,b\n"
 
 
 @pytest.mark.parametrize(
-    ("value", "text"),
-    [(None, "–"), (0, "0"), (0.0439, "0.0439"), (441.3, "441"), (2e-5, "2.0e-05"),
-     ("mixed", "mixed"), (np.float64(0.5), "0.500"), (math.inf, "∞"), (math.nan, "–"),
-     (99_999, "99999"), (123_456, "1.2e+05"), (True, "True")],
+    ("show", "value", "text"),
+    [
+        *((number, *each) for each in (
+            (None, "–"), (0, "0"), (0.0439, "0.0439"), (441.3, "441"), (2e-5, "2.0e-05"),
+            ("mixed", "mixed"), (np.float64(0.5), "0.500"), (math.inf, "∞"), (math.nan, "–"),
+            (99_999, "99999"), (123_456, "1.2e+05"), (True, "True"),
+        )),
+        *((two_digits, *each) for each in (
+            (2236.1, "2200"), (137.097, "140"), (0.0407, "0.041"), (1, "1.0"), (99.6, "100"),
+        )),
+        *((percent, *each) for each in (
+            (-0.0004, "0"), (0.0004, "0"), (-0.004, "-0.4"), (0.5, "50"), (None, "–"),
+        )),
+    ],
 )  # fmt: skip
-def test_three_digits(value, text):
-    assert number(value) == text
-
-
-def test_a_share_that_rounds_to_zero_has_no_sign():
-    assert [percent(x) for x in (-0.0004, 0.0004, -0.004, 0.5, None)] == [
-        "0", "0", "-0.4", "50", "–",
-    ]  # fmt: skip
+def test_digits(show, value, text):
+    assert show(value) == text

@@ -7,7 +7,7 @@ from typing import ClassVar
 import numpy as np
 import pytest
 import torch
-from matplotlib import pyplot as plt
+from matplotlib.lines import CARETUPBASE
 
 from baselines.cnn import CNN
 from baselines.softmax import SoftmaxRegression
@@ -16,12 +16,7 @@ from experiments.protocol.experiment import Run
 from experiments.protocol.settings import named
 from experiments.protocol.stop import StopRule
 from experiments.records import configs
-from experiments.records.results import Results
-from experiments.reporting.measured import ENDS
-from experiments.reporting.table import records
-from experiments.studies.claims import times
-from experiments.studies.claims.evidence import Evidence
-from experiments.studies.claims.frozen import rules
+from experiments.reporting.table import ENDS, records
 from experiments.studies.table1.times import grid, libraries, measure
 from experiments.studies.table1.times.libraries import MEDIANS, LibraryHDC
 from experiments.studies.table1.times.measure import Samples, Training, one_turn
@@ -191,7 +186,7 @@ def test_the_runner_leaves_memory_to_the_grid_alone():
     """PyTorch at its defaults gives freed memory back."""
 
     assert named({"_target_": f"{measure.__name__}.times_grid"}).own_memory
-    other = "experiments.studies.benchmark.measure.benchmark"
+    other = "experiments.studies.footprint.measure.footprint"
     assert not named({"_target_": other}).own_memory
     assert named(None) is None
 
@@ -199,86 +194,13 @@ def test_the_runner_leaves_memory_to_the_grid_alone():
 # The table ----------------------------------------------------------------------------------------
 
 
-def row(way, model, seed, seconds, hdc_seconds=2.0):
+def row(way, model, seed, seconds):
     return {
         "way": way, "model": model, "turn": seed, "seconds": seconds,
-        "trained_s": seconds or 60.0, "hdc_seconds": hdc_seconds, "train_accuracy": 0.95,
+        "trained_s": seconds or 60.0, "hdc_seconds": 2.0, "train_accuracy": 0.95,
         "test_accuracy": 0.9, "status": "ok" if seconds else "not reached",
         "origin": "simulated", "seed": seed,
     }  # fmt: skip
-
-
-def test_a_ratio_is_the_median_over_seeds_between_order_statistics(
-    tmp_path, write_measurement, write_run, drawn
-):
-    rows = [row("tuned", "cnn1", t, 10.0 + 2 * t) for t in range(7)]
-    rows += [row("tuned", "hdc", t, 2.0) for t in range(7)]
-    rows += [row("tuned", "cnn3", 0, 40.0), row("libraries", "cnn3", 0, None)]
-    rows += [row("default", "cnn1", 0, 7.0)]  # of a time before the runs had it
-    write_measurement("times_grid", rows, scene="touch")
-    # The mean of before and after, not the run of HDC by itself.
-    write_run("hdc", curve=[{"training_s": 4.0}], beside_s={"hdc": 4.0})
-    for seed, seconds in enumerate((90.0, 30.0, 60.0)):
-        curve = [
-            {
-                "training_s": seconds,
-                "loss": 1.0,
-                "train_accuracy": 0.95,
-                "test_accuracy": 0.8,
-            }
-        ]
-        write_run("cnn1", seed=seed, curve=curve, beside_s={"hdc": 3.0})
-    (table,) = (t for t in STUDY.tables_of(Results(tmp_path)) if t.name == "times_grid")
-    found = {(line["way"], line["model"]): line for line in records(table.data)}
-    assert list(found) == [
-        ("libraries", "cnn3"), ("default", "hdc"), ("default", "cnn1"),
-        ("tuned", "hdc"), ("tuned", "cnn1"), ("tuned", "cnn3"),
-    ]  # fmt: skip
-    line = found["tuned", "cnn1"]
-    assert (line["seconds"], line["ratio"], line["runs"]) == (16, 8, 7)
-    assert (line["ratio_low"], line["ratio_high"]) == (5, 11)
-    assert line["coverage"] == pytest.approx(1 - 2 / 2**7)
-    once = found["tuned", "cnn3"]
-    assert (once["ratio"], once["ratio_low"], once["runs"]) == (20, None, 1)
-    ours = found["default", "cnn1"]
-    assert (ours["ratio"], ours["ratio_low"], ours["ratio_high"]) == (20, 10, 30)
-    assert [ours["train_accuracy"], ours["test_accuracy"]] == pytest.approx([0.95, 0.8])
-    never = found["libraries", "cnn3"]
-    assert (never["seconds"], never["at_least"]) == (np.inf, 30)
-    cells = {tuple(cells[:2]): cells[2:] for cells in table.cells()}
-    assert cells["tuned", "CNN, 1 layer"][:3] == ["16.0", "8.0 [5.0, 11]", "7"]
-    assert cells["standard libraries", "CNN, 3 layers"][:2] == ["not reached", "> 30"]
-    assert "training time relative to HDC" in drawn(STUDY)["times_grid"]
-
-
-def test_a_row_of_table_1_has_the_ratio_of_its_claim(tmp_path, write_run):
-    write_run("hdc", curve=[{"training_s": 0.5}])
-    for seed in range(5):
-        curve = [
-            {
-                "training_s": 4.0 + seed,
-                "loss": 1.0,
-                "train_accuracy": 0.95,
-                "test_accuracy": 0.8,
-            }
-        ]
-        beside = {"hdc": 0.5, "hdc_numpy": 2.0}
-        write_run("softmax", seed=seed, curve=curve, beside_s=beside)
-    tables = {t.name: records(t.data) for t in STUDY.tables_of(Results(tmp_path))}
-    (shown,) = (r for r in tables["table1"] if r["model"] == "softmax")
-    (grid_row,) = (r for r in tables["times_grid"] if r["model"] == "softmax")
-    pair = [
-        (shown[f"training_time_over_hdc{end}"], grid_row[f"ratio{end}"]) for end in ENDS
-    ]
-    assert pair == [(12, 12), (8, 8), (16, 16)]
-    (claimed,) = times.pieces(
-        "softmax",
-        rules().claims["softmax"],
-        rules(),
-        Evidence(Results(tmp_path).frame(*grid.OF)),
-    )
-    assert tuple(claimed.estimate) == (12, 8, 16)
-    assert shown["training_time_over_numpy_hdc"] == 3
 
 
 def reached_after(seconds):
@@ -287,51 +209,64 @@ def reached_after(seconds):
     return [{"training_s": seconds, "loss": 1.0, **accuracies}]
 
 
-def test_a_run_without_hdc_beside_it_counts_for_no_ratio(tmp_path, write_run):
-    """Seven runs make an interval of order statistics; the one ratio of them makes none."""
-    write_run("hdc", curve=[{"training_s": 0.5}])
-    for seed in range(7):
-        write_run("softmax", seed=seed, curve=reached_after(4.0))
-    lines = grid.every_line(Results(tmp_path).frame(*grid.OF))
-    found = {line["model"]: (line["ratio"], line["runs"]) for line in lines}
-    assert found == {"hdc": (1, 1), "softmax": (8, 1)}
+@pytest.fixture
+def table(answers):
+    """table(name) → that table, of the records in tmp_path."""
+    return lambda name="times_grid": answers(STUDY).table(name)
 
 
-def test_a_grid_of_other_frames_does_not_displace_that_of_table_1(
-    tmp_path, write_measurement
+def test_a_ratio_is_the_median_over_seeds_between_order_statistics(
+    table, write_measurement, write_run, drawn
 ):
-    write_measurement("times_grid", [row("tuned", "cnn1", 0, 10.0)], scene="touch")
+    rows = [row("tuned", "cnn1", t, 10.0 + 2 * t) for t in range(7)]
+    rows += [row("tuned", "hdc", t, 2.0) for t in range(7)]
+    rows += [row("tuned", "cnn3", 0, 40.0), row("libraries", "cnn3", 0, None)]
+    rows += [row("default", "cnn1", 0, 7.0)]  # of a time before the runs had it
+    write_measurement("times_grid", rows, scene="touch")
+    other = {"scene": "diffuser", "changed": {"scene.template": '"x"'}}  # frames
     rows = [row("tuned", "cnn1", 0, 99.0)]
-    other = {"scene": "diffuser", "changed": {"scene.template": '"x"'}}
     write_measurement("times_grid", rows, config={"scene": {}}, **other)
-    (line,) = grid.every_line(Results(tmp_path).frame(*grid.OF))
-    assert line["seconds"] == 10
-
-
-def test_the_grid_names_its_own_frames_and_no_others(tmp_path, write_run):
-    write_run("hdc", curve=[{"training_s": 0.5}], beside_s={"hdc": 0.5})
-    write_run("softmax", curve=reached_after(4.0), beside_s={"hdc": 0.5})
+    write_run("hdc", curve=[{"training_s": 4.0}])
+    for seed, seconds in enumerate((90.0, 30.0, 60.0)):
+        beside = {"hdc": 3.0}  # the mean of before and after, not a run of HDC
+        write_run("cnn1", seed=seed, curve=reached_after(seconds), beside_s=beside)
+    write_run("ridge", curve=[{"training_s": 4.0}])  # none beside it: no ratio
     write_run("hdc", scene="fibre_grouped", origin="computed", classes="abcde")
-    results = Results(tmp_path)
-    (table,) = (t for t in STUDY.tables_of(results) if t.name == "times_grid")
-    (plot,) = (p for p in STUDY.plots_of(results) if p.name == "times_grid")
-    for text in (table.title, plot.caption):
-        assert "simulated frames" in text
-        assert "computed" not in text
-    assert plot.commands == table.commands != ()
-    assert all("fibre" not in command for command in plot.commands)
-    head = plot.draw()._suptitle.get_text().replace("\n", " ")
-    plt.close("all")
-    assert "Touch, simulated frames, random split, 20 % test" in head
+    made = table()
+    found = {(line["way"], line["model"]): line for line in records(made.data)}
+    assert list(found) == [
+        ("libraries", "cnn3"), ("default", "hdc"), ("default", "cnn1"),
+        ("tuned", "hdc"), ("tuned", "cnn1"), ("tuned", "cnn3"),
+    ]  # fmt: skip
+    for place, expected in (
+        (("tuned", "cnn1"), (16, 8, 5, 11, 7)),
+        (("tuned", "cnn3"), (40, 20, None, None, 1)),
+        (("default", "cnn1"), (60, 20, 10, 30, 3)),
+        (("libraries", "cnn3"), (np.inf, np.inf, None, None, 1)),
+    ):
+        names = ("seconds", "ratio", "ratio_low", "ratio_high", "runs")
+        assert tuple(found[place][name] for name in names) == expected, place
+    assert found["tuned", "cnn1"]["coverage"] == pytest.approx(1 - 2 / 2**7)
+    ours = found["default", "cnn1"]
+    assert [ours["train_accuracy"], ours["test_accuracy"]] == pytest.approx([0.95, 0.8])
+    assert found["libraries", "cnn3"]["at_least"] == 30
+    cells = {tuple(cells[:2]): cells[2:] for cells in made.cells()}
+    assert cells["tuned", "CNN, 1 layer"][:3] == ["16.0", "8.0 [5.0, 11]", "7"]
+    assert cells["standard libraries", "CNN, 3 layers"][:2] == ["not reached", "> 30"]
+    words = drawn(STUDY)["times_grid"]
+    assert "training time relative to HDC" in words
+    assert "Touch, simulated frames, random split, 20 % test" in words
+    # The row of Table I has the same ratio.
+    line = next(r for r in records(table("table1").data) if r["model"] == "cnn1")
+    ratios = [line[f"training_time_over_hdc{end}"] for end in ENDS]
+    assert ratios == [ours[f"ratio{end}"] for end in ENDS]
 
 
 def test_a_training_that_never_got_there_is_drawn_at_its_bound(
-    tmp_path, write_measurement
+    write_measurement, figures
 ):
     rows = [row("tuned", "hdc", 0, 2.0), row("tuned", "cnn3", 0, None)]
     write_measurement("times_grid", rows, scene="touch")
-    (plot,) = (p for p in STUDY.plots_of(Results(tmp_path)) if p.name == "times_grid")
-    (axes,) = plot.draw().axes
-    plt.close("all")
-    heights = [line.get_ydata()[0] for line in axes.lines if line.get_marker() == "v"]
-    assert heights == [30]
+    (axes,) = figures(STUDY)["times_grid"].axes
+    arrows = [line for line in axes.lines if line.get_marker() == CARETUPBASE]
+    assert [float(line.get_ydata()[0]) for line in arrows] == [48]  # from 30 upwards

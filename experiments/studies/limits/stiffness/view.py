@@ -13,6 +13,7 @@ from experiments.reporting.plot import LETTERS, legend_below, panel
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import number
+from experiments.reporting.trained import split_of
 
 # Okabe and Ito's.
 COLOURS = {
@@ -61,7 +62,8 @@ def curves(frame: pd.DataFrame) -> pd.DataFrame:
     """The points of the methods of :func:`ends`, on their way; ``family``: without the rate."""
     chosen = _best(frame)[["problem", "method", "family"]]
     names = ["scene", "origin", *COLUMNS, "family"]
-    return frame.merge(chosen, on=["problem", "method"])[names]
+    every = frame.merge(chosen, on=["problem", "method"])[names]
+    return every.assign(split=split_of(frame))
 
 
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
@@ -103,8 +105,8 @@ FIGURE = Figure(
     Table("stiffness_curves", curves, of="stiffness"),
     draw,
     title="Penalised softmax regression as a stiff problem",
-    caption="Penalised softmax regression on {frames}: loss minus that of the optimum against "
-    "run time, a panel per condition number. Dot: the gradient fell to 10⁻⁶ of the first; "
+    caption="Penalised softmax regression on training frames: loss minus that of the optimum "
+    "against run time, a panel per condition number. Dot: the gradient fell to 10⁻⁶ of the first; "
     "triangle: the time ended; cross: the method failed. Errors below 10⁻¹⁶ are drawn there.",
     size=(7, 4.2),
 )

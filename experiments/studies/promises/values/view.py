@@ -258,6 +258,8 @@ FIGURES = [
         "calibration",
         Table("calibration", reliability, of="coverage"),
         draw,
+        title="Share of right answers against their probability",
+        details="same session: random split; next session: split by session, time or position",
         caption="Share of right answers against their probability, after most training frames; "
         "a row of panels per session, a column per recording. On the grey diagonal probabilities "
         f"are perfect; below it they promise too much. Points of fewer than {FEWEST} answers are "

@@ -1,0 +1,68 @@
+"""Own results beside the reference: equal, within its interval, outside; what is not compared."""
+
+import pandas as pd
+import pytest
+
+from experiments.reporting.compare import EQUAL, OUTSIDE, WITHIN, compare, lines
+from experiments.reporting.table import Table
+
+RATIO = "training_time_over_hdc"
+
+
+def a_table(value, low=0.8, high=0.9, column="x", key=("model",), **more):
+    numbers = {column: value, f"{column}_low": low, f"{column}_high": high}
+    data = pd.DataFrame([{"model": "softmax", **numbers, **more}])
+    return Table("some", lambda frame: frame, of="runs", data=data, key=key)
+
+
+@pytest.mark.parametrize(
+    ("own", "verdict"),
+    [
+        ((0.85,), EQUAL),
+        ((0.81, None, None), WITHIN),
+        ((0.79, None, None), OUTSIDE),
+        ((0.79, 0.75, 0.81), WITHIN),  # the intervals meet
+        ((0.79, 0.75, 0.799), OUTSIDE),
+        ((0.95, 0.91, 0.99), OUTSIDE),
+    ],
+)
+def test_a_number_is_outside_if_its_interval_is(own, verdict):
+    assert compare(a_table(*own), a_table(0.85)).verdict.tolist() == [verdict]
+
+
+PAPER, QUICK = {"stop_rule": "paper"}, {"stop_rule": "quick"}
+
+
+@pytest.mark.parametrize(
+    ("own", "reference", "compared"),
+    [
+        ({}, {}, True),
+        ({"key": ()}, {"key": ()}, False),
+        ({"model": "ridge"}, {}, False),
+        # Seconds belong to the machine.
+        ({"column": "training_time_s"}, {"column": "training_time_s"}, False),
+        # By the rule of stopping, not by the reason for which a training ended.
+        (PAPER | {"stop": "budget"}, PAPER | {"stop": "trained"}, True),
+        (PAPER | {"stop": "trained"}, QUICK | {"stop": "trained"}, False),
+        # Until 90 % in training every rule is the same.
+        (PAPER | {"column": RATIO}, QUICK | {"column": RATIO}, True),
+    ],
+)
+def test_what_another_machine_or_another_rule_makes_is_not_compared(
+    own, reference, compared
+):
+    found = compare(a_table(0.5, **own), a_table(0.85, **reference))
+    assert len(found) == compared
+
+
+def test_what_is_outside_is_a_sentence_and_the_terminal_names_the_first():
+    ratio = {"column": RATIO, "seeds": 1}
+    own = a_table(4.3, None, None, **ratio)
+    found = compare(own, a_table(4.0, 3.9, 4.1, **ratio))
+    first, second = lines(found)
+    assert first.endswith("reference: 0 equal, 0 within its interval, 1 outside")
+    assert second.startswith("some: Softmax: ")
+    assert second.endswith(
+        "4.3 (reference: 3.9 to 4.1); one seed on a busy machine often differs that much."
+    )
+    assert list(lines(pd.concat([found] * 7)))[-1] == "2 more on the page"
