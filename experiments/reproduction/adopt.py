@@ -104,11 +104,10 @@ def go_on_from(reference: Path, own: Path) -> int:
         store.append(own, record)
     # Nothing is known here of steps of an older code.
     commits = {record.environment.commit for record in current}
-    rows = took.read(own)
-    for key, row in took.read(reference).items():
-        if row.get("commit") in commits:
-            rows.setdefault(key, row)
-    took.write(own, rows.values())
+    with took.changing(own) as rows:
+        for key, row in took.read(reference).items():
+            if row.get("commit") in commits:
+                rows.setdefault(key, row)
     return len(missing)
 
 

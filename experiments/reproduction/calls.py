@@ -145,9 +145,6 @@ class Processes:
                 process.terminate()
 
 
-_writing = threading.Lock()  # of reproduce.csv, between the lanes
-
-
 def carry_out(
     step: Step,
     mode: str,
@@ -172,8 +169,7 @@ def carry_out(
         "lanes": lanes,
         "commit": commit(),
     }
-    with _writing:
-        known = begin(results, row)
+    known = begin(results, row)
     start = time.perf_counter()
     process = processes.start(command, environment)
     try:
@@ -189,8 +185,7 @@ def carry_out(
     finally:
         processes.forget(process)
         row["seconds"] = time.perf_counter() - start
-        with _writing:
-            end(results, row, known)
+        end(results, row, known)
     return str(row["status"])
 
 

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 import pandas as pd
 
+from experiments.records import locks, store
 from hdc.io import write_atomically
 
 FILE = "reproduce.csv"
@@ -20,14 +22,15 @@ Call = dict[str, Any]
 def begin(results: Path, row: Call) -> Call | None:
     """Put a call of a step that begins into reproduce.csv, as one that broke off: so it stays after
     a kill. Returns the row of earlier calls, if there were any."""
-    rows = read(results)
-    known = rows.get((row["step"], row["mode"]))
-    if known and known["command"] != row["command"]:
-        known = None  # another command begins anew
-    spent = {key: known[key] for key in ("seconds", "peak_bytes")} if known else {}
-    if not _is_whole(known, row):
-        begun = {**row, **spent, "status": INTERRUPTED}
-        write(results, {**rows, (row["step"], row["mode"]): begun}.values())
+    key = row["step"], row["mode"]
+    with changing(results) as rows:
+        known = rows.get(key)
+        if known and known["command"] != row["command"]:
+            known = None  # another command begins anew
+        if not _is_whole(known, row):
+            rows[key] = {**row, "status": INTERRUPTED}
+            if known:
+                rows[key] |= {name: known[name] for name in ("seconds", "peak_bytes")}
     return known
 
 
@@ -52,9 +55,8 @@ def end(results: Path, row: Call, known: Call | None) -> None:
         else:
             row["seconds"] = max(row["seconds"], before)
         row["peak_bytes"] = max(row["peak_bytes"], int(known["peak_bytes"]))
-    rows = read(results)
-    rows[row["step"], row["mode"]] = row
-    write(results, rows.values())
+    with changing(results) as rows:
+        rows[row["step"], row["mode"]] = row
 
 
 def _is_whole(known: Call | None, row: Call) -> bool:
@@ -72,6 +74,16 @@ def step_of(row: Mapping[str, Any]) -> str:
 def wall_seconds(row: Mapping[str, Any]) -> float:
     """Share of a step in the time that the whole took: two lanes ran at a time, or one."""
     return float(row["seconds"]) / float(row["lanes"])
+
+
+@contextmanager
+def changing(results: Path) -> Iterator[dict[tuple[str, str], Call]]:
+    """The rows of reproduce.csv by step and mode, which are written back at the end. Another
+    process, or another lane of this one, waits until then."""
+    with locks.held(store.lock_of(results, FILE), timeout_s=-1):
+        rows = read(results)
+        yield rows
+        write(results, rows.values())
 
 
 def write(results: Path, rows: Iterable[Call]) -> None:

@@ -1,6 +1,7 @@
 """The reproduction goes on after failures and interruptions and writes down what each step took."""
 
 import io
+import multiprocessing
 import os
 import signal
 import subprocess
@@ -180,6 +181,31 @@ def test_a_call_that_is_killed_is_one_that_broke_off(tmp_path):
         (found,) = took.read(tmp_path).values()
         assert (found["seconds"], found["status"]) == (40, status)
         assert found["peak_bytes"] == 7  # what earlier calls needed is not forgotten
+
+
+def note_steps(folder, steps):
+    for step in steps:
+        row = {**ROW, "step": step, "seconds": 1.0, "peak_bytes": 7, "status": "finished"}
+        took.end(folder, row, took.begin(folder, row))
+
+
+def test_two_processes_lose_no_row_of_each_other(tmp_path):
+    """Two processes that noted 25 steps each kept 33 rows."""
+    context = multiprocessing.get_context("fork")
+    both = [
+        context.Process(
+            target=note_steps, args=(tmp_path, [f"{name}{k}" for k in range(25)])
+        )
+        for name in "ab"
+    ]
+    for process in both:
+        process.start()
+    for process in both:
+        process.join(60)
+        assert process.exitcode == 0
+    rows = took.read(tmp_path)
+    assert len(rows) == 50
+    assert {row["status"] for row in rows.values()} == {"finished"}
 
 
 # Two at a time ------------------------------------------------------------------------------------
