@@ -185,7 +185,13 @@ def test_a_call_that_is_killed_is_one_that_broke_off(tmp_path):
 
 def note_steps(folder, steps):
     for step in steps:
-        row = {**ROW, "step": step, "seconds": 1.0, "peak_bytes": 7, "status": "finished"}
+        row = {
+            **ROW,
+            "step": step,
+            "seconds": 1.0,
+            "peak_bytes": 7,
+            "status": "finished",
+        }
         took.end(folder, row, took.begin(folder, row))
 
 

@@ -61,6 +61,27 @@ def entries(results):
     return list(store.read(results))
 
 
+# The process ---------------------------------------------------------------------------------------
+
+
+IMPORTED = """
+import warnings
+import hydra, torch, rich  # which change warnings themselves
+from omegaconf import OmegaConf
+before = list(warnings.filters), warnings.showwarning
+from experiments.run import CommandLine
+print(before == (warnings.filters, warnings.showwarning))
+print(OmegaConf.has_resolver("results_dir"))
+CommandLine([]).carry_out({})
+print(before == (warnings.filters, warnings.showwarning))
+"""
+
+
+def test_neither_import_nor_a_run_changes_warnings_for_good(command_line):
+    done = command_line(script=IMPORTED)
+    assert done.stdout.split() == ["True", "False", "True"], done.stderr
+
+
 # Runs ---------------------------------------------------------------------------------------------
 
 
