@@ -34,7 +34,7 @@ ASKS = 15  # minutes from which a claim asks for --full
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the steps; 1 if one failed, 2 if nothing was begun, 130 after an interruption."""
+    """Run the steps; 1 if one failed, 2 if none can begin, 130 after an interruption."""
     chosen = _parser().parse_args(arguments)
     console = Console(highlight=False)
     try:
@@ -48,6 +48,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if chosen.claim is None:
             _tell_claims(console)
         return 0
+    if all(step.skipped for step in found):
+        reasons = "; ".join(dict.fromkeys(step.skipped for step in found))
+        text = f"error: nothing is measured: every step is {reasons}"
+        how = "python -m scenes.measured says how to get it"
+        console.print(f"{text}; {how}", markup=False, soft_wrap=True)
+        return 2
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     results = results_dir()
     if chosen.go_on:

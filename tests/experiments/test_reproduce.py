@@ -323,6 +323,20 @@ def test_a_long_claim_asks_for_full_and_an_unknown_one_is_named(
     assert set(commands) == {step.name for step in steps("full", "softmax")}
 
 
+def test_a_claim_of_which_nothing_can_be_measured_here_is_an_error(
+    commands, tmp_path, monkeypatch, capsys
+):
+    """Without the public recordings it did nothing, and ended as if all were well."""
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    monkeypatch.delenv("MEASURED_DATA", raising=False)
+    assert reproduce.main(["--claim", "accuracy", "--quick"]) == 2
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last.startswith("error: nothing is measured: every step is skipped")
+    assert "MEASURED_DATA" in last
+    assert "scenes.measured" in last
+    assert commands == []
+
+
 def test_what_the_quick_form_does_not_measure_is_not_offered_quickly(commands, capsys):
     assert reproduce.main(["--claim", "networks_three_layers", "--quick"]) == 2
     assert "no step for --quick" in capsys.readouterr().out
