@@ -224,6 +224,10 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
             ["experiment=stability", "task._target_=experiments.nowhere"],
             r"error: task\._target_: expected the dotted name of .*experiments\.nowhere \(.*\)",
         ),
+        (
+            ["+task={_target_: os.system, command: 'true'}"],
+            r"error: task\._target_: expected .* an experiment, found os\.system; @experiment .*",
+        ),
     ],
     ids=lambda given: given[0] if isinstance(given, list) else None,
 )
