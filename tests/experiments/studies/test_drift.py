@@ -44,6 +44,7 @@ from experiments.studies.drift.zeroing import (
     zeroed,
 )
 from hdc import HDCClassifier
+from hdc.readouts import Counts
 from hdc.encoders import Reference
 from hdc.encoders.standardised import FRACTION, standardised
 from scenes.frames import Frames
@@ -184,10 +185,28 @@ def test_updates_of_hdc_are_its_own_recalibrations(scene):
         list(made)
 
 
-@pytest.mark.parametrize("name", ["hdc_lda", "hdc_integer"])
-def test_a_read_out_that_refuses_an_update_has_no_row_of_it(scene, name):
+class OwnCounts(Counts):
+    """Refuses a method in words of its own."""
+
+    def adapt(self, words, rows, share, seed, method):
+        if method not in self.methods:
+            raise ValueError(f"I only know {self.methods}")
+        super().adapt(words, rows, share, seed, method)
+
+
+def own_counts():
+    return HDCClassifier(readout=OwnCounts())
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda: built("hdc_lda"), lambda: built("hdc_integer"), own_counts],
+    ids=["lda", "integer", "own"],
+)
+def test_an_update_that_a_read_out_does_not_have_has_no_row(scene, make):
+    """It was told by the start of an error."""
     old, new, asked = np.arange(40), np.arange(60, 72), np.arange(72, 120)
-    made = ways(built(name), bank_of(scene), old, new, asked, (0.5,), seed=0)
+    made = ways(make(), bank_of(scene), old, new, asked, (0.5,), seed=0)
     assert [way for way, *_ in made] == ["new", "balanced", "pooled"]
 
 
