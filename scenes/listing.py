@@ -33,7 +33,7 @@ def public_names() -> list[str]:
 
 def _is_public(file: Path) -> bool:
     """Whether a config itself says where frames lie; one that starts from another does not."""
-    scene = OmegaConf.load(file).get("scene", {})
+    scene = OmegaConf.select(OmegaConf.load(file), "scene", default={})
     return "source" in scene or _is_fibre(scene)
 
 

@@ -6,10 +6,9 @@ import pytest
 import torch
 from hydra.errors import InstantiationException
 
-from scenes import measured
+from scenes import listing, measured
 from scenes.export import compose
 from scenes.frames import Scene
-from scenes import listing
 from scenes.listing import show
 from scenes.measured import MeasuredScene
 from scenes.split import split

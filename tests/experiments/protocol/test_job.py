@@ -270,8 +270,8 @@ FILES = {
     ("stop", "paper"): {"stop": {"target": 0.9, "budget_s": 1800}},
 }
 CHOICES = {"scene": "touch", "model": "softmax", "stop": "paper"}
-# As it is run: four values of files are others, and seeds, devices and the number of training samples
-# besides, which is where a row stands and no change.
+# As it is run: four values of files are others. So are seeds, devices and the number of training
+# samples, which is where a row stands and no change.
 CONFIG = {
     "scene": {"n": 100, "seed": 3, "sensor": {"sampling_seed": 3, "noise": 0.2}},
     "split": {"kind": "ordered", "n_train": 5},

@@ -44,9 +44,9 @@ from experiments.studies.drift.zeroing import (
     zeroed,
 )
 from hdc import HDCClassifier
-from hdc.readouts import Counts
 from hdc.encoders import Reference
 from hdc.encoders.standardised import FRACTION, standardised
+from hdc.readouts import Counts
 from scenes.frames import Frames
 
 SPLIT = Split("random", 0.2)
