@@ -3,6 +3,7 @@
 import io
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -308,39 +309,40 @@ def test_a_claim_runs_its_steps_and_no_others_and_shows_its_rule(
     assert "no evidence of it yet" in said
 
 
-def test_a_long_claim_asks_for_full_and_an_unknown_one_is_named(
-    commands, capsys, tmp_path, monkeypatch
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--claim", "nothing"], "expected one of softmax, "),
+        (["--claim", "softmax"], "add --full, or --quick"),
+        (["--claim", "networks_three_layers", "--quick"], "no step for --quick"),
+        # Without the public recordings it did nothing, and ended as if all were well.
+        (
+            ["--claim", "accuracy", "--quick"],
+            "error: nothing is measured: every step is skipped: .* MEASURED_DATA .*scenes.measured",
+        ),
+        (["--step", "nothing"], "expected one of .*; found nothing"),
+    ],
+    ids=str,
+)
+def test_what_cannot_or_may_not_begin_is_refused_in_one_line(
+    commands, capsys, tmp_path, monkeypatch, words, said
 ):
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    monkeypatch.setattr(reproduce, "ASKS", 10)
-    assert reproduce.main(["--claim", "softmax"]) == 2
-    assert "add --full, or --quick" in capsys.readouterr().out
-    assert reproduce.main(["--claim", "nothing"]) == 2
-    assert "expected one of" in capsys.readouterr().out
-    assert commands == []
-    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
-    assert reproduce.main(["--claim", "softmax", "--full"]) == 0
-    assert set(commands) == {step.name for step in steps("full", "softmax")}
-
-
-def test_a_claim_of_which_nothing_can_be_measured_here_is_an_error(
-    commands, tmp_path, monkeypatch, capsys
-):
-    """Without the public recordings it did nothing, and ended as if all were well."""
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     monkeypatch.delenv("MEASURED_DATA", raising=False)
-    assert reproduce.main(["--claim", "accuracy", "--quick"]) == 2
-    last = capsys.readouterr().out.splitlines()[-1]
-    assert last.startswith("error: nothing is measured: every step is skipped")
-    assert "MEASURED_DATA" in last
-    assert "scenes.measured" in last
+    monkeypatch.setattr(reproduce, "ASKS", 10)
+    assert reproduce.main(words) == 2
+    assert re.search(said, capsys.readouterr().out.splitlines()[-1])
     assert commands == []
 
 
-def test_what_the_quick_form_does_not_measure_is_not_offered_quickly(commands, capsys):
-    assert reproduce.main(["--claim", "networks_three_layers", "--quick"]) == 2
-    assert "no step for --quick" in capsys.readouterr().out
-    assert commands == []
+def test_a_long_claim_that_was_asked_for_in_full_begins(
+    commands, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
+    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
+    monkeypatch.setattr(reproduce, "ASKS", 10)
+    assert reproduce.main(["--claim", "softmax", "--full"]) == 0
+    assert set(commands) == {step.name for step in steps("full", "softmax")}
 
 
 def test_own_numbers_of_a_claim_stand_beside_the_reference(

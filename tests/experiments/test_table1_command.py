@@ -172,20 +172,17 @@ def test_each_row_is_shown_before_the_next_model_is_trained(
         assert [line for line in between if line.startswith(name)]
 
 
-@pytest.mark.parametrize("status", [1, 75])
-def test_a_run_that_fails_costs_its_own_row_only(called, monkeypatch, status):
-    monkeypatch.setattr(report, "write", lambda *_, **__: None)
+@pytest.mark.parametrize(
+    ("status", "trained", "shown"), [(1, 4, 1), (75, 4, 1), (130, 2, 0), (143, 2, 0)]
+)
+def test_a_run_that_fails_costs_its_own_row_and_an_interruption_all_that_come(
+    called, monkeypatch, status, trained, shown
+):
+    reports = []
+    monkeypatch.setattr(report, "write", lambda *_, **__: reports.append(1))
     called.status["softmax"] = status
     assert table1.main() == status
-    assert len(called.words) == 4
-
-
-@pytest.mark.parametrize("status", [130, 143])
-def test_an_interrupted_command_shows_no_table(called, monkeypatch, status):
-    monkeypatch.setattr(report, "write", lambda *_, **__: pytest.fail("shown"))
-    called.status["hdc"] = status
-    assert table1.main() == status
-    assert len(called.words) == 1
+    assert (len(called.words), len(reports)) == (trained, shown)
 
 
 def test_the_time_that_is_promised_stands_in_the_readme():
