@@ -69,6 +69,7 @@ class CommandLine:
             self._carry_out(cfg)
 
     def _carry_out(self, cfg: DictConfig) -> None:
+        """The same while warnings are shown in one line each."""
         try:
             hydra_cfg = HydraConfig.get()
             config = resolved(cfg)
