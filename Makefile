@@ -1,7 +1,11 @@
 # Every target sets up .venv by itself when it is missing or older than its requirements, with what
 # the target needs: the harness, or everything.
 # Results go to results/mine, or to RESULTS_DIR; the committed ones in results/reference are read.
-PYTHON ?= python3.11
+#
+# PYTHON is the first of these that starts and is new enough. `make PYTHON=…` names another one.
+PYTHONS := python3.11 python3.12 python3.13 python3
+FITS := -c 'import sys; sys.exit(sys.version_info < (3, 11))'
+PYTHON ?= $(shell for name in $(PYTHONS); do $$name $(FITS) 2>/dev/null && echo $$name && break; done)
 BIN := .venv/bin
 # Modules are compiled as they are imported: the first table is there sooner.
 INSTALL := $(BIN)/pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e
@@ -14,6 +18,7 @@ help:  ## show this list
 	@grep -hE '^[a-z0-9]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 14
 
 $(HARNESS): pyproject.toml constraints.txt
+	$(if $(PYTHON),,$(error Python: expected 3.11 or newer, found none of $(PYTHONS); name one: make PYTHON=/path/to/python))
 	$(PYTHON) -m venv --clear .venv
 	$(INSTALL) '.[harness]'
 	@touch $@

@@ -41,16 +41,6 @@ from experiments.records.files import results_dir
 from experiments.reporting.summary import summarise
 from experiments.reporting.text import printable
 
-console = Console()
-stderr = Console(stderr=True, highlight=False)
-
-warnings.filterwarnings("ignore", message=".*hydra.run.dir.*")
-# configs/hydra/launcher changes parts of the launchers' own configs.
-warnings.filterwarnings("ignore", message="(?s).*validated against ConfigStore schema")
-OmegaConf.register_new_resolver(
-    "results_dir", lambda: str(results_dir()), replace=True, use_cache=False
-)
-
 
 class CommandLine:
     """One call of the command: carries out its runs, and remembers how they ended.
@@ -74,7 +64,12 @@ class CommandLine:
 
     def carry_out(self, cfg: DictConfig) -> None:
         """One run, or one experiment that is more."""
-        warnings.showwarning = self.warn  # type: ignore[assignment]
+        with warnings.catch_warnings():
+            warnings.showwarning = self.warn  # type: ignore[assignment]
+            self._carry_out(cfg)
+
+    def _carry_out(self, cfg: DictConfig) -> None:
+        """The same while warnings are shown in one line each."""
         try:
             hydra_cfg = HydraConfig.get()
             config = resolved(cfg)
@@ -104,26 +99,23 @@ class CommandLine:
         number = int(hydra_cfg.job.num) + 1
         is_timed = getattr(measured, "timed", True)
         if number == 1 and config["exclusive"] and not is_timed:
-            text = "nothing of this is timed: exclusive=false runs it beside other runs"
-            console.print(text, style="dim", soft_wrap=True)
+            _say("nothing of this is timed: exclusive=false runs it beside other runs")
         runs = sweep.size(hydra_cfg.sweeper.params, self._words)
         words = list(hydra_cfg.overrides.task)
-        text = sweep.progress(number, runs, words, self._seconds)
-        console.print(text, style="dim", markup=False, soft_wrap=True)
+        _say(sweep.progress(number, runs, words, self._seconds))
 
     def complain(self, error: Exception) -> None:
         """Show an error and go on: the user's as one line, others with their traceback."""
         if isinstance(error, locks.Held):
             self.left = True
-            console.print(str(error), style="yellow", markup=False, soft_wrap=True)
+            _say(str(error), style="yellow")
             return
         self.failed = True
         if not is_users(error):
             traceback.print_exception(error)
             return
         lines = message(error, self._words).splitlines()
-        text = escape("\n".join(map(printable, lines)))
-        stderr.print("[red]error:[/red]", text, soft_wrap=True, emoji=False)
+        _tell("[red]error:[/red]", "\n".join(map(printable, lines)))
 
     def warn(self, text: Warning | str, *_: Any) -> None:
         """Show a warning, the first time but for its numbers, which differ from seed to seed."""
@@ -131,8 +123,7 @@ class CommandLine:
         if but_for_numbers in self._warned:
             return
         self._warned.add(but_for_numbers)
-        told = escape(str(text))
-        stderr.print("[yellow]warning:[/yellow]", told, soft_wrap=True, emoji=False)
+        _tell("[yellow]warning:[/yellow]", str(text))
 
 
 class Launch(Callback):
@@ -142,14 +133,25 @@ class Launch(Callback):
         """Called by Hydra before the first run."""
         folder = config.hydra.launcher.get("submitit_folder")
         if folder:
-            text = f"each run prints into {folder}/*.out"
-            console.print(text, style="dim", markup=False, soft_wrap=True)
+            _say(f"each run prints into {folder}/*.out")
+
+
+def _say(text: str, style: str = "dim") -> None:
+    """Print a line about the runs."""
+    Console().print(text, style=style, markup=False, soft_wrap=True)
+
+
+def _tell(kind: str, text: str) -> None:
+    """Print an error or a warning into the stream of errors."""
+    stderr = Console(stderr=True, highlight=False)
+    stderr.print(kind, escape(text), soft_wrap=True, emoji=False)
 
 
 def _run(config: dict[str, Any], hydra_cfg: Any) -> bool:
     """Carry out a run and show what came of it; False where it was there already."""
     chosen = dict(hydra_cfg.runtime.choices)
     words = list(hydra_cfg.overrides.task)
+    console = Console()
     record, was_there = job.run(config, chosen, words, console)
     summarise(console, record, was_there)
     return not was_there
@@ -159,7 +161,7 @@ def _measure(config: dict[str, Any], measured: Any, choices: Any) -> None:
     """Measure an experiment that is more than a run."""
     settings = settings_of(config)
     arguments = {k: v for k, v in config["task"].items() if k != "_target_"}
-    with job.exclusive(settings, console):
+    with job.exclusive(settings, Console()):
         measured(
             **arguments,
             name=choices["experiment"],
@@ -184,14 +186,11 @@ def entry_point() -> None:
     # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))
-    main = hydra.main(
-        version_base="1.3", config_path="../configs", config_name="config"
-    )
     try:
-        main(call.carry_out)()
+        _start(call)
         sys.stdout.flush()
     except KeyboardInterrupt:
-        stderr.print("interrupted; the same command resumes")
+        print("interrupted; the same command resumes", file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
     except BrokenPipeError:  # whoever read the output has read enough
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -201,6 +200,22 @@ def entry_point() -> None:
     if call.failed:
         sys.exit(1)
     sys.exit(locks.LEFT if call.left else 0)
+
+
+def _start(call: CommandLine) -> None:
+    """Hand the command line to Hydra."""
+    # Workers of a launcher get the resolver from Hydra.
+    OmegaConf.register_new_resolver(
+        "results_dir", lambda: str(results_dir()), replace=True, use_cache=False
+    )
+    main = hydra.main(
+        version_base="1.3", config_path="../configs", config_name="config"
+    )
+    with warnings.catch_warnings():
+        # configs/hydra/launcher changes parts of the launchers' own configs.
+        text = "(?s).*validated against ConfigStore schema"
+        warnings.filterwarnings("ignore", message=text)
+        main(call.carry_out)()
 
 
 if __name__ == "__main__":

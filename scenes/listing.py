@@ -7,7 +7,6 @@ and prints commit, digest, licence and citation of each.
 from __future__ import annotations
 
 import os
-import re
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,6 +14,8 @@ from typing import Any
 
 import numpy as np
 from hydra.errors import InstantiationException
+from hydra.utils import get_object
+from omegaconf import OmegaConf
 from rich.console import Console
 from rich.table import Table
 
@@ -27,17 +28,23 @@ CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
 
 def public_names() -> list[str]:
     """Names of configs/scene whose frames lie in a public repository."""
-    return [
-        file.stem
-        for file in sorted(CONFIGS.glob("*.yaml"))
-        if re.search("source:|FibreScene", file.read_text(encoding="utf-8"))
-    ]
+    return [file.stem for file in sorted(CONFIGS.glob("*.yaml")) if _is_public(file)]
+
+
+def _is_public(file: Path) -> bool:
+    """Whether a config itself says where frames lie; one that starts from another does not."""
+    scene = OmegaConf.select(OmegaConf.load(file), "scene", default={})
+    return "source" in scene or _is_fibre(scene)
+
+
+def _is_fibre(scene: Any) -> bool:
+    return "_target_" in scene and get_object(scene._target_) is FibreScene
 
 
 def sources(scene: Any) -> list[Source]:
     """The repositories that the config of a public scene reads, one or two."""
     found = []
-    if scene._target_.endswith(FibreScene.__name__):
+    if _is_fibre(scene):
         found.append(PRESSED)
     if scene.get("source"):
         found.append(Source(**scene.source))

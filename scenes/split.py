@@ -143,7 +143,7 @@ def learning_curve_subsets(
     )
     for size in sizes:
         inside = is_integer(size) and low <= size <= high
-        require(inside, "split.sizes", size, expected)
+        require(inside, "split.n_train", size, expected)
     rank = np.random.default_rng(seed).permutation(len(train))
     # The k-th sample of a class of n is due at the share (k + 1/2)/n of the whole; the first of
     # each class is due at once.

@@ -28,6 +28,7 @@ from experiments.records.record import (
 from experiments.records.revision import Revisions, revisions
 from experiments.records.rows import Rows
 from experiments.records.run import (
+    COORDINATES,
     Choices,
     Finished,
     RunRecord,
@@ -42,7 +43,7 @@ _ENDED = ("status", "error", "training_s", "rows")
 _OF_FILES = ("scene", "model", "stop")  # groups of configs/ that make a run
 # Keys that say which run of a config it is, or how it is carried out; those below `seed` besides.
 _NO_CHANGE = (
-    *(*_OF_FILES, "experiment", "split.n_train", "data.pixels", "scene.path"),
+    *(*_OF_FILES, "experiment", *COORDINATES),
     *("device", "threads", "exclusive", "cache", "force"),
 )
 
@@ -150,7 +151,8 @@ def changed_keys(
 ) -> dict[str, str]:
     """Values of scene, split, model and stopping rule that are not those of the files chosen.
 
-    Values by dotted key, as JSON, but for seeds. A scene or a model in no file has those that the
+    Values by dotted key, as JSON, but for seeds and for what a row asks for by number
+    (:data:`experiments.records.run.COORDINATES`). A scene or a model in no file has those that the
     command line has.
 
     Args:
@@ -166,7 +168,8 @@ def changed_keys(
             typed[key] = value
     if typed or choices.get("experiment"):
         for group in _OF_FILES:
-            found |= _changed_of(group, config, choices.get(group) or "", typed)
+            changed = _changed_of(group, config, choices.get(group) or "", typed)
+            found |= {k: v for k, v in changed.items() if k not in COORDINATES}
     if config["device"] != "cpu":  # its times do not compare
         found["model.device"] = config["device"]
     return found

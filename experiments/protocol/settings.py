@@ -112,18 +112,18 @@ def named(task: Mapping[str, Any] | None) -> Callable[..., object] | None:
     """The experiment that ``task`` of a config names; None for a plain run.
 
     Raises:
-        ValueError: if there is none of this name.
+        ValueError: if there is none of this name, or what has it is no experiment.
     """
     if task is None:
         return None
     target = str(task.get("_target_"))
+    text = f"task._target_: expected the dotted name of an experiment, found {target}"
     try:
         found: Callable[..., object] = pkgutil.resolve_name(target)
     except (ImportError, AttributeError, ValueError) as error:
-        text = (
-            f"task._target_: expected the dotted name of an experiment, found {target}"
-        )
         raise ValueError(f"{text} ({error})") from error
+    if not hasattr(found, "rows"):
+        raise ValueError(f"{text}; @experiment makes one of a generator of rows")
     return found
 
 

@@ -50,11 +50,7 @@ def choose(
     n = wanted.n_train
     if n is None:
         return train, test
-    try:
-        return learning_curve_subsets(train, scene.labels, [n], seed)[n], test
-    except ValueError as error:
-        text = str(error).replace("split.sizes", "split.n_train")
-        raise ValueError(text) from error
+    return learning_curve_subsets(train, scene.labels, [n], seed)[n], test
 
 
 def resample_split(

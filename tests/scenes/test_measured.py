@@ -6,7 +6,7 @@ import pytest
 import torch
 from hydra.errors import InstantiationException
 
-from scenes import measured
+from scenes import listing, measured
 from scenes.export import compose
 from scenes.frames import Scene
 from scenes.listing import show
@@ -205,6 +205,19 @@ def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, ca
         == 1
     )
     assert "article_MMF_disorder" not in script
+
+
+def test_a_comment_makes_no_public_recording(tmp_path, monkeypatch):
+    """Any file with the word in its text was one, and could not be listed."""
+    monkeypatch.setattr(listing, "CONFIGS", tmp_path)
+    scenes = {
+        "own": "# source: our camera\nscene: {_target_: scenes.recorded.open_recording}",
+        "public": "scene: {source: {}}",
+        "fibre": "scene: {_target_: scenes.fibre.FibreScene}",
+    }
+    for name, text in scenes.items():
+        (tmp_path / f"{name}.yaml").write_text(text)
+    assert listing.public_names() == ["fibre", "public"]
 
 
 def test_a_missing_recording_that_is_named_says_how_to_get_it(

@@ -14,7 +14,7 @@ second, and tested on both sessions. By ``method``, with labels:
 
 Without labels (:mod:`.zeroing`): ``zeroed`` and ``untouched``.
 
-HDC's updates are the model's own; one that its read-out refuses has no row.
+HDC's updates are the model's own; one that its read-out does not have has no row.
 
 The new samples are the first in time, and the test samples come after them.
 """
@@ -243,21 +243,19 @@ def recalibrated(
 ) -> Iterator[Update]:
     """Recalibrations of HDC; those that its prototypes or read-out do not have are left out."""
     stored = model.unlearned().fit(bank.at(old), bank.labels[old])
+    readout = stored.readout_
     updates: list[tuple[str, float | None, str]] = []
     updates += [("replace", float(share), "replace") for share in p]
     updates += [("balanced", None, "merge")]
     for name, share, method in updates:
+        if method not in getattr(readout, "methods", (method,)):
+            continue
         updated = copy.deepcopy(stored)
         given = {
             "p": _EQUAL if share is None else share,
             "seed": seed,
             "method": method,
         }
-        used: Any = {name: given[name] for name in stored.readout_.adapts_by}
-        try:
-            updated.recalibrate(bank.at(new), bank.labels[new], **used)
-        except ValueError as error:
-            if not str(error).startswith("method: "):
-                raise
-            continue
+        used: Any = {name: given[name] for name in readout.adapts_by}
+        updated.recalibrate(bank.at(new), bank.labels[new], **used)
         yield name, share, updated.predict(bank.at(asked))

@@ -73,6 +73,7 @@ def plain(model, scene, train, test):
     return int((model.predict(scene.frames(test)) == scene.labels[test]).sum())
 
 
+@pytest.mark.filterwarnings("ignore:lda. no class has two")  # of one frame a class
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_study_says_of_a_model_what_the_model_says_itself(kind, scene, monkeypatch):
     """Every row's count is that of the model trained alone on the frames of that row."""

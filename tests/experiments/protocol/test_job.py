@@ -130,29 +130,19 @@ def test_a_run_that_other_code_finished_is_run_again_and_why_is_said(
     assert len((results / store.FILE).read_bytes().splitlines()) == 3
 
 
-@pytest.mark.parametrize(
-    ("error", "status"),
-    [
-        (
-            RuntimeError("out of memory" + 20_000 * "!"),
-            "failed",
-        ),  # more than a record can hold
-        (KeyboardInterrupt(), "interrupted"),
-        (SystemExit(143), "interrupted"),
-    ],
-)
 def test_a_run_that_breaks_off_is_kept_and_run_again(
-    carry_out, results, monkeypatch, fake, error, status
+    carry_out, results, monkeypatch, fake
 ):
+    """By an error here; tests/experiments/test_run.py has the signals."""
     real = hdc.HDCClassifier
-    fake(
-        {"samples_seen": 1, "loss": 1.0}, error
-    )  # neither the warm-up nor the first report fails
-    with pytest.raises(type(error)):
+    error = RuntimeError("out of memory" + 20_000 * "!")  # more than a record can hold
+    # Neither the warm-up nor the first report fails.
+    fake({"samples_seen": 1, "loss": 1.0}, error)
+    with pytest.raises(RuntimeError):
         carry_out()
     entry = the_record(results)
-    assert entry.status == status
-    assert entry.error.startswith(type(error).__name__)
+    assert entry.status == "failed"
+    assert entry.error.startswith("RuntimeError: out of memory")
     assert len(entry.error) <= 2000
     assert len(entry.curve) == 1
     monkeypatch.setattr(hdc, "HDCClassifier", real)
@@ -227,38 +217,6 @@ def test_predictions_that_are_no_classes_are_a_failure_that_can_be_read(
     assert Results(results).problems == []
 
 
-# What the user did wrong --------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("overrides", "message"),
-    [
-        (["scene.path=???"], r"^scene\.path: expected a value, found none"),
-        (["+scene.colour=1"], r"^scene: .*unexpected keyword argument 'colour'"),
-        (["stop.loss=-1"], r"^stop\.loss: expected at least 0, found -1"),
-        (
-            ["+stop.colour=0"],
-            r"^stop\.colour: expected one of target, reached_after_s, loss",
-        ),
-        (
-            ["split.test_fraction=nan"],
-            r"^split\.test_fraction: expected a number, found nan",
-        ),
-        (["model.device=cuda:99"], r"^model\.device: expected one of cpu"),
-        (["exclusive=no"], r"^exclusive: expected true or false, found 'no'"),
-        (
-            ["seed.run=99999999999999999999999"],
-            r"^seed\.run: expected an integer from 0 to 2\^53, found 9",
-        ),
-        (["device=null"], r"^device: expected one of cpu.*, found None"),
-    ],
-    ids=lambda given: given[-1] if isinstance(given, list) else None,
-)
-def test_a_wrong_value_is_named_by_its_key(carry_out, results, overrides, message):
-    with pytest.raises(ValueError, match=message):
-        carry_out(*overrides)
-
-
 # What a record says was changed -------------------------------------------------------------------
 
 FILES = {
@@ -270,10 +228,11 @@ FILES = {
     ("stop", "paper"): {"stop": {"target": 0.9, "budget_s": 1800}},
 }
 CHOICES = {"scene": "touch", "model": "softmax", "stop": "paper"}
-# As it is run: four values of files are others, and seeds and devices besides.
+# As it is run: four values of files are others. So are seeds, devices and the number of training
+# samples, which is where a row stands and no change.
 CONFIG = {
     "scene": {"n": 100, "seed": 3, "sensor": {"sampling_seed": 3, "noise": 0.2}},
-    "split": {"kind": "ordered", "n_train": None},
+    "split": {"kind": "ordered", "n_train": 5},
     "model": {"lr": 0.05, "seed": 3, "device": "cuda"},
     "stop": {"target": 0.9, "budget_s": 60},
     "data": {"pixels": 100},

@@ -1,9 +1,40 @@
-"""Typed parts of a config: a wrong value is named by its key."""
+"""Typed parts of a config: a wrong value is named by its key, before anything is built."""
 
 import msgspec
 import pytest
 
-from experiments.protocol.settings import checked
+from experiments.protocol.settings import checked, settings_of
+
+
+@pytest.mark.parametrize(
+    ("override", "message"),
+    [
+        ("scene.path=???", r"scene\.path: expected a value, found none"),
+        ("seed.run=-1", r"seed\.run: expected an integer from 0 to 2\^53, found -1"),
+        ("seed.run=9e99", r"seed\.run: expected an integer from 0 to 2\^53, found 9"),
+        ("split.test_fraction=abc", r"split\.test_fraction: expected a number, found"),
+        ("split.test_fraction=nan", r"split\.test_fraction: expected a number, found"),
+        ("data=null", r"data: expected a mapping, found null"),
+        ("stop.target=0", r"stop\.target: expected .* \(0, 1\), found 0"),
+        ("stop.reached_after_s=-1", r"stop\.reached_after_s: expected .*, found -1"),
+        ("stop.loss=-1", r"stop\.loss: expected at least 0, found -1"),
+        ("stop.most_steps=abc", r"stop\.most_steps: expected an integer, found 'abc'"),
+        ("stop.most_steps=199", r"stop\.most_steps: expected at least 200, found 199"),
+        ("stop.budget_s=nan", r"stop\.budget_s: expected a number, found nan"),
+        ("+stop.colour=0", r"stop\.colour: expected one of target, reached_after_s"),
+        ("exclusive=no", r"exclusive: expected true or false, found 'no'"),
+        ("device=null", r"device: expected one of cpu.*, found None"),
+        ("device=cuda:7", r"device: expected one of cpu.*, found 'cuda:7'"),
+        ("model.device=cuda:99", r"model\.device: expected one of cpu"),
+        (
+            "model.readout.seed=abc",
+            r"model\.readout\.seed: expected an integer, found 'abc'",
+        ),
+    ],
+)
+def test_a_wrong_value_is_named_by_its_key(composed_run, override, message):
+    with pytest.raises(ValueError, match=f"^{message}"):
+        settings_of(composed_run(override))
 
 
 class Limits(msgspec.Struct):

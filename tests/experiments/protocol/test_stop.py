@@ -2,12 +2,10 @@
 
 import math
 
-import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from experiments.protocol.settings import checked
 from experiments.protocol.stop import NAMES, StopRule
 
 
@@ -24,33 +22,6 @@ def stops(rule, losses, accuracies=None, *, seconds=1.0, steps=1):
 def test_diverged_comes_before_every_other_reason(loss):
     rule = StopRule(reached_after_s=0, least_steps=0, most_steps=1, budget_s=1e-9)
     assert rule.check(1.0, 1, loss, 0.99) == "diverged"
-
-
-def test_a_model_without_a_loss_is_left_to_finish():
-    rule = StopRule(reached_after_s=0, least_steps=0, most_steps=1, budget_s=100)
-    assert stops(rule, [None] * 50, [0.99] * 50) is None
-    assert rule.check(100.0, 0, None, 0.99) == "budget"
-
-
-def test_a_target_that_is_only_met_is_not_exceeded():
-    """By definition: the training accuracy exceeds the target, as in the paper's "over 90 %"."""
-    rule = StopRule(target=0.75, reached_after_s=0.0)
-    assert rule.check(1.0, 1, 1.0, 0.75) is None
-    assert rule.check(1.0, 1, 1.0, np.nextafter(0.75, 1)) == "reached"
-
-
-@pytest.mark.parametrize(
-    ("settings", "key"),
-    [
-        ({"target": 0}, "stop.target"),
-        ({"reached_after_s": -1}, "stop.reached_after_s"),
-        ({"least_steps": 10, "most_steps": 9}, "stop.most_steps"),
-        ({"budget_s": math.nan}, "stop.budget_s"),
-    ],
-)
-def test_a_setting_out_of_range_is_named(settings, key):
-    with pytest.raises(ValueError, match=rf"^{key}: expected .*, found"):
-        checked(settings, StopRule, "stop")
 
 
 @given(

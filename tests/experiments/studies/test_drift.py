@@ -32,6 +32,7 @@ from experiments.studies.drift.zeroing import Unlabelled, first_of_each, rezeroe
 from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.standardised import FRACTION, standardised
+from hdc.readouts import Counts
 from scenes.frames import Frames
 
 SPLIT = Split("random", 0.2)
@@ -113,9 +114,27 @@ def test_updates_of_hdc_are_its_own_recalibrations(scene):
         list(ways(HDCClassifier(), bank, OLD, NEW, ASKED, (2.0,), seed=7))
 
 
-@pytest.mark.parametrize("name", ["hdc_lda", "hdc_integer"])
-def test_a_read_out_that_refuses_an_update_has_no_row_of_it(scene, name):
-    made = ways(built(name), bank_of(scene), OLD, NEW, ASKED, (0.5,), seed=0)
+class OwnCounts(Counts):
+    """Refuses a method in words of its own."""
+
+    def adapt(self, words, rows, share, seed, method):
+        if method not in self.methods:
+            raise ValueError(f"I only know {self.methods}")
+        super().adapt(words, rows, share, seed, method)
+
+
+def own_counts():
+    return HDCClassifier(readout=OwnCounts())
+
+
+@pytest.mark.parametrize(
+    "make",
+    [lambda: built("hdc_lda"), lambda: built("hdc_integer"), own_counts],
+    ids=["lda", "integer", "own"],
+)
+def test_an_update_that_a_read_out_does_not_have_has_no_row(scene, make):
+    """It was told by the start of an error."""
+    made = ways(make(), bank_of(scene), OLD, NEW, ASKED, (0.5,), seed=0)
     assert [way for way, *_ in made] == ["new", "balanced", "pooled"]
 
 

@@ -156,7 +156,7 @@ def test_every_model_is_computed_by_every_way_and_each_can_be_built():
 
 
 def test_the_grid_of_a_small_scene(small_scene, one_thread, results, monkeypatch):
-    monkeypatch.setattr(machine, "_kept", False)
+    monkeypatch.setattr(machine, "keeps_memory", lambda: False)
     kept = []
     monkeypatch.setattr(machine, "keep_memory", lambda: kept.append(True))
     task = configs.task("times_grid")
@@ -174,7 +174,7 @@ def test_the_grid_of_a_small_scene(small_scene, one_thread, results, monkeypatch
         assert row["seconds"] == row["trained_s"] > 0 or row["model"] == "hdc"
         assert row["hdc_seconds"] > 0
         assert row["train_accuracy"] > 0.9 or row["model"] in ("softmax_dual", "ridge")
-    monkeypatch.setattr(machine, "_kept", True)
+    monkeypatch.setattr(machine, "keeps_memory", lambda: True)
     with pytest.raises(ValueError, match=r"task\.ways\.libraries: expected a process"):
         next(measure.times_grid.rows(Run(), **task))
     del task["ways"]["tuned"]["hdc"]
