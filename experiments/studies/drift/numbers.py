@@ -80,9 +80,9 @@ def best_updates(frame: pd.DataFrame) -> pd.DataFrame:
     return allowed.loc[by_model.updated.idxmax()]
 
 
-def recalibrated(frame: pd.DataFrame) -> pd.DataFrame:
+def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
     """Of :func:`regained`, what is shown of labelled updates on the experiment's own scene, which
-    is the paper's; of the first scene without.
+    is the paper's; of the first scene without. None where HDC was not updated.
 
     Returns:
         DataFrame: ``panel`` is ``shares`` for HDC by the share p of its bits that are replaced, 1
@@ -92,6 +92,8 @@ def recalibrated(frame: pd.DataFrame) -> pd.DataFrame:
     own = frame[~frame.elsewhere.astype(bool)]
     found = regained(own if len(own) else frame[frame.scene == frame.scene.iloc[0]])
     of_hdc = found[(found.model == "hdc") & found.method.isin(("new", "replace"))]
+    if not len(of_hdc):
+        return None
     without = found.model[~found.labels]
     labelled = found[found.labels & ~found.model.isin(without)]
     after = labelled[labelled.n_new == N_NEW]

@@ -103,7 +103,7 @@ def test_a_training_that_ended_at_a_limit_shows_what_that_proves(
     limit = {"step": 68.5, "test": [0.4, 0.4]}
     curve, beside = epochs(0.3, 0.468, **limit), {"hdc": 0.0913}
     write_run("cnn3", curve=curve, beside_s=beside)
-    assert cells()["cnn3"][:2] == ["> 137: 46.8 % in training", "> 1500"]
+    assert cells()["cnn3"][:2] == ["> 137: 46.8 % in training", "> 1,500"]
     # A seed that passed 90 % has an accuracy there; how many did stands beside the mean.
     write_run("cnn3", seed=1, curve=epochs(0.95, **limit), beside_s=beside)
     line = table()[0]["cnn3"]
