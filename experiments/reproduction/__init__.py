@@ -1,1 +1,1 @@
-"""The steps of the reproduction: what they are, how they are called, what they took."""
+"""The steps of the reproduction, and make, which carries them out."""
