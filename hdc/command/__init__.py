@@ -21,7 +21,6 @@ from hdc.readers.files import LIBRARIES
 
 EXTRAS = {
     "sklearn": "compare",
-    "matplotlib": "compare",
     **dict.fromkeys(("nicegui", "fastapi", "starlette", "socketio", "uvicorn"), "live"),
     **LIBRARIES,
 }

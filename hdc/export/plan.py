@@ -143,6 +143,11 @@ def check_name(name: str) -> None:
         )
 
 
+def exports(encoder: object, readout: object) -> bool:
+    """Whether a model of these parts can be written as a header."""
+    return type(encoder) in ENCODERS and type(readout) in READOUTS
+
+
 def _check_exportable(model: Any) -> None:
     if not isinstance(model, HDCClassifier):
         raise ValueError(

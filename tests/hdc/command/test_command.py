@@ -13,7 +13,8 @@ import numpy as np
 import pytest
 
 from hdc import HDCClassifier, HDCRegressor, command
-from hdc.command.holdout import split
+from hdc.command import splits
+from hdc.readers import open_recording
 
 SIDE = 24
 
@@ -51,6 +52,37 @@ def contents(root):
 
 
 # What they do ------------------------------------------------------------------------------------
+
+
+def test_frames_of_one_kind_tell_what_is_unlike_them(hdc, frames, tmp_path):
+    one = write(tmp_path / "one", np.concatenate([frames[0]] * 2)[None], "a")
+    other = write(tmp_path / "other", frames[1:2], "b")
+    path = tmp_path / "m.safetensors"
+    status, out, err = hdc("train", one, "-o", path)
+    assert (status, err) == (0, [])
+    assert "one class: hdc predict --reject tells what is unlike it" in out
+    words = ("predict", path, "--reject", 0.1)
+    labels = [
+        {line.split("\t")[1] for line in hdc(*words, folder)[1][1:]}
+        for folder in (one, other)
+    ]
+    assert labels == [{"a"}, {"(none of these)"}]
+
+
+def test_any_parameter_of_a_part_is_set(hdc, folder, frames, tmp_path):
+    path = tmp_path / "m.safetensors"
+    words = ("train", folder, "-o", path, "--encoder", "levels")
+    sets = ("--set", "encoder__thresholds=3", "--set", "encoder__ties=raster")
+    assert hdc(*words, *sets)[0] == 0
+    encoder = HDCClassifier.load(path).encoder_
+    assert (encoder.thresholds, encoder.ties) == (3, "raster")
+    for text, said in (
+        ("encoder__thresholds=0", "thresholds: expected an integer from 1 to 255, found 0"),
+        ("encoder__threshold=3", "found 'encoder__threshold'. Did you mean 'encoder__thresh"),
+    ):  # fmt: skip
+        status, _, (line,) = hdc(*words, "--set", text)
+        assert status == 1
+        assert said in line
 
 
 def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
@@ -95,8 +127,8 @@ def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
         "sessions: none known",
         "held out at random: accuracy 100.0% (95 % interval 70.1% to 100.0%), 9 of 9 frames",
         "a guess of a, the largest class: accuracy 33.3%",
-        "--choose would try, besides median, majority: levels, lda; reference_levels, lda; "
-        "deviation, lda; levels, kernel; median, neighbours",
+        "--choose would try, besides median, majority: median, neighbours; levels, lda; "
+        "deviation, lda; reference_levels, lda; levels, kernel",
         "held out at random because no sessions are known ({session} in a template, or a column "
         "session); frames recorded together are nearly alike",
     ]
@@ -346,7 +378,7 @@ def test_an_encoder_that_learns_sees_no_frame_that_is_held_out(
     words = ("--encoder", "reference", "--test-fraction", 0.25)
     assert hdc("train", folder, "-o", path, *words)[0] == 0
     labels = np.repeat([0, 1, 2], 12)
-    train, held_out = split(labels, 0.25, 0)
+    (train, held_out), _ = splits.hold_out(open_recording(folder), 0.25)
     assert len(held_out) == 9
     images = frames.reshape(-1, SIDE, SIDE)
     expected = HDCClassifier("reference").fit(images[train], labels[train])
@@ -375,7 +407,7 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     found = json.loads("".join(hdc("info", path)[1]))
     assert "quantiles" in found["encoder in words"]
     assert found["readout in words"].startswith("Shrinkage discriminant analysis")
-    # Seven levels, four planes of weights, besides what a frame's last word and scales need.
+    # Seven bits per pixel, four planes of weights, besides what the last word and scales need.
     assert 28 <= found["bits per pixel and class"] < 29
 
 
@@ -482,10 +514,8 @@ def test_bad_frames_are_named_in_one_line(hdc, model, folder, frames, tmp_path):
         return line.removeprefix("error: ")
 
     one = write(tmp_path / "one", frames[:1], "a")
-    assert (
-        error("train", one, "-o", out)
-        == f"{one}: expected two classes or more, found only 'a'"
-    )
+    found = f"{one}: expected two classes or more, found only 'a'"
+    assert error("train", one, "-o", out, "--choose") == found
     other = write(tmp_path / "other", frames[:1], "x")
     for words in (("evaluate", model, other), ("recalibrate", model, other, "-o", out)):
         assert error(*words) == (
@@ -526,8 +556,12 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         (["predict", "m"], "Missing argument 'IMAGES...'"),
         (["train", folder, "-o", "-"], "expected the name of a file, found -"),
         (
-            ["compare", folder, "--all", "--encoder", "levels"],
-            "expected --all, or --enc",
+            ["train", folder, "-o", "m", "--choose", "--set", "encoder__ties=below"],
+            "expected --choose, or --encoder, --readout and --set",
+        ),
+        (
+            ["train", folder, "-o", "m", "--set", "thresholds=15"],
+            "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15",
         ),
         (
             ["predict", "m", "x", "--reject", "0.9"],
@@ -561,7 +595,6 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         ("tifffile", ["train", "stack.tif", "-o", "m"], "readers"),
         ("pyarrow", ["train", "rows.parquet", "-o", "m"], "files"),
         ("scipy", ["train", "cube.mat", "-o", "m"], "files"),
-        ("matplotlib", ["compare", "FOLDER", "-o", "curve.svg"], "compare"),
     ],
 )
 def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):

@@ -14,7 +14,6 @@ import pyarrow.parquet as pq
 import pytest
 
 from hdc import HDCClassifier, HDCRegressor, io
-from hdc.command import holdout
 from hdc.command.source import Source
 from hdc.command.work import frames_for, load
 from hdc.readers import BadFrame, Window, open_recording
@@ -49,59 +48,6 @@ def write_classes(root, names, n=4):
 
 
 # What is held out --------------------------------------------------------------------------------
-
-
-def recording_of(tmp_path, sessions, labels):
-    frames = np.stack([image(c) for c in labels])
-    np.savez(tmp_path / "r.npz", frames=frames, labels=labels, session=sessions)
-    return open_recording(tmp_path / "r.npz")
-
-
-def test_the_last_sessions_are_held_out(tmp_path):
-    """A published number would change if the first were."""
-    sessions = np.array([3, 1, 2, 1, 3, 2, 4, 4])
-    recording = recording_of(tmp_path, sessions, np.array([0, 0, 0, 1, 1, 1, 0, 1]))
-    train, test, how = holdout.hold_out(recording, 0.5)
-    assert how == "in the last sessions"
-    assert sessions[test].tolist() == [3, 3, 4, 4]
-    assert sessions[train].tolist() == [1, 2, 1, 2]
-    _, test, _ = holdout.hold_out(recording, 0.05)
-    assert set(sessions[test]) == {4}  # one at least
-    train, _, _ = holdout.hold_out(recording, 0.95)
-    assert set(sessions[train]) == {1}
-
-
-def test_a_class_of_the_last_sessions_alone_is_not_held_out_whole(tmp_path):
-    sessions = np.array([0, 0, 0, 0, 1, 1, 1, 1])
-    labels = np.array([0, 0, 1, 1, 0, 2, 2, 1])
-    recording = recording_of(tmp_path, sessions, labels)
-    train, test, how = holdout.hold_out(recording, 0.5)
-    assert how == "at random"
-    assert set(labels[train]) == set(labels[test]) == {0, 1, 2}
-    why = "the last sessions have a class that the others have not"
-    assert holdout.why_random(recording) == why
-    recording = recording_of(tmp_path, sessions * 0, labels)
-    assert holdout.why_random(recording) == "all frames are of one session"
-
-
-def test_the_latest_frames_of_each_class_are_held_out_by_order():
-    labels = np.array([0, 1] * 6)
-    order = RNG.permutation(12) * 10
-    train, test = holdout.split(labels, 0.34, 0, order)
-    for c in (0, 1):
-        in_training = order[train][labels[train] == c]
-        held_out = order[test][labels[test] == c]
-        assert len(held_out) == 2
-        assert in_training.max() < held_out.min()
-
-
-@pytest.mark.parametrize(("fraction", "held"), [(0.01, 1), (0.5, 2), (0.99, 3)])
-def test_of_each_class_a_frame_at_least_is_learnt_and_one_held_out(fraction, held):
-    train, test = holdout.split(np.array([0, 1, 0, 1, 0, 1, 0, 1]), fraction, 0)
-    assert sorted([*train, *test]) == list(range(8))
-    assert [sum(test % 2 == c) for c in (0, 1)] == [held, held]
-    assert test.tolist() == sorted(test)
-    assert train.tolist() == sorted(train)
 
 
 def test_numbers_are_held_out_whatever_the_labels(hdc, tmp_path):

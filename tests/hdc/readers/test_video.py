@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.command.holdout import UNSEEN_GROUPS, hold_out
+from hdc.command.splits import hold_out
 from hdc.readers import BadFrame, Window, open_recording
 from hdc.readers.film import _pixels, _Times, stream_video
 
@@ -435,8 +435,8 @@ def test_whole_intervals_are_held_out_of_each_class_alike(film, fraction):
     rows = [f"{k / 2},{k / 2 + 0.5},{'ab'[k % 2]}" for k in range(8)]
     film.with_suffix(".csv").write_text("\n".join(["start_s,end_s,label", *rows]))
     recording = open_recording(film)
-    train, test, how = hold_out(recording, fraction)
-    assert how == UNSEEN_GROUPS
+    (train, test), unit = hold_out(recording, fraction)
+    assert unit.kind == "group"
     counts = [np.bincount(recording.labels[side]) for side in (train, test)]
     assert all(len(set(found.tolist())) == 1 for found in counts)
     intervals = [set(recording.samples["interval"][side]) for side in (train, test)]
@@ -448,8 +448,8 @@ def test_the_frames_of_a_class_of_one_interval_are_split_and_it_is_said(film):
     film.with_suffix(".csv").write_text("\n".join(rows))
     recording = open_recording(film)
     assert recording.notes == ("b: one interval, whose frames are split",)
-    train, test, _ = hold_out(recording, 0.5)
+    (train, test), _ = hold_out(recording, 0.5)
     assert np.bincount(recording.labels[test]).tolist() == [10, 5]
     assert set(recording.labels[train]) == {0, 1}
     film.with_suffix(".csv").write_text("\n".join(rows[:3]))  # one interval of each
-    assert hold_out(open_recording(film), 0.5)[2] == "at random"
+    assert hold_out(open_recording(film), 0.5)[1].kind == "frame"
