@@ -69,6 +69,12 @@ class Plan:
     share: Fraction | None
     sizes: Sizes
 
+    @property
+    def is_cut(self) -> bool:
+        """Whether frames are cut out of images by a function of the header."""
+        cut = self.window.crop is not None or self.window.subsample > 1
+        return cut and len(self.frame_shape) == 2
+
     @classmethod
     @renamed("reject", "alpha")
     def of(
