@@ -12,7 +12,7 @@ import numpy as np
 from hdc import readers
 from hdc.command.messages import printable, with_units
 from hdc.command.work import check_fits, check_size, value_names
-from hdc.readers import FRAMES, TABLE, VIDEO_SUFFIXES, Window
+from hdc.readers import VECTORS, VIDEO, Window, kind_of
 from hdc.readers.images import stream_files
 from hdc.readers.known import numbered
 
@@ -55,14 +55,14 @@ def ask(
         ValueError: `proba` of a regressor, or of a model that has no probabilities.
     """
     wanted = Wanted(reject, interval, proba)
-    suffixes = {file: readers.split_name(file)[0].suffix.lower() for file in files}
-    images = [f for f in files if suffixes[f] not in (*FRAMES, *VIDEO_SUFFIXES)]
+    kinds = {file: kind_of(readers.split_name(file)[0]) for file in files}
+    images = [file for file in files if not kinds[file]]
     stills = zip(images, stream_files(images, window), strict=True)
     yield from _answers(model, stills, wanted)
-    for array in [f for f in files if suffixes[f] in FRAMES]:
+    for array in [f for f in files if kinds[f] not in ("", VIDEO)]:
         frames = _of_array(model, array, window, axes, image_column)
         yield from _answers(model, frames, wanted)
-    for video in [f for f in files if suffixes[f] in VIDEO_SUFFIXES]:
+    for video in [f for f in files if kinds[f] == VIDEO]:
         # All before the first is given: at its end a video may turn out to be cut off.
         frames = _of_video(video, window)
         yield from list(_answers(model, frames, wanted))
@@ -76,7 +76,7 @@ def _of_array(
     image_column: str,
 ) -> Iterator[Placed]:
     """Frames of a file of arrays or a table, which may have labels and values or not."""
-    columns = value_names(model) if path.suffix.lower() == TABLE else ()
+    columns = value_names(model) if kind_of(path) == VECTORS else ()
     recording = readers.open_recording(
         path,
         axes=axes,

@@ -13,7 +13,7 @@ from hdc import readers
 from hdc.command import messages
 from hdc.command.source import Source, opened, recording
 from hdc.readers import Recording, Window, stores
-from hdc.readers.files import Ambiguous, columns_of
+from hdc.readers.files import Ambiguous, columns_in
 from hdc.readers.listing import all_files
 
 MOST = 12
@@ -45,19 +45,26 @@ def _shortened(lines: list[str]) -> list[str]:
 
 def contents(path: Path) -> list[str]:
     """A line on each array, column or kind of file of a recording."""
-    suffix = path.suffix.lower()
-    if path.is_dir():
-        return _files(path)
-    if suffix in stores.SUFFIXES:
-        return _arrays(path)
-    if suffix == readers.PARQUET:
-        from hdc.readers import parquet
+    of_kind = {
+        readers.FOLDER: _files,
+        readers.ARRAY: _arrays,
+        readers.IMAGES: _parquet,
+        readers.VECTORS: _table,
+        readers.VIDEO: _video,
+    }
+    found = of_kind.get(readers.kind_of(path))
+    return [] if found is None else found(path)
 
-        schema = parquet.opened(path).schema_arrow
-        return [f"{field.name}: {field.type}" for field in schema]
-    if suffix == readers.TABLE:
-        return [f"columns: {', '.join(_shortened(columns_of(path)))}"]
-    return _video(path) if suffix in readers.VIDEO_SUFFIXES else []
+
+def _parquet(path: Path) -> list[str]:
+    from hdc.readers import parquet
+
+    schema = parquet.opened(path).schema_arrow
+    return [f"{field.name}: {field.type}" for field in schema]
+
+
+def _table(path: Path) -> list[str]:
+    return [f"columns: {', '.join(_shortened(columns_in(path)))}"]
 
 
 def _files(folder: Path) -> list[str]:

@@ -14,7 +14,7 @@ import click
 
 from hdc import readers
 from hdc.command.options import FILE, axes, image_column
-from hdc.readers import Recording, Window
+from hdc.readers import VECTORS, Recording, Window, kind_of
 from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
@@ -114,7 +114,7 @@ class Source:
         settings = dict(self.settings)
         for key in ("table", "labels"):
             given = settings.get(key)
-            is_table = key == "table" or str(given).lower().endswith(readers.TABLE)
+            is_table = key == "table" or kind_of(Path(str(given))) == VECTORS
             if given is not None and is_table:
                 settings[key] = self._its_own(Path(given), path)
         return Source(path, settings)

@@ -16,7 +16,6 @@ from hdc.command.source import Source, pixels, recording
 from hdc.command.work import check_circular
 from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
-from hdc.readers.batches import Batches
 from hdc.readers.recording import with_progress
 
 
@@ -138,7 +137,7 @@ def learn(model: Any, recording: Recording, rows: np.ndarray) -> None:
     """Train a model on the frames `rows`, which are decoded as it asks for them."""
     from hdc.encoders import make_encoder
 
-    frames: Any = Batches(recording, rows)
+    frames: Any = recording.batches(rows)
     if make_encoder(model.encoder).learns:  # it reads all frames twice
         frames = recording.frames(rows)
     if recording.values is not None:

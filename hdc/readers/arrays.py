@@ -14,9 +14,10 @@ from typing import Any
 
 import numpy as np
 
-from hdc.readers.axes import Frames, reading
-from hdc.readers.files import Ambiguous, SettingError, file_digest
-from hdc.readers.known import Known
+from hdc.readers.about import Asked, Columns
+from hdc.readers.axes import ALONG, Frames, reading
+from hdc.readers.files import Ambiguous, SettingError, columns_in, file_digest
+from hdc.readers.known import beside, check_learnt, columns_of, count
 from hdc.readers.recording import Recording, Window
 from hdc.readers.stores import Store, load
 
@@ -26,10 +27,7 @@ def open_arrays(
     dataset: str,
     window: Window,
     axes: Sequence[str] | None,
-    labels: str | None,
-    table: Path | None,
-    value_columns: Sequence[str] | None,
-    fewest_classes: int,
+    asked: Asked,
 ) -> Recording:
     """Open frames of an array, with labels or values beside it in the file, or in a table.
 
@@ -38,11 +36,8 @@ def open_arrays(
         dataset: name of the array of frames; "" where the file has one that can be.
         window: pixels that are kept.
         axes: names among :data:`ALONG` and :data:`INSIDE`; by default one of :data:`READINGS`.
-        labels: name of the array of labels [N].
-        table: a CSV with a row per frame; default: beside the file, its suffix replaced by .csv,
-            where the file has no labels of its own.
-        value_columns: arrays [N], or columns of the table, that are values.
-        fewest_classes: fewer are refused; 0: neither labels nor values are needed.
+        asked: the table is beside the file by default, its suffix replaced by .csv, where the file
+            has no labels of its own.
 
     Raises:
         Ambiguous: two arrays, or two orders of axes, can be meant.
@@ -57,17 +52,26 @@ def open_arrays(
     for neighbour in [key for key in store.arrays if key.startswith(group)]:
         own = neighbour.removeprefix(group)
         store.arrays[own] = store.arrays.pop(neighbour)
-    own_labels = labels.removeprefix(group) if labels else None
-    known = Known(path, store, own_labels, table, value_columns, fewest_classes)
+    arrays = beside(store, asked.labels.removeprefix(group) if asked.labels else None)
+    table = _table(path, arrays, asked)
+    columns = None if table is None else Columns.read(table)
+    n = count(arrays, asked.values or ()) if columns is None else columns.n
     if axes is None:
         where = f"{path}[{name}]"
-        axes = store.axes.get(name) or reading(
-            where, array, known.count, store.frames_last
-        )
+        axes = store.axes.get(name) or reading(where, array, n, store.frames_last)
     frames = Frames(path, array, axes, window)
-    n = len(frames)
-    about = known.about(n, axes, frames.counts, array.shape)
-    about["samples"] = {"order": np.arange(n), **about["samples"]}
+    values = asked.values
+    if columns is not None:
+        _check_rows(columns, len(frames))
+    else:
+        if axes[0] != "frame" or len(frames.counts) > 1:
+            arrays |= _places(axes, frames.counts)
+        if "value" in axes:
+            values = values or ("value",)
+        columns = columns_of(path, arrays, len(frames), store.frames_last)
+        if asked.fewest_classes > 0 and not values:
+            check_learnt(path, store, columns, array.shape)
+    about = columns.about(values, asked.fewest_classes)
     usual = tuple(axes[-2:]) == ("height", "width") or axes[-1] == "feature"
     special = None if usual and not dataset else (dataset, tuple(axes))
     notes = [f"{path.name}[{name}] {array.shape} as {', '.join(axes)}"]
@@ -75,6 +79,7 @@ def open_arrays(
     if "channel" in axes:
         notes.append("channels are red, green, blue")
     return Recording(
+        **vars(about),
         frame_shape=window.shape(*frames.shape),
         dtype=frames.dtype,
         each=frames.each,
@@ -83,8 +88,38 @@ def open_arrays(
         window=window,
         notes=tuple(notes),
         image_shape=tuple(frames.shape),
-        **about,
     )
+
+
+def _table(path: Path, arrays: dict[str, Any], asked: Asked) -> Path | None:
+    """The table of a file: that which is asked for, or one beside it where it has no labels."""
+    if asked.table is not None or "label" in arrays or "values" in arrays:
+        return asked.table
+    table = path.with_suffix(".csv")
+    return table if "label" in columns_in(table) else None
+
+
+def _check_rows(columns: Columns, n: int) -> None:
+    """Raise a ValueError unless a table has a row per frame, in their order."""
+    if columns.n != n:
+        raise ValueError(
+            f"{columns.where}: expected {n} rows, one per frame, found {columns.n}"
+        )
+    numbers = columns.columns.pop("frame", None)
+    if numbers is not None and numbers.tolist() != [*range(n)]:
+        raise ValueError(
+            f"{columns.where}: expected rows in the order of the frames, numbered from 0 to "
+            f"{n - 1} in the column frame, found {numbers[0]} to {numbers[-1]}"
+        )
+
+
+def _places(axes: Sequence[str], counts: Sequence[int]) -> dict[str, np.ndarray]:
+    """Place along each axis of frames, of every frame [N]."""
+    along = [axis for axis in axes if axis in ALONG]
+    places = np.indices(counts).reshape(len(along), -1)
+    found = dict(zip(along, places, strict=True))
+    found.pop("frame", None)
+    return found
 
 
 def _digest(path: Path, special: object) -> str:

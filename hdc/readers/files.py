@@ -141,7 +141,7 @@ def _encoding(path: Path) -> str:
     return "utf-16" if marks in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
 
 
-def columns_of(path: Path) -> list[str]:
+def columns_in(path: Path) -> list[str]:
     """Names of the columns of a CSV; none where there is no such file."""
     if not path.is_file():
         return []

@@ -13,6 +13,7 @@ import os
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
@@ -176,17 +177,14 @@ def open_listing(
     Raises:
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
     """
-    files, about = listing.files, listing.about
+    files = listing.files
     images = Images(files, window)
     if check:
         images.check(memory_bytes)
-    names = [os.path.relpath(file, root) for file in files]
-    about["samples"] = {
-        "order": np.arange(len(names)),
-        **about["samples"],
-        "file": np.array(names),
-    }
+    names = np.array([os.path.relpath(file, root) for file in files])
+    samples = {**listing.about.samples, "file": names}
     return Recording(
+        **vars(replace(listing.about, samples=samples)),
         frame_shape=images.shape,
         dtype=images.dtype,
         each=images.each,
@@ -196,7 +194,6 @@ def open_listing(
         other_files=tuple(listing.other_files),
         notes=tuple(listing.notes),
         image_shape=images.size,
-        **about,
     )
 
 

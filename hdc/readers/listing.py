@@ -6,11 +6,10 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath, PurePosixPath
-from typing import Any
 
 import numpy as np
 
-from hdc.readers.columns import Columns
+from hdc.readers.about import About, Asked, Columns
 from hdc.readers.files import Ambiguous, SettingError, natural_key, read_csv, require
 from hdc.readers.template import Template
 
@@ -23,7 +22,7 @@ class Listing:
     """N images, what a recording takes of each, and names of files that are not among them."""
 
     files: list[Path]
-    about: dict[str, Any]
+    about: About
     other_files: list[str]
     notes: list[str]
 
@@ -61,11 +60,9 @@ class _Rows:
 
 def list_folder(
     root: Path,
+    asked: Asked,
     template: str | None = None,
-    table: str | Path | None = None,
     image_column: str = "image",
-    value_columns: Sequence[str] | None = (),
-    fewest_classes: int = 2,
     skip_missing: bool = False,
     whole: Callable[[Sequence[Path]], np.ndarray] | None = None,
 ) -> Listing:
@@ -78,21 +75,21 @@ def list_folder(
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
     pattern = None if template is None else Template(template)
-    names = value_columns or ()
+    names, values = asked.values or (), asked.values
     where, base = root, root
-    if table is not None:
-        where = _table_path(root, table)
+    if asked.table is not None:
+        where = _table_path(root, asked.table)
         rows = _rows_of_table(where, image_column, names, pattern)
         base = _base(root, where, rows)
     elif pattern is None and (root / MANIFEST).exists():
         where = root / MANIFEST
         rows = _rows_of_manifest(where, names)
-        value_columns = names
+        values = names
     else:
         wanted = f"a table with the columns {', '.join(names)}"
         require(not names, "table", None, wanted)
-        rows = _rows_of_files(root, pattern, fewest_classes)
-        value_columns = None
+        rows = _rows_of_files(root, pattern, asked.fewest_classes)
+        values = None
     notes: list[str] = []
     if where != root:
         rows = _there(where, base, rows, skip_missing, notes)
@@ -101,10 +98,10 @@ def list_folder(
         rows = rows.only(whole(files), "damaged", notes)
     if not rows.names:
         raise ValueError(_nothing_found(where, rows.other_files))
-    columns = Columns.of(rows.places, rows.texts)
+    columns = Columns.of(where, rows.places, rows.texts)
     return Listing(
         files=[base / name for name in rows.names],
-        about=columns.about(where, fewest_classes, value_columns),
+        about=columns.about(values, asked.fewest_classes),
         other_files=rows.other_files,
         notes=[f"left out: {note}" for note in notes],
     )
@@ -141,12 +138,11 @@ def _check_once(base: Path, rows: _Rows) -> None:
 # Tables ------------------------------------------------------------------------------------------
 
 
-def _table_path(root: Path, table: str | Path) -> Path:
+def _table_path(root: Path, table: Path) -> Path:
     """The path of a table that is given as it is, or from the folder."""
-    path = Path(table).expanduser()
-    if path.exists() or path.is_absolute():
-        return path
-    return root / path
+    if table.exists() or table.is_absolute():
+        return table
+    return root / table
 
 
 def _base(root: Path, table: Path, rows: _Rows) -> Path:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,28 +17,21 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from hdc.readers.columns import Columns
+from hdc.readers.about import Asked, Columns
 from hdc.readers.files import Ambiguous, BadFrame, file_digest, require
 from hdc.readers.images import Alike, decoded
 from hdc.readers.recording import Recording, Window
 
 
 def open_parquet(
-    path: Path,
-    window: Window,
-    labels: str | None,
-    value_columns: Sequence[str],
-    fewest_classes: int,
-    image_column: str = "image",
+    path: Path, window: Window, asked: Asked, image_column: str = "image"
 ) -> Recording:
     """Open the images [N, H, W] of a parquet file; see the module's description.
 
     Args:
         path: of the file.
         window: pixels that are kept.
-        labels: the column of labels; by default ``label``.
-        value_columns: columns of numbers to learn; by default all where there are no labels.
-        fewest_classes: fewer are refused; 0: neither labels nor values are needed.
+        asked: the column of labels is ``label`` by default.
         image_column: the column of images, where there are several.
 
     Raises:
@@ -47,15 +40,13 @@ def open_parquet(
         ValueError: the file is not as described.
     """
     file = opened(path)
-    n = file.metadata.num_rows
-    if n == 0:
+    if file.metadata.num_rows == 0:
         raise ValueError(f"{path}: expected a row per frame, found none")
     column = _image_column(path, file.schema_arrow, image_column)
-    columns = _columns(path, file, labels or "label")
-    about = columns.about(path, fewest_classes, value_columns)
-    about["samples"] = {"order": np.arange(n), **about["samples"]}
+    columns = _columns(path, file, asked.labels or "label")
     images = _Rows(path, file, column, window)
     return Recording(
+        **vars(columns.about(asked.values, asked.fewest_classes)),
         frame_shape=images.shape,
         dtype=images.dtype,
         each=images.each,
@@ -64,7 +55,6 @@ def open_parquet(
         window=window,
         notes=(f"images of the column {column}",),
         image_shape=images.size,
-        **about,
     )
 
 
@@ -111,20 +101,19 @@ def _columns(path: Path, file: Any, label: str) -> Columns:
         if not (pa.types.is_nested(field.type) or _holds_bytes(field.type))
     ]
     table = file.read(columns=names)
-    texts = {}
+    columns = {}
     for name in names:
         cells = table.column(name).to_pylist()
-        texts[name] = ["" if cell is None else str(cell) for cell in cells]
-    if label in texts:
+        columns[name] = ["" if cell is None else str(cell) for cell in cells]
+    if label in columns:
         by_number = _class_names(file.schema_arrow, label)
-        numbers = texts.pop(label)
-        texts["label"] = [by_number.get(number, number) for number in numbers]
+        numbers = columns.pop(label)
+        columns["label"] = [by_number.get(number, number) for number in numbers]
     elif label != "label":
         raise ValueError(
             f"labels: {path}: expected one of {', '.join(names)}, found {label!r}"
         )
-    places = [f"{path}, row {i}" for i in range(len(table))]
-    return Columns(places, texts)
+    return Columns.of_texts(path, len(table), lambda i: f"{path}, row {i}", columns)
 
 
 def _class_names(schema: Any, label: str) -> dict[str, str]:

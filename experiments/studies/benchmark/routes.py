@@ -28,7 +28,6 @@ from hdc import HDCClassifier, bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
 from hdc.readers import open_recording
-from hdc.readers.batches import Batches
 
 
 class Route(NamedTuple):
@@ -181,7 +180,7 @@ def trained_on(path: Path, backend: str) -> Callable[[], HDCClassifier]:
 
     def train() -> HDCClassifier:
         recording = open_recording(path, check=False)
-        frames = Batches(recording, np.arange(len(recording)))
+        frames = recording.batches(np.arange(len(recording)))
         return HDCClassifier(backend=backend).fit(frames, recording.names)
 
     return train

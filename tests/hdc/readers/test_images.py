@@ -12,7 +12,6 @@ import tifffile
 from PIL import Image
 
 from hdc.readers import BadFrame, open_recording
-from hdc.readers.batches import Batches
 from hdc.readers.images import decode
 
 
@@ -266,7 +265,7 @@ def test_the_digest_of_images_is_that_of_their_digests(folder):
 
 def test_batches_are_the_frames_one_after_the_other_in_the_same_memory(folder, pixels):
     index = np.random.default_rng(0).permutation(12)
-    batches = Batches(open_recording(folder), index)
+    batches = open_recording(folder).batches(index)
     assert (len(batches), batches.shape) == (12, (12, 20, 30))
     first = batches[:5]
     assert first.dtype == np.uint8

@@ -412,7 +412,7 @@ def test_a_table_of_frames_gives_labels_values_and_sessions(film, tmp_path):
         ("frame,force\n", r"t\.csv: expected a row per frame, found none"),
         ("frame,note\n1,x\n", r"t\.csv: expected a label of each .*, found note"),
         ("frame,label\n1,a\n2,a\n", r"t\.csv: .* two classes or more, found only 'a'"),
-        ("frame,x,order\n1,2,z\n", r"t\.csv: expected 1 numbers in the column order"),
+        ("frame,x,order\n1,2,z\n", r"t\.csv, line 2: expected a number in order"),
         (
             "frame,x\n5,2\n60,1\n",
             r"t\.csv: expected numbers of the 60 frames of x\.avi, from 0, found 60",
