@@ -130,8 +130,7 @@ def _with(words: list[str], choice: str) -> list[str]:
 
 def _described(words: list[str], frames: Recording) -> list[str]:
     """Content of a reading, and the line to type for it."""
-    size = messages.size(frames.frame_shape)
-    lines = [f"{len(frames)} frames, {messages.learnt(frames)}, {size}"]
+    lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
     if frames.session is not None:
         lines.append(messages.session_line(frames))
     lines += messages.reading_line(frames)

@@ -44,6 +44,11 @@ def circular_lines(recording: Recording) -> list[str]:
     return lines
 
 
+def whole(recording: Recording) -> str:
+    """What a recording has to learn, and the size of its frames."""
+    return f"{learnt(recording)}, {size(recording.frame_shape)}"
+
+
 def learnt(recording: Recording) -> str:
     """Content of a recording that a model learns, in words."""
     if recording.values is None:

@@ -149,6 +149,12 @@ class Source:
         return shlex.join([*words, "-o", "model.safetensors"])
 
 
+def check_circular(recording: Recording, period: float | None) -> None:
+    """Raise a ValueError for a period of no values."""
+    if period is not None and recording.values is None:
+        raise ValueError("--circular: expected a table of numbers, found classes")
+
+
 def _typed(option: click.Option, value: Any) -> list[str]:
     """An option as it is typed."""
     name = option.opts[0]

@@ -97,7 +97,7 @@ HOW = {
 """How frames are held out, by the kind of units."""
 
 
-def hold_out(recording: Recording, fraction: float | None) -> tuple[Split, Units]:
+def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
     """Frames to learn and frames to hold out: of each class a share of its units, at least one.
 
     The last sessions of each class, or groups or frames at random.
@@ -106,8 +106,6 @@ def hold_out(recording: Recording, fraction: float | None) -> tuple[Split, Units
         ValueError: a class has one unit, or none that can be held out.
     """
     every = np.arange(len(recording))
-    if fraction is None:
-        return (every, every[:0]), Units("frame", every)
     unit = units(recording, every)
     labels = targets(recording)
     if _fewest(labels, unit.of) < 2:

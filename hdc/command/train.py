@@ -5,18 +5,20 @@ from __future__ import annotations
 from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
 import hdc
-from hdc.command import messages, options, splits
-from hdc.command.source import Source, pixels, recording
-from hdc.command.work import check_circular
+from hdc.command import messages, options
+from hdc.command.source import Source, check_circular, pixels, recording
 from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
 from hdc.readers.recording import with_progress
+
+if TYPE_CHECKING:
+    from hdc.command.splits import Units
 
 
 @click.command(short_help="Train a model on labelled images.")
@@ -66,37 +68,57 @@ def train(
     """
     if choose and (encoder or readout or parameters):
         raise click.UsageError("expected --choose, or --encoder, --readout and --set")
-    from hdc.command.scores import score  # late: torch takes seconds
-
     frames = source.open(window, fewest_classes=2 if choose else 1)
     check_circular(frames, period)
     check_replaceable(output)
-    (training, test), unit = splits.hold_out(frames, test_fraction)
-    lines: list[str] = []
+    learnt, tested, unit = np.arange(len(frames)), None, None
+    if test_fraction is not None:
+        from hdc.command import splits
+
+        (learnt, tested), unit = splits.hold_out(frames, test_fraction)
+    how = []
     if choose:
-        encoder, readout, line = chosen(frames, training, period)
-        lines.append(line)
+        encoder, readout, line = chosen(frames, learnt, period)
+        how.append(line)
     model = untrained(frames, encoder, readout, period, parameters)
-    learn(model, frames, training)
+    learn(model, frames, learnt)
     model.save(output, metadata=_metadata(frames, window))
-    size = messages.size(frames.frame_shape)
-    found = f"{output}: {len(training)} frames, {messages.learnt(frames)}, {size}"
-    lines.insert(0, found)
-    if frames.values is None:
-        lines.append(messages.class_line(frames, training))
-        if len(frames.classes) == 1:
-            lines.append("one class: hdc predict --reject tells what is unlike it")
-    lines.append(messages.session_line(frames))
-    if len(test):
-        first, *others = score(model, frames, test)["text"]
-        lines += [f"held out {splits.HOW[unit.kind]}: {first}", *others]
-        if not (encoder or readout):
-            lines.append(would_try(frames.values is not None))
-        if unit.kind == "frame":
-            lines.append(f"held out at random because {unit.why}")
+    lines = [f"{output}: {len(learnt)} frames, {messages.whole(frames)}", *how]
+    lines += _content_lines(frames, learnt)
+    if tested is not None and unit is not None:
+        plain = not (encoder or readout)
+        lines += _held_out_lines(model, frames, tested, unit, plain)
     lines += messages.reading_line(frames)
     lines += messages.circular_lines(frames) if period is None else []
     click.echo("\n".join(lines))
+
+
+def _content_lines(frames: Recording, learnt: np.ndarray) -> list[str]:
+    """The classes that are learnt, and the sessions of a recording."""
+    lines = []
+    if frames.values is None:
+        lines.append(messages.class_line(frames, learnt))
+        if len(frames.classes) == 1:
+            lines.append("one class: hdc predict --reject tells what is unlike it")
+    return [*lines, messages.session_line(frames)]
+
+
+def _held_out_lines(
+    model: Any, frames: Recording, tested: np.ndarray, unit: Units, plain: bool
+) -> list[str]:
+    """The score of the frames that were held out, and why they were these.
+
+    Where a `plain` model was trained, without a choice, also what could be tried.
+    """
+    from hdc.command import scores, splits
+
+    first, *others = scores.lines(scores.score(model, frames, tested))
+    lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
+    if plain:
+        lines.append(would_try(frames.values is not None))
+    if unit.kind == "frame":
+        lines.append(f"held out at random because {unit.why}")
+    return lines
 
 
 def _metadata(frames: Recording, window: Window) -> dict[str, Any]:

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
-from hdc.command import messages, options, work
+from hdc.command import messages, options
 from hdc.command.messages import with_units
-from hdc.command.source import Source, pixels, recording
+from hdc.command.source import Source, check_circular, pixels, recording
 from hdc.readers import Recording, Window
 
 if TYPE_CHECKING:
@@ -81,19 +81,48 @@ def compare(
     from hdc.command.compare import candidates, judge
 
     frames = source.open(window)
-    work.check_circular(frames, period)
+    check_circular(frames, period)
     learns_values = frames.values is not None
     listed = candidates.cheapest_first(encoders, readouts, learns_values, period)
-    data = judge.Data.within(frames, period=period)
-    tests = {FOLDS: data}
+    tests = {FOLDS: judge.Data.within(frames, period=period)}
     if other is not None:
         later = source.like(other).open(window)
         _check_alike(frames, later)
-        tests[str(other)] = data.on(later)
+        tests[str(other)] = tests[FOLDS].on(later)
     say = _nothing if as_json else click.echo
-    heads = _heads(frames, tests)
-    for line in [*_about(frames, tests, period), "  ".join(heads)]:
+    for line in _about(frames, tests, period):
         say(line)
+    tried, left_out = _tried(listed, frames, tests, say)
+    if listed[0] not in tried:
+        why = left_out.get(listed[0].name, "it was interrupted")
+        raise ValueError(f"{source.path}: expected {listed[0].name} to learn, {why}")
+    chosen = judge.best({form: rows[0] for form, rows in tried.items()})
+    result = {
+        "recording": str(source.path),
+        **_content(frames),
+        "tests": {name: len(test.units.of) for name, test in tests.items()},
+        "models": {c.name: _numbers(c, rows, frames) for c, rows in tried.items()},
+        "left_out": left_out,
+        **_gain(chosen, listed[0], tried, [*tests.values()][-1].units.of),
+        "command": source.training_line(window, *_words(chosen, period)),
+    }
+    click.echo(json.dumps(result) if as_json else "\n".join(_sentences(result)))
+
+
+def _tried(
+    listed: Sequence[Candidate],
+    frames: Recording,
+    tests: Mapping[str, Data],
+    say: Callable[[str], None],
+) -> tuple[dict[Candidate, list[Row]], dict[str, str]]:
+    """The rows of the candidates, each said when it is done, and why some are left out.
+
+    Ctrl-C ends it with the rows that are there.
+    """
+    from hdc.command.compare import judge
+
+    heads = _heads(frames, tests)
+    say("  ".join(heads))
     tried: dict[Candidate, list[Row]] = {}
     left_out: dict[str, str] = {}
     try:
@@ -102,31 +131,26 @@ def compare(
             say(_line(candidate.name, _numbers(candidate, found, frames), heads))
     except KeyboardInterrupt:
         say("interrupted: the rows above are whole")
-    if listed[0] not in tried:
-        why = left_out.get(listed[0].name, "it was interrupted")
-        raise ValueError(f"{source.path}: expected {listed[0].name} to learn, {why}")
-    chosen = judge.best({form: rows[0] for form, rows in tried.items()})
-    result = {
-        "recording": str(source.path),
+    return tried, left_out
+
+
+def _content(frames: Recording) -> dict[str, Any]:
+    """What a recording holds, as JSON."""
+    found = {
         "frames": len(frames),
         "shape": list(frames.frame_shape),
         "notes": list(frames.notes),
-        "values" if learns_values else "classes": list(
-            frames.value_names or frames.classes
-        ),
-        "tests": {name: len(test.units.of) for name, test in tests.items()},
-        "models": {c.name: _numbers(c, rows, frames) for c, rows in tried.items()},
-        "left_out": left_out,
-        **_gain(chosen, listed[0], tried, [*tests.values()][-1].units.of),
     }
-    encoder, readout = chosen.parts or ("", "")
-    words = [] if period is None else ["--circular", f"{period:.12g}"]
-    words += ["--encoder", encoder, "--readout", readout]
-    result["command"] = source.training_line(window, *words)
-    if as_json:
-        click.echo(json.dumps(result))
-    else:
-        click.echo("\n".join(_sentences(result)))
+    if frames.values is None:
+        return {**found, "classes": list(frames.classes)}
+    return {**found, "values": list(frames.value_names)}
+
+
+def _words(form: Candidate, period: float | None) -> list[str]:
+    """The options of a form on the command line."""
+    encoder, readout = form.parts or ("", "")
+    around = [] if period is None else ["--circular", f"{period:.12g}"]
+    return [*around, "--encoder", encoder, "--readout", readout]
 
 
 def _nothing(_: str) -> None:
@@ -200,8 +224,7 @@ def _about(
     frames: Recording, tests: Mapping[str, Data], period: float | None
 ) -> list[str]:
     """What is compared, and how it is tested."""
-    size = messages.size(frames.frame_shape)
-    lines = [f"{len(frames)} frames, {messages.learnt(frames)}, {size}"]
+    lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
     lines += messages.reading_line(frames)
     lines += messages.circular_lines(frames) if period is None else []
     folds = tests[FOLDS]

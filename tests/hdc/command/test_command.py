@@ -392,6 +392,7 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     hdc("train", folder, "-o", path, "--crop", 0, 0, 24, 12)
     status, out, _ = hdc("info", path)
     assert status == 0
+    assert "".join(out).isascii()  # a terminal without × got no JSON
     found = json.loads("".join(out))
     assert found["crop"] == [0, 0, 24, 12]
     assert found["trained"].startswith("20")

@@ -101,11 +101,6 @@ def test_what_cannot_be_held_out_is_refused(recording, message):
         splits.hold_out(recording, 0.5)
 
 
-def test_nothing_is_held_out_of_no_share():
-    (train, test), _ = splits.hold_out(made([0, 1]), None)
-    assert (train.tolist(), test.tolist()) == ([0, 1], [])
-
-
 @pytest.mark.parametrize(
     ("recording", "kind", "count"),
     [
