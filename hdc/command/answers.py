@@ -194,19 +194,35 @@ def table_row(answer: Mapping[str, Any], units: Sequence[str] = ()) -> dict[str,
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():
-        if name == "values":
-            cells |= zip(with_units([*part], units), part.values(), strict=True)
-        elif name == "intervals":
-            for own, (low, high) in part.items():
-                cells[f"{own} from"] = "-inf" if low is None else low
-                cells[f"{own} to"] = "inf" if high is None else high
-        elif name == "distances":
-            cells |= {f"distance {label}": share for label, share in part.items()}
-        elif name == "set":
-            cells[name] = ", ".join(map(str, part)) or NONE
-        elif name != "probabilities":  # the table has that of the best class
-            cells[name] = NONE if name == "label" and part is None else part
+        cells |= _cells(name, part, units)
     return {printable(name): _cell(cell) for name, cell in cells.items()}
+
+
+def _cells(name: str, part: Any, units: Sequence[str]) -> dict[str, Any]:
+    """The cells of one part of an answer."""
+    match name:
+        case "values":
+            names = with_units([*part], units)
+            return dict(zip(names, part.values(), strict=True))
+        case "intervals":
+            return _ends(part)
+        case "distances":
+            return {f"distance {label}": share for label, share in part.items()}
+        case "probabilities":  # the table has that of the best class
+            return {}
+        case "set":
+            return {name: ", ".join(map(str, part)) or NONE}
+        case "label" if part is None:
+            return {name: NONE}
+    return {name: part}
+
+
+def _ends(intervals: Mapping[str, Sequence[float | None]]) -> dict[str, Any]:
+    found: dict[str, Any] = {}
+    for name, (low, high) in intervals.items():
+        found[f"{name} from"] = "-inf" if low is None else low
+        found[f"{name} to"] = "inf" if high is None else high
+    return found
 
 
 def _cell(item: Any) -> str:

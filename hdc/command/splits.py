@@ -119,27 +119,29 @@ def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
 def _held_units(labels: np.ndarray, unit: Units, fraction: float) -> list[int]:
     """Units to hold out; every class is left one to learn."""
     rng = np.random.default_rng(0)
-    classes = np.unique(labels)
-    own = {c: np.unique(unit.of[labels == c]) for c in classes}
-    left = {c: set(own[c].tolist()) for c in classes}
+    own = {c: np.unique(unit.of[labels == c]) for c in np.unique(labels).tolist()}
+    left = {c: set(known.tolist()) for c, known in own.items()}
     held: list[int] = []
-    for c in classes:
-        wanted = min(max(1, round(len(own[c]) * fraction)), len(own[c]) - 1)
-        candidates = own[c][::-1] if unit.kind == "session" else rng.permutation(own[c])
-        for candidate in candidates.tolist():
-            if len(own[c]) - len(left[c]) >= wanted:
-                break
-            sharing = [k for k in classes if candidate in left[k]]
-            if sharing and all(len(left[k]) > 1 for k in sharing):
+    for c, known in own.items():
+        order = known[::-1] if unit.kind == "session" else rng.permutation(known)
+        wanted = min(max(1, round(len(known) * fraction)), len(known) - 1)
+        for candidate in order.tolist():
+            if len(known) - len(left[c]) < wanted and _can_leave(candidate, left):
                 held.append(candidate)
-                for k in sharing:
-                    left[k].remove(candidate)
-        if len(left[c]) == len(own[c]):
+                for others in left.values():
+                    others.discard(candidate)
+        if len(left[c]) == len(known):
             raise ValueError(
                 f"--test-fraction: expected a {unit.kind} of each class that can be held out, "
                 "found a class whose last one another class needs"
             )
     return held
+
+
+def _can_leave(unit: int, left: dict[int, set[int]]) -> bool:
+    """Whether each class that has a unit has another one to learn."""
+    having = [units for units in left.values() if unit in units]
+    return bool(having) and all(len(units) > 1 for units in having)
 
 
 # Folds -------------------------------------------------------------------------------------------

@@ -141,22 +141,24 @@ class Columns:
                 f"{self.where}: expected a label of each frame, or numbers to learn, found "
                 f"{', '.join(self.columns) or 'neither'}"
             )
-        classes: tuple[str, ...] = ()
-        indices = None
-        if labels is not None:
-            names = normalised(labels.tolist())
-            order = self._class_order(names, samples)
-            classes, indices = class_indices(names, self.where, fewest_classes, order)
+        units = tuple(self.units.get(name, "") for name in value_columns)
         return About(
-            samples=samples,
-            classes=classes,
-            labels=indices,
+            samples,
+            *self._classes(labels, samples, fewest_classes),
             values=self.values(value_columns),
             value_names=tuple(value_columns),
-            value_units=tuple(self.units.get(name, "") for name in value_columns)
-            if self.units
-            else (),
+            value_units=units,
         )
+
+    def _classes(
+        self, labels: np.ndarray | None, samples: dict[str, np.ndarray], fewest: int
+    ) -> tuple[tuple[str, ...], np.ndarray | None]:
+        """Names of the classes, and the index of each label [N]."""
+        if labels is None:
+            return (), None
+        names = normalised(labels.tolist())
+        order = self._class_order(names, samples)
+        return class_indices(names, self.where, fewest, order)
 
     def _class_order(
         self, labels: Sequence[str], samples: dict[str, np.ndarray]

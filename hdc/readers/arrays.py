@@ -49,37 +49,29 @@ def open_arrays(
     _check_pixels(path, name, array)
     # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
     group = name[: name.rfind("/") + 1]
-    for neighbour in [key for key in store.arrays if key.startswith(group)]:
-        own = neighbour.removeprefix(group)
-        store.arrays[own] = store.arrays.pop(neighbour)
+    store.arrays = {key.removeprefix(group): a for key, a in store.arrays.items()}
     arrays = beside(store, asked.labels.removeprefix(group) if asked.labels else None)
     table = _table(path, arrays, asked)
     columns = None if table is None else Columns.read(table)
-    n = count(arrays, asked.values or ()) if columns is None else columns.n
     if axes is None:
+        n = count(arrays, asked.values or ()) if columns is None else columns.n
         where = f"{path}[{name}]"
         axes = store.axes.get(name) or reading(where, array, n, store.frames_last)
     frames = Frames(path, array, axes, window)
-    values = asked.values
-    if columns is not None:
-        _check_rows(columns, len(frames))
+    if columns is None:
+        asked, columns = _of_file(path, store, arrays, frames, axes, asked)
     else:
-        if axes[0] != "frame" or len(frames.counts) > 1:
-            arrays |= _places(axes, frames.counts)
-        if "value" in axes:
-            values = values or ("value",)
-        columns = columns_of(path, arrays, len(frames), store.frames_last)
-        if asked.fewest_classes > 0 and not values:
-            check_learnt(path, store, columns, array.shape)
-    about = columns.about(values, asked.fewest_classes)
+        _check_rows(columns, len(frames))
     usual = tuple(axes[-2:]) == ("height", "width") or axes[-1] == "feature"
     special = None if usual and not dataset else (dataset, tuple(axes))
     notes = [f"{path.name}[{name}] {array.shape} as {', '.join(axes)}"]
     notes += store.notes.get(name, [])
     if "channel" in axes:
         notes.append("channels are red, green, blue")
+    if table is not None and asked.table is None:
+        notes.append(f"labels of {table.name}")
     return Recording(
-        **vars(about),
+        **vars(columns.about(asked.values, asked.fewest_classes)),
         frame_shape=window.shape(*frames.shape),
         dtype=frames.dtype,
         each=frames.each,
@@ -89,6 +81,25 @@ def open_arrays(
         notes=tuple(notes),
         image_shape=tuple(frames.shape),
     )
+
+
+def _of_file(
+    path: Path,
+    store: Store,
+    arrays: dict[str, Any],
+    frames: Frames,
+    axes: Sequence[str],
+    asked: Asked,
+) -> tuple[Asked, Columns]:
+    """Columns of the frames by the arrays beside them, and what is asked of these."""
+    if axes[0] != "frame" or len(frames.counts) > 1:
+        arrays |= _places(axes, frames.counts)
+    if "value" in axes and not asked.values:
+        asked = asked._replace(values=("value",))
+    columns = columns_of(path, arrays, len(frames), store.frames_last)
+    if asked.fewest_classes > 0 and not asked.values:
+        check_learnt(path, store, columns, frames.whole)
+    return asked, columns
 
 
 def _table(path: Path, arrays: dict[str, Any], asked: Asked) -> Path | None:
@@ -132,7 +143,6 @@ def _digest(path: Path, special: object) -> str:
 
 def _frames_name(path: Path, store: Store, dataset: str) -> str:
     """The array that holds the frames."""
-    numbers = {k: a for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
     listed = ", ".join(f"{name} {array.shape}" for name, array in store.arrays.items())
     if dataset:
         if dataset not in store.arrays:
@@ -140,18 +150,17 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
         return dataset
     if "frames" in store.arrays:
         return "frames"
-    deep = [name for name, array in numbers.items() if len(array.shape) > 2]
-    flat = [name for name, array in numbers.items() if _is_table(array.shape)]
-    found = deep or flat
+    shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
+    found = [name for name, shape in shapes.items() if len(shape) > 2]
+    found = found or [name for name, shape in shapes.items() if _is_table(shape)]
     if not found:
         raise ValueError(
             f"{path}: expected an array of frames [N, H, W] or [N, D], found "
             f"{listed or 'none'}{store.advice()}"
         )
     if len(found) > 1:
-        raise Ambiguous(
-            f"{path}: several arrays", [f"{path}:/{name}" for name in found]
-        )
+        choices = [f"{path}:/{name}" for name in found]
+        raise Ambiguous(f"{path}: several arrays", choices)
     return found[0]
 
 

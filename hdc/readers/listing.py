@@ -93,8 +93,8 @@ def list_folder(
     notes: list[str] = []
     if where != root:
         rows = _there(where, base, rows, skip_missing, notes)
+    files = [base / name for name in rows.names]
     if whole is not None:
-        files = [base / name for name in rows.names]
         rows = rows.only(whole(files), "damaged", notes)
     if not rows.names:
         raise ValueError(_nothing_found(where, rows.other_files))

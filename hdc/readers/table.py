@@ -34,16 +34,7 @@ def open_table(path: Path, window: Window, asked: Asked) -> Recording:
         )
     numbers = [name for name in columns.columns if name not in known.columns]
     about = known.about(chosen, asked.fewest_classes)
-    if unnamed := [name for name in numbers if is_unnamed(name)]:
-        raise ValueError(
-            f"{path}: expected a name of each column, found {unnamed[0]!r} (pandas leaves its "
-            "index out with to_csv(…, index=False))"
-        )
-    frames = columns.values(numbers)
-    if frames is None:
-        raise ValueError(
-            f"{path}: expected columns of numbers, found {[*columns.columns]}"
-        )
+    frames = _frames(path, columns, numbers)
 
     def each(index: np.ndarray) -> Iterator[np.ndarray]:
         return (np.ascontiguousarray(window.of(frames[i])) for i in index)
@@ -58,6 +49,21 @@ def open_table(path: Path, window: Window, asked: Asked) -> Recording:
         window=window,
         features=tuple(numbers[:: window.subsample]),
     )
+
+
+def _frames(path: Path, columns: Columns, numbers: list[str]) -> np.ndarray:
+    """The vectors [N, D] of these columns."""
+    unnamed = [name for name in numbers if is_unnamed(name)]
+    if unnamed:
+        raise ValueError(
+            f"{path}: expected a name of each column, found {unnamed[0]!r} (pandas leaves its "
+            "index out with to_csv(…, index=False))"
+        )
+    frames = columns.values(numbers)
+    if frames is None:
+        found = [*columns.columns]
+        raise ValueError(f"{path}: expected columns of numbers, found {found}")
+    return frames
 
 
 def _check_header(path: Path, names: list[str]) -> None:

@@ -105,15 +105,24 @@ def _of_intervals(
         "time": np.array(list(found.values())),  # seconds
         "interval": members,
     }
-    if "group" not in samples and len(np.unique(samples.get("session", 0))) < 2:
-        alone = _of_one_interval(labels, members)
-        if not alone.all():
-            apart = len(intervals) + np.arange(len(labels))
-            samples["group"] = np.where(alone, apart, members)
-            names = ", ".join(whole.classes[c] for c in np.unique(labels[alone]))
-            one = f"{names}: one interval, whose frames are split"
-            note(film.notes, names != "", one)
-    return About(samples, whole.classes, labels)
+    about = About(samples, whole.classes, labels)
+    if "group" in samples or len(np.unique(samples.get("session", 0))) > 1:
+        return about
+    return _grouped(about, film)
+
+
+def _grouped(about: About, film: Film) -> About:
+    """The same with an interval as a group; frames of a class of one interval are split."""
+    assert about.labels is not None
+    members = about.samples["interval"]
+    alone = _of_one_interval(about.labels, members)
+    if alone.all():
+        return about
+    apart = members.max() + 1 + np.arange(len(members))
+    names = ", ".join(about.classes[c] for c in np.unique(about.labels[alone]))
+    note(film.notes, names != "", f"{names}: one interval, whose frames are split")
+    samples = {**about.samples, "group": np.where(alone, apart, members)}
+    return replace(about, samples=samples)
 
 
 def _of_one_interval(labels: np.ndarray, intervals: np.ndarray) -> np.ndarray:
