@@ -9,7 +9,6 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NamedTuple
@@ -191,7 +190,8 @@ class Columns:
                 samples[f"{name}_name"] = np.array(names)
                 samples[name] = natural_ranks(names)
             elif name in self.columns:
-                self.numbers(name)
+                numbers = self.numbers(name)
+                samples[name] = numbers if column.dtype.kind == "U" else column
         return samples
 
     def _check_complete(self, name: str, texts: Sequence[str]) -> None:
@@ -319,8 +319,11 @@ def natural_ranks(names: Sequence[str]) -> np.ndarray:
 def typed(texts: Sequence[str]) -> np.ndarray:
     """Integers if all are, else finite numbers if all are, else text."""
     if all(_INTEGER.fullmatch(text) for text in texts):
-        with suppress(OverflowError):
-            return np.array([int(text) for text in texts], dtype=np.int64)
+        whole = [int(text) for text in texts]
+        # Larger ones than 64 bits hold would be floats, of which many are equal.
+        if all(-(2**63) <= number < 2**63 for number in whole):
+            return np.array(whole, dtype=np.int64)
+        return np.array(texts)
     numbers = [parse_number(text) for text in texts]
     if None in numbers:
         return np.array(texts)

@@ -19,7 +19,7 @@ from hdc.readers.axes import ALONG, Frames, reading
 from hdc.readers.files import Ambiguous, SettingError, columns_in, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
 from hdc.readers.recording import Recording, Window
-from hdc.readers.stores import Store, load
+from hdc.readers.stores import NUMPY, Refused, Store, load
 
 
 def open_arrays(
@@ -66,6 +66,8 @@ def open_arrays(
     special = None if usual and not dataset else (dataset, tuple(axes))
     notes = [f"{path.name}[{name}] {array.shape} as {', '.join(axes)}"]
     notes += store.notes.get(name, [])
+    if path.suffix.lower() in NUMPY and store.unread:
+        notes.append(f"left out what is no array: {', '.join(store.unread)}")
     if "channel" in axes:
         notes.append("channels are red, green, blue")
     if table is not None and asked.table is None:
@@ -169,6 +171,8 @@ def _is_table(shape: tuple[int, ...]) -> bool:
 
 
 def _check_pixels(path: Path, name: str, array: Any) -> None:
+    if isinstance(array, Refused):
+        array[...]  # says why
     shape, kind = tuple(array.shape), array.dtype
     if 0 in shape or len(shape) < 2:
         raise ValueError(

@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import struct
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -31,7 +32,9 @@ T = TypeVar("T")
 PNG, JPEG, BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # + : BigTIFF
 """How these files begin."""
-_SCAN, _END = b"\xff\xda", b"\xff\xd9"
+_SCAN_MARK, _END_MARK = 0xDA, 0xD9
+_IN_SCANS = (0x00, 0x01, *range(0xD0, 0xD8), 0xFF)
+"""Second bytes of what may stand within a scan: a byte 255, a restart, filling."""
 _USUAL_CODES = bytes([0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125])
 """JPEG's usual table for luminance: with it no scan has a long run of zeros."""
 _SECTOR = bytes(512)
@@ -60,8 +63,12 @@ def decoded(place: str, data: bytes) -> np.ndarray:
     if data.startswith(PNG):
         _check_png(place, data)
     elif data.startswith(JPEG):
-        _check_jpeg(place, data)
-    elif not data.startswith(BMP):
+        data = _whole_jpeg(place, data)
+    elif data.startswith(BMP):
+        masked = _of_masks(place, data)
+        if masked is not None:
+            return masked
+    else:
         raise BadFrame(
             f"{place}: expected an image (PNG, JPEG, BMP, TIFF), found other data"
         )
@@ -91,12 +98,59 @@ def _check_png(place: str, data: bytes) -> None:
         raise BadFrame(f"{place}: expected a single image, found an animation")
 
 
-def _check_jpeg(place: str, data: bytes) -> None:
-    """Raise BadFrame for a cut file, and for a lost block of zeros: decoders go on over both."""
-    scan = data.rfind(_SCAN)  # what stands before may be a thumbnail
-    end = data.find(_END, scan)
-    if end < 0 or (_USUAL_CODES in data and _SECTOR in data[scan:end]):
+def _whole_jpeg(place: str, data: bytes) -> bytes:
+    """The image without what follows its end, such as the film of a motion photo.
+
+    Raises:
+        BadFrame: it is cut, or has lost a block of zeros: decoders go on over both.
+    """
+    first, end = _scans(data)
+    if end < 0 or (_USUAL_CODES in data[:end] and _SECTOR in data[first:end]):
         raise _damaged(place)
+    return data[:end]
+
+
+def _scans(data: bytes) -> tuple[int, int]:
+    """Where the first scan of a JPEG begins, and where its image ends; -1 where it does not."""
+    first, at = -1, 2
+    while 0 <= at < len(data) - 1:
+        mark = data[at + 1]
+        if data[at] != 0xFF or mark in _IN_SCANS:
+            at = data.find(b"\xff", at + 1)
+        elif mark == _END_MARK:
+            return first, at + 2
+        else:
+            if mark == _SCAN_MARK and first < 0:
+                first = at
+            at += 2 + int.from_bytes(data[at + 2 : at + 4])
+    return first, -1
+
+
+def _of_masks(place: str, data: bytes) -> np.ndarray | None:
+    """A BMP [H, W, 3] (blue first) whose pixels are parted by masks that OpenCV takes for others;
+    None of others."""
+    if len(data) < 66:
+        return None
+    width, height, _, bits, compression = struct.unpack_from("<iiHHI", data, 18)
+    by_masks = compression in (3, 6)
+    if not by_masks or (bits == 16 and data[14] == 40) or bits not in (16, 32):
+        return None
+    masks = struct.unpack_from("<III", data, 54)
+    if bits == 32 and masks == (0xFF0000, 0xFF00, 0xFF):
+        return None
+    stride = (width * bits + 31) // 32 * 4
+    start = int.from_bytes(data[10:14], "little")
+    if min(masks) <= 0 or width <= 0 or len(data) < start + stride * abs(height):
+        raise _damaged(place)
+    rows = np.frombuffer(data, np.uint8, stride * abs(height), start)
+    pixels = rows.reshape(abs(height), stride).view(f"<u{bits // 8}")[:, :width]
+    planes = []
+    for mask in masks[::-1]:
+        shift = (mask & -mask).bit_length() - 1
+        level = (pixels & mask) >> shift
+        planes.append((level * 255.0 / (mask >> shift)).round().astype(np.uint8))
+    image = np.stack(planes, axis=2)
+    return image[::-1] if height > 0 else image
 
 
 def grey(image: np.ndarray) -> np.ndarray:

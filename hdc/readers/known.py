@@ -11,7 +11,7 @@ import numpy as np
 
 from hdc.readers.about import KNOWN, Columns
 from hdc.readers.files import Ambiguous, SettingError
-from hdc.readers.stores import Store
+from hdc.readers.stores import Refused, Store
 
 LABELS = ("labels", "label")
 """Arrays that are taken for labels by their name."""
@@ -25,9 +25,12 @@ def beside(store: Store, labels: str | None) -> dict[str, Any]:
     if labels is not None and labels not in arrays:
         listed = ", ".join(arrays) or "no array"
         raise SettingError(f"labels: expected one of {listed}, found {labels!r}")
+    for name in ("classes", "values", "value_names", "value_units", *KNOWN):
+        if isinstance(arrays.get(name), Refused):
+            arrays[name][...]  # says why
     own = labels or next((name for name in LABELS if name in arrays), None)
     if own is not None:
-        arrays["label"] = arrays.pop(own)
+        arrays["label"] = arrays.pop(own)[...]
     return arrays
 
 
@@ -60,6 +63,8 @@ def columns_of(path: Path, arrays: dict[str, Any], n: int, from_one: bool) -> Co
     columns = {}
     for name, array in (arrays | values).items():
         fits = array.shape == (n,) and array.dtype.kind in "iufU"
+        if isinstance(array, Refused):
+            continue
         if fits or name in KNOWN:
             columns[name] = array
     if labels is not None:
@@ -77,6 +82,8 @@ def columns_of(path: Path, arrays: dict[str, Any], n: int, from_one: bool) -> Co
 
 def _vector(array: Any, of_matlab: bool) -> Any:
     """A column or a row of MATLAB as a vector [N], in memory; other arrays as they are."""
+    if isinstance(array, Refused):
+        return array
     if len(array.shape) == 1:
         return np.asarray(array[:])
     if of_matlab and len(array.shape) == 2 and 1 in array.shape:
@@ -106,7 +113,9 @@ def _labels(
 
 
 def _are_whole(numbers: np.ndarray) -> bool:
-    return bool((np.isfinite(numbers) & (numbers == np.round(numbers))).all())
+    """Whether all are whole numbers that a float tells apart."""
+    exact = np.abs(numbers) < 2**53
+    return bool((exact & (numbers == np.round(numbers))).all())
 
 
 def _values(

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 import shlex
 from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -64,12 +65,8 @@ def opened(path: Path) -> Any:
     Raises:
         ValueError: it is damaged, or of another kind.
     """
-    try:
+    with _named(path):
         return pq.ParquetFile(path)
-    except pa.ArrowException as error:
-        raise ValueError(
-            f"{path}: expected an intact parquet file, found: {error}"
-        ) from error
 
 
 def _image_column(path: Path, schema: Any, wanted: str) -> str:
@@ -100,7 +97,8 @@ def _columns(path: Path, file: Any, label: str) -> Columns:
         for field in file.schema_arrow
         if not (pa.types.is_nested(field.type) or _holds_bytes(field.type))
     ]
-    table = file.read(columns=names)
+    with _named(path):
+        table = file.read(columns=names)
     columns = {}
     for name in names:
         cells = table.column(name).to_pylist()
@@ -118,9 +116,23 @@ def _columns(path: Path, file: Any, label: str) -> Columns:
 
 def _class_names(schema: Any, label: str) -> dict[str, str]:
     """Names of numbered classes, where the file's makers state them for Hugging Face."""
-    stated = json.loads((schema.metadata or {}).get(b"huggingface", b"{}"))
-    feature = stated.get("info", {}).get("features", {}).get(label, {})
-    return {str(number): name for number, name in enumerate(feature.get("names", ()))}
+    try:
+        stated = json.loads((schema.metadata or {}).get(b"huggingface", b"{}"))
+        names = stated["info"]["features"][label]["names"]
+    except (ValueError, KeyError, TypeError):  # other makers have other metadata
+        return {}
+    return {str(number): name for number, name in enumerate(names or ())}
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Errors of damaged files name them."""
+    try:
+        yield
+    except (pa.ArrowException, OSError) as error:
+        raise ValueError(
+            f"{path}: expected an intact parquet file, found: {error}"
+        ) from error
 
 
 class _Rows:
@@ -149,7 +161,8 @@ class _Rows:
             group = int(np.searchsorted(self._starts, i, side="right")) - 1
             if group != held:
                 held = group
-                cells = self._file.read_row_group(group, [self._column]).column(0)
+                with _named(self._path):
+                    cells = self._file.read_row_group(group, [self._column]).column(0)
             cell = cells[int(i - self._starts[group])].as_py()
             data = cell["bytes"] if isinstance(cell, dict) else cell
             if data is None:

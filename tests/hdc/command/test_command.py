@@ -654,6 +654,12 @@ def test_a_memory_that_is_too_small_is_one_line(capsys, monkeypatch):
     )
 
 
+def test_no_code_of_a_name_reaches_the_terminal(hdc, tmp_path):
+    status, _, (line,) = hdc("train", tmp_path / "a\x1b[31m\u202eb", "-o", "m")
+    assert (status, line.isprintable()) == (1, True)
+    assert r"a\x1b[31m\u202eb" in line
+
+
 def test_a_warning_is_said_once_whatever_its_share(capsys, monkeypatch):
     """A comparison trains the same model fold after fold, and each has its share of ties."""
 

@@ -8,7 +8,7 @@ import pytest
 
 from hdc.readers import Ambiguous, BadFrame, SettingError, camera, open_recording
 from hdc.readers.about import Columns, typed
-from hdc.readers.files import read_csv
+from hdc.readers.files import columns_in, read_csv
 from hdc.readers.listing import image_files
 from hdc.readers.template import Template
 
@@ -544,11 +544,43 @@ def test_a_comma_in_a_number_is_decimal_where_another_sign_separates(
 
 
 @pytest.mark.parametrize(
+    ("text", "encoding"),
+    [("sep=;\nx;y\n1,5;b\n", "utf-8"), ("x;y\n1,5;b\n", "utf-16-le")],
+)
+def test_tables_of_spreadsheets_are_read_by_what_they_say(tmp_path, text, encoding):
+    """A line sep=; blamed the frames, and UTF-16 without a mark could not be read."""
+    path = tmp_path / "t.csv"
+    path.write_bytes(text.encode(encoding))
+    assert [row for _, row in read_csv(path, ["x"])] == [{"x": "1.5", "y": "b"}]
+    assert columns_in(path) == ["x", "y"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "found"),
+    [
+        ("1.000,5\n2,5", "line 2: expected 1000 or 1,0, found '1.000,5'"),
+        ("2,5\n1.000", "line 3: expected 1000 or 1,0, found '1.000'"),
+        ("1.000\n2.500", None),  # decimal points
+    ],
+)
+def test_points_between_thousands_are_asked_about(tmp_path, rows, found):
+    """A column of 1.000,5 was not learnt, and 1.000 was read as 1."""
+    path = tmp_path / "t.csv"
+    path.write_text(f"x;y\n{rows}".replace("\n", ";a\n").replace("y;a", "y") + ";a\n")
+    if found is None:
+        assert [row["x"] for _, row in read_csv(path, [])] == ["1.000", "2.500"]
+        return
+    with pytest.raises(ValueError, match=found):
+        list(read_csv(path, []))
+
+
+@pytest.mark.parametrize(
     ("texts", "expected"),
     [
         (["1", "-2", "+3"], np.array([1, -2, 3])),
         (["1", "2.5", "1e3"], np.array([1, 2.5, 1000])),
-        (["7", "1" + "0" * 20], np.array([7, 1e20])),  # more than 64 bits
+        # More than 64 bits hold: as floats, different ones would be one class.
+        (["7", "1" + "0" * 20], np.array(["7", "1" + "0" * 20])),
         (["1", "1_0"], np.array(["1", "1_0"])),
         (["1", "nan"], np.array(["1", "nan"])),
     ],
