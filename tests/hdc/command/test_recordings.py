@@ -85,58 +85,8 @@ def test_what_was_read_is_shown(hdc, tmp_path):
 # Vectors and values ------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("dtype", [np.float64, np.float32, np.int16, np.uint8])
-def test_vectors_are_learnt_from_the_command_as_in_python(hdc, tmp_path, dtype):
-    base = RNG.normal(size=(3, 1, 50)) * 40 + 100
-    spectra = base + RNG.normal(size=(3, 20, 50)) * 20
-    frames = spectra.reshape(60, 50).astype(dtype)
-    labels = np.repeat(["air", "oil", "water"], 20)
-    np.savez(tmp_path / "s.npz", frames=frames, labels=labels)
-    assert (
-        hdc("train", "s.npz", "-o", "m")[1][0] == "m: 60 frames, 3 classes, 50 pixels"
-    )
-    whole = HDCClassifier().fit(frames, labels)
-    assert (HDCClassifier.load("m").prototypes_ == whole.prototypes_).all()
-    np.savez(tmp_path / "new.npz", frames=frames[::7])
-    np.save(tmp_path / "new.npy", frames[::7])
-    for name in ("new.npz", "new.npy"):
-        status, out, err = hdc("predict", "m", name)
-        assert (status, err) == (0, [])
-        assert [line.split("\t")[1] for line in out[1:]] == whole.predict(
-            frames[::7]
-        ).tolist()
-        assert out[2].split("\t")[0] == f"{name}, frame 1"
-    assert "of 60 frames" in hdc("evaluate", "m", "s.npz")[1][0]
-
-
-def test_a_table_of_vectors(hdc, tmp_path):
-    frames = RNG.normal(size=(3, 1, 40)) + RNG.normal(size=(3, 10, 40)) / 2
-    frames = frames.reshape(30, 40)
-    labels = np.repeat(["air", "oil", "water"], 10)
-    force = np.arange(30) / 10
-    with open(tmp_path / "s.csv", "w", newline="") as file:
-        table = csv.writer(file)
-        table.writerow(["label", *range(400, 440), "session", "force"])
-        for label, frame, f in zip(labels, frames.tolist(), force, strict=True):
-            table.writerow([label, *frame, 0, f])
-    status, out, err = hdc("train", "s.csv", "-o", "m", "--column", "force")
-    assert (status, err) == (0, [])
-    assert out[0] == "m: 30 frames, values of force, 40 pixels"
-    status, out, _ = hdc("predict", "m", "s.csv", "--json")
-    expected = HDCRegressor(readout="ridge").fit(frames, force).predict(frames)
-    assert json.loads(out[3])["values"]["force"] == pytest.approx(expected[3])
-    assert hdc("evaluate", "m", "s.csv")[1][0].startswith("force: mean absolute error")
-    assert (
-        hdc("train", "s.csv", "-o", "m2")[1][0] == "m2: 30 frames, 3 classes, 41 pixels"
-    )
-    lines = (tmp_path / "s.csv").read_text().splitlines()
-    lines[5] = lines[5].replace(",", ",?", 1)
-    (tmp_path / "s.csv").write_text("\n".join(lines))
-    (error,) = hdc("train", "s.csv", "-o", "m")[2]
-    assert error.startswith("error: s.csv, line 6: expected a number in 400, found '?")
-
-
-def test_values_of_an_archive_have_names_and_units(hdc, tmp_path):
+def test_values_of_an_archive_have_names_and_units(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
     frames = np.stack([image(0, k) for k in range(12)])
     values = np.stack([np.arange(12) / 4, np.arange(12) % 5], axis=1)
     about = {"value_names": ["force", "x"], "value_units": ["N", ""]}
@@ -144,14 +94,6 @@ def test_values_of_an_archive_have_names_and_units(hdc, tmp_path):
     recording = open_recording("v.npz")
     assert (recording.value_names, recording.value_units) == (("force", "x"), ("N", ""))
     assert np.array_equal(recording.values, values)
-    status, out, err = hdc("train", "v.npz", "-o", "m", "--test-fraction", 0.25)
-    assert (status, err) == (0, [])
-    assert out[0] == "m: 9 frames, values of force [N], x, 18 × 16 pixels"
-    assert out[2].startswith("held out at random: force: mean absolute error")
-    assert out[2].count(" N") == 2  # of the error, and of that of a guess
-    assert out[3].startswith("x: mean absolute error")
-    table = hdc("predict", "m", "v.npz")[1]
-    assert table[0].split("\t") == ["file", "force [N]", "x"]
     only = open_recording("v.npz", value_columns=["x"])
     assert only.values[:, 0].tolist() == values[:, 1].tolist()
     np.savez(
@@ -164,14 +106,6 @@ def test_values_of_an_archive_have_names_and_units(hdc, tmp_path):
         open_recording("l.npz").values is None
     )  # labels are learnt unless values are named
     assert open_recording("l.npz", value_columns=["value"]).value_names == ("value",)
-
-
-def test_a_table_of_values_of_a_video(hdc, write_film, tmp_path):
-    write_film("v.mkv", RNG.integers(0, 256, (10, 32, 32)).astype(np.uint8))
-    (tmp_path / "t.csv").write_text("frame,force\n7,0.5\n2,1.5\n3,2.5\n")
-    words = ("train", "v.mkv", "-o", "m", "--values", "t.csv")
-    assert hdc(*words)[1][0] == "m: 3 frames, values of force, 32 × 32 pixels"
-    assert hdc("evaluate", "m", "v.mkv", "--values", "t.csv")[0] == 0
 
 
 def test_a_column_of_images_is_asked_for_by_its_option(hdc, tmp_path):

@@ -641,6 +641,10 @@ def test_a_table_of_vectors_has_what_is_learnt_or_says_what_is_missing(tmp_path)
     path.write_text("label,order\na,1\nb,2\n")
     with pytest.raises(ValueError, match=r"v\.csv: expected columns of numbers, found"):
         open_recording(path)
+    path.write_text("label,400,401\na,1,2\nb,?,3\n")
+    message = r"v\.csv, line 3: expected a number in 400, found '\?'"
+    with pytest.raises(ValueError, match=message):
+        open_recording(path)
     path.write_text("label,400\n")
     with pytest.raises(ValueError, match=r"v\.csv: expected a row per frame"):
         open_recording(path)
