@@ -26,9 +26,11 @@ def class_line(recording: Recording, index: np.ndarray) -> str:
     return f"classes: {_counted(names, recording.classes)}"
 
 
-def circular_lines(recording: Recording) -> list[str]:
-    """A line on each value that looks like degrees of a whole turn."""
-    lines = []
+def circular_lines(recording: Recording, period: float | None = None) -> list[str]:
+    """A line on each value that looks like degrees of a whole turn, unless a period is given."""
+    lines: list[str] = []
+    if period is not None:
+        return lines
     units = recording.value_units or ("",) * len(recording.value_names)
     for column, name in enumerate(recording.value_names):
         assert recording.values is not None

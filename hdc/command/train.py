@@ -71,11 +71,12 @@ def train(
     frames = source.open(window, fewest_classes=2 if choose else 1)
     check_circular(frames, period)
     check_replaceable(output)
-    learnt, tested, unit = np.arange(len(frames)), None, None
+    learnt, held_out = np.arange(len(frames)), None
     if test_fraction is not None:
         from hdc.command import splits
 
         (learnt, tested), unit = splits.hold_out(frames, test_fraction)
+        held_out = tested, unit
     how = []
     if choose:
         encoder, readout, line = chosen(frames, learnt, period)
@@ -85,11 +86,11 @@ def train(
     model.save(output, metadata=_metadata(frames, window))
     lines = [f"{output}: {len(learnt)} frames, {messages.whole(frames)}", *how]
     lines += _content_lines(frames, learnt)
-    if tested is not None and unit is not None:
-        plain = not (encoder or readout)
-        lines += _held_out_lines(model, frames, tested, unit, plain)
+    if held_out is not None:
+        is_plain = encoder is None and readout is None
+        lines += _held_out_lines(model, frames, *held_out, is_plain)
     lines += messages.reading_line(frames)
-    lines += messages.circular_lines(frames) if period is None else []
+    lines += messages.circular_lines(frames, period)
     click.echo("\n".join(lines))
 
 
@@ -104,17 +105,17 @@ def _content_lines(frames: Recording, learnt: np.ndarray) -> list[str]:
 
 
 def _held_out_lines(
-    model: Any, frames: Recording, tested: np.ndarray, unit: Units, plain: bool
+    model: Any, frames: Recording, tested: np.ndarray, unit: Units, is_plain: bool
 ) -> list[str]:
     """The score of the frames that were held out, and why they were these.
 
-    Where a `plain` model was trained, without a choice, also what could be tried.
+    Where a plain model was trained, without a choice, also what could be tried.
     """
     from hdc.command import scores, splits
 
     first, *others = scores.lines(scores.score(model, frames, tested))
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
-    if plain:
+    if is_plain:
         lines.append(would_try(frames.values is not None))
     if unit.kind == "frame":
         lines.append(f"held out at random because {unit.why}")

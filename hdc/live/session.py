@@ -239,18 +239,22 @@ def _classifier(samples: Sequence[Sample], readout: str) -> HDCClassifier | None
     """A classifier taught and recalibrated lesson by lesson; None with fewer than two classes."""
     if len({sample.label for sample in samples}) < 2:
         return None
-    model = None
     part: Any = readout
     if readout == "majority":  # lessons are of any length
         part = Majority(balance=True)
-    for lesson in sorted({sample.lesson for sample in samples}):
-        chosen = [sample for sample in samples if sample.lesson == lesson]
-        frames = np.stack([sample.frame for sample in chosen])
-        labels = [sample.label for sample in chosen]
-        if model is None:
-            model = HDCClassifier(readout=part).fit(frames, labels)
-        else:
-            given: dict[str, Any] = {"p": lesson.p, "seed": lesson.number}
-            used = given.keys() & model.readout_.adapts_by
-            model.recalibrate(frames, labels, **{name: given[name] for name in used})
+    first, *others = sorted({sample.lesson for sample in samples})
+    model = HDCClassifier(readout=part).fit(*_of_lesson(samples, first))
+    for lesson in others:
+        given: dict[str, Any] = {"p": lesson.p, "seed": lesson.number}
+        used = {name: given[name] for name in given.keys() & model.readout_.adapts_by}
+        model.recalibrate(*_of_lesson(samples, lesson), **used)
     return model
+
+
+def _of_lesson(
+    samples: Sequence[Sample], lesson: Lesson
+) -> tuple[np.ndarray, list[str]]:
+    """Frames and labels of a lesson."""
+    chosen = [sample for sample in samples if sample.lesson == lesson]
+    frames = np.stack([sample.frame for sample in chosen])
+    return frames, [sample.label for sample in chosen]

@@ -50,7 +50,8 @@ def open_arrays(
     # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
     group = name[: name.rfind("/") + 1]
     store.arrays = {key.removeprefix(group): a for key, a in store.arrays.items()}
-    arrays = beside(store, asked.labels.removeprefix(group) if asked.labels else None)
+    labels = (asked.labels or "").removeprefix(group)
+    arrays = beside(store, labels)
     table = _table(path, arrays, asked)
     columns = None if table is None else Columns.read(table)
     if axes is None:
@@ -62,14 +63,8 @@ def open_arrays(
         asked, columns = _of_file(path, store, arrays, frames, axes, asked)
     else:
         _check_rows(columns, len(frames))
-    usual = tuple(axes[-2:]) == ("height", "width") or axes[-1] == "feature"
-    special = None if usual and not dataset else (dataset, tuple(axes))
-    notes = [f"{path.name}[{name}] {array.shape} as {', '.join(axes)}"]
-    notes += store.notes.get(name, [])
-    if path.suffix.lower() in NUMPY and store.unread:
-        notes.append(f"left out what is no array: {', '.join(store.unread)}")
-    if "channel" in axes:
-        notes.append("channels are red, green, blue")
+    read = dataset, tuple(axes)
+    notes = _notes(path, name, store, axes, array.shape)
     if table is not None and asked.table is None:
         notes.append(f"labels of {table.name}")
     return Recording(
@@ -78,11 +73,24 @@ def open_arrays(
         dtype=frames.dtype,
         each=frames.each,
         place=frames.place,
-        digest=cache(lambda: _digest(path, special)),
+        digest=cache(lambda: _digest(path, *read)),
         window=window,
         notes=tuple(notes),
         image_shape=tuple(frames.shape),
     )
+
+
+def _notes(
+    path: Path, name: str, store: Store, axes: Sequence[str], shape: Sequence[int]
+) -> list[str]:
+    """How an array was read."""
+    notes = [f"{path.name}[{name}] {tuple(shape)} as {', '.join(axes)}"]
+    notes += store.notes.get(name, [])
+    if path.suffix.lower() in NUMPY and store.unread:
+        notes.append(f"left out what is no array: {', '.join(store.unread)}")
+    if "channel" in axes:
+        notes.append("channels are red, green, blue")
+    return notes
 
 
 def _of_file(
@@ -135,9 +143,11 @@ def _places(axes: Sequence[str], counts: Sequence[int]) -> dict[str, np.ndarray]
     return found
 
 
-def _digest(path: Path, special: object) -> str:
+def _digest(path: Path, dataset: str, axes: tuple[str, ...]) -> str:
+    """That of the file, and of how it was read where that is not as usual."""
     own = file_digest(path)
-    return own if special is None else repr((own, special))
+    usual = axes[-2:] == ("height", "width") or axes[-1] == "feature"
+    return own if usual and not dataset else repr((own, (dataset, axes)))
 
 
 # Which array, and which axes ----------------------------------------------------------------------
@@ -152,9 +162,7 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
         return dataset
     if "frames" in store.arrays:
         return "frames"
-    shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
-    found = [name for name, shape in shapes.items() if len(shape) > 2]
-    found = found or [name for name, shape in shapes.items() if _is_table(shape)]
+    found = _stacks(store)
     if not found:
         raise ValueError(
             f"{path}: expected an array of frames [N, H, W] or [N, D], found "
@@ -164,6 +172,13 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
         choices = [f"{path}:/{name}" for name in found]
         raise Ambiguous(f"{path}: several arrays", choices)
     return found[0]
+
+
+def _stacks(store: Store) -> list[str]:
+    """Arrays of numbers that can be frames: those of three axes or more, or else tables."""
+    shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
+    deep = [name for name, shape in shapes.items() if len(shape) > 2]
+    return deep or [name for name, shape in shapes.items() if _is_table(shape)]
 
 
 def _is_table(shape: tuple[int, ...]) -> bool:

@@ -38,15 +38,7 @@ def reading(where: str, array: Any, n: int | None, frames_last: bool) -> list[st
         SettingError: none is left.
     """
     shape = array.shape
-    possible = [
-        reading for reading in READINGS.get(len(shape), ()) if _fits(reading, shape)
-    ]
-    if n is not None:
-        possible = [reading for reading in possible if _frames_of(reading, shape) == n]
-    elif frames_last:
-        possible = possible[-1:]
-    else:
-        possible = possible[:1]
+    possible = _possible(shape, n, frames_last)
     if not possible:
         wanted = "shape [N, H, W] or [N, D]"
         if n is not None:
@@ -62,6 +54,14 @@ def reading(where: str, array: Any, n: int | None, frames_last: bool) -> list[st
         found = f"{array.dtype} {tuple(shape)}"
         raise Ambiguous(f"{where} {found}{labels}", choices)
     return possible[0].split(",")
+
+
+def _possible(shape: Sequence[int], n: int | None, frames_last: bool) -> list[str]:
+    """Readings of a shape for so many frames; where nothing says how many, the usual one."""
+    fitting = [axes for axes in READINGS.get(len(shape), ()) if _fits(axes, shape)]
+    if n is not None:
+        return [axes for axes in fitting if _frames_of(axes, shape) == n]
+    return fitting[-1:] if frames_last else fitting[:1]
 
 
 def _frames_of(reading: str, shape: Sequence[int]) -> int:

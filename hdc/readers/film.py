@@ -210,12 +210,19 @@ class _Times:
             raise BadFrame(
                 f"{self._path}: expected {wanted}, found {n} frames to {last:g} s"
             )
-        wide = int((steps > 1.5 * np.median(steps)).sum()) if n > 2 else 0
+        wide = _gaps(steps)
         if 0 < 9 * wide < len(steps):
             raise BadFrame(
                 f"{self._path}: expected frames at an even rate, found {wide} gaps: some are lost "
                 "(if its rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
             )
+
+
+def _gaps(steps: np.ndarray) -> int:
+    """How many steps in time are wider than usual."""
+    if len(steps) < 2:
+        return 0
+    return int((steps > 1.5 * np.median(steps)).sum())
 
 
 def _stated_end(container: Any, stream: Any) -> float:

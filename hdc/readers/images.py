@@ -35,6 +35,8 @@ TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # + : BigTIFF
 _SCAN_MARK, _END_MARK = 0xDA, 0xD9
 _IN_SCANS = (0x00, 0x01, *range(0xD0, 0xD8), 0xFF)
 """Second bytes of what may stand within a scan: a byte 255, a restart, filling."""
+_BY_MASKS, _OLD_HEADER, _USUAL_MASKS = (3, 6), 40, (0xFF0000, 0xFF00, 0xFF)
+"""Of BMP: compressions by masks, bytes of the header that 16 bits once had, masks of 32 bits."""
 _USUAL_CODES = bytes([0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125])
 """JPEG's usual table for luminance: with it no scan has a long run of zeros."""
 _SECTOR = bytes(512)
@@ -129,18 +131,13 @@ def _scans(data: bytes) -> tuple[int, int]:
 def _of_masks(place: str, data: bytes) -> np.ndarray | None:
     """A BMP [H, W, 3] (blue first) whose pixels are parted by masks that OpenCV takes for others;
     None of others."""
-    if len(data) < 66:
+    masks = _unusual_masks(data)
+    if masks is None:
         return None
-    width, height, _, bits, compression = struct.unpack_from("<iiHHI", data, 18)
-    by_masks = compression in (3, 6)
-    if not by_masks or (bits == 16 and data[14] == 40) or bits not in (16, 32):
-        return None
-    masks = struct.unpack_from("<III", data, 54)
-    if bits == 32 and masks == (0xFF0000, 0xFF00, 0xFF):
-        return None
+    width, height, _, bits = struct.unpack_from("<iiHH", data, 18)
     stride = (width * bits + 31) // 32 * 4
     start = int.from_bytes(data[10:14], "little")
-    if min(masks) <= 0 or width <= 0 or len(data) < start + stride * abs(height):
+    if width <= 0 or len(data) < start + stride * abs(height):
         raise _damaged(place)
     rows = np.frombuffer(data, np.uint8, stride * abs(height), start)
     pixels = rows.reshape(abs(height), stride).view(f"<u{bits // 8}")[:, :width]
@@ -151,6 +148,18 @@ def _of_masks(place: str, data: bytes) -> np.ndarray | None:
         planes.append((level * 255.0 / (mask >> shift)).round().astype(np.uint8))
     image = np.stack(planes, axis=2)
     return image[::-1] if height > 0 else image
+
+
+def _unusual_masks(data: bytes) -> tuple[int, ...] | None:
+    """Masks of red, green and blue that OpenCV does not read; else None."""
+    if len(data) < 66:
+        return None
+    bits, compression = struct.unpack_from("<HI", data, 28)
+    masks = struct.unpack_from("<III", data, 54)
+    if compression not in _BY_MASKS or 0 in masks:
+        return None
+    is_plain = {16: data[14] == _OLD_HEADER, 32: masks == _USUAL_MASKS}
+    return None if is_plain.get(bits, True) else masks
 
 
 def grey(image: np.ndarray) -> np.ndarray:

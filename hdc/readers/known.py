@@ -17,12 +17,15 @@ LABELS = ("labels", "label")
 """Arrays that are taken for labels by their name."""
 
 
-def beside(store: Store, labels: str | None) -> dict[str, Any]:
-    """The arrays of a file without its frames, vectors in memory; the labels are ``label``."""
+def beside(store: Store, labels: str) -> dict[str, Any]:
+    """The arrays of a file without its frames, vectors in memory; the labels are ``label``.
+
+    They are those of this name, or where it is empty of one of :data:`LABELS`.
+    """
     arrays = {
         name: _vector(array, store.frames_last) for name, array in store.arrays.items()
     }
-    if labels is not None and labels not in arrays:
+    if labels and labels not in arrays:
         listed = ", ".join(arrays) or "no array"
         raise SettingError(f"labels: expected one of {listed}, found {labels!r}")
     for name in ("classes", "values", "value_names", "value_units", *KNOWN):

@@ -76,28 +76,23 @@ def list_folder(
     """
     pattern = None if template is None else Template(template)
     names, values = asked.values or (), asked.values
-    where, base = root, root
+    where, base, notes = root, root, list[str]()
     if asked.table is not None:
         where = _table_path(root, asked.table)
         rows = _rows_of_table(where, image_column, names, pattern)
         base = _base(root, where, rows)
+        rows = _there(where, base, rows, skip_missing, notes)
     elif pattern is None and (root / MANIFEST).exists():
-        where = root / MANIFEST
-        rows = _rows_of_manifest(where, names)
-        values = names
+        where, values = root / MANIFEST, names
+        rows = _there(where, base, _rows_of_manifest(where, names), skip_missing, notes)
     else:
         wanted = f"a table with the columns {', '.join(names)}"
         require(not names, "table", None, wanted)
-        rows = _rows_of_files(root, pattern, asked.fewest_classes)
-        values = None
-    notes: list[str] = []
-    if where != root:
-        rows = _there(where, base, rows, skip_missing, notes)
-    files = [base / name for name in rows.names]
+        rows, values = _rows_of_files(root, pattern, asked.fewest_classes), None
     if whole is not None:
+        files = [base / name for name in rows.names]
         rows = rows.only(whole(files), "damaged", notes)
-    if not rows.names:
-        raise ValueError(_nothing_found(where, rows.other_files))
+    _check_found(where, rows)
     columns = Columns.of(where, rows.places, rows.texts)
     return Listing(
         files=[base / name for name in rows.names],
@@ -267,15 +262,19 @@ def all_files(root: Path) -> list[str]:
     for parent, folders, names in os.walk(root, onerror=_raise):
         inside = PurePath(parent).relative_to(root).as_posix()
         before = "" if inside == "." else f"{inside}/"
-        shown = [name for name in names if not name.startswith(".")]
+        shown, opened = _visible(names), _visible(folders)
         if before and not folders and not shown:
             files.append(before)
-        files += [f"{before}{name}/" for name in folders if name.startswith(".")]
-        folders[:] = [name for name in folders if not name.startswith(".")]
+        files += [f"{before}{name}/" for name in set(folders) - set(opened)]
+        folders[:] = opened
         for name in folders:
             _check_is_no_link(Path(parent, name))
         files += [before + name for name in shown]
     return sorted(files, key=_path_key)
+
+
+def _visible(names: Sequence[str]) -> list[str]:
+    return [name for name in names if not name.startswith(".")]
 
 
 def _raise(error: OSError) -> None:
@@ -309,6 +308,12 @@ def image_files(root: Path) -> list[Path]:
     if not files:
         raise ValueError(f"{root}: expected images ({', '.join(SUFFIXES)}), found none")
     return files
+
+
+def _check_found(where: Path, rows: _Rows) -> None:
+    """Raise a ValueError where a folder or table gives no images."""
+    if not rows.names:
+        raise ValueError(_nothing_found(where, rows.other_files))
 
 
 def _nothing_found(where: Path, other_files: list[str]) -> str:

@@ -243,16 +243,20 @@ def _dataset(path: Path, item: Any) -> Any:
         return Refused(item.shape, item.dtype, why)
     if kind in (b"cell", b"char"):
         return _matlab_text(item, kind)
-    names = h5py.check_enum_dtype(item.dtype)
-    if names and len(item.shape) == 1:
-        by_number = {number: name for name, number in names.items()}
-        return np.array([by_number.get(n, str(n)) for n in item[()].tolist()])
+    if h5py.check_enum_dtype(item.dtype) and len(item.shape) == 1:
+        return _enumerated(item, h5py.check_enum_dtype(item.dtype))
     if h5py.check_string_dtype(item.dtype):
         return np.array(np.ravel(item.asstr()[()]).tolist())
     if item.dtype.kind not in "iufb":
         return None
     array = Dataset(path, item)
     return Reversed(array) if kind else array
+
+
+def _enumerated(item: Any, names: dict[str, int]) -> np.ndarray:
+    """The names [N] of an enumeration's numbers."""
+    by_number = {number: name for name, number in names.items()}
+    return np.array([by_number.get(n, str(n)) for n in item[()].tolist()])
 
 
 def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
@@ -275,19 +279,22 @@ def _filled_in(path: Path, item: Any) -> str:
     for name in names:
         if name != "." and not (path.parent / name).is_file():
             return f"{where}: expected its source {name}, found none"
-    if names or item.size == 0:
+    if names:
         return ""
+    wanted, found = _chunks(item)
+    if found < wanted:
+        return f"{where}: expected {wanted} chunks, found {found}: the others were not written"
+    return ""
+
+
+def _chunks(item: Any) -> tuple[int, int]:
+    """How many chunks a dataset has, and how many of them were written."""
+    if item.size == 0:
+        return 0, 0
     if item.chunks is None:
-        written = item.id.get_storage_size() > 0
-        return "" if written else f"{where}: expected numbers, found none written"
+        return 1, int(item.id.get_storage_size() > 0)
     sides = zip(item.shape, item.chunks, strict=True)
-    wanted = math.prod(-(-length // side) for length, side in sides)
-    found = item.id.get_num_chunks()
-    if found == wanted:
-        return ""
-    return (
-        f"{where}: expected {wanted} chunks, found {found}: the others were not written"
-    )
+    return math.prod(-(-n // side) for n, side in sides), item.id.get_num_chunks()
 
 
 def _text(codes: Iterable[int]) -> str:

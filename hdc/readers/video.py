@@ -88,18 +88,15 @@ def _of_intervals(
     end = intervals[-1].end
     found = film.read(lambda _, time: interval_of(time) >= 0, memory_bytes, end)
     members = np.array([interval_of(time) for time in found.values()], int)
-    empty = sorted(set(range(len(intervals))) - set(members.tolist()))
-    if empty:
-        wanted = f"intervals of at least one frame of {film.path.name}"
-        raise ValueError(f"{table}: expected {wanted}, found {intervals[empty[0]]}")
+    _check_each(table, film, intervals, members)
     rows = [interval.row for interval in intervals]
     places = [interval.place for interval in intervals]
     columns = Columns.of(f"{film.path} with {table}", places, rows)
     whole = columns.only(("label", "session", "group")).about((), fewest_classes)
     assert whole.labels is not None
     labels = whole.labels[members]
-    samples = {name: column[members] for name, column in whole.samples.items()}
-    samples |= {
+    samples = {
+        **{name: column[members] for name, column in whole.samples.items()},
         "order": np.arange(len(members)),
         "frame": np.array(list(found)),
         "time": np.array(list(found.values())),  # seconds
@@ -109,6 +106,16 @@ def _of_intervals(
     if "group" in samples or len(np.unique(samples.get("session", 0))) > 1:
         return about
     return _grouped(about, film)
+
+
+def _check_each(
+    table: Path, film: Film, intervals: list[_Interval], members: np.ndarray
+) -> None:
+    """Raise a ValueError for an interval without a frame."""
+    for number, interval in enumerate(intervals):
+        if number not in members:
+            wanted = f"intervals of at least one frame of {film.path.name}"
+            raise ValueError(f"{table}: expected {wanted}, found {interval}")
 
 
 def _grouped(about: About, film: Film) -> About:

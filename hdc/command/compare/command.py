@@ -226,7 +226,7 @@ def _about(
     """What is compared, and how it is tested."""
     lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
     lines += messages.reading_line(frames)
-    lines += messages.circular_lines(frames) if period is None else []
+    lines += messages.circular_lines(frames, period)
     folds = tests[FOLDS]
     why = f", for {folds.units.why}" if folds.units.kind == "frame" else ""
     lines.append(f"chosen by {folds.how}{why}")

@@ -521,7 +521,7 @@ def external(file):
         (virtual, "expected its source moved.h5, found none"),
         (external, "expected its source moved.raw, found none"),
         (half_written, "expected 2 chunks, found 1: the others were not written"),
-        (unwritten, "expected numbers, found none written"),
+        (unwritten, "expected 1 chunks, found 0"),
     ],
 )  # fmt: skip
 def test_what_hdf5_would_fill_in_is_refused(tmp_path, make, message):
