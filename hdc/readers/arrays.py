@@ -50,12 +50,11 @@ def open_arrays(
     # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
     group = name[: name.rfind("/") + 1]
     store.arrays = {key.removeprefix(group): a for key, a in store.arrays.items()}
-    labels = (asked.labels or "").removeprefix(group)
-    arrays = beside(store, labels)
+    arrays = beside(store, asked.labels, group)
     table = _table(path, arrays, asked)
     columns = None if table is None else Columns.read(table)
     if axes is None:
-        n = count(arrays, asked.values or ()) if columns is None else columns.n
+        n = columns.n if columns else count(arrays, asked.values)
         where = f"{path}[{name}]"
         axes = store.axes.get(name) or reading(where, array, n, store.frames_last)
     frames = Frames(path, array, axes, window)

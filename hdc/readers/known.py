@@ -17,29 +17,36 @@ LABELS = ("labels", "label")
 """Arrays that are taken for labels by their name."""
 
 
-def beside(store: Store, labels: str) -> dict[str, Any]:
+def beside(store: Store, labels: str | None, group: str) -> dict[str, Any]:
     """The arrays of a file without its frames, vectors in memory; the labels are ``label``.
 
-    They are those of this name, or where it is empty of one of :data:`LABELS`.
+    They are those of this name, with the `group` of the frames or without, or else of one of
+    :data:`LABELS`.
     """
     arrays = {
         name: _vector(array, store.frames_last) for name, array in store.arrays.items()
     }
-    if labels and labels not in arrays:
+    labels = labels and labels.removeprefix(group)
+    if labels is not None and labels not in arrays:
         listed = ", ".join(arrays) or "no array"
         raise SettingError(f"labels: expected one of {listed}, found {labels!r}")
-    for name in ("classes", "values", "value_names", "value_units", *KNOWN):
-        if isinstance(arrays.get(name), Refused):
-            arrays[name][...]  # says why
+    _check_needed(arrays)
     own = labels or next((name for name in LABELS if name in arrays), None)
     if own is not None:
         arrays["label"] = arrays.pop(own)[...]
     return arrays
 
 
-def count(arrays: dict[str, Any], value_columns: Sequence[str]) -> int | None:
+def _check_needed(arrays: dict[str, Any]) -> None:
+    """Raise a BadFrame for an array that is known by its name and cannot be read."""
+    for name in ("classes", "values", "value_names", "value_units", *KNOWN):
+        if isinstance(arrays.get(name), Refused):
+            arrays[name][...]  # says why
+
+
+def count(arrays: dict[str, Any], values: Sequence[str] | None) -> int | None:
     """The number of frames that labels or values are of; None where nothing says so."""
-    for name in ("label", "values", *value_columns):
+    for name in ("label", "values", *(values or ())):
         if name in arrays and arrays[name].shape:
             return int(arrays[name].shape[0])
     return None
