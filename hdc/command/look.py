@@ -131,6 +131,10 @@ def _with(words: list[str], choice: str) -> list[str]:
 def _described(words: list[str], frames: Recording) -> list[str]:
     """Content of a reading, and the line to type for it."""
     lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
+    if frames.features:
+        first, *_, last = (frames.features[0], *frames.features)
+        numbers = f"{messages.printable(first)} to {messages.printable(last)}"
+        lines.append(f"a frame is the {len(frames.features)} columns from {numbers}")
     if frames.session is not None:
         lines.append(messages.session_line(frames))
     lines += messages.reading_line(frames)

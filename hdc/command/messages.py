@@ -103,11 +103,10 @@ def described(model: Any, path: Path) -> dict[str, Any]:
     """Description of a saved model; the last rows say what was trained."""
     classifies = hasattr(model, "classes_")
     n_outputs = len(model.classes_ if classifies else model.mean_)
+    n_file = path.stat().st_size
+    n_used = n_file  # of numbers: the training frames are kept, and all of it is needed
     if classifies:
-        tensors = model.state_tensors().values()
-        n_bits = 8 * sum(tensor.nbytes for tensor in tensors)
-    else:  # its training frames are kept, and all of the file is needed
-        n_bits = 8 * path.stat().st_size
+        n_used = sum(tensor.nbytes for tensor in model.state_tensors().values())
     unit = "class" if classifies else "value"
     rows: dict[str, Any] = {
         "kind": type(model).__name__,
@@ -117,8 +116,10 @@ def described(model: Any, path: Path) -> dict[str, Any]:
         "readout in words": _in_words(model.readout_),
         "frames": size(model.frame_shape_),
         f"bits per pixel and {unit}": round(
-            n_bits / model.n_features_in_ / n_outputs, 2
+            8 * n_used / model.n_features_in_ / n_outputs, 2
         ),
+        "bytes to predict": n_used,
+        "bytes of the file": n_file,
         **model.metadata_,
     }
     if classifies:

@@ -333,6 +333,9 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["readout"] == "Majority(ties='zero', balance=False, seed=0)"
     assert found["encoder in words"].endswith(".")
     assert found["bits per pixel and class"] == pytest.approx(1, abs=0.2)
+    assert found["bytes of the file"] == path.stat().st_size
+    share = 8 * found["bytes to predict"] / (24 * 12) / 3
+    assert round(share, 2) == found["bits per pixel and class"]
     words = ("--encoder", "levels", "--readout", "lda")
     hdc("train", folder, "-o", path, *words)
     found = json.loads("".join(hdc("info", path)[1]))

@@ -122,6 +122,7 @@ def test_tables_and_columns_of_images(look, tmp_path):
         rows.append(f"{name}," + ",".join(map(str, frame.ravel())))
     (tmp_path / "s.csv").write_text("\n".join(rows))
     holds, blocks = look("s.csv")
+    assert blocks[0][1].startswith("a frame is the ")
     assert holds[0].startswith("columns: label, 400nm, ")
     assert holds[0].endswith("410nm, … 37 more")
     assert blocks[0][0] == "12 frames, 3 classes, 48 pixels"
