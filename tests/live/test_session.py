@@ -173,7 +173,7 @@ def recorded(tmp_path, frames_and_labels):
     return Recorded(tmp_path / "r.npz", Window())
 
 
-def test_a_recording_is_played_over_and_over_and_learnt(recorded):
+def test_a_recording_is_played_over_and_over_and_learnt(recorded, tmp_path):
     session = Session(recorded)
     seen = [session.look()[0] for _ in range(41)]
     assert (seen[40] == seen[0]).all()
@@ -188,5 +188,8 @@ def test_a_recording_is_played_over_and_over_and_learnt(recorded):
     session.learn("2 mm", 4)  # each is predicted before it is learnt
     assert session.counts == {"1 mm": 6, "2 mm": 10}
     assert len(session.tests) == 4
+    (tmp_path / "m").write_bytes(session.saved())
+    kept = HDCClassifier.load(tmp_path / "m").metadata_
+    assert (kept["crop"], kept["subsample"]) == (None, 1)
     session.learn("2 mm", 100)
     assert session.counts["2 mm"] == 30  # a class has no more than its 20 frames
