@@ -73,6 +73,9 @@ def test_of_each_class_the_same_share_of_frames_is_held_out(fraction, held):
     recording = made([0, 1] * 4)
     (_, test), _ = splits.hold_out(recording, fraction)
     assert np.bincount(recording.labels[test]).tolist() == [held, held]
+    rng = np.random.default_rng(0)  # the same on every machine
+    own = [rng.permutation(np.arange(c, 8, 2))[:held] for c in (0, 1)]
+    assert test.tolist() == sorted(np.concatenate(own))
     numbers = Made(None, values=np.zeros((8, 1)))  # of numbers, of all frames
     (_, test), _ = splits.hold_out(numbers, fraction)
     assert len(test) == min(max(1, round(8 * fraction)), 7)
