@@ -56,6 +56,10 @@ class SettingError(ValueError):
     """A setting out of range, as ``name: expected …, found …``."""
 
 
+_SHOWN = 12
+"""Choices that an error lists."""
+
+
 class Ambiguous(ValueError):
     """Something that has several readings.
 
@@ -65,7 +69,10 @@ class Ambiguous(ValueError):
 
     def __init__(self, where: object, choices: Sequence[str]) -> None:
         self.choices = tuple(choices)
-        super().__init__(f"{where}: expected one of {'; or '.join(choices)}")
+        shown = "; or ".join(self.choices[:_SHOWN])
+        rest = len(self.choices) - _SHOWN
+        more = f"; or {rest} more" if rest > 0 else ""
+        super().__init__(f"{where}: expected one of {shown}{more}")
 
 
 def require(condition: bool, name: str, found: object, expected: str) -> None:
