@@ -16,6 +16,8 @@ TURN = 360
 """Degrees; values that span this share of them look like angles of a whole turn."""
 _WHOLE = 0.9
 _DEGREES = re.compile(r"deg|angle|°|theta|yaw|rotation|azimuth|orientation")
+_MARKUP = re.compile(r"(?::\w+:)?`+~?([^`]*)`+")
+"""A name in a docstring, as Sphinx marks it."""
 LISTED = 12
 """Names of classes or sessions that one line shows."""
 
@@ -131,4 +133,5 @@ def described(model: Any, path: Path) -> dict[str, Any]:
 def _in_words(part: object) -> str:
     """The first paragraph of what a part of a model says of itself."""
     text = type(part).__doc__ or ""
-    return " ".join(text.strip().partition("\n\n")[0].split())
+    first = " ".join(text.strip().partition("\n\n")[0].split())
+    return _MARKUP.sub(r"\1", first)

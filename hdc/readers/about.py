@@ -39,6 +39,11 @@ class Asked(NamedTuple):
     values: Sequence[str] | None = ()
     fewest_classes: int = 2
 
+    @property
+    def named(self) -> Sequence[str]:
+        """The values that are named."""
+        return self.values or ()
+
 
 @dataclass(frozen=True)
 class About:

@@ -54,7 +54,7 @@ def open_arrays(
     table = _table(path, arrays, asked)
     columns = None if table is None else Columns.read(table)
     if axes is None:
-        n = columns.n if columns else count(arrays, asked.values)
+        n = columns.n if columns else count(arrays, asked.named)
         where = f"{path}[{name}]"
         axes = store.axes.get(name) or reading(where, array, n, store.frames_last)
     frames = Frames(path, array, axes, window)

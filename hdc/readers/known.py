@@ -44,9 +44,9 @@ def _check_needed(arrays: dict[str, Any]) -> None:
             arrays[name][...]  # says why
 
 
-def count(arrays: dict[str, Any], values: Sequence[str] | None) -> int | None:
+def count(arrays: dict[str, Any], values: Sequence[str]) -> int | None:
     """The number of frames that labels or values are of; None where nothing says so."""
-    for name in ("label", "values", *(values or ())):
+    for name in ("label", "values", *values):
         if name in arrays and arrays[name].shape:
             return int(arrays[name].shape[0])
     return None

@@ -75,7 +75,7 @@ def list_folder(
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
     pattern = None if template is None else Template(template)
-    names, values = asked.values or (), asked.values
+    names, values = asked.named, asked.values
     where, base, notes = root, root, list[str]()
     if asked.table is not None:
         where = _table_path(root, asked.table)
@@ -92,7 +92,8 @@ def list_folder(
     if whole is not None:
         files = [base / name for name in rows.names]
         rows = rows.only(whole(files), "damaged", notes)
-    _check_found(where, rows)
+    if not rows.names:
+        raise ValueError(_nothing_found(where, rows.other_files))
     columns = Columns.of(where, rows.places, rows.texts)
     return Listing(
         files=[base / name for name in rows.names],
@@ -108,6 +109,11 @@ def _there(
     """Rows of a table whose images are there; a ValueError for others, unless they are skipped."""
     found = np.array([(base / name).is_file() for name in rows.names], bool)
     kept = rows.only(found, "missing", notes)
+    if len(found) and not found.any():
+        raise ValueError(
+            f"{table}: expected images that it names beside it or in the folder, found none of "
+            f"{len(found)}, the first {rows.names[0]}"
+        )
     if notes and not skip_missing:
         raise ValueError(
             f"{table}: expected every image, found that {notes[0]} (--skip-missing leaves them out)"
@@ -209,7 +215,7 @@ def _rows_of_files(root: Path, pattern: Template | None, fewest_classes: int) ->
     if pattern is None:
         _check_depth(root, images)
         if fewest_classes == 0 and not any("/" in file for file in images):
-            read = _no_label
+            read = _unlabelled
     for file in files:
         fields = read(file) if is_image(file) else None
         if fields is None:
@@ -225,7 +231,7 @@ def _label(file: str) -> dict[str, str] | None:
     return {"label": label} if slash else None
 
 
-def _no_label(_: str) -> dict[str, str]:
+def _unlabelled(_: str) -> dict[str, str]:
     return {}
 
 
@@ -270,7 +276,7 @@ def all_files(root: Path) -> list[str]:
         for name in folders:
             _check_is_no_link(Path(parent, name))
         files += [before + name for name in shown]
-    return sorted(files, key=_path_key)
+    return sorted(files, key=lambda file: [*map(natural_key, file.split("/"))])
 
 
 def _visible(names: Sequence[str]) -> list[str]:
@@ -289,10 +295,6 @@ def _check_is_no_link(folder: Path) -> None:
         )
 
 
-def _path_key(file: str) -> list[tuple[tuple[int, int, str], ...]]:
-    return [natural_key(part) for part in file.split("/")]
-
-
 def is_image(file: str) -> bool:
     """Whether the name is that of an image."""
     return file.lower().endswith(SUFFIXES)
@@ -308,12 +310,6 @@ def image_files(root: Path) -> list[Path]:
     if not files:
         raise ValueError(f"{root}: expected images ({', '.join(SUFFIXES)}), found none")
     return files
-
-
-def _check_found(where: Path, rows: _Rows) -> None:
-    """Raise a ValueError where a folder or table gives no images."""
-    if not rows.names:
-        raise ValueError(_nothing_found(where, rows.other_files))
 
 
 def _nothing_found(where: Path, other_files: list[str]) -> str:

@@ -23,7 +23,7 @@ def open_table(path: Path, window: Window, asked: Asked) -> Recording:
     Raises:
         ValueError: the table is not as described; a cell that is no number is named.
     """
-    wanted = asked.values or ()
+    wanted = asked.named
     columns = Columns.read(path, wanted if asked.fewest_classes > 0 else ())
     _check_header(path, [*columns.columns])
     chosen = [name for name in wanted if name in columns.columns]

@@ -139,7 +139,7 @@ def _of_one_interval(labels: np.ndarray, intervals: np.ndarray) -> np.ndarray:
 
 
 def _of_frames(table: Path, film: Film, asked: Asked, memory_bytes: int) -> About:
-    columns = Columns.read(table, ("frame", *(asked.values or ())))
+    columns = Columns.read(table, ("frame", *asked.named))
     rows: dict[int, None] = {}
     for i, text in enumerate(map(str, columns.columns.pop("frame").tolist())):
         if not text.isdecimal() or int(text) in rows:

@@ -332,6 +332,7 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["encoder"] == "Median(ties='spread')"
     assert found["readout"] == "Majority(ties='zero', balance=False, seed=0)"
     assert found["encoder in words"].endswith(".")
+    assert "`" not in "".join(out)
     assert found["bits per pixel and class"] == pytest.approx(1, abs=0.2)
     assert found["bytes of the file"] == path.stat().st_size
     share = 8 * found["bytes to predict"] / (24 * 12) / 3

@@ -678,3 +678,10 @@ def test_a_column_of_which_more_than_half_are_numbers_is_one_of_numbers(texts, l
         return
     with pytest.raises(ValueError, match=learnt):
         columns.numeric()
+
+
+def test_where_all_images_are_missing_nothing_is_advised_that_fails(folder):
+    (folder / "t.csv").write_text("image,x\nelsewhere/1.png,1\nelsewhere/2.png,2\n")
+    for skip in (False, True):
+        with pytest.raises(ValueError, match=r"t\.csv: .* found none of 2, .*/1\.png$"):
+            open_recording(folder, table="t.csv", skip_missing=skip)
