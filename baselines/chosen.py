@@ -20,6 +20,7 @@ from torch import Tensor
 from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource
 from baselines.discriminant import GreysKernel, GreysLDA
+from baselines.folds import Fold, folds
 from baselines.smoothing import smoothed_part
 from baselines.softmax_dual import DualSoftmaxRegression
 from hdc.bank import Selection, Shared
@@ -29,7 +30,6 @@ from hdc.encoders.relative import RelativeEncoder
 from hdc.encoders.standardised import standardised
 from hdc.parameters import check_choice, is_number
 from hdc.readouts import make_readout
-from hdc.selection import Fold, Frames, folds
 
 READOUTS = ("lda", "kernel")
 Form = tuple[Any, Any]
@@ -97,8 +97,7 @@ class Chosen(Classifier):
     def _losses(self, bank: Bank) -> dict[Form, np.ndarray]:
         """1 for each wrong answer, 0 for each right one, of all folds, by form; none without
         folds."""
-        data = Frames(bank, (), (), None, None, group=bank.groups)
-        made, _ = folds(data, np.arange(len(bank)), self.folds)
+        made, _ = folds(bank.labels, np.arange(len(bank)), self.folds, bank.groups)
         if not made:
             return {}
         truth = bank.labels[np.concatenate([test for _, test in made])]

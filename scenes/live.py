@@ -1,9 +1,9 @@
 """The simulated sensor as a page to touch: ``python -m scenes.live``.
 
 Press the silicone with mouse or finger, teach three touches, let 16 days pass, recalibrate. See
-:mod:`hdc.live` for the page. The sensor is that of the scenes ``touch`` and ``drift``; so that the
-page keeps up on two cores, its camera has 250 × 250 pixels and a pupil of half the width (a fourth
-of the paths): the speckle grains keep their size in pixels.
+:mod:`scenes.pressed` for the page. The sensor is that of the scenes ``touch`` and ``drift``; so
+that the page keeps up on two cores, its camera has 250 × 250 pixels and a pupil of half the width
+(a fourth of the paths): the speckle grains keep their size in pixels.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc.live import Touch
+from scenes.pressed import Touch
 from scenes.sensor.camera import Camera
 from scenes.sensor.contact import ExactPress, Press
 from scenes.sensor.contact import Touch as Contact
@@ -32,7 +32,7 @@ SIXTEEN_DAYS = 0.55  # K, of configs/scene/drift.yaml
 
 
 class SimulatedSensor:
-    """A :class:`hdc.live.Pressable` of the simulated sensor.
+    """A :class:`scenes.pressed.Pressable` of the simulated sensor.
 
     Each touch has a temperature drawn from that of the room, and misses place and depth as the
     robot of the scene ``touch`` does; the seed and the number of the touch determine both.
@@ -80,11 +80,10 @@ class SimulatedSensor:
         noise = stream(self._seed, "live noise", self._frames)
         return self._exposed(self._indented, self._temperature, noise)
 
-    def samples(
-        self,
-        n: int,
-        touches: Sequence[Touch] = (),
-    ) -> list[np.ndarray]:
+    def samples(self, n: int) -> list[np.ndarray]:
+        return self.touched(n, self.touches)
+
+    def touched(self, n: int, touches: Sequence[Touch]) -> list[np.ndarray]:
         frames = []
         for _ in range(n):
             missed, temperature, rng = self._draw(touches)
@@ -147,9 +146,10 @@ def main(arguments: Sequence[str] | None = None) -> None:
     torch.set_num_threads(1)  # the other core is the page's
     sensor = SimulatedSensor(seed=given.seed)
     from hdc.live.page import serve
+    from scenes.pressed import PressedPage, PressedSession
 
     try:
-        serve(sensor, given.host, given.port)
+        serve(PressedSession(sensor), given.host, given.port, PressedPage)
     except OSError as error:
         sys.exit(f"error: {error}")
 

@@ -21,7 +21,6 @@ from hdc.readers.files import LIBRARIES
 
 EXTRAS = {
     "sklearn": "compare",
-    "matplotlib": "compare",
     **dict.fromkeys(("nicegui", "fastapi", "starlette", "socketio", "uvicorn"), "live"),
     **LIBRARIES,
 }
@@ -80,7 +79,10 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _say(text: str, status: int) -> int:
-    print(" ".join(text.splitlines()), file=sys.stderr)
+    # What a file is called may hold codes that a terminal obeys.
+    line = " ".join(text.splitlines())
+    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
+    print(shown, file=sys.stderr)
     return status
 
 

@@ -89,7 +89,7 @@ def _name(output: Path) -> str:
 
 def _check_replaceable(path: Path) -> None:
     """Raise an OSError where there is no folder, or a file that no export wrote."""
-    from hdc.export.banner import MARK
+    from hdc.export.header import MARK
 
     if not path.parent.is_dir():
         raise FileNotFoundError(

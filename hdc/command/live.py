@@ -55,6 +55,7 @@ def live(
         raise click.UsageError(f"expected no {others[0]} without --folder")
     from hdc.live import open_source
     from hdc.live.page import serve
+    from hdc.live.session import Session
 
     trained = None
     if model is not None:
@@ -62,4 +63,4 @@ def live(
     source = open_source(window, folder, video, camera or 0, settings)
     if trained is not None:
         work.check_size(trained, source.shape, source.title)
-    serve(source, host, port, trained)
+    serve(Session(source, trained), host, port)

@@ -13,7 +13,7 @@ from hdc import readers
 from hdc.command import messages
 from hdc.command.source import Source, opened, recording
 from hdc.readers import Recording, Window, stores
-from hdc.readers.files import Ambiguous, columns_of
+from hdc.readers.files import Ambiguous, columns_in
 from hdc.readers.listing import all_files
 
 MOST = 12
@@ -28,11 +28,12 @@ def look(source: Source) -> None:
     A RECORDING that can be read in several ways has a line for each.
     """
     file, _ = readers.split_name(source.path)
-    if file.exists():
-        for line in _shortened(contents(file)):
-            click.echo(line)
-    for taken, frames in _readings(source.words(Window()))[:MOST]:
-        click.echo("\n" + "\n".join(_described(taken, frames)))
+    with stores.loaded_once():
+        if file.exists():
+            for line in _shortened(contents(file)):
+                click.echo(line)
+        for taken, frames in _readings(source.words(Window()))[:MOST]:
+            click.echo("\n" + "\n".join(_described(taken, frames)))
 
 
 def _shortened(lines: list[str]) -> list[str]:
@@ -45,19 +46,26 @@ def _shortened(lines: list[str]) -> list[str]:
 
 def contents(path: Path) -> list[str]:
     """A line on each array, column or kind of file of a recording."""
-    suffix = path.suffix.lower()
-    if path.is_dir():
-        return _files(path)
-    if suffix in stores.SUFFIXES:
-        return _arrays(path)
-    if suffix == readers.PARQUET:
-        from hdc.readers import parquet
+    of_kind = {
+        readers.FOLDER: _files,
+        readers.ARRAY: _arrays,
+        readers.IMAGES: _parquet,
+        readers.VECTORS: _table,
+        readers.VIDEO: _video,
+    }
+    found = of_kind.get(readers.kind_of(path))
+    return [] if found is None else found(path)
 
-        schema = parquet.opened(path).schema_arrow
-        return [f"{field.name}: {field.type}" for field in schema]
-    if suffix == readers.TABLE:
-        return [f"columns: {', '.join(_shortened(columns_of(path)))}"]
-    return _video(path) if suffix in readers.VIDEO_SUFFIXES else []
+
+def _parquet(path: Path) -> list[str]:
+    from hdc.readers import parquet
+
+    schema = parquet.opened(path).schema_arrow
+    return [f"{field.name}: {field.type}" for field in schema]
+
+
+def _table(path: Path) -> list[str]:
+    return [f"columns: {', '.join(_shortened(columns_in(path)))}"]
 
 
 def _files(folder: Path) -> list[str]:
@@ -123,8 +131,11 @@ def _with(words: list[str], choice: str) -> list[str]:
 
 def _described(words: list[str], frames: Recording) -> list[str]:
     """Content of a reading, and the line to type for it."""
-    size = messages.size(frames.frame_shape)
-    lines = [f"{len(frames)} frames, {messages.learnt(frames)}, {size}"]
+    lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
+    if frames.features:
+        first, *_, last = (frames.features[0], *frames.features)
+        numbers = f"{messages.printable(first)} to {messages.printable(last)}"
+        lines.append(f"a frame is the {len(frames.features)} columns from {numbers}")
     if frames.session is not None:
         lines.append(messages.session_line(frames))
     lines += messages.reading_line(frames)

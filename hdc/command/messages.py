@@ -16,6 +16,8 @@ TURN = 360
 """Degrees; values that span this share of them look like angles of a whole turn."""
 _WHOLE = 0.9
 _DEGREES = re.compile(r"deg|angle|°|theta|yaw|rotation|azimuth|orientation")
+_MARKUP = re.compile(r"(?::\w+:)?`+~?([^`]*)`+")
+"""A name in a docstring, as Sphinx marks it."""
 LISTED = 12
 """Names of classes or sessions that one line shows."""
 
@@ -26,9 +28,11 @@ def class_line(recording: Recording, index: np.ndarray) -> str:
     return f"classes: {_counted(names, recording.classes)}"
 
 
-def circular_lines(recording: Recording) -> list[str]:
-    """A line on each value that looks like degrees of a whole turn."""
-    lines = []
+def circular_lines(recording: Recording, period: float | None = None) -> list[str]:
+    """A line on each value that looks like degrees of a whole turn, unless a period is given."""
+    lines: list[str] = []
+    if period is not None:
+        return lines
     units = recording.value_units or ("",) * len(recording.value_names)
     for column, name in enumerate(recording.value_names):
         assert recording.values is not None
@@ -42,6 +46,11 @@ def circular_lines(recording: Recording) -> list[str]:
                 "--circular 360 predicts them by sine and cosine"
             )
     return lines
+
+
+def whole(recording: Recording) -> str:
+    """What a recording has to learn, and the size of its frames."""
+    return f"{learnt(recording)}, {size(recording.frame_shape)}"
 
 
 def learnt(recording: Recording) -> str:
@@ -96,11 +105,10 @@ def described(model: Any, path: Path) -> dict[str, Any]:
     """Description of a saved model; the last rows say what was trained."""
     classifies = hasattr(model, "classes_")
     n_outputs = len(model.classes_ if classifies else model.mean_)
+    n_file = path.stat().st_size
+    n_used = n_file  # of numbers: the training frames are kept, and all of it is needed
     if classifies:
-        tensors = model.state_tensors().values()
-        n_bits = 8 * sum(tensor.nbytes for tensor in tensors)
-    else:  # its training frames are kept, and all of the file is needed
-        n_bits = 8 * path.stat().st_size
+        n_used = sum(tensor.nbytes for tensor in model.state_tensors().values())
     unit = "class" if classifies else "value"
     rows: dict[str, Any] = {
         "kind": type(model).__name__,
@@ -110,8 +118,10 @@ def described(model: Any, path: Path) -> dict[str, Any]:
         "readout in words": _in_words(model.readout_),
         "frames": size(model.frame_shape_),
         f"bits per pixel and {unit}": round(
-            n_bits / model.n_features_in_ / n_outputs, 2
+            8 * n_used / model.n_features_in_ / n_outputs, 2
         ),
+        "bytes to predict": n_used,
+        "bytes of the file": n_file,
         **model.metadata_,
     }
     if classifies:
@@ -123,4 +133,5 @@ def described(model: Any, path: Path) -> dict[str, Any]:
 def _in_words(part: object) -> str:
     """The first paragraph of what a part of a model says of itself."""
     text = type(part).__doc__ or ""
-    return " ".join(text.strip().partition("\n\n")[0].split())
+    first = " ".join(text.strip().partition("\n\n")[0].split())
+    return _MARKUP.sub(r"\1", first)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from json import loads as json_of
 from pathlib import Path
 from typing import Any
 
@@ -45,6 +46,32 @@ circular = click.option(
     metavar="PERIOD",
     help="The numbers go round with this period, such as 360 for degrees. They are predicted by "
     "sine and cosine, and errors are taken the shorter way round.",
+)
+
+
+def _by_name(_: Any, __: Any, given: Sequence[str]) -> dict[str, Any]:
+    """Values of ``PART__NAME=VALUE`` by name: JSON, or else text."""
+    found = {}
+    for text in given:
+        name, equals, value = text.partition("=")
+        if not equals or "__" not in name:
+            wanted = "PART__NAME=VALUE such as encoder__thresholds=15"
+            raise click.BadParameter(f"expected {wanted}, found {text}")
+        try:
+            found[name] = json_of(value)
+        except ValueError:
+            found[name] = value
+    return found
+
+
+parameters = click.option(
+    "--set",
+    "parameters",
+    multiple=True,
+    callback=_by_name,
+    metavar="PART__NAME=VALUE",
+    help="Set a parameter of the encoder or the readout, such as encoder__thresholds=15; may be "
+    "repeated.",
 )
 output = click.option(
     "-o",
@@ -93,3 +120,21 @@ interval = click.option(
     help="Answer with intervals of values, or sets of classes, that are to hold the truth for this "
     "share of the frames, such as 0.9.",
 )
+
+
+def left(name: str, why: str, *others: str) -> Callable[..., Any]:
+    """An option that left: it answers in one line, and is not in the help."""
+
+    def refuse(_: Any, __: Any, given: Any) -> None:
+        if given is not None:
+            raise click.UsageError(f"{name}: this option left; {why}")
+
+    return click.option(
+        name,
+        *others,
+        is_flag=False,
+        flag_value="",
+        hidden=True,
+        expose_value=False,
+        callback=refuse,
+    )

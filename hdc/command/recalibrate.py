@@ -14,7 +14,6 @@ from hdc.command.source import Source, recording
 from hdc.command.work import frames_for, load
 from hdc.io import check_replaceable
 from hdc.readers import Recording
-from hdc.readers.batches import Batches
 
 
 @click.command(short_help="Adapt a model to a changed sensor.")
@@ -106,5 +105,5 @@ def _refuse(options: dict[str, Any], used: tuple[str, ...], what: str) -> None:
         raise click.UsageError(f"expected no {' or '.join(wrong)} for {what}")
 
 
-def _batches(frames: Recording) -> Batches:
-    return Batches(frames, np.arange(len(frames)))
+def _batches(frames: Recording) -> Any:
+    return frames.batches(np.arange(len(frames)))

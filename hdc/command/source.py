@@ -14,7 +14,7 @@ import click
 
 from hdc import readers
 from hdc.command.options import FILE, axes, image_column
-from hdc.readers import Recording, Window
+from hdc.readers import VECTORS, Recording, Window, kind_of
 from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
@@ -114,7 +114,7 @@ class Source:
         settings = dict(self.settings)
         for key in ("table", "labels"):
             given = settings.get(key)
-            is_table = key == "table" or str(given).lower().endswith(readers.TABLE)
+            is_table = key == "table" or kind_of(Path(str(given))) == VECTORS
             if given is not None and is_table:
                 settings[key] = self._its_own(Path(given), path)
         return Source(path, settings)
@@ -147,6 +147,12 @@ class Source:
         """The line that trains a model of it."""
         words = ["hdc", "train", *self.words(window), *options]
         return shlex.join([*words, "-o", "model.safetensors"])
+
+
+def check_circular(recording: Recording, period: float | None) -> None:
+    """Raise a ValueError for a period of no values."""
+    if period is not None and recording.values is None:
+        raise ValueError("--circular: expected a table of numbers, found classes")
 
 
 def _typed(option: click.Option, value: Any) -> list[str]:

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
 
 import hdc
 from hdc.command import messages, options
-from hdc.command.holdout import hold_out, why_random
-from hdc.command.source import Source, pixels, recording
-from hdc.command.work import check_circular
+from hdc.command.source import Source, check_circular, pixels, recording
 from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
-from hdc.readers.batches import Batches
+from hdc.readers.recording import with_progress
+
+if TYPE_CHECKING:
+    from hdc.command.splits import Units
 
 
 @click.command(short_help="Train a model on labelled images.")
@@ -27,8 +28,8 @@ from hdc.readers.batches import Batches
 @click.option(
     "--test-fraction",
     type=options.SHARE,
-    help="Share of frames to hold out: the last sessions if known, else whole groups, else at "
-    "random.",
+    help="Share of each class to hold out: its last sessions if known, else whole groups, else "
+    "frames at random.",
 )
 @click.option(
     "--encoder",
@@ -42,6 +43,7 @@ from hdc.readers.batches import Batches
     help="How bits are read: majority, counts, ridge, neighbours, lda, trained, kernel, "
     "or a module.Class; for numbers ridge or neighbours. [default: majority; for numbers ridge]",
 )
+@options.parameters
 @options.circular
 @click.option(
     "--choose",
@@ -56,36 +58,68 @@ def train(
     test_fraction: float | None,
     encoder: str | None,
     readout: str | None,
+    parameters: dict[str, Any],
     choose: bool,
     period: float | None,
 ) -> None:
-    """Learn the classes of a RECORDING, or its numbers with --values."""
-    if choose and (encoder or readout):
-        raise click.UsageError("expected --choose, or --encoder and --readout")
-    from hdc.command.scores import score  # late: torch takes seconds
+    """Learn the classes of a RECORDING, or its numbers with --values.
 
-    frames = source.open(window)
+    Frames of one class alone make a model that tells what is unlike them: hdc predict --reject.
+    """
+    if choose and (encoder or readout or parameters):
+        raise click.UsageError("expected --choose, or --encoder, --readout and --set")
+    frames = source.open(window, fewest_classes=2 if choose else 1)
     check_circular(frames, period)
     check_replaceable(output)
-    training, test, how = hold_out(frames, test_fraction)
-    model, chosen_line = learn(frames, training, encoder, readout, choose, period)
+    learnt, held_out = np.arange(len(frames)), None
+    if test_fraction is not None:
+        from hdc.command import splits
+
+        (learnt, tested), unit = splits.hold_out(frames, test_fraction)
+        held_out = tested, unit
+    how = []
+    if choose:
+        encoder, readout, line = chosen(frames, learnt, period)
+        how.append(line)
+    model = untrained(frames, encoder, readout, period, parameters)
+    learn(model, frames, learnt)
     model.save(output, metadata=_metadata(frames, window))
-    size = messages.size(frames.frame_shape)
-    lines = [f"{output}: {len(training)} frames, {messages.learnt(frames)}, {size}"]
-    lines += chosen_line
-    if frames.values is None:
-        lines.append(messages.class_line(frames, training))
-    lines.append(messages.session_line(frames))
-    if len(test):
-        first, *others = score(model, frames, test)["text"]
-        lines += [f"held out {how}: {first}", *others]
-        if not (encoder or readout or choose):
-            lines.append(would_try(frames.values is not None))
-    if how == "at random":
-        lines.append(f"held out at random because {why_random(frames)}")
+    lines = [f"{output}: {len(learnt)} frames, {messages.whole(frames)}", *how]
+    lines += _content_lines(frames, learnt)
+    if held_out is not None:
+        is_plain = encoder is None and readout is None
+        lines += _held_out_lines(model, frames, *held_out, is_plain)
     lines += messages.reading_line(frames)
-    lines += messages.circular_lines(frames) if period is None else []
+    lines += messages.circular_lines(frames, period)
     click.echo("\n".join(lines))
+
+
+def _content_lines(frames: Recording, learnt: np.ndarray) -> list[str]:
+    """The classes that are learnt, and the sessions of a recording."""
+    lines = []
+    if frames.values is None:
+        lines.append(messages.class_line(frames, learnt))
+        if len(frames.classes) == 1:
+            lines.append("one class: hdc predict --reject tells what is unlike it")
+    return [*lines, messages.session_line(frames)]
+
+
+def _held_out_lines(
+    model: Any, frames: Recording, tested: np.ndarray, unit: Units, is_plain: bool
+) -> list[str]:
+    """The score of the frames that were held out, and why they were these.
+
+    Where a plain model was trained, without a choice, also what could be tried.
+    """
+    from hdc.command import scores, splits
+
+    first, *others = scores.lines(scores.score(model, frames, tested))
+    lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
+    if is_plain:
+        lines.append(would_try(frames.values is not None))
+    if unit.kind == "frame":
+        lines.append(f"held out at random because {unit.why}")
+    return lines
 
 
 def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
@@ -102,55 +136,68 @@ def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
     return metadata
 
 
-def learn(
+def untrained(
     recording: Recording,
-    rows: np.ndarray,
     encoder: str | None,
     readout: str | None,
-    chosen: bool,
-    period: float | None = None,
-) -> tuple[Any, list[str]]:
-    """A model trained on the frames `rows`, and a line on how it was chosen, if it was.
+    period: float | None,
+    parameters: Mapping[str, Any],
+) -> Any:
+    """A model of the classes or values of a recording; None is a part without a choice.
 
-    Args:
-        recording: of classes, or of values.
-        rows: indices of the training frames.
-        encoder, readout: names; None is that of a model without a choice.
-        chosen: whether to choose both by cross-validation instead.
-        period: of values that go round; None for those that do not.
+    Raises:
+        ValueError: for a parameter that its parts do not have.
     """
-    from hdc.command.compare.frames import read_frames
-    from hdc.encoders import make_encoder
-
-    lines: list[str] = []
-    images: Any
-    if chosen:
-        from hdc.command.compare.choose import choose
-
-        frames = replace(read_frames(recording, rows=rows), period=period)
-        combination, line = choose(frames)
-        lines.append(line)
-        encoder, readout = combination.encoder, combination.readout
-        images = frames.bank.frames
-    elif make_encoder(encoder or "median").learns:  # it reads all frames twice
-        images = read_frames(recording, rows=rows).bank.frames
-    else:
-        images = Batches(recording, rows)
     model: Any
     if recording.values is not None:
         model = hdc.HDCRegressor(encoder or "median", readout or "ridge", period=period)
-        model.fit(images, recording.values[rows])
     else:
         model = hdc.HDCClassifier(encoder or "median", readout or "majority")
-        model.fit(images, np.array(recording.names)[rows])
+    return model.set_params(**parameters)
+
+
+def learn(model: Any, recording: Recording, rows: np.ndarray) -> None:
+    """Train a model on the frames `rows`, which are decoded as it asks for them."""
+    from hdc.encoders import make_encoder
+
+    frames: Any = recording.batches(rows)
+    if make_encoder(model.encoder).learns:  # it reads all frames twice
+        frames = recording.frames(rows)
+    if recording.values is not None:
+        model.fit(frames, recording.values[rows])
+    else:
+        model.fit(frames, np.array(recording.names)[rows])
     model._columns = list(recording.features) or None
-    return model, lines
+
+
+def chosen(
+    recording: Recording, rows: np.ndarray, period: float | None
+) -> tuple[str, str, str]:
+    """Encoder and read-out that are best in cross-validation of the frames `rows`, and a line."""
+    from hdc.command.compare import candidates, judge
+
+    data = judge.Data.within(recording, rows, period)
+    forms = candidates.forms((), (), recording.values is not None, period)
+    shown = with_progress(forms, len(forms), "Choosing")
+    tried = {form: found for form, (found,) in judge.compared(shown, [data], {})}
+    best = judge.best(tried)
+    mine, published = (float(tried[form].losses.mean()) for form in (best, forms[0]))
+    if recording.values is not None:
+        found = f"{mine:.3g} of a guess's error, {forms[0].name} {published:.3g}"
+    else:
+        found = f"accuracy {1 - mine:.1%}, the published form {1 - published:.1%}"
+    encoder, readout = best.parts or ("", "")
+    return (
+        encoder,
+        readout,
+        f"chosen: {best.name} among {len(tried)} by {data.how} ({found})",
+    )
 
 
 def would_try(learns_values: bool) -> str:
     """A line on the forms that ``--choose`` tries after the one without a choice."""
-    from hdc.selection import combinations
+    from hdc.command.compare import candidates
 
-    first, *others = combinations((), (), learns_values)
+    first, *others = candidates.forms((), (), learns_values)
     listed = "; ".join(form.name for form in others)
     return f"--choose would try, besides {first.name}: {listed}"

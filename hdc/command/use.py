@@ -49,15 +49,17 @@ def predict(
     files: list[Path] = []
     for path in images:
         files += image_files(path) if path.is_dir() else [path]
-    for number, answer in enumerate(
-        answers.ask(found, window, files, reject, interval, proba, axes, image_column)
-    ):
+    wanted = answers.Wanted(reject, interval, proba)
+    units = found.metadata_.get("units", ())
+    rows = answers.ask(found, window, files, wanted, axes, image_column)
+    for number, answer in enumerate(rows):
         if as_json:
-            click.echo(json.dumps(answer, ensure_ascii=False))
+            click.echo(json.dumps(answer))
             continue
+        row = answers.table_row(answer, units)
         if number == 0:
-            click.echo("\t".join(answers.heads(found, answer)))
-        click.echo("\t".join(answers.cells(answer)))
+            click.echo("\t".join(row))
+        click.echo("\t".join(row.values()))
 
 
 @click.command(short_help="Test a model on new labelled images.")
@@ -83,11 +85,11 @@ def evaluate(
     found, window = work.load(model)
     frames = work.frames_for(found, window, source)
     result = scores.score(found, frames, np.arange(len(frames)), reject, interval)
-    lines = result.pop("text")
     if as_json:
-        click.echo(json.dumps(result, ensure_ascii=False))
+        click.echo(json.dumps(result))
     else:
-        click.echo("\n".join([*lines, *scores.confusions(result)]))
+        lines = [*scores.lines(result, reject), *scores.confusions(result)]
+        click.echo("\n".join(lines))
 
 
 @click.command(short_help="Describe a saved model.")
@@ -95,6 +97,4 @@ def evaluate(
 def info(model: Path) -> None:
     """Show what a model was trained on, how it sees frames, and what it takes, as JSON."""
     found, _ = work.load(model)
-    click.echo(
-        json.dumps(messages.described(found, model), ensure_ascii=False, indent=2)
-    )
+    click.echo(json.dumps(messages.described(found, model), indent=2))

@@ -117,9 +117,3 @@ def check_size(model: Any, shape: tuple[int, ...], place: object) -> None:
     raise BadFrame(
         f"{place}: expected {size(expected)} as in training, found {size(shape)}"
     )
-
-
-def check_circular(recording: Recording, period: float | None) -> None:
-    """Raise a ValueError for a period of no values."""
-    if period is not None and recording.values is None:
-        raise ValueError("--circular: expected a table of numbers, found classes")

@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from hdc.encoders.smoothed import Smoothed
 
 __all__ = [
-    "COMPARED",
     "ENCODERS",
     "Deviation",
     "Encoder",
@@ -31,9 +30,6 @@ __all__ = [
     "encode_with",
     "make_encoder",
 ]
-
-COMPARED = tuple(name for name in ENCODERS if name != "smoothed")
-"""Those that a comparison tries where none are asked for: smoothing is for images alone."""
 
 
 def __getattr__(name: str) -> Any:

@@ -69,6 +69,12 @@ class Plan:
     share: Fraction | None
     sizes: Sizes
 
+    @property
+    def is_cut(self) -> bool:
+        """Whether frames are cut out of images by a function of the header."""
+        cut = self.window.crop is not None or self.window.subsample > 1
+        return cut and len(self.frame_shape) == 2
+
     @classmethod
     @renamed("reject", "alpha")
     def of(
@@ -141,6 +147,11 @@ def check_name(name: str) -> None:
         raise ValueError(
             f"name: expected letters, digits and _, a letter first, found {name!r}"
         )
+
+
+def exports(encoder: object, readout: object) -> bool:
+    """Whether a model of these parts can be written as a header."""
+    return type(encoder) in ENCODERS and type(readout) in READOUTS
 
 
 def _check_exportable(model: Any) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import torch
 
 from hdc.classifier import HDCClassifier
-from hdc.export.header import nested, piece, rows_of
+from hdc.export.header import filled
 from hdc.export.plan import Plan
 
 _START, _PRIME = 0xCBF29CE484222325, 0x100000001B3  # of FNV-1a with 64 bits
@@ -33,28 +33,15 @@ def test_vectors(
         scores.append(row)
         labels.append(str(int(row.argmax())))
         known.append(str(int(is_known(plan, words))))
-    known_table, compare_known = "", ""
-    if plan.share is not None:
-        known_table = (
-            f"\nstatic const int {plan.name}_test_known[{plan.name.upper()}_TESTS] = {{\n"
-            f"{rows_of(known)}\n}};\n"
-        )
-        compare_known = (
-            f"        if ({plan.name}_known(s) != {plan.name}_test_known[k]) {{\n"
-            "            return k + 1;\n        }\n"
-        )
-    return piece(
-        "vectors.c",
+    return filled(
+        "vectors.c.j2",
         plan,
         file=file,
         header=header,
-        n=n,
-        bits=plan.sizes.pixel_bits,
-        digests=rows_of(digests),
-        scores=nested(np.stack(scores)),
-        labels=rows_of(labels),
-        known=known_table,
-        compare_known=compare_known,
+        digests=digests,
+        scores=np.stack(scores),
+        labels=labels,
+        known=known,
     )
 
 

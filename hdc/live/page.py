@@ -14,32 +14,41 @@ from nicegui import app, ui
 from nicegui.server import Server
 from starlette.responses import Response
 
-from hdc import HDCClassifier, HDCRegressor
 from hdc.live.guard import Guard
-from hdc.live.pad import Pad, colour, slider
 from hdc.live.session import ALPHA, READOUTS, RECENT, Answer, Session
-from hdc.live.sources import Pressable, Recorded, Source
+from hdc.live.sources import Recorded
 from hdc.live.worker import FASTEST, View, Worker
 
 REFRESH = 0.2
 """Seconds between updates of words and bars."""
 SAMPLES = 10
 """Learned at a press of a button."""
+# Okabe and Ito's colours, which the colour-blind tell apart, darkened for text.
+_COLOURS = (
+    "#0060a0",
+    "#a83c00",
+    "#007a56",
+    "#9a4f7e",
+    "#7a6a00",
+    "#2f7fa8",
+    "#555555",
+    "#5b3fa0",
+)
 
 
 def serve(
-    source: Source,
+    session: Session,
     host: str | None = None,
     port: int = 8080,
-    trained: HDCClassifier | HDCRegressor | None = None,
+    page: Callable[[Worker], object] | None = None,
 ) -> None:
     """Show the page until it is interrupted; its address, with a token, is printed.
 
-    Without a host it listens to this computer alone. A model that was trained before is shown as it
-    is; without one, the page teaches its own.
+    Without a host it listens to this computer alone. A `page` of one's own is made for each
+    browser, in place of :class:`Page`.
     """
     host = host or "127.0.0.1"
-    worker = Worker(Session(source, trained))
+    worker = Worker(session)
     token = secrets.token_urlsafe(16)
     app.add_middleware(Guard, token=token, cookie=f"hdc_live_{port}")
     app.on_startup(worker.start)
@@ -48,10 +57,10 @@ def serve(
     app.get("/frame")(lambda: Response(worker.picture(), media_type="image/jpeg"))
     with contextlib.suppress(KeyboardInterrupt):
         ui.run(
-            lambda: Page(worker),
+            lambda: (page or Page)(worker),
             host=host,
             port=port,
-            title=source.title,
+            title=session.source.title,
             reload=False,
             show=False,
             show_welcome_message=False,
@@ -65,69 +74,89 @@ async def _announce(address: str) -> None:
     print(f"open {address} (Ctrl+C ends it)", flush=True)
 
 
+def colour(names: Sequence[str], name: str | None) -> str:
+    """The colour of a class among others."""
+    if name not in names:
+        return "#222222"
+    return _COLOURS[names.index(name) % len(_COLOURS)]
+
+
+def slider(name: str, low: float, high: float, step: float, value: float) -> ui.slider:
+    """A slider that shows its value, beside its name."""
+    row = ui.element("div").classes("row w-full pt-6")
+    with row.style("flex-wrap: nowrap; gap: 16px"):
+        ui.label(name).classes("small").style("white-space: nowrap")
+        made = ui.slider(min=low, max=high, step=step, value=value)
+    return made.props(f'label-always aria-label="{name}"')
+
+
 class Page:
-    """The page in one browser."""
+    """The page in one browser.
+
+    Attributes:
+        act: what to do to show a class.
+        tested: what the accuracy that is shown is of.
+    """
+
+    act = "Show it something"
+    tested = "samples, each predicted before it is learnt"
 
     def __init__(self, worker: Worker) -> None:
-        self._worker = worker
-        self._session = worker.session
-        self._source = worker.session.source
+        self.worker = worker
+        self.session = worker.session
+        self.source = worker.session.source
         self._rows: dict[str, tuple[ui.label, ui.linear_progress]] = {}
         self._shown: dict[str, int] = {}
-        self._pressable = isinstance(self._source, Pressable)
         ui.add_css(Path(__file__).with_suffix(".css"))
         ui.colors(primary=colour("0", "0"))
-        with _div("live"):
-            with _div("row col-span-full"):
+        with div("live"):
+            with div("row col-span-full"):
                 ui.label("Teach a sensor to feel").classes("text-2xl font-bold")
-                badge = ui.badge(self._source.title, color="#b35900")
+                badge = ui.badge(self.source.title, color="#b35900")
                 badge.classes("text-sm font-bold")
                 ui.label("All who open this page share this sensor and its model.")
             for fill in self._cards():
-                with _div("card"):
+                with div("card"):
                     fill()
-        ui.timer(REFRESH, self._refresh)
+        ui.timer(REFRESH, self.refresh)
 
     def _cards(self) -> list[Callable[[], None]]:
-        if self._session.is_taught:
-            return [self._see, self._teach, self._adapt]
+        if self.session.is_taught:
+            return [self._see, self._teach, self.adapting]
         return [self._see, self._trained]
 
     # Layout --------------------------------------------------------------------------------------
 
     def _see(self) -> None:
-        source = self._source
+        source = self.source
         height, width = source.shape
         ui.label("1. What the camera sees").classes("heading")
         picture = ui.interactive_image("/frame").classes("picture w-full")
         ui.timer(1 / FASTEST, picture.force_reload)
-        _small(
+        small(
             "The frame, and beside it its hypervector: "
             f"{height * width:,} bits, brighter than the median or not."
         )
-        if isinstance(source, Pressable):
-            self._pad = Pad(self._do, self._session, source)
-        if isinstance(source, Recorded):
-            self._play(source)
-        self._label = _small()
+        self.controls()
+        self._label = small()
         ui.label("The model says").classes("heading")
         self._answer = ui.label().classes("answer")
-        self._beside = _small()
-        self._numbers = _small()
+        self._beside = small()
+        self._numbers = small()
         self._accuracy = ui.label()
-        if self._session.is_taught:
-            tested = "samples, each predicted before it is learnt"
-            if self._pressable:
-                tested = "new touches"
-            counted = f"Accuracy on the latest {RECENT} {tested}"
-            _small(f"{counted}; “none of these” counts as wrong.")
+        if self.session.is_taught:
+            counted = f"Accuracy on the latest {RECENT} {self.tested}"
+            small(f"{counted}; “none of these” counts as wrong.")
 
-    def _play(self, source: Recorded) -> None:
-        """Buttons that step through a recording."""
-        back = self._doing(lambda s: source.step(-1))
-        play = self._doing(lambda s: source.play())
-        ahead = self._doing(lambda s: source.step(+1))
-        with _div("row"):
+    def controls(self) -> None:
+        """What controls the source: buttons that step through a recording."""
+        source = self.source
+        if not isinstance(source, Recorded):
+            return
+        back = self.doing(lambda s: source.step(-1))
+        play = self.doing(lambda s: source.play())
+        ahead = self.doing(lambda s: source.step(+1))
+        with div("row"):
             _icon("skip_previous", "one frame back", back)
             _icon("play_arrow", "play or pause", play)
             _icon("skip_next", "one frame ahead", ahead)
@@ -135,96 +164,74 @@ class Page:
     def _trained(self) -> None:
         """A model that was trained before: its classes, which are not taught here."""
         ui.label("2. What it was trained on").classes("heading")
-        self._classes = _div("flex flex-col gap-3")
-        if self._session.counts:
-            _small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
+        self._classes = div("flex flex-col gap-3")
+        if self.session.counts:
+            small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
         else:
-            _small("Numbers; each is shown with the interval it is expected in.")
+            small("Numbers; each is shown with the interval it is expected in.")
 
     def _teach(self) -> None:
         ui.label("2. Teach it").classes("heading")
-        act = "Show it something"
-        if self._pressable:
-            act = "Press somewhere"
-        _small(f"{act}, name it and learn {SAMPLES} samples; then the next.")
+        small(f"{self.act}, name it and learn {SAMPLES} samples; then the next.")
         hint = "name of a new class"
-        if isinstance(self._source, Recorded):
+        if isinstance(self.source, Recorded):
             hint += " (empty: as recorded)"
-        with _div("row"):
+        with div("row"):
             self._name = ui.input(hint).classes("grow")
             self._name.props("dense outlined maxlength=24")
             self._name.on("keydown.enter", self._new_class)
             ui.button("New class", on_click=self._new_class).props("no-caps")
-        self._classes = _div("flex flex-col gap-3")
-        _small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
-        with _div("row"):
-            _small("read-out")
-            self._readout = ui.toggle(list(READOUTS), value=self._session.readout)
+        self._classes = div("flex flex-col gap-3")
+        small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
+        with div("row"):
+            small("read-out")
+            self._readout = ui.toggle(list(READOUTS), value=self.session.readout)
             self._readout.props("no-caps dense padding='4px 10px'")
             self._readout.on(
                 "update:model-value",
-                lambda: self._doing(Session.use, self._readout.value)(),
+                self.doing(lambda s: s.use(self._readout.value)),
             )
-        with _div("row"):
-            _button("Forget everything", self._doing(Session.forget, None))
-            _button("Save the model", self._save)
+        with div("row"):
+            button("Forget everything", self.doing(lambda s: s.forget(None)))
+            button("Save the model", self._save)
 
-    def _adapt(self) -> None:
-        source = self._source
-        if isinstance(source, Pressable):
-            ui.label("3. Let it drift, and recalibrate").classes("heading")
-            _small(
-                "Silicone ages; simulated as a change of temperature, which changes speckle."
-            )
-            with _div("row"):
-                _button(
-                    "Let 16 days pass", self._doing(Session.drift, source.sixteen_days)
-                )
-                _button("Back to the first day", self._doing(Session.drift, 0.0))
-        else:
-            ui.label("3. Recalibrate").classes("heading")
-        _small(
-            f"Recalibrating takes {SAMPLES} new samples of a class, and each bit of the new "
-            "prototype with probability p."
-        )
-        self._p = slider("p", 0, 1, 0.05, 0.5)
-        if self._pressable:
-            _button("Recalibrate all classes where they were taught", self._recalibrate)
-        else:
-            _small("Show it a class again and press “recalibrate” in its row.")
+    def adapting(self) -> None:
+        ui.label("3. Recalibrate").classes("heading")
+        self.p = recalibration()
+        small("Show it a class again and press “recalibrate” in its row.")
 
     # Jobs ----------------------------------------------------------------------------------------
 
-    async def _do(self, job: Callable[[Session], Any]) -> Any:
+    async def do(self, job: Callable[[Session], Any]) -> Any:
         """Have the worker do a job; its error is shown on this page alone."""
         try:
-            return await asyncio.to_thread(self._worker.do, job)
+            return await asyncio.to_thread(self.worker.do, job)
         except ValueError as error:
             ui.notify(
                 str(error), position="top", multi_line=True, timeout=6000, color="dark"
             )
             return None
 
-    def _doing(self, job: Callable[..., Any], *arguments: Any) -> Callable[[], Any]:
-        return lambda: self._do(lambda session: job(session, *arguments))
+    def doing(self, job: Callable[[Session], Any]) -> Callable[[], Any]:
+        return lambda: self.do(job)
 
     async def _new_class(self) -> None:
-        name = self._name.value or self._worker.view.label or ""
+        name = self._name.value or self.worker.view.label or ""
         self._name.set_value("")
-        await self._doing(Session.learn, name, SAMPLES, True)()
+        await self.do(lambda s: s.learn(name, SAMPLES, new=True))
 
-    async def _recalibrate(self, name: str | None = None) -> None:
-        await self._doing(Session.recalibrate, name, SAMPLES, self._p.value)()
+    async def _recalibrate(self, name: str) -> None:
+        await self.do(lambda s: s.recalibrate(name, SAMPLES, self.p.value))
 
     async def _save(self) -> None:
-        content = await self._do(Session.saved)
+        content = await self.do(Session.saved)
         if content is not None:
             ui.download.content(content, "touch.safetensors")
 
     # Updates -------------------------------------------------------------------------------------
 
-    def _refresh(self) -> None:
-        view, session = self._worker.view, self._session
+    def refresh(self) -> None:
+        view, session = self.worker.view, self.session
         if session.counts != self._shown:
             self._shown = session.counts
             self._show_classes()
@@ -232,14 +239,12 @@ class Page:
             self._readout.set_value(session.readout)
             self._accuracy.set_text(_accuracy(list(session.tests)))
         self._show_answer(view)
-        if isinstance(self._source, Pressable):
-            self._pad.show()
-        elif view.label:
+        if view.label:
             self._label.set_text(self._recorded_as(view.label))
 
     def _recorded_as(self, label: str) -> str:
         text = f"recorded as “{label}”"
-        if isinstance(self._source, Recorded) and not self._source.playing:
+        if isinstance(self.source, Recorded) and not self.source.playing:
             text += ", paused"
         return text
 
@@ -252,7 +257,7 @@ class Page:
             self._numbers.set_text("")
             return
         text, beside = _in_words(answer)
-        look = colour(list(self._session.counts), answer.label)
+        look = colour(list(self.session.counts), answer.label)
         self._answer.set_text(view.error or text)
         self._answer.style(f"color: {look}")
         self._beside.set_text(beside)
@@ -269,24 +274,33 @@ class Page:
         self._rows = {}
         for name, count in self._shown.items():
             look = colour(list(self._shown), name)
-            with self._classes, _div("class"):
-                with _div("row").style("min-width: 0"):
+            with self._classes, div("class"):
+                with div("row").style("min-width: 0"):
                     title = ui.label(name).classes("name font-bold truncate")
                     title.style(f"color: {look}")
-                    _small(f"{count} samples")
-                    distance = _small()
-                with _div("row").style("gap: 2px; flex-wrap: nowrap"):
-                    if self._session.is_taught:
+                    small(f"{count} samples")
+                    distance = small()
+                with div("row").style("gap: 2px; flex-wrap: nowrap"):
+                    if self.session.is_taught:
                         self._show_buttons(name)
                 bar = ui.linear_progress(0, show_value=False, size="14px", color=look)
                 bar.style("grid-column: 1 / 3")
             self._rows[name] = distance, bar
 
     def _show_buttons(self, name: str) -> None:
-        more = self._doing(Session.learn, name, SAMPLES)
+        more = self.doing(lambda s: s.learn(name, SAMPLES))
         _icon("add", f"learn {SAMPLES} more samples", more)
         _icon("sync", "recalibrate", partial(self._recalibrate, name))
-        _icon("delete_outline", "forget", self._doing(Session.forget, name))
+        _icon("delete_outline", "forget", self.doing(lambda s: s.forget(name)))
+
+
+def recalibration() -> ui.slider:
+    """Words on a recalibration, and the slider of its probability."""
+    small(
+        f"Recalibrating takes {SAMPLES} new samples of a class, and each bit of the new "
+        "prototype with probability p."
+    )
+    return slider("p", 0, 1, 0.05, 0.5)
 
 
 def _accuracy(tests: Sequence[bool]) -> str:
@@ -317,15 +331,15 @@ def _in_numbers(answer: Answer, seconds: float) -> str:
     return " · ".join(parts)
 
 
-def _div(classes: str) -> ui.element:
+def div(classes: str) -> ui.element:
     return ui.element("div").classes(classes)
 
 
-def _small(text: str = "") -> ui.label:
+def small(text: str = "") -> ui.label:
     return ui.label(text).classes("small")
 
 
-def _button(text: str, act: Callable[[], Any]) -> None:
+def button(text: str, act: Callable[[], Any]) -> None:
     ui.button(text, on_click=act).props("no-caps outline dense padding='4px 10px'")
 
 

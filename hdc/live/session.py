@@ -20,15 +20,17 @@ import numpy as np
 from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.encoders import Median
 from hdc.inputs import tensor
-from hdc.live.sources import Pressable, Source, Touch
+from hdc.live.sources import Source
 from hdc.readouts import Majority
 
 READOUTS = ("majority", "ridge", "neighbours")
 """Read-outs that can be recalibrated, which the page offers."""
 RECENT = 20
 """Tests behind the accuracy that is shown."""
-ALPHA = 0.1
-"""Error rate of prediction sets: they miss the true class in one of ten frames."""
+ALPHA = 0.05
+"""Error rate of prediction sets: they miss the true class in one of twenty frames.
+
+A frame whose set is empty is none of the classes."""
 Interval = tuple[float, float, float]
 """A value, and the lower and upper end of its interval."""
 
@@ -82,7 +84,6 @@ class Session:
         regressor: a model of numbers that was trained before; else None.
         readout: of the model.
         counts: samples of each class, in the order they were taught; replaced, never changed.
-        places: touches of each class, for a source that can be pressed.
         tests: whether the latest tests were right.
     """
 
@@ -95,10 +96,8 @@ class Session:
         self.model: HDCClassifier | None = None
         self.regressor: HDCRegressor | None = None
         self.counts: dict[str, int] = {}
-        self.places: dict[str, tuple[Touch, ...]] = {}
         self.tests: deque[bool] = deque(maxlen=RECENT)
         self._samples: list[Sample] = []
-        self._tested = 0
         if isinstance(trained, HDCRegressor):
             self.regressor = trained
         elif trained is not None:
@@ -134,51 +133,35 @@ class Session:
         shares = self.model.distances(frames)[0] / self.model.dimension_
         names = [str(c) for c in self.model.classes_]
         (label,) = self.model.predict(frames).tolist()
-        if not self.model.is_known(frames)[0]:
-            label = None
         (likely,) = self.model.predict_set(frames, ALPHA)
         return Answer(
-            label=None if label is None else str(label),
+            label=str(label) if len(likely) else None,
             likely=tuple(str(c) for c in likely),
             distances=dict(zip(names, shares.tolist(), strict=True)),
         )
 
-    def test(self) -> None:
-        """Test the model on one new touch of a taught class, if the source can be pressed."""
-        taught = [name for name in self.counts if name in self.places]
-        if isinstance(self.source, Pressable) and len(taught) > 1:
-            name = taught[self._tested % len(taught)]
-            samples = self._take(name, 1, self.places[name], Lesson())
-            self._count(samples)
-
-    def _count(self, samples: list[Sample]) -> None:
+    def count(self, samples: Sequence[Sample]) -> None:
+        """Count which of these samples the model recognises."""
         for sample in samples:
             answer = self.ask(sample.frame)
             if answer:
-                self._tested += 1
                 self.tests.append(answer.label == sample.label)
 
     # Teaching ------------------------------------------------------------------------------------
 
     def learn(self, name: str, n: int, new: bool = False) -> None:
-        """Learn up to n samples of the present touch or scene, as a new class or as a known one."""
+        """Learn up to n samples of what is seen now, as a new class or as a known one."""
         if new:
             name = self._new_name(name)
         else:
             self._check_known(name)
         # Samples join the latest recalibration of their class: they are of today, too.
         own = [sample for sample in self._samples if sample.label == name]
-        lessons = [sample.lesson for sample in own]
-        lesson = max(lessons, default=Lesson())
-        samples = self._take(name, n, self._touches, lesson)
-        pressed = isinstance(self.source, Pressable)
-        if not new and not pressed:
-            self._count(samples)
+        lesson = max((sample.lesson for sample in own), default=Lesson())
+        samples = self.take(name, n, lesson)
+        if not new:
+            self.count(samples)
         self._train(self._samples + samples)
-        if pressed:
-            self.places = self.places | {name: self._touches}
-        if new and pressed:
-            self.tests.clear()
 
     def _new_name(self, name: str) -> str:
         name = name.strip()
@@ -188,24 +171,23 @@ class Session:
             raise ValueError(f"There is a class “{name}” already: choose another name.")
         return name
 
-    def recalibrate(self, name: str | None, n: int, p: float) -> None:
-        """Recalibrate a class by n samples of the present touch or scene.
+    def recalibrate(self, name: str, n: int, p: float) -> None:
+        """Recalibrate a class by n samples of what is seen now."""
+        lesson = self.next_lesson(p)
+        self._check_known(name)
+        self.adapt(self.take(name, n, lesson))
 
-        Without a name: all classes, each touched where it was taught.
-        """
+    def next_lesson(self, p: float) -> Lesson:
+        """The lesson of a recalibration, after all that there were."""
         if self.model is None:
             raise ValueError(
                 "There is nothing to recalibrate yet: teach two classes first."
             )
         numbers = [sample.lesson.number for sample in self._samples]
-        lesson = Lesson(max(numbers, default=0) + 1, p)
-        samples: list[Sample] = []
-        if name is None:
-            for label in self.counts:
-                samples += self._take(label, n, self.places[label], lesson)
-        else:
-            self._check_known(name)
-            samples = self._take(name, n, self._touches, lesson)
+        return Lesson(max(numbers, default=0) + 1, p)
+
+    def adapt(self, samples: list[Sample]) -> None:
+        """Recalibrate by these samples."""
         self._train(self._samples + samples)
         self.tests.clear()
 
@@ -216,11 +198,6 @@ class Session:
             self._check_known(name)
             kept = [sample for sample in self._samples if sample.label != name]
         self._train(kept)
-        self.places = {
-            label: touches
-            for label, touches in self.places.items()
-            if label in self.counts
-        }
         self.tests.clear()
 
     def use(self, readout: str) -> None:
@@ -229,21 +206,9 @@ class Session:
             self._train(self._samples, readout)
             self.tests.clear()
 
-    def drift(self, kelvin: float) -> None:
-        """Set the drift of a sensor that can be pressed."""
-        if isinstance(self.source, Pressable):
-            self.source.offset = kelvin
-            self.tests.clear()
-
-    @property
-    def _touches(self) -> tuple[Touch, ...]:
-        return self.source.touches if isinstance(self.source, Pressable) else ()
-
-    def _take(
-        self, name: str, n: int, touches: tuple[Touch, ...], lesson: Lesson
-    ) -> list[Sample]:
-        frames = self.source.samples(n, touches)
-        return [Sample(frame, name, lesson) for frame in frames]
+    def take(self, name: str, n: int, lesson: Lesson) -> list[Sample]:
+        """Up to n samples of what is seen now."""
+        return [Sample(frame, name, lesson) for frame in self.source.samples(n)]
 
     def _check_known(self, name: str) -> None:
         if name not in self.counts:
@@ -274,18 +239,22 @@ def _classifier(samples: Sequence[Sample], readout: str) -> HDCClassifier | None
     """A classifier taught and recalibrated lesson by lesson; None with fewer than two classes."""
     if len({sample.label for sample in samples}) < 2:
         return None
-    model = None
     part: Any = readout
     if readout == "majority":  # lessons are of any length
         part = Majority(balance=True)
-    for lesson in sorted({sample.lesson for sample in samples}):
-        chosen = [sample for sample in samples if sample.lesson == lesson]
-        frames = np.stack([sample.frame for sample in chosen])
-        labels = [sample.label for sample in chosen]
-        if model is None:
-            model = HDCClassifier(readout=part).fit(frames, labels)
-        else:
-            given: dict[str, Any] = {"p": lesson.p, "seed": lesson.number}
-            used = given.keys() & model.readout_.adapts_by
-            model.recalibrate(frames, labels, **{name: given[name] for name in used})
+    first, *others = sorted({sample.lesson for sample in samples})
+    model = HDCClassifier(readout=part).fit(*_of_lesson(samples, first))
+    for lesson in others:
+        given: dict[str, Any] = {"p": lesson.p, "seed": lesson.number}
+        used = {name: given[name] for name in given.keys() & model.readout_.adapts_by}
+        model.recalibrate(*_of_lesson(samples, lesson), **used)
     return model
+
+
+def _of_lesson(
+    samples: Sequence[Sample], lesson: Lesson
+) -> tuple[np.ndarray, list[str]]:
+    """Frames and labels of a lesson."""
+    chosen = [sample for sample in samples if sample.lesson == lesson]
+    frames = np.stack([sample.frame for sample in chosen])
+    return frames, [sample.label for sample in chosen]

@@ -1,24 +1,14 @@
-"""Sources of frames for the page: a camera, a recording, or a sensor that the page presses."""
+"""Sources of frames for the page: a camera, a recording or a video."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol
 
 import numpy as np
 
 from hdc import readers
-
-
-@dataclass(frozen=True)
-class Touch:
-    """A finger on the sensor: position (x, y) and depth in m."""
-
-    x: float
-    y: float
-    depth: float
 
 
 class Source(Protocol):
@@ -37,24 +27,8 @@ class Source(Protocol):
         """The next frame, uint8 or uint16 [H, W]; a ValueError if there are no more."""
         ...
 
-    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+    def samples(self, n: int) -> list[np.ndarray]:
         """Up to n different frames of the class that is seen now, to learn from."""
-        ...
-
-
-@runtime_checkable
-class Pressable(Source, Protocol):
-    """A sensor that the page presses. Its samples are new touches at the places asked for."""
-
-    length: float  # of the surface in m: x in [0, length]
-    width: float  # in m: |y| ≤ width/2
-    deepest: float  # largest depth in m
-    offset: float  # temperature drift in K
-    sixteen_days: float  # drift in K after 16 days
-    touches: tuple[Touch, ...]  # the present ones
-
-    def press(self, touches: Sequence[Touch]) -> None:
-        """Press here until the next call (no touches: lift off)."""
         ...
 
 
@@ -106,7 +80,7 @@ class Camera:
                 "camera: it gives no more frames; start the page again"
             ) from None
 
-    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+    def samples(self, n: int) -> list[np.ndarray]:
         return [self.frame() for _ in range(n)]
 
 
@@ -162,7 +136,7 @@ class Recorded:
         self.playing = False
         self._place = (self._place + frames) % len(self._order)
 
-    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+    def samples(self, n: int) -> list[np.ndarray]:
         """The next n frames of the class that is shown, or all of them where there are fewer."""
         shown = max(0, self._place)
         all_places = np.arange(len(self._order))
@@ -203,5 +177,5 @@ class Film:
         _, frame = found
         return frame
 
-    def samples(self, n: int, touches: Sequence[Touch] = ()) -> list[np.ndarray]:
+    def samples(self, n: int) -> list[np.ndarray]:
         return [self.frame() for _ in range(n)]

@@ -17,8 +17,6 @@ FASTEST = 20.0
 """Frames a second that are taken and shown, of a recording too."""
 WATCHED = 2.0
 """Seconds for which frames are taken after a page asked for one."""
-TEST_EVERY = 0.25
-"""Seconds between two fresh touches that test the model."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +38,7 @@ class Worker:
         self.view = View()
         self._lock = threading.Lock()
         self._stopped = threading.Event()
-        self._tested = self._asked = -WATCHED
+        self._asked = -WATCHED
         self._thread = threading.Thread(target=self._run, daemon=True, name="sensor")
 
     def start(self) -> None:
@@ -74,9 +72,6 @@ class Worker:
 
     def _look(self) -> None:
         session = self.session
-        if time.monotonic() - self._tested > TEST_EVERY:
-            self._tested = time.monotonic()
-            session.test()
         frame, hypervector, answer, seconds = session.look()
         grey = frame
         if frame.dtype != np.uint8:

@@ -14,6 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from hdc.readers import stores
+from hdc.readers.about import Asked
 from hdc.readers.files import (
     Ambiguous,
     BadFrame,
@@ -36,12 +37,24 @@ __all__ = [
     "open_recording",
 ]
 
-TABLE = ".csv"
-PARQUET = ".parquet"
-VIDEO_SUFFIXES = (".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm")
-FRAMES = (*stores.SUFFIXES, TABLE, PARQUET)
-"""Files of frames that need no table."""
-SUFFIXES = (*FRAMES, *VIDEO_SUFFIXES)
+FOLDER, ARRAY, IMAGES = "a folder", "a file of arrays", "a parquet"
+VECTORS, VIDEO = "a table", "a video"
+SUFFIXES = {
+    **dict.fromkeys(stores.SUFFIXES, ARRAY),
+    ".csv": VECTORS,
+    ".parquet": IMAGES,
+    **dict.fromkeys((".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm"), VIDEO),
+}
+"""What kind of recording a file is, by its suffix."""
+_KINDS = {
+    "template": (FOLDER,),
+    "table": (FOLDER, ARRAY, VIDEO),
+    "axes": (ARRAY,),
+    "labels": (ARRAY, IMAGES),
+    "skip_damaged": (FOLDER,),
+    "skip_missing": (FOLDER,),
+}
+"""Settings, and the kinds of recordings that have them."""
 
 
 @missing_named()
@@ -97,95 +110,73 @@ def open_recording(
     """
     window = window or Window(crop, subsample)
     path, dataset = split_name(Path(path).expanduser())
-    kind = _kind(path)
-    sheet, name = _table_and_labels(table, labels)
+    kind = kind_of(path)
+    asked = _asked(labels, table, value_columns, fewest_classes)
     _check_settings(
         path,
         kind,
         template=template,
-        table=sheet,
+        table=asked.table,
         axes=axes,
-        labels=name,
+        labels=asked.labels,
         skip_damaged=skip_damaged or None,
         skip_missing=skip_missing or None,
     )
-    where = None if sheet is None else Path(sheet).expanduser()
-    learnt = None if table is not None and not value_columns else value_columns
     # Libraries are imported where their files are read: OpenCV for images, and not for an array.
     if kind == FOLDER:
         from hdc.readers.images import open_listing, whole_images
         from hdc.readers.listing import list_folder
 
-        rows = (template, where, image_column, learnt, fewest_classes, skip_missing)
-        listing = list_folder(path, *rows, whole_images if skip_damaged else None)
+        whole = whole_images if skip_damaged else None
+        listing = list_folder(path, asked, template, image_column, skip_missing, whole)
         return open_listing(path, listing, window, check, memory_bytes)
     check_file(path)
     if kind == ARRAY:
         from hdc.readers.arrays import open_arrays
 
-        settings = (axes, name, where, learnt, fewest_classes)
-        return open_arrays(path, dataset, window, *settings)
+        return open_arrays(path, dataset, window, axes, asked)
     if kind == IMAGES:
         from hdc.readers.parquet import open_parquet
 
-        columns = (name, value_columns, fewest_classes, image_column)
-        return open_parquet(path, window, *columns)
+        return open_parquet(path, window, asked, image_column)
     if kind == VECTORS:
         from hdc.readers.table import open_table
 
-        return open_table(path, window, value_columns, fewest_classes)
+        return open_table(path, window, asked)
     from hdc.readers.video import open_video
 
-    where = where or path.with_suffix(TABLE)
-    return open_video(path, where, window, learnt, fewest_classes, memory_bytes)
+    return open_video(path, window, asked, memory_bytes)
 
 
-def _table_and_labels(
-    table: str | Path | None, labels: str | Path | None
-) -> tuple[str | Path | None, str | None]:
-    """The table, and the name of the labels in a file; labels in a CSV are a table."""
-    if labels is None:
-        return table, None
-    name = str(labels)
-    if not name.lower().endswith(TABLE):
-        return table, name
-    require(table is None, "table", table, "null where labels are a table")
-    return name, None
-
-
-FOLDER, ARRAY, IMAGES = "a folder", "a file of arrays", "a parquet"
-VECTORS, VIDEO = "a table", "a video"
-_KINDS = {
-    "template": (FOLDER,),
-    "table": (FOLDER, ARRAY, VIDEO),
-    "axes": (ARRAY,),
-    "labels": (ARRAY, IMAGES),
-    "skip_damaged": (FOLDER,),
-    "skip_missing": (FOLDER,),
-}
-"""Settings, and the kinds of recordings that have them."""
+def _asked(
+    labels: str | Path | None,
+    table: str | Path | None,
+    value_columns: Sequence[str],
+    fewest_classes: int,
+) -> Asked:
+    """What is learnt; a CSV of labels is a table, and its numbers are not learnt."""
+    name = None if labels is None else str(labels)
+    values = value_columns if table is None or value_columns else None
+    if name is not None and kind_of(Path(name)) == VECTORS:
+        require(table is None, "table", table, "null where labels are a table")
+        name, table = None, name
+    where = None if table is None else Path(table).expanduser()
+    return Asked(name, where, values, fewest_classes)
 
 
 def split_name(path: Path) -> tuple[Path, str]:
     """The file of ``FILE:/NAME``, and the name; "" of a file alone."""
     file, colon, name = str(path).rpartition(":/")
-    if colon and not path.exists() and file.lower().endswith(stores.SUFFIXES):
+    if colon and not path.exists() and kind_of(Path(file)) == ARRAY:
         return Path(file), name
     return path, ""
 
 
-def _kind(path: Path) -> str:
-    """Kind of file or folder at a path, in words."""
+def kind_of(path: Path) -> str:
+    """Kind of file or folder at a path, in words; empty where there is none of that name."""
     if path.is_dir():
         return FOLDER
-    kinds = (
-        (stores.SUFFIXES, ARRAY),
-        ((PARQUET,), IMAGES),
-        ((TABLE,), VECTORS),
-        (VIDEO_SUFFIXES, VIDEO),
-    )
-    suffix = path.suffix.lower()
-    return next((kind for ends, kind in kinds if suffix in ends), "another file")
+    return SUFFIXES.get(path.suffix.lower(), "")
 
 
 def _check_settings(path: Path, kind: str, **settings: object) -> None:
@@ -198,7 +189,7 @@ def _check_settings(path: Path, kind: str, **settings: object) -> None:
         raise SettingError(
             f"path: expected a folder or a file of frames, found nothing: {path}"
         )
-    if kind == "another file":
+    if not kind:
         raise SettingError(
             f"path: expected a folder or a file ({', '.join(SUFFIXES)}), found {path}"
         )

@@ -38,14 +38,7 @@ def reading(where: str, array: Any, n: int | None, frames_last: bool) -> list[st
         SettingError: none is left.
     """
     shape = array.shape
-    possible = [r.split(",") for r in READINGS.get(len(shape), ())]
-    possible = [axes for axes in possible if _fits(axes, shape)]
-    if n is None:
-        if frames_last:
-            possible = possible[::-1]
-        possible = possible[:1]
-    else:
-        possible = [axes for axes in possible if shape[axes.index("frame")] == n]
+    possible = _possible(shape, n, frames_last)
     if not possible:
         wanted = "shape [N, H, W] or [N, D]"
         if n is not None:
@@ -53,18 +46,30 @@ def reading(where: str, array: Any, n: int | None, frames_last: bool) -> list[st
         raise SettingError(
             f"{where}: expected {wanted}, found {tuple(shape)} (--axes names them)"
         )
-    readings = [",".join(axes) for axes in possible]
-    if _COLOURS in readings and shape[1] > 1 and array.dtype.kind == "f":
-        readings.append(_SEVERAL)
-    if len(readings) > 1:
+    if _COLOURS in possible and shape[1] > 1 and array.dtype.kind == "f":
+        possible.append(_SEVERAL)
+    if len(possible) > 1:
         labels = "" if n is None else f" for {n} labels"
-        choices = [f"--axes {axes}" for axes in readings]
+        choices = [f"--axes {reading}" for reading in possible]
         found = f"{array.dtype} {tuple(shape)}"
         raise Ambiguous(f"{where} {found}{labels}", choices)
-    return possible[0]
+    return possible[0].split(",")
 
 
-def _fits(axes: list[str], shape: Sequence[int]) -> bool:
+def _possible(shape: Sequence[int], n: int | None, frames_last: bool) -> list[str]:
+    """Readings of a shape for so many frames; where nothing says how many, the usual one."""
+    fitting = [axes for axes in READINGS.get(len(shape), ()) if _fits(axes, shape)]
+    if n is not None:
+        return [axes for axes in fitting if _frames_of(axes, shape) == n]
+    return fitting[-1:] if frames_last else fitting[:1]
+
+
+def _frames_of(reading: str, shape: Sequence[int]) -> int:
+    return shape[reading.split(",").index("frame")]
+
+
+def _fits(reading: str, shape: Sequence[int]) -> bool:
+    axes = reading.split(",")
     return "channel" not in axes or shape[axes.index("channel")] in CHANNELS
 
 
@@ -73,6 +78,7 @@ class Frames:
 
     Attributes:
         shape: (H, W) or (D,) before the window.
+        whole: of the array.
         counts: lengths of the axes along the frames.
     """
 
@@ -84,6 +90,7 @@ class Frames:
         inside = [axis for axis in axes if axis in INSIDE]
         self._order = [inside.index(axis) for axis in INSIDE if axis in inside]
         self._check(axes, inside)
+        self.whole = tuple(array.shape)
         self.counts = [array.shape[k] for k in self._along]
         lengths = dict(zip(axes, array.shape, strict=True))
         channels = lengths.get("channel", 1)

@@ -9,8 +9,11 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_THOUSANDS = re.compile(r"\s*[-+]?\d{1,3}(?:\.\d{3})+(,\d*)?\s*")
+"""A number with points between thousands; in English it may be a fraction."""
 _DECIMAL_COMMA = re.compile(r"^(\s*[-+]?\d*),(\d+(?:[eE][-+]?\d+)?\s*)$")
 
 
@@ -53,6 +56,10 @@ class SettingError(ValueError):
     """A setting out of range, as ``name: expected …, found …``."""
 
 
+_SHOWN = 12
+"""Choices that an error lists."""
+
+
 class Ambiguous(ValueError):
     """Something that has several readings.
 
@@ -62,7 +69,10 @@ class Ambiguous(ValueError):
 
     def __init__(self, where: object, choices: Sequence[str]) -> None:
         self.choices = tuple(choices)
-        super().__init__(f"{where}: expected one of {'; or '.join(choices)}")
+        shown = "; or ".join(self.choices[:_SHOWN])
+        rest = len(self.choices) - _SHOWN
+        more = f"; or {rest} more" if rest > 0 else ""
+        super().__init__(f"{where}: expected one of {shown}{more}")
 
 
 def require(condition: bool, name: str, found: object, expected: str) -> None:
@@ -117,38 +127,78 @@ def read_csv(
     check_file(path)
     try:
         with path.open(encoding=_encoding(path), newline="") as file:
-            first = file.readline()
-            file.seek(0)
-            separator = _separator(first)
+            separator = _start(file)
             reader = csv.reader(file, strict=True, delimiter=separator)
             header = [name.strip() for name in next(reader, [])]
             _check_header(path, header, required)
+            plain = separator == ","
+            commas = _Commas()
             for cells in reader:
+                where = f"{path}, line {reader.line_num}"
+                cells = cells if plain else commas.as_points(where, cells)
                 if cells:
-                    where = f"{path}, line {reader.line_num}"
-                    if separator != ",":
-                        cells = [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
                     yield where, _row(where, header, cells, required)
     except (UnicodeError, csv.Error) as error:
         raise ValueError(
-            f"{path}: expected a CSV table in UTF-8 (iconv -f latin1 -t utf-8), found: {error}"
+            f"{path}: expected a CSV table in UTF-8 (in a spreadsheet: save as CSV UTF-8), found: "
+            f"{error}"
         ) from error
+
+
+class _Commas:
+    """Numbers of a table whose cells other signs separate than commas."""
+
+    def __init__(self) -> None:
+        self._decimal = False
+        self._thousands = ""
+
+    def as_points(self, where: str, cells: list[str]) -> list[str]:
+        """Cells with decimal points for decimal commas.
+
+        Raises:
+            ValueError: 1.000 may be one or a thousand, for commas are decimal.
+        """
+        for cell in cells:
+            thousands = _THOUSANDS.fullmatch(cell)
+            if thousands and not self._thousands:
+                self._thousands = f"{where}: expected 1000 or 1,0, found {cell!r}"
+            self._decimal |= "," in cell and bool(
+                thousands or _DECIMAL_COMMA.fullmatch(cell)
+            )
+        if self._thousands and self._decimal:
+            raise ValueError(
+                f"{self._thousands} (points between thousands, where commas are decimal)"
+            )
+        return [_DECIMAL_COMMA.sub(r"\1.\2", cell) for cell in cells]
+
+
+def _start(file: IO[str]) -> str:
+    """The separator of a table, before its header; spreadsheets may state it in a line sep=;."""
+    first = file.readline()
+    if not re.fullmatch("sep=.\\s*", first):
+        file.seek(0)
+        return _separator(first)
+    return first[4]
 
 
 def _encoding(path: Path) -> str:
     with path.open("rb") as file:
-        marks = file.read(2)
-    return "utf-16" if marks in (b"\xff\xfe", b"\xfe\xff") else "utf-8-sig"
+        start = file.read(4)
+    if start[:2] in (b"\xff\xfe", b"\xfe\xff"):
+        return "utf-16"
+    # Without a mark, every second byte of plain characters is zero.
+    return {b"\0": "utf-16-le"}.get(start[1:2], "utf-8-sig")
 
 
-def columns_of(path: Path) -> list[str]:
+def columns_in(path: Path) -> list[str]:
     """Names of the columns of a CSV; none where there is no such file."""
     if not path.is_file():
         return []
-    with path.open(encoding=_encoding(path), errors="replace") as file:
+    with path.open(encoding=_encoding(path), errors="replace", newline="") as file:
+        separator = _start(file)
         first = file.readline()
     try:
-        header = next(csv.reader([first], delimiter=_separator(first)), [])
+        header = next(csv.reader([first], delimiter=separator), [])
     except csv.Error:  # no table; whoever reads it says so
         return []
     return [name.strip() for name in header]

@@ -17,6 +17,7 @@ from typing import Any
 
 import av
 import numpy as np
+from av.sidedata.sidedata import Type
 
 from hdc.readers.files import BadFrame, check_file
 from hdc.readers.images import grey
@@ -103,7 +104,7 @@ def stream_video(
     found = [] if notes is None else notes
     with opened(path) as (container, stream):
         times = _Times(path, container, stream)
-        for frame in container.decode(stream):
+        for frame in _decoded(path, container.decode(stream)):
             time = times.of(frame)
             if time >= end - EARLY_S:
                 times.check_whole(before_its_end=True)
@@ -112,8 +113,27 @@ def stream_video(
                 raise BadFrame(
                     f"{path}: expected whole frames, found a damaged one at {time:g} s"
                 )
-            yield time, grey(window.of(_pixels(frame, found)))
+            yield time, grey(window.of(_pixels(path, frame, found)))
         times.check_whole()
+
+
+def _decoded(path: Path, frames: Iterator[Any]) -> Iterator[Any]:
+    """The same frames; what FFmpeg logs and goes on over is damage.
+
+    Raises:
+        BadFrame: it logged an error.
+    """
+    av.logging.set_level(av.logging.ERROR)
+    while True:
+        with av.logging.Capture() as said:
+            frame = next(frames, None)
+        errors = [text for level, _, text in said if level <= av.logging.ERROR]
+        if errors:
+            found = errors[0].strip()
+            raise BadFrame(f"{path}: expected whole frames, found: {found}")
+        if frame is None:
+            return
+        yield frame
 
 
 @contextmanager
@@ -131,13 +151,15 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
             if len(streams) != 1:
                 wanted = "one stream of video"
                 raise ValueError(f"{path}: expected {wanted}, found {len(streams)}")
+            if streams[0].codec_context is None:
+                wanted = "a codec that FFmpeg decodes"
+                raise ValueError(f"{path}: expected {wanted}, found another")
             streams[0].thread_type = "NONE"
             streams[0].codec_context.options = {"err_detect": "explode"}
             yield container, streams[0]
-    except av.error.FFmpegError as error:
-        raise BadFrame(
-            f"{path}: expected a whole video, found: {error.strerror}"
-        ) from error
+    except (av.error.FFmpegError, UnicodeDecodeError) as error:
+        found = getattr(error, "strerror", "") or "text that is damaged"
+        raise BadFrame(f"{path}: expected a whole video, found: {found}") from error
 
 
 class _Times:
@@ -188,12 +210,19 @@ class _Times:
             raise BadFrame(
                 f"{self._path}: expected {wanted}, found {n} frames to {last:g} s"
             )
-        wide = int((steps > 1.5 * np.median(steps)).sum()) if n > 2 else 0
+        wide = _gaps(steps)
         if 0 < 9 * wide < len(steps):
             raise BadFrame(
                 f"{self._path}: expected frames at an even rate, found {wide} gaps: some are lost "
                 "(if its rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
             )
+
+
+def _gaps(steps: np.ndarray) -> int:
+    """How many steps in time are wider than usual."""
+    if len(steps) < 2:
+        return 0
+    return int((steps > 1.5 * np.median(steps)).sum())
 
 
 def _stated_end(container: Any, stream: Any) -> float:
@@ -203,7 +232,7 @@ def _stated_end(container: Any, stream: Any) -> float:
     return float(container.duration / av.time_base)
 
 
-def _pixels(frame: Any, notes: list[str]) -> np.ndarray:
+def _pixels(path: Path, frame: Any, notes: list[str]) -> np.ndarray:
     """Pixels [H, W] or [H, W, 3] (blue first) of a decoded frame, turned as the file says."""
     bits = max(component.bits for component in frame.format.components)
     is_grey = len(frame.format.components) == 1
@@ -215,10 +244,35 @@ def _pixels(frame: Any, notes: list[str]) -> np.ndarray:
         note(notes, True, f"luminance of {bits} bits, scaled to 16")
     else:
         image = frame.to_ndarray(format="bgr24")
-    turns = round(frame.rotation / 90) % 4
-    note(notes, turns != 0, f"turned by {90 * turns}° as the file says")
     note(notes, frame.interlaced_frame, "interlaced: ffmpeg -vf yadif separates fields")
-    return np.rot90(image, turns)
+    return _displayed(path, image, frame.side_data.get(Type.DISPLAYMATRIX), notes)
+
+
+def _displayed(
+    path: Path, image: np.ndarray, matrix: Any, notes: list[str]
+) -> np.ndarray:
+    """An image as the display matrix of its file says: turned by quarters, or mirrored.
+
+    The pixel at (x, y) is shown at (a·x + c·y, b·x + d·y), apart from a shift; the matrix is
+    a, b, 0, c, d, 0, …, in steps of 1/65536.
+    """
+    if matrix is None:
+        return image
+    a, b, _, c, d, *_ = np.frombuffer(bytes(matrix), np.int32) / 65536
+    if (abs(a), abs(b), abs(c), abs(d)) not in ((1, 0, 0, 1), (0, 1, 1, 0)):
+        found = f"{a:g}, {b:g}, {c:g}, {d:g}"
+        raise ValueError(
+            f"{path}: expected a display matrix of quarter turns, found {found} "
+            "(ffmpeg -i … out.mp4 applies it)"
+        )
+    if a == 0:
+        image = image.swapaxes(0, 1)
+    is_flipped = a + c < 0, b + d < 0
+    image = image[:: -1 if is_flipped[1] else 1, :: -1 if is_flipped[0] else 1]
+    turns = round(np.degrees(np.arctan2(-b, a))) % 360
+    how = "mirrored" if a * d - b * c < 0 else f"turned by {turns}°"
+    note(notes, how != "turned by 0°", f"{how} as the file says")
+    return image
 
 
 def note(notes: list[str], condition: bool, text: str) -> None:

@@ -10,9 +10,11 @@ from __future__ import annotations
 import hashlib
 import math
 import os
+import struct
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import TypeVar
@@ -30,7 +32,11 @@ T = TypeVar("T")
 PNG, JPEG, BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # + : BigTIFF
 """How these files begin."""
-_SCAN, _END = b"\xff\xda", b"\xff\xd9"
+_SCAN_MARK, _END_MARK = 0xDA, 0xD9
+_IN_SCANS = (0x00, 0x01, *range(0xD0, 0xD8), 0xFF)
+"""Second bytes of what may stand within a scan: a byte 255, a restart, filling."""
+_BY_MASKS, _OLD_HEADER, _USUAL_MASKS = (3, 6), 40, (0xFF0000, 0xFF00, 0xFF)
+"""Of BMP: compressions by masks, bytes of the header that 16 bits once had, masks of 32 bits."""
 _USUAL_CODES = bytes([0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125])
 """JPEG's usual table for luminance: with it no scan has a long run of zeros."""
 _SECTOR = bytes(512)
@@ -59,8 +65,12 @@ def decoded(place: str, data: bytes) -> np.ndarray:
     if data.startswith(PNG):
         _check_png(place, data)
     elif data.startswith(JPEG):
-        _check_jpeg(place, data)
-    elif not data.startswith(BMP):
+        data = _whole_jpeg(place, data)
+    elif data.startswith(BMP):
+        masked = _of_masks(place, data)
+        if masked is not None:
+            return masked
+    else:
         raise BadFrame(
             f"{place}: expected an image (PNG, JPEG, BMP, TIFF), found other data"
         )
@@ -90,12 +100,66 @@ def _check_png(place: str, data: bytes) -> None:
         raise BadFrame(f"{place}: expected a single image, found an animation")
 
 
-def _check_jpeg(place: str, data: bytes) -> None:
-    """Raise BadFrame for a cut file, and for a lost block of zeros: decoders go on over both."""
-    scan = data.rfind(_SCAN)  # what stands before may be a thumbnail
-    end = data.find(_END, scan)
-    if end < 0 or (_USUAL_CODES in data and _SECTOR in data[scan:end]):
+def _whole_jpeg(place: str, data: bytes) -> bytes:
+    """The image without what follows its end, such as the film of a motion photo.
+
+    Raises:
+        BadFrame: it is cut, or has lost a block of zeros: decoders go on over both.
+    """
+    first, end = _scans(data)
+    if end < 0 or (_USUAL_CODES in data[:end] and _SECTOR in data[first:end]):
         raise _damaged(place)
+    return data[:end]
+
+
+def _scans(data: bytes) -> tuple[int, int]:
+    """Where the first scan of a JPEG begins, and where its image ends; -1 where it does not."""
+    first, at = -1, 2
+    while 0 <= at < len(data) - 1:
+        mark = data[at + 1]
+        if data[at] != 0xFF or mark in _IN_SCANS:
+            at = data.find(b"\xff", at + 1)
+        elif mark == _END_MARK:
+            return first, at + 2
+        else:
+            if mark == _SCAN_MARK and first < 0:
+                first = at
+            at += 2 + int.from_bytes(data[at + 2 : at + 4])
+    return first, -1
+
+
+def _of_masks(place: str, data: bytes) -> np.ndarray | None:
+    """A BMP [H, W, 3] (blue first) whose pixels are parted by masks that OpenCV takes for others;
+    None of others."""
+    masks = _unusual_masks(data)
+    if masks is None:
+        return None
+    width, height, _, bits = struct.unpack_from("<iiHH", data, 18)
+    stride = (width * bits + 31) // 32 * 4
+    start = int.from_bytes(data[10:14], "little")
+    if width <= 0 or len(data) < start + stride * abs(height):
+        raise _damaged(place)
+    rows = np.frombuffer(data, np.uint8, stride * abs(height), start)
+    pixels = rows.reshape(abs(height), stride).view(f"<u{bits // 8}")[:, :width]
+    planes = []
+    for mask in masks[::-1]:
+        shift = (mask & -mask).bit_length() - 1
+        level = (pixels & mask) >> shift
+        planes.append((level * 255.0 / (mask >> shift)).round().astype(np.uint8))
+    image = np.stack(planes, axis=2)
+    return image[::-1] if height > 0 else image
+
+
+def _unusual_masks(data: bytes) -> tuple[int, ...] | None:
+    """Masks of red, green and blue that OpenCV does not read; else None."""
+    if len(data) < 66:
+        return None
+    bits, compression = struct.unpack_from("<HI", data, 28)
+    masks = struct.unpack_from("<III", data, 54)
+    if compression not in _BY_MASKS or 0 in masks:
+        return None
+    is_plain = {16: data[14] == _OLD_HEADER, 32: masks == _USUAL_MASKS}
+    return None if is_plain.get(bits, True) else masks
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -176,17 +240,14 @@ def open_listing(
     Raises:
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
     """
-    files, about = listing.files, listing.about
+    files = listing.files
     images = Images(files, window)
     if check:
         images.check(memory_bytes)
-    names = [os.path.relpath(file, root) for file in files]
-    about["samples"] = {
-        "order": np.arange(len(names)),
-        **about["samples"],
-        "file": np.array(names),
-    }
+    names = np.array([os.path.relpath(file, root) for file in files])
+    samples = {**listing.about.samples, "file": names}
     return Recording(
+        **vars(replace(listing.about, samples=samples)),
         frame_shape=images.shape,
         dtype=images.dtype,
         each=images.each,
@@ -196,7 +257,6 @@ def open_listing(
         other_files=tuple(listing.other_files),
         notes=tuple(listing.notes),
         image_shape=images.size,
-        **about,
     )
 
 

@@ -6,11 +6,10 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path, PurePath, PurePosixPath
-from typing import Any
 
 import numpy as np
 
-from hdc.readers.columns import Columns
+from hdc.readers.about import About, Asked, Columns
 from hdc.readers.files import Ambiguous, SettingError, natural_key, read_csv, require
 from hdc.readers.template import Template
 
@@ -23,7 +22,7 @@ class Listing:
     """N images, what a recording takes of each, and names of files that are not among them."""
 
     files: list[Path]
-    about: dict[str, Any]
+    about: About
     other_files: list[str]
     notes: list[str]
 
@@ -61,11 +60,9 @@ class _Rows:
 
 def list_folder(
     root: Path,
+    asked: Asked,
     template: str | None = None,
-    table: str | Path | None = None,
     image_column: str = "image",
-    value_columns: Sequence[str] | None = (),
-    fewest_classes: int = 2,
     skip_missing: bool = False,
     whole: Callable[[Sequence[Path]], np.ndarray] | None = None,
 ) -> Listing:
@@ -78,33 +75,29 @@ def list_folder(
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
     pattern = None if template is None else Template(template)
-    names = value_columns or ()
-    where, base = root, root
-    if table is not None:
-        where = _table_path(root, table)
+    names, values = asked.named, asked.values
+    where, base, notes = root, root, list[str]()
+    if asked.table is not None:
+        where = _table_path(root, asked.table)
         rows = _rows_of_table(where, image_column, names, pattern)
         base = _base(root, where, rows)
+        rows = _there(where, base, rows, skip_missing, notes)
     elif pattern is None and (root / MANIFEST).exists():
-        where = root / MANIFEST
-        rows = _rows_of_manifest(where, names)
-        value_columns = names
+        where, values = root / MANIFEST, names
+        rows = _there(where, base, _rows_of_manifest(where, names), skip_missing, notes)
     else:
         wanted = f"a table with the columns {', '.join(names)}"
         require(not names, "table", None, wanted)
-        rows = _rows_of_files(root, pattern, fewest_classes)
-        value_columns = None
-    notes: list[str] = []
-    if where != root:
-        rows = _there(where, base, rows, skip_missing, notes)
+        rows, values = _rows_of_files(root, pattern, asked.fewest_classes), None
     if whole is not None:
         files = [base / name for name in rows.names]
         rows = rows.only(whole(files), "damaged", notes)
     if not rows.names:
         raise ValueError(_nothing_found(where, rows.other_files))
-    columns = Columns.of(rows.places, rows.texts)
+    columns = Columns.of(where, rows.places, rows.texts)
     return Listing(
         files=[base / name for name in rows.names],
-        about=columns.about(where, fewest_classes, value_columns),
+        about=columns.about(values, asked.fewest_classes),
         other_files=rows.other_files,
         notes=[f"left out: {note}" for note in notes],
     )
@@ -116,6 +109,11 @@ def _there(
     """Rows of a table whose images are there; a ValueError for others, unless they are skipped."""
     found = np.array([(base / name).is_file() for name in rows.names], bool)
     kept = rows.only(found, "missing", notes)
+    if len(found) and not found.any():
+        raise ValueError(
+            f"{table}: expected images that it names beside it or in the folder, found none of "
+            f"{len(found)}, the first {rows.names[0]}"
+        )
     if notes and not skip_missing:
         raise ValueError(
             f"{table}: expected every image, found that {notes[0]} (--skip-missing leaves them out)"
@@ -141,12 +139,11 @@ def _check_once(base: Path, rows: _Rows) -> None:
 # Tables ------------------------------------------------------------------------------------------
 
 
-def _table_path(root: Path, table: str | Path) -> Path:
+def _table_path(root: Path, table: Path) -> Path:
     """The path of a table that is given as it is, or from the folder."""
-    path = Path(table).expanduser()
-    if path.exists() or path.is_absolute():
-        return path
-    return root / path
+    if table.exists() or table.is_absolute():
+        return table
+    return root / table
 
 
 def _base(root: Path, table: Path, rows: _Rows) -> Path:
@@ -218,7 +215,7 @@ def _rows_of_files(root: Path, pattern: Template | None, fewest_classes: int) ->
     if pattern is None:
         _check_depth(root, images)
         if fewest_classes == 0 and not any("/" in file for file in images):
-            read = _no_label
+            read = _unlabelled
     for file in files:
         fields = read(file) if is_image(file) else None
         if fields is None:
@@ -234,7 +231,7 @@ def _label(file: str) -> dict[str, str] | None:
     return {"label": label} if slash else None
 
 
-def _no_label(_: str) -> dict[str, str]:
+def _unlabelled(_: str) -> dict[str, str]:
     return {}
 
 
@@ -271,15 +268,19 @@ def all_files(root: Path) -> list[str]:
     for parent, folders, names in os.walk(root, onerror=_raise):
         inside = PurePath(parent).relative_to(root).as_posix()
         before = "" if inside == "." else f"{inside}/"
-        shown = [name for name in names if not name.startswith(".")]
+        shown, opened = _visible(names), _visible(folders)
         if before and not folders and not shown:
             files.append(before)
-        files += [f"{before}{name}/" for name in folders if name.startswith(".")]
-        folders[:] = [name for name in folders if not name.startswith(".")]
+        files += [f"{before}{name}/" for name in set(folders) - set(opened)]
+        folders[:] = opened
         for name in folders:
             _check_is_no_link(Path(parent, name))
         files += [before + name for name in shown]
-    return sorted(files, key=_path_key)
+    return sorted(files, key=lambda file: [*map(natural_key, file.split("/"))])
+
+
+def _visible(names: Sequence[str]) -> list[str]:
+    return [name for name in names if not name.startswith(".")]
 
 
 def _raise(error: OSError) -> None:
@@ -292,10 +293,6 @@ def _check_is_no_link(folder: Path) -> None:
             f"{folder}: expected a folder, found a link to {os.readlink(folder)}, whose files "
             "might count twice; put the folder itself here, or take the link away"
         )
-
-
-def _path_key(file: str) -> list[tuple[tuple[int, int, str], ...]]:
-    return [natural_key(part) for part in file.split("/")]
 
 
 def is_image(file: str) -> bool:

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import json
 import shlex
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -17,28 +18,21 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from hdc.readers.columns import Columns
+from hdc.readers.about import Asked, Columns
 from hdc.readers.files import Ambiguous, BadFrame, file_digest, require
 from hdc.readers.images import Alike, decoded
 from hdc.readers.recording import Recording, Window
 
 
 def open_parquet(
-    path: Path,
-    window: Window,
-    labels: str | None,
-    value_columns: Sequence[str],
-    fewest_classes: int,
-    image_column: str = "image",
+    path: Path, window: Window, asked: Asked, image_column: str = "image"
 ) -> Recording:
     """Open the images [N, H, W] of a parquet file; see the module's description.
 
     Args:
         path: of the file.
         window: pixels that are kept.
-        labels: the column of labels; by default ``label``.
-        value_columns: columns of numbers to learn; by default all where there are no labels.
-        fewest_classes: fewer are refused; 0: neither labels nor values are needed.
+        asked: the column of labels is ``label`` by default.
         image_column: the column of images, where there are several.
 
     Raises:
@@ -47,15 +41,13 @@ def open_parquet(
         ValueError: the file is not as described.
     """
     file = opened(path)
-    n = file.metadata.num_rows
-    if n == 0:
+    if file.metadata.num_rows == 0:
         raise ValueError(f"{path}: expected a row per frame, found none")
     column = _image_column(path, file.schema_arrow, image_column)
-    columns = _columns(path, file, labels or "label")
-    about = columns.about(path, fewest_classes, value_columns)
-    about["samples"] = {"order": np.arange(n), **about["samples"]}
+    columns = _columns(path, file, asked.labels or "label")
     images = _Rows(path, file, column, window)
     return Recording(
+        **vars(columns.about(asked.values, asked.fewest_classes)),
         frame_shape=images.shape,
         dtype=images.dtype,
         each=images.each,
@@ -64,7 +56,6 @@ def open_parquet(
         window=window,
         notes=(f"images of the column {column}",),
         image_shape=images.size,
-        **about,
     )
 
 
@@ -74,12 +65,8 @@ def opened(path: Path) -> Any:
     Raises:
         ValueError: it is damaged, or of another kind.
     """
-    try:
+    with _named(path):
         return pq.ParquetFile(path)
-    except pa.ArrowException as error:
-        raise ValueError(
-            f"{path}: expected an intact parquet file, found: {error}"
-        ) from error
 
 
 def _image_column(path: Path, schema: Any, wanted: str) -> str:
@@ -110,28 +97,42 @@ def _columns(path: Path, file: Any, label: str) -> Columns:
         for field in file.schema_arrow
         if not (pa.types.is_nested(field.type) or _holds_bytes(field.type))
     ]
-    table = file.read(columns=names)
-    texts = {}
+    with _named(path):
+        table = file.read(columns=names)
+    columns = {}
     for name in names:
         cells = table.column(name).to_pylist()
-        texts[name] = ["" if cell is None else str(cell) for cell in cells]
-    if label in texts:
+        columns[name] = ["" if cell is None else str(cell) for cell in cells]
+    if label in columns:
         by_number = _class_names(file.schema_arrow, label)
-        numbers = texts.pop(label)
-        texts["label"] = [by_number.get(number, number) for number in numbers]
+        numbers = columns.pop(label)
+        columns["label"] = [by_number.get(number, number) for number in numbers]
     elif label != "label":
         raise ValueError(
             f"labels: {path}: expected one of {', '.join(names)}, found {label!r}"
         )
-    places = [f"{path}, row {i}" for i in range(len(table))]
-    return Columns(places, texts)
+    return Columns.of_texts(path, len(table), lambda i: f"{path}, row {i}", columns)
 
 
 def _class_names(schema: Any, label: str) -> dict[str, str]:
     """Names of numbered classes, where the file's makers state them for Hugging Face."""
-    stated = json.loads((schema.metadata or {}).get(b"huggingface", b"{}"))
-    feature = stated.get("info", {}).get("features", {}).get(label, {})
-    return {str(number): name for number, name in enumerate(feature.get("names", ()))}
+    try:
+        stated = json.loads((schema.metadata or {}).get(b"huggingface", b"{}"))
+        names = stated["info"]["features"][label]["names"]
+    except (ValueError, KeyError, TypeError):  # other makers have other metadata
+        return {}
+    return {str(number): name for number, name in enumerate(names or ())}
+
+
+@contextmanager
+def _named(path: Path) -> Iterator[None]:
+    """Errors of damaged files name them."""
+    try:
+        yield
+    except (pa.ArrowException, OSError) as error:
+        raise ValueError(
+            f"{path}: expected an intact parquet file, found: {error}"
+        ) from error
 
 
 class _Rows:
@@ -160,7 +161,8 @@ class _Rows:
             group = int(np.searchsorted(self._starts, i, side="right")) - 1
             if group != held:
                 held = group
-                cells = self._file.read_row_group(group, [self._column]).column(0)
+                with _named(self._path):
+                    cells = self._file.read_row_group(group, [self._column]).column(0)
             cell = cells[int(i - self._starts[group])].as_py()
             data = cell["bytes"] if isinstance(cell, dict) else cell
             if data is None:

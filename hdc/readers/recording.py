@@ -5,12 +5,14 @@ from __future__ import annotations
 import hashlib
 import importlib.util
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
+from itertools import islice
 from typing import Any, TypeVar
 
 import numpy as np
 
+from hdc.readers.about import About
 from hdc.readers.files import BadFrame, SettingError, require
 
 T = TypeVar("T")
@@ -78,20 +80,13 @@ def _is_crop(crop: tuple[int, ...]) -> bool:
     return min(crop) >= 0 and min(crop[2:]) >= 1
 
 
-@dataclass(frozen=True)
-class Recording:
+@dataclass(frozen=True, kw_only=True)
+class Recording(About):
     """N frames, decoded when asked for; indexed as an array [N, H, W] or [N, D].
 
     Attributes:
-        classes: names of the L classes; label c means ``classes[c]``.
-        labels: int64 [N]; None where there are only values.
         frame_shape: (H, W) of one frame in pixels, or (D,) of one vector.
         dtype: of the frames' pixels.
-        samples: what is known of the frames before they are decoded, [N] each: ``order``
-            (place in time), ``session`` and ``group`` where known, other columns of a table.
-        values: float64 [N, k], the numbers to learn; None where there are none.
-        value_names: their k names.
-        value_units: their k units; empty where none are known.
         other_files: names of files that are no frames of the recording.
         features: names of the D numbers of a vector, where a table gives them.
         notes: how it was read where a file could be read otherwise, a phrase each.
@@ -102,18 +97,12 @@ class Recording:
         image_shape: (H, W) of an image before that; empty of a video.
     """
 
-    classes: tuple[str, ...]
-    labels: np.ndarray | None
     frame_shape: tuple[int, ...]
     dtype: np.dtype[Any]
-    samples: Mapping[str, np.ndarray]
     each: Callable[[np.ndarray], Iterator[np.ndarray]]
     place: Callable[[int], str]
     digest: Callable[[], str]
     window: Window
-    values: np.ndarray | None = None
-    value_names: tuple[str, ...] = ()
-    value_units: tuple[str, ...] = ()
     other_files: tuple[str, ...] = ()
     features: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
@@ -208,6 +197,10 @@ class Recording:
             )
         return self.each(index.astype(np.int64))
 
+    def batches(self, indices: np.ndarray) -> Batches:
+        """Frames of the given indices for a model, which takes them batch by batch, once."""
+        return Batches(self, indices)
+
     def left_out(self, most: int = 3) -> str:
         """One line on the files that are no frames, with the first names; or nothing."""
         n = len(self.other_files)
@@ -234,6 +227,36 @@ class Recording:
             values = (self.value_names, self.values.tolist())
             digest.update(repr(values).encode())
         return digest.hexdigest()
+
+
+class Batches:
+    """Frames [N, H, W] of a recording, decoded as a model asks for one batch after the other.
+
+    A batch lies where the one before it lay: fresh memory for each took a quarter of the time.
+    They are read once, from the first to the last.
+    """
+
+    def __init__(self, recording: Recording, index: np.ndarray) -> None:
+        self._frames = with_progress(recording.stream(index), len(index), "Training")
+        self.shape = (len(index), *recording.frame_shape)
+        self._batch = np.empty(0)
+        self._given = 0
+
+    def __len__(self) -> int:
+        return self.shape[0]
+
+    def __getitem__(self, batch: slice) -> np.ndarray:
+        start, stop, step = batch.indices(len(self))
+        if (start, step) != (self._given, 1):
+            raise ValueError(
+                f"batch: expected one from frame {self._given}, each frame once, found {batch}"
+            )
+        self._given = stop
+        for k, frame in enumerate(islice(self._frames, stop - start)):
+            if not len(self._batch):
+                self._batch = np.empty((stop - start, *frame.shape), frame.dtype)
+            self._batch[k] = frame
+        return self._batch[: stop - start]
 
 
 def check_finite(place: str, frame: np.ndarray) -> np.ndarray:

@@ -5,17 +5,55 @@ An .npz and a .mat of version 5 are read as a whole, the others from disk as fra
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, field
+import math
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from hdc.readers.files import BadFrame
+
 NUMPY = (".npz", ".npy")
 HDF5 = (".h5", ".hdf5")
 TIFF = (".tif", ".tiff")
 SUFFIXES = (*NUMPY, ".mat", *HDF5, *TIFF)
+
+
+class Refused:
+    """An array that is there and not read; whoever asks for its content is told why."""
+
+    def __init__(self, shape: tuple[int, ...], dtype: Any, why: str) -> None:
+        self.shape, self.dtype, self.why = shape, np.dtype(dtype), why
+
+    def __getitem__(self, _: Any) -> np.ndarray:
+        raise BadFrame(self.why)
+
+
+class Watched:
+    """An array on disk that is read as it is asked for, as long as its file stays as it was.
+
+    A file that is rewritten meanwhile would end the process with a bus error.
+    """
+
+    def __init__(self, path: Path, array: Any) -> None:
+        self._path, self._array = path, array
+        self._state = self._look()
+        self.shape, self.dtype = array.shape, array.dtype
+
+    def _look(self) -> tuple[int, int]:
+        status = self._path.stat()
+        return status.st_size, status.st_mtime_ns
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        if self._look() != self._state:
+            raise BadFrame(
+                f"{self._path}: expected the file as it was opened, found it rewritten"
+            )
+        return np.array(self._array[key])
 
 
 @dataclass
@@ -48,12 +86,34 @@ class Store:
         )
 
 
+_LOADED: ContextVar[dict[Path, Store] | None] = ContextVar("loaded", default=None)
+
+
+@contextmanager
+def loaded_once() -> Iterator[None]:
+    """Within it a file is loaded once, however often its arrays are asked for."""
+    before = _LOADED.set({})
+    try:
+        yield
+    finally:
+        _LOADED.reset(before)
+
+
 def load(path: Path) -> Store:
     """The arrays of a file.
 
     Raises:
         ValueError: it is damaged, or of another kind.
     """
+    kept = _LOADED.get()
+    if kept is None:
+        return _load(path)
+    if path not in kept:
+        kept[path] = _load(path)
+    return replace(kept[path], arrays=dict(kept[path].arrays))
+
+
+def _load(path: Path) -> Store:
     suffix = path.suffix.lower()
     if suffix in TIFF:
         from hdc.readers import tiff
@@ -61,12 +121,13 @@ def load(path: Path) -> Store:
         stacks = tiff.stacks(path)
         axes = {name: stack.axes for name, stack in stacks.items()}
         notes = {name: stack.notes() for name, stack in stacks.items()}
-        return Store(dict(stacks), axes=axes, notes=notes)
+        watched = {name: Watched(path, stack) for name, stack in stacks.items()}
+        return Store(watched, axes=axes, notes=notes)
     try:
         if suffix in NUMPY:
             return _numpy(path)
         return _hdf5(path) if suffix in HDF5 else _matlab(path)
-    except ImportError:
+    except (ImportError, BadFrame):
         raise
     except Exception as error:  # damage makes these libraries raise many types
         # NumPy would have people unpickle what they trust.
@@ -78,15 +139,24 @@ def load(path: Path) -> Store:
 
 def _numpy(path: Path) -> Store:
     if path.suffix.lower() == ".npy":
-        return Store({"frames": np.load(path, mmap_mode="r", allow_pickle=False)})
-    arrays = {}
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+        return Store({"frames": Watched(path, array)})
+    store = Store({})
     with np.load(path, allow_pickle=False) as archive:
         for name in archive.files:
             try:
-                arrays[name] = archive[name]
+                found = archive[name]
             except ValueError as error:
-                raise ValueError(f"{error}: {_plain(path, name)}") from error
-    return Store(arrays)
+                if "Object arrays" not in str(error):
+                    raise
+                why = f"{path}: expected plain arrays, found: {_plain(path, name)}"
+                store.arrays[name] = Refused((), object, why)
+                continue
+            if isinstance(found, np.ndarray):
+                store.arrays[name] = found
+            else:
+                store.unread[name] = "no .npy"
+    return store
 
 
 def _plain(path: Path, name: str) -> str:
@@ -136,7 +206,7 @@ def _unpadded(array: np.ndarray) -> np.ndarray:
 
 
 class Reversed:
-    """A dataset of HDF5 with its axes in the order that MATLAB shows."""
+    """A dataset with its axes in the order that MATLAB shows."""
 
     def __init__(self, dataset: Any) -> None:
         self._dataset = dataset
@@ -159,7 +229,7 @@ def _hdf5(path: Path) -> Store:
             return
         if "MATLAB_class" in item.attrs:
             store.frames_last = True
-        array = _dataset(item)
+        array = _dataset(path, item)
         if array is None:
             store.unread[name] = "no numbers or text that are saved plainly"
         elif array.shape:
@@ -169,25 +239,86 @@ def _hdf5(path: Path) -> Store:
     return store
 
 
-def _dataset(item: Any) -> Any:
+class Dataset:
+    """A dataset of HDF5; its errors name the file."""
+
+    def __init__(self, path: Path, dataset: Any) -> None:
+        self._where, self._dataset = f"{path}[{dataset.name[1:]}]", dataset
+        self.shape, self.dtype = dataset.shape, dataset.dtype
+
+    def __getitem__(self, key: Any) -> np.ndarray:
+        try:
+            return np.asarray(self._dataset[key])
+        except (OSError, RuntimeError) as error:
+            wanted = "a dataset that can be read"
+            raise BadFrame(
+                f"{self._where}: expected {wanted}, found: {error}"
+            ) from error
+
+
+def _dataset(path: Path, item: Any) -> Any:
     """A dataset as an array; None where it is none of numbers or text."""
     import h5py
 
     kind = item.attrs.get("MATLAB_class", b"")
     if "MATLAB_object_decode" in item.attrs or "MATLAB_empty" in item.attrs:
         return None
-    if kind == b"cell":
-        cells = [item.file[reference] for reference in np.ravel(item[()])]
-        is_text = all(c.attrs.get("MATLAB_class") == b"char" for c in cells)
-        return np.array([_text(np.ravel(c[()])) for c in cells]) if is_text else None
-    if kind == b"char":
-        rows = [_text(row) for row in np.atleast_2d(item[()].T)]
-        return _unpadded(np.array(rows))
+    if why := _filled_in(path, item):
+        return Refused(item.shape, item.dtype, why)
+    if kind in (b"cell", b"char"):
+        return _matlab_text(item, kind)
+    if h5py.check_enum_dtype(item.dtype) and len(item.shape) == 1:
+        return _enumerated(item, h5py.check_enum_dtype(item.dtype))
     if h5py.check_string_dtype(item.dtype):
         return np.array(np.ravel(item.asstr()[()]).tolist())
     if item.dtype.kind not in "iufb":
         return None
-    return Reversed(item) if kind else item
+    array = Dataset(path, item)
+    return Reversed(array) if kind else array
+
+
+def _enumerated(item: Any, names: dict[str, int]) -> np.ndarray:
+    """The names [N] of an enumeration's numbers."""
+    by_number = {number: name for name, number in names.items()}
+    return np.array([by_number.get(n, str(n)) for n in item[()].tolist()])
+
+
+def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
+    """Rows of characters, or a cell array of them; None of other cells."""
+    if kind == b"char":
+        rows = [_text(row) for row in np.atleast_2d(item[()].T)]
+        return _unpadded(np.array(rows))
+    cells = [item.file[reference] for reference in np.ravel(item[()])]
+    if not all(cell.attrs.get("MATLAB_class") == b"char" for cell in cells):
+        return None
+    return np.array([_text(np.ravel(cell[()])) for cell in cells])
+
+
+def _filled_in(path: Path, item: Any) -> str:
+    """Why HDF5 would give numbers that nobody wrote; empty where it would not."""
+    where = f"{path}[{item.name[1:]}]"
+    names = [name for name, *_ in item.external or ()]
+    if item.is_virtual:
+        names += [source.file_name for source in item.virtual_sources()]
+    for name in names:
+        if name != "." and not (path.parent / name).is_file():
+            return f"{where}: expected its source {name}, found none"
+    if names:
+        return ""
+    wanted, found = _chunks(item)
+    if found < wanted:
+        return f"{where}: expected {wanted} chunks, found {found}: the others were not written"
+    return ""
+
+
+def _chunks(item: Any) -> tuple[int, int]:
+    """How many chunks a dataset has, and how many of them were written."""
+    if item.size == 0:
+        return 0, 0
+    if item.chunks is None:
+        return 1, int(item.id.get_storage_size() > 0)
+    sides = zip(item.shape, item.chunks, strict=True)
+    return math.prod(-(-n // side) for n, side in sides), item.id.get_num_chunks()
 
 
 def _text(codes: Iterable[int]) -> str:

@@ -6,61 +6,64 @@ are what is learnt, and all others are the numbers of the frame, in their order.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.columns import KNOWN, Columns, is_unnamed
+from hdc.readers.about import KNOWN, Asked, Columns, is_unnamed
 from hdc.readers.files import file_digest, parse_number
 from hdc.readers.recording import Recording, Window
 
 
-def open_table(
-    path: Path, window: Window, value_columns: Sequence[str], fewest_classes: int
-) -> Recording:
+def open_table(path: Path, window: Window, asked: Asked) -> Recording:
     """Open a CSV of vectors [N, D]; see the module's description.
 
     Raises:
         ValueError: the table is not as described; a cell that is no number is named.
     """
-    needed = value_columns if fewest_classes > 0 else ()
-    columns = Columns.read(path, needed)
-    _check_header(path, list(columns.texts))
-    chosen = [name for name in value_columns if name in columns.texts]
+    wanted = asked.named
+    columns = Columns.read(path, wanted if asked.fewest_classes > 0 else ())
+    _check_header(path, [*columns.columns])
+    chosen = [name for name in wanted if name in columns.columns]
     known = columns.only(("label", *KNOWN, *chosen))
-    if fewest_classes > 0 and not chosen and "label" not in known.texts:
+    if asked.fewest_classes > 0 and not chosen and "label" not in known.columns:
         raise ValueError(
             f"{path}: expected a column label, or a chosen column of values, found neither"
         )
-    about = known.about(path, fewest_classes, chosen)
-    numbers = [name for name in columns.texts if name not in ("label", *KNOWN, *chosen)]
-    if unnamed := [name for name in numbers if is_unnamed(name)]:
+    numbers = [name for name in columns.columns if name not in known.columns]
+    about = known.about(chosen, asked.fewest_classes)
+    frames = _frames(path, columns, numbers)
+
+    def each(index: np.ndarray) -> Iterator[np.ndarray]:
+        return (np.ascontiguousarray(window.of(frames[i])) for i in index)
+
+    return Recording(
+        **vars(about),
+        frame_shape=window.shape(frames.shape[1]),
+        dtype=frames.dtype,
+        each=each,
+        place=columns.place,
+        digest=cache(lambda: file_digest(path)),
+        window=window,
+        features=tuple(numbers[:: window.subsample]),
+    )
+
+
+def _frames(path: Path, columns: Columns, numbers: list[str]) -> np.ndarray:
+    """The vectors [N, D] of these columns."""
+    unnamed = [name for name in numbers if is_unnamed(name)]
+    if unnamed:
         raise ValueError(
             f"{path}: expected a name of each column, found {unnamed[0]!r} (pandas leaves its "
             "index out with to_csv(…, index=False))"
         )
     frames = columns.values(numbers)
     if frames is None:
-        raise ValueError(
-            f"{path}: expected columns of numbers, found {[*columns.texts]}"
-        )
-    about["samples"] = {"order": np.arange(len(frames)), **about["samples"]}
-
-    def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        return (np.ascontiguousarray(window.of(frames[i])) for i in index)
-
-    return Recording(
-        frame_shape=window.shape(frames.shape[1]),
-        dtype=frames.dtype,
-        each=each,
-        place=lambda i: columns.places[i],
-        digest=cache(lambda: file_digest(path)),
-        window=window,
-        features=tuple(numbers[:: window.subsample]),
-        **about,
-    )
+        found = [*columns.columns]
+        raise ValueError(f"{path}: expected columns of numbers, found {found}")
+    return frames
 
 
 def _check_header(path: Path, names: list[str]) -> None:

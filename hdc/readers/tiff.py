@@ -8,6 +8,8 @@ from __future__ import annotations
 
 import io
 import logging
+import shutil
+import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,7 +44,7 @@ class Stack:
         _check_meaning(place, series)
         _check_samples(place, self._page)
         _check_whole(place, series)
-        pixels = series.asarray(out="memmap" if on_disk else None)
+        pixels = _on_disk(place, series) if on_disk else series.asarray()
         channels = self._page.samplesperpixel
         axis = series.axes.find("S")
         if axis >= 0:
@@ -77,6 +79,20 @@ class Stack:
         if int(self._page.photometric) == _WHITE_IS_ZERO:
             return 2**bits - 1 - pixels
         return pixels
+
+
+def _on_disk(place: str, series: Any) -> Any:
+    """Pixels that are read as they are asked for, out of the file or of a temporary one."""
+    if series.dataoffset is not None:
+        return series.asarray(out="memmap")
+    folder = tempfile.gettempdir()
+    needed, free = series.nbytes, shutil.disk_usage(folder).free
+    if needed > free:
+        raise BadFrame(
+            f"{place}: expected {needed} bytes free in {folder}, where compressed pages are "
+            f"decoded, found {free} (TMPDIR names another folder)"
+        )
+    return series.asarray(out="memmap")
 
 
 def _check_meaning(place: str, series: Any) -> None:

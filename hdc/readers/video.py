@@ -9,17 +9,17 @@ from __future__ import annotations
 
 import hashlib
 from bisect import bisect_right
-from collections.abc import Sequence
+from dataclasses import replace
 from functools import cache
 from itertools import pairwise
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hdc.readers.columns import Columns, class_indices
+from hdc.readers.about import About, Asked, Columns
 from hdc.readers.files import (
-    columns_of,
+    columns_in,
     file_digest,
     parse_number,
     read_csv,
@@ -29,45 +29,41 @@ from hdc.readers.recording import Recording, Window
 
 
 def open_video(
-    path: Path,
-    table: Path,
-    window: Window,
-    value_columns: Sequence[str] | None,
-    fewest_classes: int,
-    memory_bytes: int,
+    path: Path, window: Window, asked: Asked, memory_bytes: int
 ) -> Recording:
     """Open a video and its table, which has a row per interval or a row per frame.
 
-    A row per interval has ``start_s``, ``end_s`` and ``label``, and may have ``session`` and
-    ``group``; one per frame has ``frame``, its number from 0, and labels or values. With
-    ``value_columns`` None all columns of numbers are values.
+    The table is beside it by default, its suffix replaced by .csv. A row per interval has
+    ``start_s``, ``end_s`` and ``label``, and may have ``session`` and ``group``; one per frame has
+    ``frame``, its number from 0, and labels or values.
 
     Raises:
         BadFrame: the video ends before its header says, or has lost frames.
         ValueError: the video or its table is not as described, or a crop does not fit.
     """
+    table = asked.table or path.with_suffix(".csv")
     if not table.is_file():
         wanted = "a table with start_s, end_s and label, or with a row per frame"
         raise ValueError(f"{table}: expected {wanted}, found none (--values names it)")
     film = Film(path, window)
-    columns = columns_of(table)
-    if "frame" in columns:
-        about = _of_frames(table, film, value_columns, fewest_classes, memory_bytes)
-    elif "start_s" in columns:
-        about = _of_intervals(table, film, fewest_classes, memory_bytes)
+    names = columns_in(table)
+    if "frame" in names:
+        about = _of_frames(table, film, asked, memory_bytes)
+    elif "start_s" in names:
+        about = _of_intervals(table, film, asked.fewest_classes, memory_bytes)
     else:
         raise ValueError(
             f"{table}: expected a column frame, or start_s, end_s and label, found "
-            f"{', '.join(columns)}"
+            f"{', '.join(names)}"
         )
-    numbers = about["samples"]["frame"]
-    about["samples"] = {"order": np.arange(len(numbers)), **about["samples"]}
+    numbers = about.samples["frame"]
 
     def digest() -> str:
         used = hashlib.sha256(numbers.astype("<i8").tobytes()).hexdigest()
         return repr((file_digest(path), used))
 
     return Recording(
+        **vars(about),
         frame_shape=film.shape,
         dtype=film.dtype,
         each=lambda index: film.each(numbers[index].tolist()),
@@ -75,13 +71,12 @@ def open_video(
         digest=cache(digest),
         window=window,
         notes=tuple(film.notes),
-        **about,
     )
 
 
 def _of_intervals(
     table: Path, film: Film, fewest_classes: int, memory_bytes: int
-) -> dict[str, Any]:
+) -> About:
     intervals = _intervals(table)
     starts = [interval.start - EARLY_S for interval in intervals]
 
@@ -92,35 +87,49 @@ def _of_intervals(
 
     end = intervals[-1].end
     found = film.read(lambda _, time: interval_of(time) >= 0, memory_bytes, end)
-    members = [interval_of(time) for time in found.values()]
-    empty = sorted(set(range(len(intervals))) - set(members))
-    if empty:
-        wanted = f"intervals of at least one frame of {film.path.name}"
-        raise ValueError(f"{table}: expected {wanted}, found {intervals[empty[0]]}")
-    labels = [intervals[m].row["label"] for m in members]
-    where = f"{film.path} with {table}"
-    classes, indices = class_indices(labels, where, fewest_classes)
+    members = np.array([interval_of(time) for time in found.values()], int)
+    _check_each(table, film, intervals, members)
+    rows = [interval.row for interval in intervals]
+    places = [interval.place for interval in intervals]
+    columns = Columns.of(f"{film.path} with {table}", places, rows)
+    whole = columns.only(("label", "session", "group")).about((), fewest_classes)
+    assert whole.labels is not None
+    labels = whole.labels[members]
     samples = {
+        **{name: column[members] for name, column in whole.samples.items()},
+        "order": np.arange(len(members)),
         "frame": np.array(list(found)),
         "time": np.array(list(found.values())),  # seconds
-        "interval": np.array(members),
+        "interval": members,
     }
-    places = [interval.place for interval in intervals]
-    columns = Columns.of(places, [interval.row for interval in intervals])
-    for name, numbers in columns.only(("session", "group")).samples().items():
-        samples[name] = numbers[members]
-    if "group" not in samples and len(np.unique(samples.get("session", 0))) < 2:
-        alone = _of_one_interval(indices, samples["interval"])
-        if not alone.all():
-            apart = len(intervals) + np.arange(len(indices))
-            samples["group"] = np.where(alone, apart, samples["interval"])
-            names = ", ".join(classes[c] for c in np.unique(indices[alone]))
-            note(
-                film.notes,
-                names != "",
-                f"{names}: one interval, whose frames are split",
-            )
-    return {"classes": classes, "labels": indices, "samples": samples}
+    about = About(samples, whole.classes, labels)
+    if "group" in samples or len(np.unique(samples.get("session", 0))) > 1:
+        return about
+    return _grouped(about, film)
+
+
+def _check_each(
+    table: Path, film: Film, intervals: list[_Interval], members: np.ndarray
+) -> None:
+    """Raise a ValueError for an interval without a frame."""
+    for number, interval in enumerate(intervals):
+        if number not in members:
+            wanted = f"intervals of at least one frame of {film.path.name}"
+            raise ValueError(f"{table}: expected {wanted}, found {interval}")
+
+
+def _grouped(about: About, film: Film) -> About:
+    """The same with an interval as a group; frames of a class of one interval are split."""
+    assert about.labels is not None
+    members = about.samples["interval"]
+    alone = _of_one_interval(about.labels, members)
+    if alone.all():
+        return about
+    apart = members.max() + 1 + np.arange(len(members))
+    names = ", ".join(about.classes[c] for c in np.unique(about.labels[alone]))
+    note(film.notes, names != "", f"{names}: one interval, whose frames are split")
+    samples = {**about.samples, "group": np.where(alone, apart, members)}
+    return replace(about, samples=samples)
 
 
 def _of_one_interval(labels: np.ndarray, intervals: np.ndarray) -> np.ndarray:
@@ -129,31 +138,27 @@ def _of_one_interval(labels: np.ndarray, intervals: np.ndarray) -> np.ndarray:
     return np.bincount(pairs[0])[labels] == 1
 
 
-def _of_frames(
-    table: Path,
-    film: Film,
-    value_columns: Sequence[str] | None,
-    fewest_classes: int,
-    memory_bytes: int,
-) -> dict[str, Any]:
-    columns = Columns.read(table, ("frame", *(value_columns or ())))
-    rows: dict[int, str] = {}
-    for place, text in zip(columns.places, columns.texts.pop("frame"), strict=True):
+def _of_frames(table: Path, film: Film, asked: Asked, memory_bytes: int) -> About:
+    columns = Columns.read(table, ("frame", *asked.named))
+    rows: dict[int, None] = {}
+    for i, text in enumerate(map(str, columns.columns.pop("frame").tolist())):
         if not text.isdecimal() or int(text) in rows:
             wanted = "a number of a frame from 0, each once"
-            raise ValueError(f"{place}: expected {wanted}, found {text!r}")
-        rows[int(text)] = place
-    about = columns.about(table, fewest_classes, value_columns)
+            raise ValueError(f"{columns.place(i)}: expected {wanted}, found {text!r}")
+        rows[int(text)] = None
+    about = columns.about(asked.values, asked.fewest_classes)
     times = film.read(lambda number, _: number in rows, memory_bytes)
     if missing := sorted(set(rows) - set(times)):
         wanted = f"numbers of the {film.count} frames of {film.path.name}, from 0"
         raise ValueError(f"{table}: expected {wanted}, found {missing[0]}")
-    about["samples"] |= {
-        "frame": np.array(list(rows)),
+    samples = dict(about.samples)
+    if "order" not in columns.columns:
+        samples["order"] = np.array([*rows])
+    samples |= {
+        "frame": np.array([*rows]),
         "time": np.array([times[number] for number in rows]),
     }
-    about["samples"] = {"order": about["samples"]["frame"], **about["samples"]}
-    return about
+    return replace(about, samples=samples)
 
 
 class _Interval(NamedTuple):

@@ -7,12 +7,12 @@ import torch
 from baselines.bank import Bank
 from baselines.chosen import BitsChosen, GreysChosen, SoftmaxChosen, simplest
 from baselines.discriminant import GreysKernel, GreysLDA
+from baselines.folds import folds
 from baselines.smoothing import smoothed
 from baselines.softmax_dual import DualSoftmaxRegression
 from hdc import HDCClassifier
 from hdc.encoders import Deviation, Smoothed
 from hdc.encoders.smoothed import gaussian
-from hdc.selection import Frames, folds
 
 FAMILIES = {"bits": BitsChosen, "greys": GreysChosen}
 
@@ -84,7 +84,7 @@ def test_the_choice_is_that_of_the_folds_and_the_model_that_of_the_form(name):
     train, test = np.arange(40), np.arange(40, 60)
     chosen = family(name, smooth=(0, 2), folds=4)
     form, _ = chosen.choose(bank, train)
-    made, _ = folds(Frames(bank, (), (), None, None), train, 4)
+    made, _ = folds(bank.labels, train, 4)
     assert len(made) == 4
     losses = {}
     for readout in ("lda", "kernel"):
@@ -206,7 +206,7 @@ def test_softmax_has_the_penalty_and_the_scaling_of_least_error_in_the_folds():
         *("standardised, C = 1", "standardised, C = 1e-05", "standardised, C = 100"),
         "unit, C = 1",
     ]
-    made, _ = folds(Frames(bank, (), (), None, None), np.arange(40), 5)
+    made, _ = folds(bank.labels, np.arange(40), 5)
     errors = {}
     for name, (pixels, c) in model.forms().items():
         errors[name] = 0

@@ -26,7 +26,6 @@ from hdc import HDCClassifier, bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
 from hdc.readers import open_recording
-from hdc.readers.batches import Batches
 from tests.benchmark import names
 from tests.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
 
@@ -181,7 +180,7 @@ def trained_on(path: Path, backend: str) -> Callable[[], HDCClassifier]:
 
     def train() -> HDCClassifier:
         recording = open_recording(path, check=False)
-        frames = Batches(recording, np.arange(len(recording)))
+        frames = recording.batches(np.arange(len(recording)))
         return HDCClassifier(backend=backend).fit(frames, recording.names)
 
     return train

@@ -469,8 +469,8 @@ def test_programs_of_the_page_compile(tmp_path):
         check=True,
     )
     known = model.is_known(frames[:3], 0.1)
-    found = np.where(known, model.predict(frames[:3]).astype(str), "none")
-    assert done.stdout.decode().split() == found.tolist()
+    found = np.where(known, model.predict(frames[:3]).astype(str), "")
+    assert done.stdout.decode().splitlines() == found.tolist()
     used = set(re.findall(r"\b(?:touch|TOUCH)_\w+", programs[1]))
     written = (tmp_path / "touch.h").read_text()
     assert used

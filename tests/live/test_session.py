@@ -7,17 +7,18 @@ import numpy as np
 import pytest
 
 from hdc import HDCClassifier
-from hdc.live import Recorded, Touch
+from hdc.live import Recorded
 from hdc.live.session import READOUTS, Session
 from hdc.live.worker import Worker
 from hdc.readers import Window
 from scenes.live import SIXTEEN_DAYS, SimulatedSensor
+from scenes.pressed import PressedSession, Touch
 
 PLACES = {"left": 0.028, "middle": 0.040, "right": 0.052}
 
 
 def touch(session, name, n):
-    return session.source.samples(n, (Touch(PLACES[name], 0.0, 1.8e-3),))
+    return session.source.touched(n, (Touch(PLACES[name], 0.0, 1.8e-3),))
 
 
 def teach(session, name, n=20):
@@ -33,7 +34,7 @@ def accuracy(session):
 
 @pytest.fixture
 def empty():
-    return Session(SimulatedSensor(side=100))
+    return PressedSession(SimulatedSensor(side=100))
 
 
 @pytest.fixture
@@ -48,7 +49,7 @@ def test_it_is_taught_drifts_and_is_recalibrated(taught):
     assert before > 0.75  # chance is a third
     taught.drift(SIXTEEN_DAYS)
     assert accuracy(taught) < before - 0.2
-    taught.recalibrate(None, 20, 0.75)
+    taught.recalibrate_all(20, 0.75)
     assert accuracy(taught) > 0.75
     assert taught.counts == dict.fromkeys(PLACES, 40)
 
@@ -72,8 +73,8 @@ def test_samples_that_are_added_later_move_the_place_that_is_returned_to(taught)
     assert taught.places["left"] == elsewhere != first
     assert taught.places["right"] == (Touch(PLACES["right"], 0.0, 1.8e-3),)
     asked = []
-    taught.source.samples = lambda n, touches: asked.append(touches) or []
-    taught.recalibrate(None, 1, 0.5)
+    taught.source.touched = lambda n, touches: asked.append(touches) or []
+    taught.recalibrate_all(1, 0.5)
     assert asked == [taught.places[name] for name in taught.counts]
 
 
@@ -87,14 +88,14 @@ def test_tests_touch_every_class_in_turn_and_start_anew_after_drift(taught):
 
 
 def test_forgetting_a_class_equals_never_teaching_it(taught):
-    other = Session(SimulatedSensor(side=100))
+    other = PressedSession(SimulatedSensor(side=100))
     teach(other, "left")
     touch(other, "middle", 21)  # a press and 20 samples, as of the other sensor
     teach(other, "right")
     taught.forget("middle")
     assert (taught.model.prototypes_ == other.model.prototypes_).all()
     assert list(taught.counts) == list(taught.places) == ["left", "right"]
-    taught.recalibrate(None, 5, 0.5)
+    taught.recalibrate_all(5, 0.5)
     taught.forget("left")  # one class is left, which cannot be recalibrated
     assert taught.counts == {"right": 25}
     taught.forget(None)
@@ -172,7 +173,7 @@ def recorded(tmp_path, frames_and_labels):
     return Recorded(tmp_path / "r.npz", Window())
 
 
-def test_a_recording_is_played_over_and_over_and_learnt(recorded):
+def test_a_recording_is_played_over_and_over_and_learnt(recorded, tmp_path):
     session = Session(recorded)
     seen = [session.look()[0] for _ in range(41)]
     assert (seen[40] == seen[0]).all()
@@ -187,5 +188,8 @@ def test_a_recording_is_played_over_and_over_and_learnt(recorded):
     session.learn("2 mm", 4)  # each is predicted before it is learnt
     assert session.counts == {"1 mm": 6, "2 mm": 10}
     assert len(session.tests) == 4
+    (tmp_path / "m").write_bytes(session.saved())
+    kept = HDCClassifier.load(tmp_path / "m").metadata_
+    assert (kept["crop"], kept["subsample"]) == (None, 1)
     session.learn("2 mm", 100)
     assert session.counts["2 mm"] == 30  # a class has no more than its 20 frames

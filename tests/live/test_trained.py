@@ -22,6 +22,8 @@ from hdc.live import page as pages
 from hdc.live.session import Answer, Session
 from hdc.live.worker import Worker
 from hdc.readers import Window
+from scenes.live import SimulatedSensor
+from scenes.pressed import PressedPage, PressedSession
 
 N = 12
 
@@ -68,6 +70,9 @@ def test_a_trained_model_answers_and_is_not_taught(film, frames, classifier):
         assert answer.label in (label, None)
         assert min(answer.distances, key=answer.distances.get) == label
         assert 0 < seconds < 10
+    session.model.predict_set = lambda frames, alpha: [np.array([])]
+    answer = session.ask(session.source.frame())
+    assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
     frame = session.source.frame()
     distances = classifier.distances(frame[None])[0] / frame.size
     margin = np.diff(sorted(distances)).item()
@@ -96,13 +101,13 @@ def test_values_of_a_trained_regressor_are_shown(film, regressor):
     assert Answer("a", ("a",), {"a": 0.25}).margin is None
 
 
-def shown(source, trained, words):
+def shown(session, words, page=pages.Page):
     """Open the page without a browser, until it shows the words."""
 
     async def look():
-        worker = Worker(Session(source, trained))
+        worker = Worker(session)
         worker.start()
-        async with user_simulation(lambda: pages.Page(worker)) as user:
+        async with user_simulation(lambda: page(worker)) as user:
             await user.open("/")
             for word in words:
                 worker.picture()  # as the browser asks for it
@@ -117,17 +122,23 @@ def shown(source, trained, words):
 
 def test_the_page_shows_a_trained_classifier(film, classifier):
     words = ["What it was trained on", "12 samples", "distance 0.", "margin 0.", " ms"]
-    shown(Film(film, Window()), classifier, words)
+    shown(Session(Film(film, Window()), classifier), words)
 
 
 def test_the_page_shows_a_trained_regressor(film, regressor):
-    shown(Film(film, Window()), regressor, ["Numbers; each is shown", "[", " ms"])
+    session = Session(Film(film, Window()), regressor)
+    shown(session, ["Numbers; each is shown", "[", " ms"])
+
+
+def test_the_page_of_the_simulated_sensor_is_pressed_and_drifts():
+    words = ["The silicone from above", "Let 16 days pass", "new touches", "Press some"]
+    shown(PressedSession(SimulatedSensor(side=60)), words, PressedPage)
 
 
 def test_the_page_teaches_a_recording(tmp_path, frames):
     np.savez(tmp_path / "r.npz", frames=frames, labels=np.repeat(["a", "b"], N))
     source = Recorded(tmp_path / "r.npz", Window())
-    shown(source, None, ["nothing yet: teach it two classes", "recorded as “a”"])
+    shown(Session(source), ["nothing yet: teach it two classes", "recorded as “a”"])
 
 
 @pytest.mark.parametrize(
@@ -178,7 +189,9 @@ def test_the_advice_for_an_ambiguous_folder_works(frames, tmp_path, monkeypatch,
         main(["live", "--folder", str(tmp_path)])
     *_, advice = capfd.readouterr().err.split("; or ")
     served = []
-    monkeypatch.setattr(pages, "serve", lambda source, *_: served.append(source))
+    monkeypatch.setattr(
+        pages, "serve", lambda session, *_: served.append(session.source)
+    )
     with pytest.raises(SystemExit):
         main(["live", "--folder", str(tmp_path), *shlex.split(advice)])
     assert capfd.readouterr().err == ""

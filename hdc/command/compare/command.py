@@ -3,13 +3,30 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
+import numpy as np
 
-from hdc.command import messages, options, work
-from hdc.command.source import Source, pixels, recording
-from hdc.readers import Window
+from hdc.command import messages, options
+from hdc.command.messages import with_units
+from hdc.command.source import Source, check_circular, pixels, recording
+from hdc.readers import Recording, Window
+
+if TYPE_CHECKING:
+    from hdc.command.compare.candidates import Candidate
+    from hdc.command.compare.judge import Data, Row
+
+FOLDS = "folds"
+"""Name of the test that chooses."""
+CLEAR = 0.05
+"""A gain is clear below this probability that it is chance."""
+FALL = 0.1
+"""Fall of the accuracy on another recording that is told to be of the sensor."""
+_NAME = 26
+"""Characters of the column of names."""
 
 
 @click.command(short_help="Choose a model for your images.")
@@ -35,103 +52,233 @@ from hdc.readers import Window
     metavar="NAME",
     help="Choose among this read-out, or a module.Class; may be repeated. [default: a short list]",
 )
-@click.option(
-    "--all",
-    "every",
-    is_flag=True,
-    help="After the short list, try every encoder with every read-out of the library.",
-)
-@click.option(
-    "--budget",
-    type=click.FloatRange(0, min_open=True),
-    metavar="MINUTES",
-    help="Stop after about this time with what is done; promising forms are tried first. "
-    "[default: as long as it takes]",
-)
 @options.circular
 @pixels
-@click.option(
-    "--test-fraction",
-    type=options.SHARE,
-    default=0.2,
-    help="Share of frames to hold out.",
-)
-@click.option(
-    "--draws",
-    type=click.IntRange(1, 100),
-    default=3,
-    metavar="N",
-    help="Random choices of frames at each point of the learning curve.",
-)
-@click.option(
-    "-o",
-    "--output",
-    "figure",
-    type=options.FILE,
-    metavar="FILE",
-    help="Draw the learning curve: .svg, .pdf or .png.",
-)
 @options.json
+@options.left(
+    "--budget", "rows come cheapest first, and Ctrl-C keeps those that are done"
+)
+@options.left("--all", "--encoder and --readout name other forms")
+@options.left("--draws", "there is no learning curve")
+@options.left("--output", "there is no figure", "-o")
+@options.left("--test-fraction", "each frame is tested once, or --test names others")
 def compare(
     source: Source,
     window: Window,
     other: Path | None,
     encoders: tuple[str, ...],
     readouts: tuple[str, ...],
-    every: bool,
-    budget: float | None,
     period: float | None,
-    test_fraction: float,
-    draws: int,
-    figure: Path | None,
     as_json: bool,
 ) -> None:
     """Find the encoder and read-out for a RECORDING, and compare with models of grey values.
 
-    Cross-validation of the training frames chooses encoder, read-out and the settings of the
-    baselines, by group or session if there are several. The choice is tested on frames held out at
-    random, and on later ones: the other recording, else the last sessions, else whole groups, else
-    the last frames of each class. Each model has its training time, time per frame and size. The
-    last lines have the line to type, its gain, the best baseline, and the cost of one grey level of
-    rounding. Frames are held in memory.
+    Cross-validation chooses: whole sessions are left out where there are several, else whole
+    groups, else frames at random. A row is printed when it is done, the cheapest first; Ctrl-C
+    keeps those that are there. The last lines have the line to type, and whether its gain over the
+    published form is clear, by sign flips of whole sessions or groups. Frames are held in memory.
     """
-    if every and (encoders or readouts):
-        raise click.UsageError("expected --all, or --encoder and --readout")
-    from hdc.command.compare import budget as time
-    from hdc.command.compare import curve, judge, show
+    from hdc.command.compare import candidates, judge
 
-    if figure is not None:
-        curve.check_figure(figure)
     frames = source.open(window)
-    work.check_circular(frames, period)
-    if period is None and not as_json:
-        for line in messages.circular_lines(frames):
-            click.echo(line)
-    tests = None if other is None else source.like(other).open(window)
-    result = judge.compare(
-        frames,
-        tests,
-        test_fraction,
-        draws,
-        encoders,
-        readouts,
-        every,
-        time.Budget(budget),
-        period,
-        (lambda _: None) if as_json else click.echo,
-    )
-    result["recording"] = str(source.path)
-    result["command"] = source.training_line(window, *_parts(result["chosen"], period))
-    if figure is not None:
-        curve.draw(result, figure)
-    if as_json:
-        click.echo(json.dumps(result, ensure_ascii=False))
-    else:
-        click.echo("\n" + show.text(result))
+    check_circular(frames, period)
+    learns_values = frames.values is not None
+    listed = candidates.cheapest_first(encoders, readouts, learns_values, period)
+    tests = {FOLDS: judge.Data.within(frames, period=period)}
+    if other is not None:
+        later = source.like(other).open(window)
+        _check_alike(frames, later)
+        tests[str(other)] = tests[FOLDS].on(later)
+    say = _nothing if as_json else click.echo
+    for line in _about(frames, tests, period):
+        say(line)
+    tried, left_out = _tried(listed, frames, tests, say)
+    if listed[0] not in tried:
+        why = left_out.get(listed[0].name, "it was interrupted")
+        raise ValueError(f"{source.path}: expected {listed[0].name} to learn, {why}")
+    chosen = judge.best({form: rows[0] for form, rows in tried.items()})
+    result = {
+        "recording": str(source.path),
+        **_content(frames),
+        "tests": {name: len(test.units.of) for name, test in tests.items()},
+        "models": {c.name: _numbers(c, rows, frames) for c, rows in tried.items()},
+        "left_out": left_out,
+        **_gain(chosen, listed[0], tried, [*tests.values()][-1].units.of),
+        "command": source.training_line(window, *_words(chosen, period)),
+    }
+    click.echo(json.dumps(result) if as_json else "\n".join(_sentences(result)))
 
 
-def _parts(chosen: str, period: float | None) -> list[str]:
-    """Options of the parts that were chosen."""
-    encoder, readout = chosen.split(", ")
+def _tried(
+    listed: Sequence[Candidate],
+    frames: Recording,
+    tests: Mapping[str, Data],
+    say: Callable[[str], None],
+) -> tuple[dict[Candidate, list[Row]], dict[str, str]]:
+    """The rows of the candidates, each said when it is done, and why some are left out.
+
+    Ctrl-C ends it with the rows that are there.
+    """
+    from hdc.command.compare import judge
+
+    heads = _heads(frames, tests)
+    say("  ".join(heads))
+    tried: dict[Candidate, list[Row]] = {}
+    left_out: dict[str, str] = {}
+    try:
+        for candidate, found in judge.compared(listed, [*tests.values()], left_out):
+            tried[candidate] = found
+            say(_line(candidate.name, _numbers(candidate, found, frames), heads))
+    except KeyboardInterrupt:
+        say("interrupted: the rows above are whole")
+    return tried, left_out
+
+
+def _content(frames: Recording) -> dict[str, Any]:
+    """What a recording holds, as JSON."""
+    found = {
+        "frames": len(frames),
+        "shape": list(frames.frame_shape),
+        "notes": list(frames.notes),
+    }
+    if frames.values is None:
+        return {**found, "classes": list(frames.classes)}
+    return {**found, "values": list(frames.value_names)}
+
+
+def _words(form: Candidate, period: float | None) -> list[str]:
+    """The options of a form on the command line."""
+    encoder, readout = form.parts or ("", "")
     around = [] if period is None else ["--circular", f"{period:.12g}"]
     return [*around, "--encoder", encoder, "--readout", readout]
+
+
+def _nothing(_: str) -> None:
+    """Say nothing: JSON alone is printed."""
+
+
+def _check_alike(recording: Recording, other: Recording) -> None:
+    """Raise a ValueError for frames, values or classes that the first recording has not."""
+    first = (recording.frame_shape, recording.dtype)
+    second = (other.frame_shape, other.dtype)
+    if first != second:
+        raise ValueError(
+            f"--test: expected frames {first[0]} {first[1]} as in the first recording, found "
+            f"{second[0]} {second[1]}"
+        )
+    if recording.value_names != other.value_names:
+        expected = ", ".join(recording.value_names) or "none"
+        found = ", ".join(other.value_names) or "none"
+        raise ValueError(f"--test: expected values {expected}, found {found}")
+    known = set(recording.classes)
+    if unknown := sorted(set(other.classes) - known):
+        listed = ", ".join(recording.classes)
+        raise ValueError(f"--test: expected classes among {listed}, found {unknown[0]}")
+
+
+# Numbers -----------------------------------------------------------------------------------------
+
+
+def _numbers(
+    candidate: Candidate, rows: Sequence[Row], frames: Recording
+) -> dict[str, Any]:
+    """The accuracy of each test, or the mean absolute error of each value; times; whether it
+    exports."""
+    found: dict[str, Any] = {
+        "train_s": rows[-1].train_s,
+        "predict_ms": rows[-1].frame_ms,
+    }
+    found["exports"] = candidate.exports
+    if frames.values is None:
+        found["accuracy"] = [1 - float(row.losses.mean()) for row in rows]
+        return found
+    errors = np.stack([row.errors.mean(axis=0) for row in rows], axis=1)
+    found["errors"] = dict(zip(frames.value_names, errors.tolist(), strict=True))
+    return found
+
+
+def _gain(
+    chosen: Candidate,
+    published: Candidate,
+    tried: Mapping[Candidate, Sequence[Row]],
+    units: np.ndarray,
+) -> dict[str, Any]:
+    """Names of the chosen and the published form, and what the one wins in the last test."""
+    from hdc.command.compare import judge
+
+    found = {"published": published.name, "chosen": chosen.name}
+    if chosen == published:
+        return found
+    losses = {form.name: rows[-1].losses for form, rows in tried.items() if form.parts}
+    if len(tried[chosen]) > 1:  # no choice has seen the other recording
+        losses = {name: losses[name] for name in found.values()}
+    gain = losses[published.name].mean() - losses[chosen.name].mean()
+    p = judge.p_value(chosen.name, published.name, losses, units)
+    return {**found, "gain": float(gain), "p_value": p}
+
+
+# Words -------------------------------------------------------------------------------------------
+
+
+def _about(
+    frames: Recording, tests: Mapping[str, Data], period: float | None
+) -> list[str]:
+    """What is compared, and how it is tested."""
+    lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
+    lines += messages.reading_line(frames)
+    lines += messages.circular_lines(frames, period)
+    folds = tests[FOLDS]
+    why = f", for {folds.units.why}" if folds.units.kind == "frame" else ""
+    lines.append(f"chosen by {folds.how}{why}")
+    for name, data in [*tests.items()][1:]:
+        lines.append(f"tested on {messages.printable(name)}: {len(data.tested)} frames")
+    return lines
+
+
+def _heads(frames: Recording, tests: Iterable[str]) -> list[str]:
+    """Names of the columns, that of the models as wide as the longest."""
+    heads = [f"{'model':<{_NAME}}"]
+    names = with_units(frames.value_names, frames.value_units) or ["accuracy"]
+    for name in names:
+        own = messages.printable(name)
+        heads += [f"{own} in folds" if t == FOLDS else f"on {t}" for t in tests]
+    return [*heads, "s to learn", "ms a frame", "exports"]
+
+
+def _line(name: str, numbers: Mapping[str, Any], heads: Sequence[str]) -> str:
+    """A row, its cells as wide as the heads."""
+    cells = [f"{share:.1%}" for share in numbers.get("accuracy", ())]
+    for errors in numbers.get("errors", {}).values():
+        cells += [f"{error:.4g}" for error in errors]
+    cells += [f"{numbers['train_s']:.3g}", f"{numbers['predict_ms']:.2g}"]
+    cells.append("yes" if numbers["exports"] else "no")
+    pairs = zip(cells, heads[1:], strict=True)
+    named = f"{messages.printable(name):<{_NAME}}"
+    return "  ".join([named, *(f"{cell:>{len(head)}}" for cell, head in pairs)])
+
+
+def _sentences(result: Mapping[str, Any]) -> list[str]:
+    """What was left out, the line to type, and what the choice wins."""
+    lines = [f"left out: {name}: {why}" for name, why in result["left_out"].items()]
+    lines.append(f"Use: {result['command']}")
+    chosen, published = result["chosen"], result["published"]
+    if chosen == published:
+        lines.append(f"No other form was better than {published} in the folds.")
+    else:
+        lines.append(f"{chosen} over {published}: {_won(result)}.")
+    first, *others = result["models"][chosen].get("accuracy", (0,))
+    if others and first - others[-1] > FALL:
+        lines.append(
+            "The sensor differs between the recordings: record five frames of each class wherever "
+            "you use it, and hdc recalibrate the model."
+        )
+    return lines
+
+
+def _won(result: Mapping[str, Any]) -> str:
+    """What the chosen form wins, and whether that is clear."""
+    won = f"{100 * result['gain']:+.1f} points of accuracy"
+    if "values" in result:
+        won = f"{result['gain']:.3g} of a guess's error less"
+    word = "a clear gain" if result["p_value"] < CLEAR else "no clear gain"
+    return f"{won}, {word} (p = {result['p_value']:.2g})"

@@ -1,301 +1,185 @@
-"""Every model on frames that no choice has seen."""
+"""Cross-validation of a model, and the test of what one of them wins."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+import time
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 
-from hdc.accuracy import wilson
-from hdc.backends import choose_backend
-from hdc.command.compare import show
-from hdc.command.compare.advice import paired_accuracies, paired_errors
-from hdc.command.compare.budget import CHOOSING, Budget, estimate, in_words
-from hdc.command.compare.choose import progress
-from hdc.command.compare.cost import Costs, front
-from hdc.command.compare.curve import STEPS, learning_curve
-from hdc.command.compare.dither import dithered
-from hdc.command.compare.frames import PIXELS, Parts, part, read_frames
-from hdc.command.compare.rivals import Rival, rivals
-from hdc.encoders import make_encoder
+from hdc import circular
+from hdc.command import splits
+from hdc.command.compare.candidates import Candidate
+from hdc.command.splits import Units
 from hdc.readers import Recording
-from hdc.selection import (
-    FORMS,
-    VALUE_FORMS,
-    Combination,
-    Frames,
-    Method,
-    Scores,
-    combinations,
-    folds,
-    race,
-)
 
-
-def compare(
-    recording: Recording,
-    other: Recording | None,
-    fraction: float,
-    draws: int,
-    encoders: Sequence[str] = (),
-    readouts: Sequence[str] = (),
-    every: bool = False,
-    budget: Budget | None = None,
-    period: float | None = None,
-    say: Callable[[str], None] = lambda _: None,
-) -> dict[str, Any]:
-    """Choose encoder and read-out on training frames, and judge the choice on others.
-
-    Args:
-        recording: of classes or of values.
-        other: frames of another day to test on.
-        fraction: share of frames held out.
-        draws: random choices of frames at each point of the learning curve.
-        encoders, readouts: names to choose among; by default a short list.
-        every: whether to try all of the library after the short list.
-        budget: the time that may be taken; by default as long as it takes.
-        period: of values that go round.
-        say: is given lines while the comparison goes on.
-
-    Returns:
-        The result that ``--json`` writes.
-    """
-    budget = budget or Budget(None)
-    frames = replace(read_frames(recording, other), period=period)
-    parts = part(recording, other, fraction)
-    learns_values = frames.values is not None
-    ours: list[Method] = list(combinations(encoders, readouts, learns_values, every))
-    theirs = rivals(learns_values)
-    made, how = folds(frames, parts.chosen_on)
-    n_pixels = len(made) * len(ours) * len(frames.bank) * frames.bank.dimension
-    frames = replace(frames, backend=choose_backend("auto", "cpu", n_pixels))
-    tests = list(parts.tests())
-    result: dict[str, Any] = {
-        "frames": len(recording),
-        "shape": list(recording.frame_shape),
-        "notes": list(recording.notes),
-        "chosen_by": _how_chosen(len(made), how, len(parts.chosen_on)),
-        "tests": [_head(frames, *test) for test in tests],
-    }
-    if learns_values:
-        units = frames.units or [""] * len(frames.names)
-        result["values"] = list(frames.names)
-        result["units"] = dict(zip(frames.names, units, strict=True))
-    else:
-        result["classes"] = list(frames.names)
-    say(show.head(result))
-    result["estimate_s"] = _estimate(frames, parts, ours, theirs, len(made), draws)
-    say(f"This takes about {in_words(result['estimate_s'])}, by a trial of few frames.")
-    scores = Scores()
-    tried: list[Method] = [*ours, *theirs]
-    for method in race(tried, frames, made, scores, lambda: budget.is_spent(CHOOSING)):
-        say(show.row(method.name, scores, learns_values))
-    judged = Judged.of(ours[0], theirs, scores)
-    result |= {
-        "published": judged.published.name,
-        "chosen": judged.chosen.name,
-        "rival": "" if judged.rival is None else judged.rival.name,
-        "cross_validation": _shown(scores, frames),
-        "given_up": scores.given_up,
-        "left_out": scores.reasons,
-        "not_tried": scores.not_tried,
-    }
-    for head, test in zip(result["tests"], tests, strict=True):
-        head |= _tested(frames, judged, budget, *test)
-    _, train, later = tests[-1]
-    _add_costs(result, frames, judged, train, later)
-    result["dither"] = dithered(frames, judged.chosen, train, later)
-    followed = judged.followed()
-    result["curve"] = learning_curve(frames, train, later, followed, draws, budget)
-    return result
+FLIPS = 9_999
+"""Random signs of the units, for the test of a gain."""
 
 
 @dataclass(frozen=True)
-class Judged:
-    """The models that are tested.
+class Data:
+    """Frames in memory, what is learnt of them, and how they are tested.
 
     Attributes:
-        published: the published form.
-        chosen: the combination with the least loss in cross-validation.
-        forms: all combinations that were tried to the end.
-        rivals: each rival with the best of its settings.
-        rival: the one with the least loss; None where nothing was chosen by.
+        frames: [N, H, W] or [N, D].
+        truth: names of the classes [N], or values [N, T].
+        splits: of the frames; each test frame is tested once.
+        units: sessions, groups or frames, of the test frames [Q] in the order of the splits.
+        period: of values that go round.
     """
 
-    published: Method
-    chosen: Method
-    forms: list[Method]
-    rivals: list[Rival]
-    rival: Method | None
+    frames: np.ndarray
+    truth: np.ndarray
+    splits: Sequence[splits.Split]
+    units: Units
+    period: float | None = None
 
     @classmethod
-    def of(cls, published: Method, others: Sequence[Rival], scores: Scores) -> Judged:
-        groups: dict[tuple[str, str], list[Rival]] = {}
-        for rival in others:
-            if rival.name in scores.not_tried:
-                continue
-            groups.setdefault((rival.model, rival.pixels), []).append(rival)
-        best = [
-            min(group, key=lambda rival: _rank(rival, scores))
-            for group in groups.values()
-        ]
-        chosen = scores.best(Combination) or published
-        forms = scores.finished(Combination)
-        return cls(published, chosen, forms, best, scores.best(Rival))
+    def within(
+        cls,
+        recording: Recording,
+        rows: np.ndarray | None = None,
+        period: float | None = None,
+    ) -> Data:
+        """The folds of a recording, or of some of its frames."""
+        rows = np.arange(len(recording)) if rows is None else rows
+        made, unit = splits.folds(recording, rows)
+        order = np.concatenate([test for _, test in made])
+        tested = replace(unit, of=unit.of[order])
+        frames, truth = recording.frames(rows), truth_of(recording)[rows]
+        return cls(frames, truth, made, tested, period)
 
-    def all(self) -> list[Method]:
-        """All of them, each once."""
-        ours = [self.published, self.chosen, *self.forms]
-        return list(dict.fromkeys([*ours, *self.rivals]))
+    def on(self, other: Recording) -> Data:
+        """The same frames to learn, and those of another recording to test."""
+        n, q = len(self.frames), len(other)
+        split = np.arange(n), np.arange(n, n + q)
+        frames = np.concatenate([self.frames, other[:]])
+        truth = np.concatenate([self.truth, truth_of(other)])
+        unit = splits.units(other, np.arange(q))
+        return Data(frames, truth, [split], unit, self.period)
 
-    def tested(self, budget: Budget, what: str) -> Iterator[Method]:
-        """All of them; when the budget ends, no more than those whose learning is followed."""
-        always = self.followed()
-        with progress(what, len(self.all())) as step:
-            for method in self.all():
-                step()
-                if method in always or not budget.is_spent():
-                    yield method
+    @property
+    def how(self) -> str:
+        """How the frames are tested, in words."""
+        kind = self.units.kind
+        return f"{len(self.splits)} folds {'at random' if kind == 'frame' else f'by {kind}'}"
 
-    def followed(self) -> list[Method]:
-        """Those whose learning is followed."""
-        found = [self.published, self.chosen]
-        if self.rival is not None:
-            found.append(self.rival)
-        return list(dict.fromkeys(found))
-
-
-def _rank(method: Method, scores: Scores) -> tuple[bool, float]:
-    """Sorts methods that were tried to the end first, by their losses."""
-    return method.name in scores.given_up, scores.losses.get(method, np.inf)
+    @property
+    def tested(self) -> np.ndarray:
+        """What is true of the test frames, [Q] or [Q, T]."""
+        return self.truth[np.concatenate([test for _, test in self.splits])]
 
 
-def _how_chosen(count: int, how: str, n: int) -> str:
-    """How encoder and read-out were chosen, in words; nothing where there were no folds."""
-    if count == 0:
-        return ""
-    return f"cross-validation on {n} training frames, {count} folds {how}"
+def truth_of(recording: Recording) -> np.ndarray:
+    """Names of the classes [N], or values [N, T]."""
+    if recording.values is not None:
+        return recording.values
+    return np.array(recording.names)
 
 
-def _shown(scores: Scores, frames: Frames) -> dict[str, float]:
-    """Accuracy in cross-validation, or the error in units of the values' spread."""
-    if frames.values is None:
-        return {method.name: 1 - loss for method, loss in scores.losses.items()}
-    return {method.name: loss for method, loss in scores.losses.items()}
+@dataclass(frozen=True)
+class Row:
+    """Answers of a model.
+
+    Attributes:
+        losses: 1 for a wrong label, or the mean error of T values in units of a guess's, [Q].
+        errors: of each value [Q, T]; [Q, 0] of classes.
+        train_s: seconds to learn, a mean over the splits.
+        frame_ms: milliseconds a frame to predict.
+    """
+
+    losses: np.ndarray
+    errors: np.ndarray
+    train_s: float
+    frame_ms: float
 
 
-# Tests -------------------------------------------------------------------------------------------
+def judged(candidate: Candidate, data: Data) -> Row:
+    """The answers of a candidate to the test frames, learnt from the training frames.
+
+    Raises:
+        ValueError: the candidate refuses the frames.
+    """
+    answers, trained, asked = [], 0.0, 0.0
+    for train, test in data.splits:
+        start = time.perf_counter()
+        model = candidate.make().fit(data.frames[train], data.truth[train])
+        trained += time.perf_counter() - start
+        start = time.perf_counter()
+        answers.append(np.asarray(model.predict(data.frames[test])))
+        asked += time.perf_counter() - start
+    found, truth = np.concatenate(answers), data.tested
+    times = trained / len(data.splits), 1000 * asked / len(truth)
+    if truth.ndim == 1:
+        losses = (found != truth).astype(float)
+        return Row(losses, np.empty((len(truth), 0)), *times)
+    errors = circular.errors(found.reshape(truth.shape), truth, data.period)
+    return Row((errors / guesses(data)).mean(axis=1), errors, *times)
 
 
-def _head(
-    frames: Frames, name: str, train: np.ndarray, test: np.ndarray
-) -> dict[str, Any]:
-    """How many frames a test has; of classes also the share that a guess of one gets right."""
-    found: dict[str, Any] = {"name": name, "learnt": len(train), "tested": len(test)}
-    if frames.values is None:
-        largest = np.bincount(frames.labels[train]).argmax()
-        found["guess"] = float((frames.labels[test] == largest).mean())
-        found["guessed"] = frames.names[largest]
-    return found
+def guesses(data: Data) -> np.ndarray:
+    """Mean error [T] of a guess of the median, or of the mean direction of values that go round;
+    1 of values that are all equal."""
+    middle = np.median(data.truth, axis=0)
+    if data.period is not None:
+        plane = circular.to_plane(data.truth, data.period).mean(axis=0)
+        middle = circular.from_plane(plane[None], data.period, True)[0]
+    error = circular.errors(data.truth, middle, data.period).mean(axis=0)
+    return np.where(error > 0, error, 1.0)
 
 
-def _tested(
-    frames: Frames,
-    judged: Judged,
-    budget: Budget,
-    name: str,
-    train: np.ndarray,
-    test: np.ndarray,
-) -> dict[str, Any]:
-    """Accuracies, or mean absolute errors by value, on test frames; what the choice wins there."""
-    errors: dict[str, np.ndarray] = {}
-    for method in judged.tested(budget, f"Testing {name}"):
-        answers = method.answers(frames, train, test)
-        if frames.values is None:
-            errors[method.name] = frames.losses(answers, test)
-        else:
-            errors[method.name] = frames.errors(answers, test)
-    mine = errors[judged.chosen.name]
-    result = {
-        "methods": {name: _score(frames, own) for name, own in errors.items()},
-        "gain": _gain(frames, mine, errors[judged.published.name]),
-    }
-    if judged.rival is not None:
-        result["rival_gain"] = _gain(frames, errors[judged.rival.name], mine)
-    return result
+def compared(
+    candidates: Iterable[Candidate], tests: Sequence[Data], refused: dict[str, str]
+) -> Iterator[tuple[Candidate, list[Row]]]:
+    """Each candidate with its answers in each test.
+
+    One that refuses the frames is left out, and noted among the `refused` with its reason.
+    """
+    for candidate in candidates:
+        try:
+            with warnings.catch_warnings():
+                # Of each model and each fold they would be the same ones.
+                warnings.simplefilter("ignore", UserWarning)
+                rows = [judged(candidate, data) for data in tests]
+        except ValueError as error:
+            refused[candidate.name] = str(error)
+            continue
+        yield candidate, rows
 
 
-def _score(frames: Frames, errors: np.ndarray) -> dict[str, Any]:
-    """The accuracy of losses [Q] with its interval, or the mean of errors [Q, T] by value."""
-    if frames.values is not None:
-        means = errors.mean(axis=0).tolist()
-        return {"errors": dict(zip(frames.names, means, strict=True))}
-    right = int((errors == 0).sum())
-    low, high = wilson(right, len(errors))
-    return {"accuracy": right / len(errors), "low": low, "high": high}
+def best(tried: Mapping[Candidate, Row]) -> Candidate:
+    """The form with the least loss, the first of equal ones."""
+    forms = [candidate for candidate in tried if candidate.parts]
+    return min(forms, key=lambda form: tried[form].losses.mean())
 
 
-def _gain(frames: Frames, mine: np.ndarray, theirs: np.ndarray) -> dict[str, Any]:
-    """What one model wins over another, from the errors of both; of values by name."""
-    if frames.values is None:
-        return paired_accuracies(mine == 0, theirs == 0).as_json()
-    pairs = zip(frames.names, mine.T, theirs.T, strict=True)
-    return {name: paired_errors(own, other).as_json() for name, own, other in pairs}
-
-
-# Time --------------------------------------------------------------------------------------------
-
-
-def _estimate(
-    frames: Frames,
-    parts: Parts,
-    ours: Sequence[Method],
-    theirs: Sequence[Rival],
-    n_folds: int,
-    draws: int,
+def p_value(
+    mine: str, theirs: str, losses: Mapping[str, np.ndarray], units: np.ndarray
 ) -> float:
-    """Seconds of the whole comparison: folds, tests, costs, points of the curve."""
-    train = parts.chosen_on
-    names = {method.encoder for method in ours if isinstance(method, Combination)}
-    points = draws * len(STEPS)
-    shared = len(ours)  # for their costs, none share anything
-    for name in names:
-        shared += n_folds + 2 if make_encoder(name).learns else 1
-    calls = len(ours) * (n_folds + 2) + points
-    forms = FORMS if frames.values is None else VALUE_FORMS
-    found = estimate(frames, train, Combination(*forms[0]), shared, calls)
-    shared = 2 * len(PIXELS)
-    calls = len(theirs) * n_folds + points
-    return found + estimate(frames, train, theirs[-1], shared, calls)
+    """The probability of so large a gain of one model over another by chance.
 
+    Signs of the differences are flipped unit by unit, for frames of a session or a group go
+    together. The largest gain of all models counts, so that the choice of the best is no advantage
+    (Westfall, Young, Resampling-based multiple testing (1993)).
 
-def _add_costs(
-    result: dict[str, Any],
-    frames: Frames,
-    judged: Judged,
-    train: np.ndarray,
-    test: np.ndarray,
-) -> None:
-    """Give each model of the last test its time and bytes, and say on which fronts it lies."""
-    methods = result["tests"][-1]["methods"]
-    costs = Costs(frames, train, test)
-    errors = {}
-    for method in judged.all():
-        if method.name in methods:
-            own = methods[method.name]
-            own |= costs.of(method).as_json()
-            errors[method.name] = _error(own, frames)
-    for key in ("train_s", "predict_ms"):
-        points = {name: (errors[name], own[key]) for name, own in methods.items()}
-        leading = front(points)
-        for name, own in methods.items():
-            own[f"front_{key}"] = name in leading
-
-
-def _error(found: dict[str, Any], frames: Frames) -> float:
-    """The error of a tested model; of values the mean in units of their spread."""
-    if frames.values is None:
-        return 1 - found["accuracy"]
-    return float(np.mean([*found["errors"].values()] / frames.spread))
+    Args:
+        mine: name of the model that was chosen among those of `losses`.
+        theirs: name of the model that it is compared with.
+        losses: of each model [Q].
+        units: of the test frames [Q].
+    """
+    names = [name for name in losses if name != theirs]
+    gains = np.stack([losses[theirs] - losses[name] for name in names], axis=1)
+    _, unit = np.unique(units, return_inverse=True)
+    sums = np.zeros((unit.max() + 1, len(names)))
+    np.add.at(sums, unit, gains)
+    rng = np.random.default_rng(0)
+    signs = rng.choice([-1.0, 1.0], (FLIPS, len(sums)))
+    largest = (signs @ sums).max(axis=1)
+    found = sums.sum(axis=0)[names.index(mine)]
+    # Sums of the same numbers in another order differ by rounding.
+    as_large = largest >= found - 1e-9 * len(gains)
+    return float((1 + as_large.sum()) / (1 + FLIPS))

@@ -9,6 +9,7 @@ from hdc.readers import BadFrame, Window, open_recording
 from hdc.readouts import Majority
 
 NAMES = np.array(["a", "b", "c"])
+PLAIN = answers.Wanted()
 
 
 class Nearest:
@@ -79,13 +80,14 @@ def classes(tmp_path):
 
 def table(model, found):
     """Lines of the table of some answers, a bar between two cells."""
-    rows = [answers.heads(model, found[0]), *map(answers.cells, found)]
-    return ["|".join(row) for row in rows]
+    units = getattr(model, "metadata_", {}).get("units", ())
+    rows = [answers.table_row(answer, units) for answer in found]
+    return ["|".join(row) for row in (rows[0], *(row.values() for row in rows))]
 
 
 def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
     model = Nearest()
-    first, _, third, last = answers.ask(model, Window(), [classes])
+    first, _, third, last = answers.ask(model, Window(), [classes], PLAIN)
     assert first == {
         "file": f"{classes}, frame 0",
         "label": "a",
@@ -93,7 +95,9 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
         "distances": {"a": 0.1, "b": 0.6, "c": 0.9},
     }
     assert (last["label"], last["margin"]) == ("c", pytest.approx(0.05))
-    found = list(answers.ask(model, Window(), [classes], 0.4, 0.8, True))
+    found = list(
+        answers.ask(model, Window(), [classes], answers.Wanted(0.4, 0.8, True))
+    )
     assert found[2] == third | {
         "set": ["b", "c"],  # of those within 1 − 0.8
         "probability": 0.95,
@@ -111,7 +115,7 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
 def test_classes_without_prototypes_have_neither_margin_nor_distances(classes):
     model = Nearest()
     model.readout_ = object()
-    found = list(answers.ask(model, Window(), [classes]))
+    found = list(answers.ask(model, Window(), [classes], PLAIN))
     assert found[0] == {"file": f"{classes}, frame 0", "label": "a"}
     assert table(model, found)[:2] == ["file|label", f"{classes}, frame 0|a"]
 
@@ -121,14 +125,14 @@ def test_the_only_class_has_no_margin(tmp_path):
     model.classes_ = np.array(["a"])
     model.distances = lambda frames: frames[:, 0, :1].astype(int)
     path = saved(tmp_path / "one.npz", [[10, 60, 90]])
-    (found,) = answers.ask(model, Window(), [path])
+    (found,) = answers.ask(model, Window(), [path], PLAIN)
     assert (found["margin"], found["distances"]) == (None, {"a": 0.1})
 
 
 def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp_path):
     path = saved(tmp_path / "v.npz", [[5, 7, 4], [6, 8, 255]])
     model = Read()
-    found = list(answers.ask(model, Window(), [path]))
+    found = list(answers.ask(model, Window(), [path], PLAIN))
     assert found == [
         {"file": f"{path}, frame 0", "values": {"force": 5.0, "x": 7.0}},
         {"file": f"{path}, frame 1", "values": {"force": 6.0, "x": 8.0}},
@@ -138,7 +142,7 @@ def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp
         f"{path}, frame 0|5.0000|7.0000",
         f"{path}, frame 1|6.0000|8.0000",
     ]
-    found = list(answers.ask(model, Window(), [path], interval=0.8))
+    found = list(answers.ask(model, Window(), [path], answers.Wanted(None, 0.8)))
     assert [answer["intervals"] for answer in found] == [
         {"force": [3.0, 7.0], "x": [5.0, 9.0]},
         {"force": [None, None], "x": [None, None]},
@@ -165,7 +169,7 @@ def test_images_are_answered_before_arrays_and_these_before_videos(
     assert cv2.imwrite(str(image), np.full((16, 20), 7, np.uint8))
     model = Read()
     model.frame_shape_ = (3,)
-    found = answers.ask(model, Window((4, 2, 3, 1)), [film, wide, array, image])
+    found = answers.ask(model, Window((4, 2, 3, 1)), [film, wide, array, image], PLAIN)
     assert [(answer["file"], answer["values"]["x"]) for answer in found] == [
         (str(wide), 0.0),
         (str(image), 7.0),
@@ -176,17 +180,19 @@ def test_images_are_answered_before_arrays_and_these_before_videos(
     rows = tmp_path / "t.csv"
     rows.write_text("p,force,q,r\n1,9,2,3\n")
     model.predict = lambda frames: frames[:, :2]
-    (found,) = answers.ask(model, Window(), [rows])  # its force is no part of the frame
+    (found,) = answers.ask(
+        model, Window(), [rows], PLAIN
+    )  # its force is no part of the frame
     assert found == {"file": f"{rows}, line 2", "values": {"force": 1.0, "x": 2.0}}
     with pytest.raises(BadFrame, match=r"i\.png: expected 3 pixels .* found 20 × 16"):
-        list(answers.ask(model, Window(), [image]))
+        list(answers.ask(model, Window(), [image], PLAIN))
 
 
 def test_frames_are_asked_about_in_small_batches(tmp_path):
     """A long recording is not decoded as a whole before the first answer."""
     path = saved(tmp_path / "long.npz", np.zeros((70, 3)), labels=[*"ab"] * 35)
     model = Nearest()
-    assert len(list(answers.ask(model, Window(), [path]))) == 70
+    assert len(list(answers.ask(model, Window(), [path], PLAIN))) == 70
     assert model.asked == [32, 32, 6]
     recording = open_recording(path)
     found = scores.score(model, recording, np.arange(70))
@@ -219,16 +225,17 @@ def test_a_score_of_classes_is_complete(classes):
             "mean_size": 1.0,
         },
         "refused": 1,
-        "text": [
-            "accuracy 75.0% (95 % interval 30.1% to 95.4%), 3 of 4 frames",
-            "a guess of b, the largest class: accuracy 25.0%",
-            "--reject 0.4 refuses 1 of them as none of the classes",
-            "sets for 0.8 hold the truth for 50.0% of these frames (95 % interval 15.0% to "
-            "85.0%); 1.00 classes a set",
-        ],
+        "guessed": "b",
     }
+    assert scores.lines(found, 0.4) == [
+        "accuracy 75.0% (95 % interval 30.1% to 95.4%), 3 of 4 frames",
+        "a guess of b, the largest class: accuracy 25.0%",
+        "--reject 0.4 refuses 1 of them as none of the classes",
+        "sets for 0.8 hold the truth for 50.0% of these frames (95 % interval 15.0% to 85.0%); "
+        "1.00 classes a set",
+    ]
     found = scores.score(Nearest(), recording, np.array([0, 3]))
-    assert found["text"][0].endswith(
+    assert scores.lines(found)[0].endswith(
         "100.0% (95 % interval 34.2% to 100.0%), 2 of 2 frames"
     )
     assert found["confusion"] == [[1, 0, 0], [0, 0, 0], [0, 0, 1]]
@@ -258,15 +265,16 @@ def test_a_score_of_values_is_complete(tmp_path):
                 "r_squared": pytest.approx(1 - 0.25 / 24.5),
             },
         },
-        "text": [
-            "force: mean absolute error 1.333 N (a guess of the mean 2 N), R² 0.211, 3 frames",
-            "x: mean absolute error 0.1667 (a guess of the mean 2.5), R² 0.990, 3 frames",
-        ],
     }
+    said = [
+        "force: mean absolute error 1.333 N (a guess of the mean 2 N), R² 0.211, 3 frames",
+        "x: mean absolute error 0.1667 (a guess of the mean 2.5), R² 0.990, 3 frames",
+    ]
+    assert scores.lines(plain) == said
     found = scores.score(Read(), recording, index, interval=0.8)
     line = "hold the truth for"
-    assert found["text"] == [
-        *plain["text"],
+    assert scores.lines(found) == [
+        *said,
         f"force: intervals for 0.8 {line} 66.7% of these frames (95 % interval 20.8% to 93.9%); "
         "mean width 4 N",
         f"x: intervals for 0.8 {line} 100.0% of these frames (95 % interval 43.9% to 100.0%); "
@@ -283,7 +291,7 @@ def test_a_score_of_values_is_complete(tmp_path):
     wide = saved(tmp_path / "w.npz", [[1, 1, 255]], values=[[1, 1]], **about)
     found = scores.score(Read(), open_recording(wide), np.array([0]), interval=0.8)
     assert found["errors"]["x"]["coverage"]["mean_width"] is None
-    assert found["text"][3].endswith("mean width inf")
+    assert scores.lines(found)[3].endswith("mean width inf")
 
 
 def test_the_columns_of_confusions_have_names_that_differ():

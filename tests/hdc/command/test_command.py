@@ -6,14 +6,14 @@ import re
 import subprocess
 import sys
 import warnings
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
 from hdc import HDCClassifier, HDCRegressor, command
-from hdc.command.holdout import split
+from hdc.command import splits
+from hdc.readers import open_recording
 
 SIDE = 24
 
@@ -51,6 +51,37 @@ def contents(root):
 
 
 # What they do ------------------------------------------------------------------------------------
+
+
+def test_frames_of_one_kind_tell_what_is_unlike_them(hdc, frames, tmp_path):
+    one = write(tmp_path / "one", np.concatenate([frames[0]] * 2)[None], "a")
+    other = write(tmp_path / "other", frames[1:2], "b")
+    path = tmp_path / "m.safetensors"
+    status, out, err = hdc("train", one, "-o", path)
+    assert (status, err) == (0, [])
+    assert "one class: hdc predict --reject tells what is unlike it" in out
+    words = ("predict", path, "--reject", 0.1)
+    labels = [
+        {line.split("\t")[1] for line in hdc(*words, folder)[1][1:]}
+        for folder in (one, other)
+    ]
+    assert labels == [{"a"}, {"(none of these)"}]
+
+
+def test_any_parameter_of_a_part_is_set(hdc, folder, frames, tmp_path):
+    path = tmp_path / "m.safetensors"
+    words = ("train", folder, "-o", path, "--encoder", "levels")
+    sets = ("--set", "encoder__thresholds=3", "--set", "encoder__ties=raster")
+    assert hdc(*words, *sets)[0] == 0
+    encoder = HDCClassifier.load(path).encoder_
+    assert (encoder.thresholds, encoder.ties) == (3, "raster")
+    for text, said in (
+        ("encoder__thresholds=0", "thresholds: expected an integer from 1 to 255, found 0"),
+        ("encoder__threshold=3", "found 'encoder__threshold'. Did you mean 'encoder__thresh"),
+    ):  # fmt: skip
+        status, _, (line,) = hdc(*words, "--set", text)
+        assert status == 1
+        assert said in line
 
 
 def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
@@ -95,8 +126,8 @@ def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
         "sessions: none known",
         "held out at random: accuracy 100.0% (95 % interval 70.1% to 100.0%), 9 of 9 frames",
         "a guess of a, the largest class: accuracy 33.3%",
-        "--choose would try, besides median, majority: levels, lda; reference_levels, lda; "
-        "deviation, lda; levels, kernel; median, neighbours",
+        "--choose would try, besides median, majority: median, neighbours; levels, lda; "
+        "deviation, lda; reference_levels, lda; levels, kernel",
         "held out at random because no sessions are known ({session} in a template, or a column "
         "session); frames recorded together are nearly alike",
     ]
@@ -106,28 +137,6 @@ def test_held_out_frames_are_not_learnt(hdc, folder, tmp_path):
     assert (HDCClassifier.load(path).prototypes_ == first.prototypes_).all()
     named = hdc(*words, "--encoder", "levels")[1]
     assert not [line for line in named if line.startswith("--choose")]
-
-
-def test_a_guess_stands_beside_what_is_held_out(hdc, tmp_path):
-    """The largest class of training, and the mean of training, on the last session."""
-    frames = np.random.default_rng(0).integers(0, 255, (20, 6, 6)).astype(np.uint8)
-    session = np.arange(20) // 10
-    labels = np.where(np.arange(20) % 10 < 6, "many", "few")
-    labels[10:13] = "few"
-    path = tmp_path / "m"
-    np.savez(tmp_path / "c.npz", frames=frames, labels=labels, session=session)
-    out = hdc("train", tmp_path / "c.npz", "-o", path, "--test-fraction", 0.5)[1]
-    assert out[4] == "a guess of many, the largest class: accuracy 30.0%"
-    values = np.random.default_rng(1).uniform(0, 9, (20, 2))
-    kept = {"values": values, "value_names": ["x", "y"], "value_units": ["mm", "N"]}
-    np.savez(tmp_path / "v.npz", frames=frames, session=session, **kept)
-    out = hdc("train", tmp_path / "v.npz", "-o", path, "--test-fraction", 0.5)[1]
-    x, y = np.abs(values[10:] - values[:10].mean(axis=0)).mean(axis=0)
-    assert f" (a guess of the mean {x:.4g} mm), R² " in out[2]
-    assert f" (a guess of the mean {y:.4g} N), R² " in out[3]
-    assert out[4].startswith(
-        "--choose would try, besides median, ridge: levels, ridge;"
-    )
 
 
 def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, tmp_path):
@@ -168,40 +177,25 @@ def test_a_crop_is_of_images_of_the_size_of_training(hdc, folder, frames, tmp_pa
         assert f"crop: expected {wanted}" in line
 
 
-def test_predictions_as_a_table_and_as_json(hdc, model, folder, tmp_path):
-    noise = tmp_path / "noise.png"
-    image = np.random.default_rng(9).integers(0, 256, (SIDE, SIDE), np.uint8)
-    assert cv2.imwrite(str(noise), image)
-    status, out, err = hdc("predict", model, folder)
-    assert (status, err) == (0, [])
-    heads = ["file", "label", "margin", "distance a", "distance b", "distance c"]
-    assert out[0].split("\t") == heads
-    rows = [line.split("\t") for line in out[1:]]
-    assert [row[1] for row in rows] == [*np.repeat(list("abc"), 12)]
-    assert [Path(row[0]).name for row in rows[:12]] == [f"{i}.png" for i in range(12)]
-    table = hdc("predict", model, noise, "--reject", "0.2")[1]
-    assert table[1].split("\t")[1] == "(none of these)"
-    answer = json.loads(hdc("predict", model, "--json", "--reject=0.2", noise)[1][0])
-    assert answer["label"] is None
-    assert hdc("predict", model, noise, "--reject")[0] == 0
-    assert json.loads(hdc("predict", model, "--json", noise)[1][0])["label"] in "abc"
-
-
-def test_an_evaluation_tells_accuracy_and_confusions(
-    hdc, model, folder, frames, tmp_path
-):
+def test_options_reach_the_answers_and_the_score(hdc, model, folder, frames, tmp_path):
+    found, image = HDCClassifier.load(model), frames[1, 3:4]
+    words = ("--json", "--interval", 0.8, "--reject", 0.5)
+    shown = hdc("predict", model, folder / "b" / "3.png", "--proba", *words)
+    answer = json.loads(shown[1][0])
+    assert answer["set"] == found.predict_set(image, 0.2)[0].tolist()
+    assert answer["probability"] == pytest.approx(found.predict_proba(image).max())
+    assert (answer["label"] is not None) == found.is_known(image, 0.5)[0]
     (folder / "a" / "0.png").rename(folder / "c" / "wrong.png")
-    status, out, err = hdc("evaluate", model, folder)
-    assert (status, err) == (0, [])
-    assert out[0] == "accuracy 97.2% (95 % interval 85.8% to 99.5%), 35 of 36 frames"
-    assert out[-1].split() == ["c", "1", "0", "12"]
-    words = ("evaluate", model, folder, "--json", "--reject", "0.5")
-    result = json.loads(hdc(*words)[1][0])
-    assert result["accuracy"] == 35 / 36
-    known = HDCClassifier.load(model).is_known(frames.reshape(-1, SIDE, SIDE), 0.5)
-    assert result["refused"] == (~known).sum()
+    result = json.loads(hdc("evaluate", model, folder, *words)[1][0])
+    known = found.is_known(frames.reshape(-1, SIDE, SIDE), 0.5)
+    assert (result["accuracy"], result["refused"]) == (35 / 36, (~known).sum())
+    assert result["coverage"]["asked"] == 0.8
+    assert hdc("evaluate", model, folder)[1][-1].split() == ["c", "1", "0", "12"]
     only = write(tmp_path / "only", frames[1:2], "b")
     assert hdc("evaluate", model, only)[1][0].endswith("12 of 12 frames")
+    HDCRegressor().fit(frames[0], np.arange(12.0)).save(tmp_path / "n")
+    line = "error: --proba: expected a model of classes, found HDCRegressor"
+    assert hdc("predict", tmp_path / "n", folder, "--proba")[::2] == (1, [line])
 
 
 @pytest.mark.parametrize("method", ["replace", "merge"])
@@ -235,38 +229,6 @@ def test_recalibration_is_that_of_the_classifier(hdc, model, frames, tmp_path, m
     )
     assert (HDCClassifier.load(path).prototypes_ == expected.prototypes_).all()
     assert model.read_bytes() == before
-
-
-def test_intervals_hold_the_truth_and_probabilities_are_of_classes(
-    hdc, model, folder, frames, tmp_path
-):
-    """Those of the model, in the answers of one frame; a model of numbers has no probabilities."""
-    found = HDCClassifier.load(model)
-    words = (
-        "predict",
-        model,
-        folder / "b" / "3.png",
-        "--interval",
-        0.8,
-        "--proba",
-        "--json",
-    )
-    answer = json.loads(hdc(*words)[1][0])
-    (expected,) = found.predict_proba(frames[1, 3:4])
-    assert answer["probabilities"] == pytest.approx(
-        dict(zip("abc", expected, strict=True))
-    )
-    assert answer["set"] == found.predict_set(frames[1, 3:4], 0.2)[0].tolist()
-    numbers = HDCRegressor().fit(frames[0], np.arange(12.0))
-    numbers.save(tmp_path / "n.safetensors", metadata={"values": ["depth"]})
-    words = ("predict", tmp_path / "n.safetensors", folder / "a" / "3.png")
-    _, low, high = numbers.predict(frames[0, 3:4], return_interval=True, alpha=0.2)
-    ends = json.loads(hdc(*words, "--interval", 0.8, "--json")[1][0])["intervals"][
-        "depth"
-    ]
-    assert ends == pytest.approx([low[0], high[0]])
-    line = "error: --proba: expected a model of classes, found HDCRegressor"
-    assert hdc(*words, "--proba")[::2] == (1, [line])
 
 
 def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
@@ -346,7 +308,7 @@ def test_an_encoder_that_learns_sees_no_frame_that_is_held_out(
     words = ("--encoder", "reference", "--test-fraction", 0.25)
     assert hdc("train", folder, "-o", path, *words)[0] == 0
     labels = np.repeat([0, 1, 2], 12)
-    train, held_out = split(labels, 0.25, 0)
+    (train, held_out), _ = splits.hold_out(open_recording(folder), 0.25)
     assert len(held_out) == 9
     images = frames.reshape(-1, SIDE, SIDE)
     expected = HDCClassifier("reference").fit(images[train], labels[train])
@@ -360,6 +322,7 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     hdc("train", folder, "-o", path, "--crop", 0, 0, 24, 12)
     status, out, _ = hdc("info", path)
     assert status == 0
+    assert "".join(out).isascii()  # a terminal without × got no JSON
     found = json.loads("".join(out))
     assert found["crop"] == [0, 0, 24, 12]
     assert found["trained"].startswith("20")
@@ -369,13 +332,17 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["encoder"] == "Median(ties='spread')"
     assert found["readout"] == "Majority(ties='zero', balance=False, seed=0)"
     assert found["encoder in words"].endswith(".")
+    assert "`" not in "".join(out)
     assert found["bits per pixel and class"] == pytest.approx(1, abs=0.2)
+    assert found["bytes of the file"] == path.stat().st_size
+    share = 8 * found["bytes to predict"] / (24 * 12) / 3
+    assert round(share, 2) == found["bits per pixel and class"]
     words = ("--encoder", "levels", "--readout", "lda")
     hdc("train", folder, "-o", path, *words)
     found = json.loads("".join(hdc("info", path)[1]))
     assert "quantiles" in found["encoder in words"]
     assert found["readout in words"].startswith("Shrinkage discriminant analysis")
-    # Seven levels, four planes of weights, besides what a frame's last word and scales need.
+    # Seven bits per pixel, four planes of weights, besides what the last word and scales need.
     assert 28 <= found["bits per pixel and class"] < 29
 
 
@@ -412,27 +379,6 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path
     assert status == 1
     assert line.endswith("today: expected labels, or a model with an encoder such as reference, "
                          "which adapts without")  # fmt: skip
-
-
-def test_a_video_is_learnt_and_predicted_frame_by_frame(hdc, write_film, tmp_path):
-    path, rng = tmp_path / "v.mkv", np.random.default_rng(0)
-    base = rng.integers(0, 150, (2, 1, 32, 32)).repeat(5, 1).reshape(10, 32, 32)
-    images = base + rng.integers(0, 60, base.shape)
-    write_film(path, images.astype(np.uint8))
-    words = ("train", path, "-o", tmp_path / "m")
-    assert hdc(*words)[2] == [
-        f"error: {tmp_path}/v.csv: expected a table with start_s, end_s and label, or with a "
-        "row per frame, found none (--values names it)"
-    ]
-    (tmp_path / "v.csv").write_text("start_s,end_s,label\n0,0.5,x\n0.5,1,y\n")
-    assert "10 frames, 2 classes" in hdc(*words)[1][0]
-    status, out, err = hdc("predict", tmp_path / "m", path)
-    assert (status, err) == (0, [])
-    rows = [line.split("\t") for line in out[1:]]
-    assert [row[1] for row in rows] == ["x"] * 5 + ["y"] * 5
-    assert rows[3][0] == f"{path} at 0.300 s"
-    path.write_bytes(path.read_bytes()[:40])
-    assert hdc("predict", tmp_path / "m", path)[:2] == (1, [])  # no head without a line
 
 
 # What can be wrong -------------------------------------------------------------------------------
@@ -482,10 +428,8 @@ def test_bad_frames_are_named_in_one_line(hdc, model, folder, frames, tmp_path):
         return line.removeprefix("error: ")
 
     one = write(tmp_path / "one", frames[:1], "a")
-    assert (
-        error("train", one, "-o", out)
-        == f"{one}: expected two classes or more, found only 'a'"
-    )
+    found = f"{one}: expected two classes or more, found only 'a'"
+    assert error("train", one, "-o", out, "--choose") == found
     other = write(tmp_path / "other", frames[:1], "x")
     for words in (("evaluate", model, other), ("recalibrate", model, other, "-o", out)):
         assert error(*words) == (
@@ -526,8 +470,12 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         (["predict", "m"], "Missing argument 'IMAGES...'"),
         (["train", folder, "-o", "-"], "expected the name of a file, found -"),
         (
-            ["compare", folder, "--all", "--encoder", "levels"],
-            "expected --all, or --enc",
+            ["train", folder, "-o", "m", "--choose", "--set", "encoder__ties=below"],
+            "expected --choose, or --encoder, --readout and --set",
+        ),
+        (
+            ["train", folder, "-o", "m", "--set", "thresholds=15"],
+            "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15",
         ),
         (
             ["predict", "m", "x", "--reject", "0.9"],
@@ -561,7 +509,6 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc, folder):
         ("tifffile", ["train", "stack.tif", "-o", "m"], "readers"),
         ("pyarrow", ["train", "rows.parquet", "-o", "m"], "files"),
         ("scipy", ["train", "cube.mat", "-o", "m"], "files"),
-        ("matplotlib", ["compare", "FOLDER", "-o", "curve.svg"], "compare"),
     ],
 )
 def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):
@@ -618,6 +565,12 @@ def test_a_memory_that_is_too_small_is_one_line(capsys, monkeypatch):
     assert line.startswith(
         "error: expected more memory, found: Unable to allocate 9 GiB"
     )
+
+
+def test_no_code_of_a_name_reaches_the_terminal(hdc, tmp_path):
+    status, _, (line,) = hdc("train", tmp_path / "a\x1b[31m\u202eb", "-o", "m")
+    assert (status, line.isprintable()) == (1, True)
+    assert r"a\x1b[31m\u202eb" in line
 
 
 def test_a_warning_is_said_once_whatever_its_share(capsys, monkeypatch):

@@ -1,621 +1,326 @@
 """``hdc compare`` and ``hdc train --choose``: their numbers are those of the plain computation."""
 
 import json
-import math
 import shlex
-from dataclasses import dataclass, field
 
 import cv2
 import numpy as np
 import pytest
-from sklearn.linear_model import LogisticRegression, RidgeClassifierCV, RidgeCV
+from sklearn.linear_model import RidgeClassifierCV, RidgeCV
+from sklearn.multioutput import MultiOutputRegressor
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor, NearestCentroid
 from sklearn.svm import SVC, SVR
 
-from hdc import HDCClassifier, HDCRegressor, selection
-from hdc.accuracy import wilson
-from hdc.command.compare import advice, judge, rivals
-from hdc.command.compare.choose import choose
-from hdc.command.compare.curve import learning_curve
-from hdc.command.compare.frames import FrameBank, Frames, part, read_frames
-from hdc.encoders import make_encoder
+from hdc import HDCClassifier, HDCRegressor
+from hdc.command.compare import candidates, judge
+from hdc.command.splits import Units, folds
 from hdc.readers import open_recording
-from hdc.readouts import (
-    NeighbourValues,
-    make_readout,
-)
 
 SIDE = 16
 NAMES = ("left", "<b>middle</b>", "right $x$")
 
 
-@dataclass(eq=False)
-class Said:
-    """A model that gives the answers it was told, and keeps what it learnt from."""
-
-    name: str
-    told: np.ndarray
-    learnt: list[np.ndarray] = field(default_factory=list)
-
-    def answers(self, frames, train, test):
-        self.learnt.append(train)
-        return self.told[test]
-
-
-def frames_of(classes, n, seed=0, noise=90, dtype=np.uint8):
+def frames_of(classes, n, seed=0, noise=90):
     """[classes · n, 16, 16]: noisy frames of one pattern a class."""
     base = np.random.default_rng(0).integers(0, 150, (classes, 1, SIDE, SIDE))
     rng = np.random.default_rng([1, seed])
-    frames = (base + rng.integers(0, noise, (classes, n, SIDE, SIDE))).astype(dtype)
+    frames = (base + rng.integers(0, noise, (classes, n, SIDE, SIDE))).astype(np.uint8)
     return frames.reshape(-1, SIDE, SIDE)
-
-
-def in_memory(frames, labels, session=None, values=None):
-    names = tuple(str(c) for c in range(labels.max() + 1))
-    bank = FrameBank(frames, labels, len(names))
-    return Frames(bank, names if values is None else ("depth",), (), session, values)
 
 
 @pytest.fixture
 def archive(tmp_path):
     path = tmp_path / "own [1].npz"
-    labels = np.repeat(NAMES, 12)
-    order = np.tile(np.arange(12), 3)
-    np.savez(path, frames=frames_of(3, 12, noise=40), labels=labels, order=order)
+    np.savez(path, frames=frames_of(3, 12, noise=40), labels=np.repeat(NAMES, 12))
     return path
 
 
 @pytest.fixture
 def of_values(tmp_path):
-    """A square that moves: frames, and its place as depth in mm; two sessions."""
+    """A square that moves: its place as depth in mm and what follows of it; three sessions."""
+    depth = np.random.default_rng(0).uniform(2, 14, 60)
+    bump = 150 * np.exp(-((np.arange(SIDE) - depth[:, None]) ** 2) / 8)
+    noise = np.random.default_rng(1).integers(0, 20, (60, SIDE, SIDE))
+    kept = {"values": np.stack([depth, (depth - 8) ** 2], axis=1)}
+    kept |= {"value_names": ["depth", "force"], "value_units": ["mm", "N"]}
     path = tmp_path / "moves.npz"
-    rng = np.random.default_rng(0)
-    depth = rng.uniform(2, 14, 60)
-    columns = np.arange(SIDE)
-    bump = 150 * np.exp(-((columns - depth[:, None]) ** 2) / 8)
-    noise = rng.integers(0, 20, (60, SIDE, SIDE))
     frames = (bump[:, None, :] + noise).astype(np.uint8)
-    np.savez(path, frames=frames, values=depth, session=np.arange(60) // 20)
+    np.savez(path, frames=frames, session=np.arange(60) // 20, **kept)
     return path
+
+
+# Rows --------------------------------------------------------------------------------------------
+
+
+def greys(frames, train):
+    flat = frames.reshape(len(frames), -1).astype(float)
+    deviations = flat[train].std(0)
+    return (flat - flat[train].mean(0)) / np.where(deviations > 0, deviations, 1)
+
+
+def test_a_row_of_classes_is_the_plain_computation(archive):
+    """Of each form and of each baseline, in folds."""
+    recording = open_recording(archive)
+    frames, names = recording[:], np.array(recording.names)
+    data = judge.Data.within(recording)
+    made, _ = folds(recording, np.arange(36))
+    plain = {
+        "mean image of greys": NearestCentroid(),
+        "1-NN of greys": KNeighborsClassifier(1),
+        "ridge of greys": RidgeClassifierCV(np.logspace(0, 6, 7)),
+        "SVM of greys": SVC(C=10),
+    }
+    listed = candidates.cheapest_first((), (), False, None)
+    assert [form.name for form in listed if form.parts is None] == list(plain)
+    forms = [form for form in listed if form.parts]
+    assert [form.parts for form in forms] == [*candidates.FORMS]
+    for candidate in listed:
+        wrong = []
+        for train, test in made:
+            if candidate.parts:
+                model = HDCClassifier(*candidate.parts).fit(frames[train], names[train])
+                answers = model.predict(frames[test])
+            else:
+                flat = greys(frames, train)
+                model = plain[candidate.name].fit(flat[train], names[train])
+                answers = model.predict(flat[test])
+            wrong.append(answers != names[test])
+        row = judge.judged(candidate, data)
+        assert row.losses.tolist() == np.concatenate(wrong).tolist(), candidate.name
+        assert row.train_s > 0
+        assert row.frame_ms > 0
+
+
+def test_a_row_of_values_is_the_plain_computation(of_values):
+    recording = open_recording(of_values)
+    frames, values = recording[:], recording.values
+    data = judge.Data.within(recording)
+    spread = np.abs(values - np.median(values, axis=0)).mean(0)
+    plain = {
+        "1-NN of greys": KNeighborsRegressor(1),
+        "3-NN of greys": KNeighborsRegressor(3),
+        "ridge of greys": RidgeCV(np.logspace(0, 6, 7)),
+        "SVM of greys": MultiOutputRegressor(SVR(C=10, epsilon=0.01)),
+    }
+    for candidate in candidates.cheapest_first((), (), True, None):
+        off = []
+        for session in range(3):
+            is_test = np.arange(60) // 20 == session
+            train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
+            middle, scale = values[train].mean(0), values[train].std(0)
+            if candidate.parts:
+                model = HDCRegressor(*candidate.parts).fit(frames[train], values[train])
+                answers = model.predict(frames[test])
+            else:
+                flat = greys(frames, train)
+                model = plain[candidate.name]
+                model.fit(flat[train], (values[train] - middle) / scale)
+                answers = model.predict(flat[test]) * scale + middle
+            off.append(np.abs(answers - values[test]))
+        row = judge.judged(candidate, data)
+        expected = np.concatenate(off)
+        assert np.sort(row.errors, 0) == pytest.approx(np.sort(expected, 0), abs=0.02)
+        assert row.losses.mean() == pytest.approx((expected / spread).mean(), rel=1e-4)
+
+
+def test_values_that_go_round_are_learnt_by_cosine_and_sine(of_values):
+    with np.load(of_values) as arrays:
+        kept = dict(arrays)
+    kept |= {"values": kept["values"][:, 0] * 20 - 160, "value_names": ["yaw"]}
+    np.savez(of_values, **kept | {"value_units": ["deg"]})
+    recording = open_recording(of_values)
+    data = judge.Data.within(recording, period=360)
+    for candidate in candidates.cheapest_first((), (), True, 360):
+        row = judge.judged(candidate, data)
+        assert row.errors.mean() < 15, candidate.name
+        assert row.errors.max() < 180
+    away = np.random.default_rng(0).uniform(-180, 180, (2000, 1))
+    turned = judge.Data(np.empty(0), away, [], Units("frame", np.arange(0)), 360)
+    assert judge.guesses(turned) == pytest.approx(90, rel=0.05)
+
+
+def test_equal_values_have_a_guess_and_equal_frames_stop_nothing(of_values, tmp_path):
+    frames = np.full((12, 4, 4), 7, np.uint8)
+    np.savez(tmp_path / "e.npz", frames=frames, values=np.ones(12))
+    data = judge.Data.within(open_recording(tmp_path / "e.npz"))
+    assert judge.guesses(data) == [1.0]
+    refused = {}
+    listed = candidates.cheapest_first((), (), True, None)
+    tried = dict(judge.compared(listed, [data], refused))
+    assert len(tried) + len(refused) == len(listed)
+    assert tried[listed[0]][0].errors == pytest.approx(0)
+
+
+def test_a_gain_is_tested_by_whole_units_and_against_the_best_of_all():
+    rng = np.random.default_rng(0)
+    losses = {"old": np.ones(8), "new": np.repeat([0.0, 1.0], [6, 2])}
+    each = judge.p_value("new", "old", losses, np.arange(8))
+    assert each == pytest.approx(2**-6, rel=0.3)
+    pairs = judge.p_value("new", "old", losses, np.arange(8) // 2)
+    assert pairs == pytest.approx(2**-3, rel=0.1)
+    assert judge.p_value("new", "old", losses, np.zeros(8)) == pytest.approx(0.5, 0.1)
+    many = {"old": rng.integers(0, 2, 40) * 1.0}
+    many |= {str(k): rng.integers(0, 2, 40) * 1.0 for k in range(30)}
+    lucky = min(many, key=lambda name: many[name].mean())
+    alone = {name: many[name] for name in ("old", lucky)}
+    assert judge.p_value(lucky, "old", many, np.arange(40)) > 5 * judge.p_value(
+        lucky, "old", alone, np.arange(40)
+    )
+
+
+def test_chance_is_called_a_gain_as_seldom_as_it_says():
+    """Of forms that are all alike, the best is below 0.1 once in ten."""
+    rng = np.random.default_rng(1)
+    below = 0
+    for _ in range(200):
+        losses = {str(k): rng.integers(0, 2, 30) * 1.0 for k in range(5)}
+        best = min([*"1234"], key=lambda name: losses[name].mean())
+        below += judge.p_value(best, "0", losses, np.arange(30)) < 0.1
+    assert below <= 32  # 20 are expected, with a deviation of 4.2
 
 
 # The command -------------------------------------------------------------------------------------
 
 
-def test_tables_and_json_have_every_model(typed, archive, tmp_path):
-    status, out, err = typed("compare", archive, "--draws", 1)
+def test_rows_come_cheapest_first_and_the_last_lines_say_what_to_type(typed, archive):
+    status, out, err = typed("compare", archive)
     assert (status, err) == (0, "")
-    assert out.startswith("36 frames, 3 classes, 16 × 16 pixels\nread: ")
-    assert "as frame, height, width\nchosen by cross-valid" in out
-    for encoder, readout in selection.FORMS:
-        assert out.count(f"\n{encoder}, {readout}: accuracy ") == 1
-    assert "quantile" not in out
-    assert "front: no other model" in out
-    assert "With one grey level of dither on the last frames: " in out
-    for name in ("mean image", "ridge", "1-NN", "3-NN"):
-        assert out.count(f"{name}, raw greys") >= 1
-        assert out.count(f"{name}, standardised greys") >= 1
-    for name in ("softmax", "linear SVM", "rbf SVM"):
-        assert f"{name} (C = " in out
-    assert f"Use: hdc train {shlex.quote(str(archive))} --encoder median" in out
-    other = tmp_path / "tomorrow.npz"
-    tomorrow = frames_of(3, 5, seed=1, noise=40)
-    np.savez(other, frames=tomorrow, labels=np.repeat(NAMES, 5))
-    result = json.loads(typed("compare", archive, "--test", other, "--json")[1])
-    assert [test["name"] for test in result["tests"]] == [
-        "at random",
-        "the other recording",
+    lines = out.splitlines()
+    assert lines[0] == "36 frames, 3 classes, 16 × 16 pixels"
+    assert lines[2].startswith("chosen by 5 folds at random, for no sessions are known")
+    assert [head.strip() for head in lines[3].split("  ")[-4:]] == [
+        "accuracy in folds", "s to learn", "ms a frame", "exports",
+    ]  # fmt: skip
+    listed = candidates.cheapest_first((), (), False, None)
+    assert [line.split("  ")[0] for line in lines[4:14]] == [
+        form.name for form in listed
     ]
-    assert set(result["classes"]) == {*NAMES}
-    assert [test["tested"] for test in result["tests"]] == [6, 15]
-    assert [test["learnt"] for test in result["tests"]] == [30, 36]
-    for curve in result["curve"].values():
-        assert [point["frames"] for point in curve] == [1, 2, 5, 12]
-        last = {"frames": 12, "accuracy": 1, "low": wilson(15, 15)[0], "high": 1}
-        assert curve[-1] == pytest.approx(last)
+    exports = dict(zip((form.name for form in listed), lines[4:14], strict=True))
+    assert [name for name in exports if exports[name].endswith(" yes")] == [
+        "median, majority", "levels, lda", "deviation, lda",
+    ]  # fmt: skip
+    line = f"Use: hdc train {shlex.quote(str(archive))} --encoder median "
+    assert lines[14].startswith(line)
+    assert lines[15] == "No other form was better than median, majority in the folds."
 
 
-def with_frames(result, parts):
-    """Each test of a comparison, with the frames that were learnt and those that were tested."""
-    rows = (parts.chosen_on, parts.random), (parts.earlier, parts.later)
-    for test, (learnt, tested) in zip(result["tests"], rows, strict=True):
-        assert (test["learnt"], test["tested"]) == (len(learnt), len(tested))
-        yield test, learnt, tested
-
-
-def test_a_test_of_classes_is_the_plain_computation(tmp_path):
-    """Every number of it, where the choice, the published form and a rival differ."""
-    rng, labels = np.random.default_rng(1), np.repeat(NAMES, 10)
-    patterns = np.random.default_rng(0).integers(0, 15, (3, 1, SIDE, SIDE))
-    frames = patterns + rng.integers(0, 100, (3, 10, SIDE, SIDE))
-    frames = frames.astype(np.uint8).reshape(30, SIDE, SIDE)
-    np.savez(tmp_path / "r.npz", frames=frames, labels=labels)
-    recording = open_recording(tmp_path / "r.npz")
-    result = judge.compare(recording, None, 0.4, 1, ["levels"], ["lda"])
-    parts = part(recording, None, 0.4)
-    assert result["frames"] == 30
-    assert result["shape"] == [16, 16]
-    assert result["chosen_by"] == (
-        f"cross-validation on {len(parts.chosen_on)} training frames, 4 folds at random"
-    )
-    read = read_frames(recording)
-    every = {
-        method.name: method
-        for method in (*selection.combinations([], [], False), *rivals.rivals(False))
-    }
-    names = [test["name"] for test in result["tests"]]
-    assert names == ["at random", "the last frames"]
-    for test, learnt, tested in with_frames(result, parts):
-        assert next(iter(test["methods"])) == "median, majority"
-        right = {
-            name: every[name].answers(read, learnt, tested) == read.labels[tested]
-            for name in test["methods"]
-        }
-        for name, own in right.items():
-            low, high = wilson(own.sum(), len(tested))
-            found = test["methods"][name]
-            expected = {"accuracy": own.mean(), "low": low, "high": high}
-            assert {key: found[key] for key in expected} == pytest.approx(expected)
-        mine = right[result["chosen"]]
-        gain = advice.paired_accuracies(mine, right["median, majority"])
-        assert test["gain"] == pytest.approx(gain.as_json())
-        over = advice.paired_accuracies(right[result["rival"]], mine)
-        assert test["rival_gain"] == pytest.approx(over.as_json())
-    accuracies = {name: own.mean() for name, own in right.items()}
-    followed = ["median, majority", result["chosen"], result["rival"]]
-    assert len({accuracies[name] for name in followed}) == 3
-    assert list(result["curve"]) == followed
-
-
-def test_a_test_of_values_is_the_plain_computation(of_values, tmp_path):
-    """Of two values, by the chosen read-out and the default."""
-    with np.load(of_values) as arrays:
-        frames, depth = arrays["frames"], arrays["values"]
-    path = tmp_path / "two.npz"
-    values = np.stack([depth, (depth - 8) ** 2], axis=1)
-    names, units = ["depth", "force"], ["mm", "N"]
-    np.savez(path, frames=frames, values=values, value_names=names, value_units=units)
-    recording = open_recording(path)
-    result = judge.compare(recording, None, 0.3, 1, ["median"], ["neighbours"])
-    assert (result["published"], result["chosen"]) == (
-        "median, ridge",
-        "median, neighbours",
-    )
-    assert result["values"] == names
-    assert result["units"] == {"depth": "mm", "force": "N"}
-    read, parts = read_frames(recording), part(recording, None, 0.3)
-    rival = next(r for r in rivals.rivals(True) if r.name == result["rival"])
-    for test, learnt, tested in with_frames(result, parts):
-        default = HDCRegressor().fit(frames[learnt], values[learnt])
-        nearest = HDCRegressor("median", NeighbourValues())
-        nearest.fit(frames[learnt], values[learnt])
-        truth = values[tested]
-        theirs = np.abs(default.predict(frames[tested]) - truth)
-        mine = np.abs(nearest.predict(frames[tested]) - truth)
-        others = np.abs(rival.answers(read, learnt, tested) - truth)
-        kept = test["methods"]["median, ridge"]
-        for column, name in enumerate(names):
-            assert kept["errors"][name] == pytest.approx(theirs[:, column].mean())
-            gain = advice.paired_errors(mine[:, column], theirs[:, column])
-            assert test["gain"][name] == pytest.approx(gain.as_json())
-            over = advice.paired_errors(others[:, column], mine[:, column])
-            assert test["rival_gain"][name] == pytest.approx(over.as_json())
-        errors = dict(zip(names, mine.mean(axis=0), strict=True))
-        chosen = test["methods"][result["chosen"]]
-        assert chosen["errors"] == pytest.approx(errors)
-
-
-def test_too_few_frames_are_compared_without_a_choice(tmp_path):
-    path = tmp_path / "few.npz"
-    np.savez(path, frames=frames_of(3, 3), labels=np.repeat(NAMES, 3))
-    result = judge.compare(open_recording(path), None, 0.2, 1)
-    assert result["chosen_by"] == ""
-    assert result["chosen"] == result["published"] == "median, majority"
-    assert (result["rival"], result["cross_validation"]) == ("", {})
-    test = result["tests"][-1]
-    assert (test["learnt"], test["tested"]) == (6, 3)
-    assert "rival_gain" not in test
-    same = test["gain"]
-    assert same["gain"] == 0
-    assert list(result["curve"]) == ["median, majority"]
-
-
-def test_the_line_to_type_trains_the_chosen_model(
-    typed, archive, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
-    words = ("--readout", "lda", "--encoder", "levels", "--subsample", 2)
-    result = json.loads(typed("compare", archive, *words, "--json", "--draws", 1)[1])
-    assert list(result["cross_validation"])[:2] == ["median, majority", "levels, lda"]
-    line = shlex.split(result["command"])
-    assert line[:3] == ["hdc", "train", str(archive)]
-    assert typed(*line[1:])[0] == 0
-    model = HDCClassifier.load(tmp_path / "model.safetensors")
-    parts = [type(part).__name__.lower() for part in (model.encoder, model.readout)]
-    assert ", ".join(parts) == result["chosen"]
-    assert model.frame_shape_ == (8, 8)
-
-
-def test_a_figure_of_the_curve(typed, archive, of_values, tmp_path):
-    def drawn(recording, name):
-        parts = ("--encoder", "median", "--readout", "neighbours")
-        words = ("compare", recording, "--draws", 1, *parts, "-o", tmp_path / name)
-        assert typed(*words)[0] == 0
-        return (tmp_path / name).read_bytes()
-
-    first = drawn(archive, "curve.svg")
-    assert first.startswith(b"<?xml")
-    assert drawn(archive, "curve.svg") == first
-    assert drawn(of_values, "curve.svg") != first
-    assert drawn(archive, "curve.png").startswith(b"\x89PNG")
-
-
-def test_train_takes_the_best_combination(typed, tmp_path):
-    """Classes that differ in four pixels: the published form does not see it."""
-    rng = np.random.default_rng(0)
-    frames = rng.integers(0, 200, (60, SIDE, SIDE)).astype(np.uint8)
-    labels = np.arange(60) % 2
+def corner(path, n=60, **others):
+    """Classes that differ in four pixels, which the published form does not see."""
+    frames = np.random.default_rng(0).integers(0, 200, (n, SIDE, SIDE)).astype(np.uint8)
+    labels = np.arange(n) % 2
     frames[labels == 1, :2, :2] = 255
-    np.savez(tmp_path / "corner.npz", frames=frames, labels=labels)
-    path = tmp_path / "m.safetensors"
-    words = ("train", tmp_path / "corner.npz", "-o", path, "--choose")
+    np.savez(path, frames=frames, labels=labels, **others)
+    return path, frames, labels.astype(str)
+
+
+def test_the_line_to_type_trains_the_chosen_model(typed, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    corner("c.npz")
+    words = ("compare", "c.npz", "--readout", "lda", "--encoder", "levels")
+    result = json.loads(typed(*words, "--crop", 0, 0, 16, 8, "--json")[1])
+    assert result["chosen"] == "levels, lda"
+    accuracy = {name: own["accuracy"][0] for name, own in result["models"].items()}
+    won = accuracy["levels, lda"] - accuracy["median, majority"]
+    assert result["gain"] == pytest.approx(won)
+    assert result["p_value"] < 0.01
+    said = typed(*words)[1].splitlines()[-1]
+    assert said.startswith("levels, lda over median, majority: +")
+    assert "points of accuracy, a clear gain (p = " in said
+    line = shlex.split(result["command"])
+    assert typed(*line[1:])[0] == 0
+    model = HDCClassifier.load("model.safetensors")
+    parts = [type(part).__name__.lower() for part in (model.encoder, model.readout)]
+    assert (", ".join(parts), model.frame_shape_) == (result["chosen"], (8, 16))
+
+
+def test_another_recording_is_tested_and_chooses_nothing(typed, archive, tmp_path):
+    """Its classes are patterns of another sensor: all forms fail, and that is said."""
+    other = tmp_path / "tomorrow.npz"
+    np.savez(other, frames=255 - frames_of(3, 5, 1, 40), labels=np.repeat(NAMES, 5))
+    words = ("compare", archive, "--test", other, "--encoder", "median")
+    words = (*words, "--readout", "neighbours")
+    result = json.loads(typed(*words, "--json")[1])
+    assert result["tests"] == {"folds": 36, str(other): 15}
+    assert result["chosen"] == "median, majority"
+    published = HDCClassifier()
+    published.fit(frames_of(3, 12, noise=40), np.repeat(NAMES, 12))
+    answers = published.predict(255 - frames_of(3, 5, 1, 40))
+    share = (answers == np.repeat(NAMES, 5)).mean()
+    assert result["models"]["median, majority"]["accuracy"] == [1.0, share]
+    assert typed(*words)[1].splitlines()[-1].startswith("The sensor differs between")
+
+
+def test_ctrl_c_keeps_the_rows_that_are_there(typed, archive, monkeypatch):
+    plain = judge.judged
+
+    def interrupted(candidate, data):
+        if candidate.name == stop:
+            raise KeyboardInterrupt
+        return plain(candidate, data)
+
+    monkeypatch.setattr(judge, "judged", interrupted)
+    stop = "median, neighbours"
+    status, out, _ = typed("compare", archive)
+    assert status == 0
+    assert out.splitlines()[-3] == "interrupted: the rows above are whole"
+    assert "Use: hdc train" in out.splitlines()[-2]
+    stop = "median, majority"
+    status, _, err = typed("compare", archive)
+    assert status == 1
+    assert "expected median, majority to learn, it was interrupted" in err
+
+
+def test_one_that_refuses_the_frames_is_left_out(typed, archive, tmp_path):
+    vectors = frames_of(3, 12, noise=40).reshape(36, -1)
+    np.savez(tmp_path / "d.npz", frames=vectors, labels=np.repeat(NAMES, 12))
+    words = ("--readout", "majority", "--encoder", "smoothed")
+    status, out, _ = typed("compare", tmp_path / "d.npz", *words)
+    assert status == 0
+    assert "left out: smoothed, majority: " in out
+
+
+def test_train_takes_the_best_form(typed, tmp_path):
+    path, frames, names = corner(tmp_path / "corner.npz")
+    model = tmp_path / "m.safetensors"
+    words = ("train", path, "-o", model, "--choose")
     status, out, err = typed(*words)
     assert (status, err) == (0, "")
     line = out.splitlines()[1]
-    assert line.startswith("chosen: ")
-    assert "by 5 folds at random" in line
-    model = HDCClassifier.load(path)
-    chosen, _, rest = line.removeprefix("chosen: ").partition(" among ")
-    assert rest.startswith(f"{1 + len(selection.FORMS)} ")
-    encoder, readout = chosen.split(", ")
-    assert type(make_encoder(encoder)) is type(model.encoder)
-    assert type(make_readout(readout)) is type(model.readout)
-    plain = HDCClassifier(model.encoder, model.readout).fit(frames, labels.astype(str))
-    assert (model.predict(frames) == plain.predict(frames)).all()
-    in_mind = in_memory(frames, labels)
-    made, _ = selection.folds(in_mind, np.arange(60))
-
-    def share(*parts):
-        right = 0
-        for learnt, tested in made:
-            own = HDCClassifier(*parts).fit(frames[learnt], labels[learnt])
-            right += (own.predict(frames[tested]) == labels[tested]).sum()
-        return f"{right / 60:.1%}"
-
-    mine = share(model.encoder, model.readout)
-    assert line.endswith(f" (accuracy {mine}, the published form {share()})")
-    assert typed(*words, "--readout", "lda")[0] == 2
-
-
-def test_what_is_chosen_for_numbers_is_held_against_the_default():
-    rng = np.random.default_rng(0)
-    depth = rng.uniform(2, 14, (25, 1))
-    bump = 150 * np.exp(-((np.arange(SIDE) - depth) ** 2) / 8)
-    noise = rng.integers(0, 20, (25, SIDE, SIDE))
-    frames = (bump[:, None, :] + noise).astype(np.uint8)
-    data = in_memory(frames, np.zeros(25, np.int64), values=depth)
-    made, _ = selection.folds(data, np.arange(25))
-    guess = np.abs(depth - np.median(depth)).mean()
-
-    def error(*parts):
-        off = 0.0
-        for train, test in made:
-            model = HDCRegressor(*parts).fit(frames[train], depth[train])
-            off += np.abs(model.predict(frames[test]) - depth[test]).sum()
-        return f"{off / 25 / guess:.3g}"
-
-    chosen, line = choose(data)
-    pairs = selection.combinations((), (), True)
-    mine = error(chosen.encoder, chosen.readout)
-    like_it = [pair for pair in pairs if pair.encoder == chosen.encoder]
-    least = min((error(p.encoder, p.readout) for p in like_it), key=float)
-    assert mine == least
+    found = HDCClassifier.load(model)
+    data = judge.Data.within(open_recording(path))
+    shares = {}
+    for form in candidates.forms((), (), False):
+        shares[form.name] = 1 - judge.judged(form, data).losses.mean()
+    best = max(shares, key=shares.get)
     assert line == (
-        f"chosen: {chosen.name} among {len(pairs)} by 5 folds at random "
-        f"({mine} of a guess's error, median, ridge {error()})"
+        f"chosen: {best} among {len(shares)} by 5 folds at random (accuracy "
+        f"{shares[best]:.1%}, the published form {shares['median, majority']:.1%})"
+    )
+    plain = HDCClassifier(*best.split(", ")).fit(frames, names)
+    assert (found.predict(frames) == plain.predict(frames)).all()
+    assert typed(*words, "--set", "encoder__ties=raster")[0] == 2
+
+
+def test_train_takes_the_best_form_of_numbers(typed, of_values, tmp_path):
+    out = typed("train", of_values, "-o", tmp_path / "m", "--choose")[1]
+    data = judge.Data.within(open_recording(of_values))
+    forms = candidates.forms((), (), True)
+    error = {form.name: judge.judged(form, data).losses.mean() for form in forms}
+    best = min(error, key=error.get)
+    assert out.splitlines()[1] == (
+        f"chosen: {best} among {len(forms)} by 3 folds by session ({error[best]:.3g} of a "
+        f"guess's error, median, ridge {error['median, ridge']:.3g})"
     )
 
 
-@pytest.mark.parametrize("learns_values", [False, True])
-def test_nothing_is_chosen_by_too_few_frames(learns_values):
-    labels = np.zeros(3, np.int64) if learns_values else np.arange(3)
-    values = np.arange(3.0)[:, None] if learns_values else None
-    chosen, line = choose(in_memory(frames_of(3, 1), labels, values=values))
-    assert chosen == selection.published(learns_values)
-    assert line == f"chosen: {chosen.name}, for there are too few frames of a class"
-
-
-# Its parts ---------------------------------------------------------------------------------------
-
-
-def test_rivals_are_those_of_plain_scikit_learn():
-    frames = frames_of(3, 30, noise=4000, dtype=np.uint16)
-    labels, rng = np.repeat(np.arange(3), 30), np.random.default_rng(1)
-    train = np.sort(
-        np.concatenate([c * 30 + rng.permutation(30)[:17] for c in range(3)])
-    )
-    test = np.setdiff1d(np.arange(90), train)
-    data = in_memory(frames, labels)
-    found = {
-        rival.name: rival.answers(data, train, test) for rival in rivals.rivals(False)
-    }
-    raw = frames.reshape(90, -1).astype(float)
-    standard = (raw - raw.mean(1, keepdims=True)) / raw.std(1, keepdims=True)
-    for pixels, flat in (("raw", raw), ("standardised", standard)):
-        centred = flat - flat[train].mean(0)
-        unit = centred / np.sqrt((centred[train] ** 2).sum() / len(train))
-        for name, model in (
-            ("mean image", NearestCentroid()),
-            ("ridge", RidgeClassifierCV(rivals.RIDGE_PENALTIES)),
-            ("1-NN", KNeighborsClassifier(1)),
-            ("3-NN", KNeighborsClassifier(3)),
-            ("softmax (C = 10)", LogisticRegression(C=10, max_iter=500)),
-            ("linear SVM (C = 1)", SVC(kernel="linear", C=1)),
-            ("rbf SVM (C = 10)", SVC(gamma=1.0, C=10)),
-        ):
-            expected = model.fit(unit[train], labels[train]).predict(unit[test])
-            assert (found[f"{name}, {pixels} greys"] == expected).mean() >= 0.97, name
-
-
-def test_rivals_of_values_are_those_of_plain_scikit_learn():
-    """Of two values, one of them constant, from frames of which some pixels are constant."""
-    rng = np.random.default_rng(0)
-    depth = rng.uniform(2, 14, 40)
-    frames = rng.integers(0, 60, (40, SIDE, SIDE)).astype(np.uint8)
-    frames[:, :4] = (60 + 10 * depth + rng.normal(0, 4, 40))[:, None, None]
-    frames[:, 8:] = 17
-    values = np.stack([depth, np.full(40, 1.5)], axis=1)
-    data = in_memory(frames, np.zeros(40, np.int64), values=values)
-    train, test = np.arange(0, 40, 2), np.arange(1, 40, 2)
-    middle, deviation = depth[train].mean(), depth[train].std()
-    raw = frames.reshape(40, -1).astype(float)
-    standard = (raw - raw.mean(1, keepdims=True)) / raw.std(1, keepdims=True)
-    expected = {"mean, raw greys": np.full(20, middle)}
-    for pixels, flat in (("raw", raw), ("standardised", standard)):
-        centred = flat - flat[train].mean(0)
-        unit = centred / np.sqrt((centred[train] ** 2).sum() / len(train))
-        models = {
-            "ridge": RidgeCV(rivals.RIDGE_PENALTIES),
-            "1-NN": KNeighborsRegressor(1),
-            "3-NN": KNeighborsRegressor(3),
-        }
-        for c in (1, 10, 100):
-            models[f"SVR (C = {c})"] = SVR(gamma=1.0, C=c, epsilon=0.01)
-        for name, model in models.items():
-            model.fit(unit[train], (depth[train] - middle) / deviation)
-            found = middle + deviation * model.predict(unit[test])
-            expected[f"{name}, {pixels} greys"] = found
-    every = rivals.rivals(True)
-    assert [rival.name for rival in every] == list(expected)
-    for rival in every:
-        answers = rival.answers(data, train, test)
-        assert answers[:, 0] == pytest.approx(expected[rival.name], abs=0.02), rival
-        assert answers[:, 1] == pytest.approx(1.5), rival
-
-
-@pytest.mark.parametrize("n_pixels", [5, 2**13 + 3])  # fewer than frames; two blocks
-def test_what_rivals_learn_from_keeps_all_products_and_distances(n_pixels):
-    rng = np.random.default_rng(0)
-    frames = rng.integers(0, 255, (12, n_pixels)).astype(np.uint8)
-    frames[:, 1] = 9
-    frames[3] = 40  # a frame without contrast
-    bank = FrameBank(frames, np.zeros(12, np.int64), 1)
-    raw = frames.astype(float)
-    deviations = raw.std(1, keepdims=True)
-    deviations[3] = 1
-    standard = (raw - raw.mean(1, keepdims=True)) / deviations
-    train, test = np.arange(8), np.arange(8, 12)
-    for pixels, flat in (("raw", raw), ("standardised", standard)):
-        assert bank.products(pixels) == pytest.approx(
-            (flat - flat.mean(0)) @ (flat - flat.mean(0)).T
-        )
-        centred = flat - flat[train].mean(0)
-        unit = (centred[train] ** 2).sum(1).mean()
-        distances = ((flat[:, None] - flat[train]) ** 2).sum(2) / unit
-        inside, across = rivals.rbf_kernel(bank, pixels, train, test)
-        assert inside == pytest.approx(np.exp(-distances[train]))
-        assert across == pytest.approx(np.exp(-distances[test]))
-        trained, queries = rivals.coordinates(bank, pixels, train, test)
-        assert trained.shape == (8, np.linalg.matrix_rank(centred[train]))
-        assert queries @ trained.T == pytest.approx(
-            centred[test] @ centred[train].T / unit
-        )
-
-
-def test_the_best_setting_of_a_rival_was_tried_to_the_end():
-    few, some, many, other = (
-        rivals.Rival(model, "raw", setting, None)
-        for model, setting in (
-            ("SVR", " (C = 1)"),
-            ("SVR", " (C = 10)"),
-            ("SVR", " (C = 100)"),
-            ("ridge", ""),
-        )
-    )
-    elsewhere = rivals.Rival("SVR", "standardised", " (C = 1)", None)
-    first, second = selection.combinations(["median"], ["majority", "lda"], False)
-    losses = {few: 0.1, many: 0.3, other: 0.2, first: 0.5, second: 0.4}
-    scores = selection.Scores(losses, {some.name: "why"}, given_up=[few.name])
-    every = [few, some, many, other, elsewhere]
-    judged = judge.Judged.of(first, every, scores)
-    assert judged.rivals == [many, other, elsewhere]
-    assert (judged.published, judged.chosen, judged.rival) == (first, second, other)
-    assert judged.all() == [first, second, many, other, elsewhere]
-    assert judged.followed() == [first, second, other]
-    nothing = judge.Judged.of(first, every, selection.Scores())
-    assert (nothing.chosen, nothing.rival) == (first, None)
-    assert nothing.followed() == [first]
-
-
-def test_a_learning_curve_of_classes_is_the_mean_over_draws():
-    """Of classes with 25 and 30 training frames: 20 a class say little beside all."""
-    labels = np.repeat([0, 1], [29, 36])
-    data = in_memory(np.zeros((65, 4, 4), np.uint8), labels)
-    test = np.array([0, 1, 2, 3, *range(29, 35)])
-    train = np.setdiff1d(np.arange(65), test)
-    right = Said("right", labels)
-    ones = Said("ones", np.ones(65, np.int64))
-    found = learning_curve(data, train, test, [right, ones], 3)
-    assert list(found) == ["right", "ones"]
-    for points, share in ((found["right"], 1.0), (found["ones"], 0.6)):
-        assert [point["frames"] for point in points] == [1, 2, 5, 10, 27.5]
-        for point in points:
-            low, high = wilson(10 * share, 10)
-            values = (point["accuracy"], point["low"], point["high"])
-            assert values == pytest.approx((share, low, high))
-    assert all(map(np.array_equal, right.learnt, ones.learnt))
-    assert len(right.learnt) == 4 * 3 + 1
-    for number, rows in enumerate(right.learnt[:-1]):
-        size = (1, 2, 5, 10)[number // 3]
-        assert np.bincount(labels[rows]).tolist() == [size, size]
-        assert (np.diff(rows) > 0).all()
-        assert not set(rows) - set(train)
-    assert len({rows.tobytes() for rows in right.learnt}) == 13
-    assert (right.learnt[-1] == train).all()
-    again = Said("again", labels)
-    learning_curve(data, train, test, [again], 3)
-    assert all(map(np.array_equal, right.learnt, again.learnt))
-
-
-def test_a_point_of_a_learning_curve_counts_a_test_frame_once():
-    """Half of the draws are right: half of the frames, and the interval is of all frames once."""
-    labels = np.repeat([0, 1], 10)
-    data = in_memory(np.zeros((20, 4, 4), np.uint8), labels)
-
-    @dataclass(eq=False)
-    class Turning(Said):
-        def answers(self, frames, train, test):
-            super().answers(frames, train, test)
-            return self.told[test] if len(self.learnt) % 2 else 1 - self.told[test]
-
-    test = np.array([0, 1, 10, 11])
-    train = np.setdiff1d(np.arange(20), test)
-    points = learning_curve(data, train, test, [Turning("turning", labels)], 2)
-    *halves, last = points["turning"]
-    low, high = wilson(2, 4)
-    for half, size in zip(halves, (1, 2, 5), strict=True):
-        point = {"frames": size, "accuracy": 0.5, "low": low, "high": high}
-        assert half == pytest.approx(point)
-    assert last["accuracy"] == 1
-
-
-def test_a_learning_curve_of_values_starts_at_five_frames_in_all():
-    values = np.array([[0.0, 10.0], [1.0, 30.0]])[np.arange(40) % 2]
-    data = in_memory(
-        np.zeros((40, 4, 4), np.uint8), np.zeros(40, np.int64), None, values
-    )
-    off = Said("off", values + np.array([0.25, 20.0]))
-    train, test = np.arange(30), np.arange(30, 40)
-    found = learning_curve(data, train, test, [off], 2)
-    # Off by 0.25 of a mean distance of 0.5 from the middle, and by 20 of 10.
-    error = pytest.approx((0.5 + 2.0) / 2)
-    assert found == {
-        "off": [{"error": error, "frames": size} for size in (5, 10, 20, 30)]
-    }
-    assert [len(rows) for rows in off.learnt] == [5, 5, 10, 10, 20, 20, 30]
-
-
-def test_combinations_are_the_models_themselves():
-    frames, labels = (
-        frames_of(3, 10, noise=600, dtype=np.uint16),
-        np.repeat([0, 1, 2], 10),
-    )
-    data = in_memory(frames, labels)
-    train = np.arange(0, 30, 2)
-    test = np.arange(1, 30, 2)
-    for pair in selection.combinations((), (), False):
-        plain = HDCClassifier(pair.encoder, pair.readout)
-        plain.fit(frames[train], labels[train])
-        expected = plain.predict(frames[test])
-        for _ in range(2):  # the second time an encoder that learns is remembered
-            assert (pair.answers(data, train, test) == expected).all(), pair.name
-    turned = selection.Combination("reference", "majority")
-    plain = HDCClassifier("reference").fit(frames[test], labels[test])
-    assert (turned.answers(data, test, train) == plain.predict(frames[train])).all()
-
-
-def test_floating_point_frames_are_compared():
-    rng = np.random.default_rng(0)
-    base = rng.normal(size=(3, 1, 40))
-    frames = (base + rng.normal(size=(3, 12, 40)) / 2).reshape(36, 40) / 1e4
-    labels = np.repeat([0, 1, 2], 12)
-    data = in_memory(frames, labels)
-    train, test = np.arange(0, 36, 2), np.arange(1, 36, 2)
-    near = KNeighborsClassifier(1).fit(frames[train], labels[train])
-    rival = next(r for r in rivals.rivals(False) if r.name == "1-NN, raw greys")
-    assert (rival.answers(data, train, test) == near.predict(frames[test])).all()
-    plain = HDCClassifier().fit(frames[train], labels[train])
-    found = selection.published(False).answers(data, train, test)
-    assert (found == plain.predict(frames[test])).all()
-
-
-@pytest.mark.parametrize("learns_values", [False, True])
-def test_training_frames_that_are_all_equal_stop_no_rival(learns_values):
-    frames = np.full((6, 4, 4), 7, np.uint8)
-    labels = np.array([1, 1, 0, 0, 0, 1])
-    values = np.arange(6.0)[:, None] if learns_values else None
-    data = in_memory(frames, labels, values=values)
-    train, test = np.arange(1, 6), np.array([0])
-    expected = 3.0 if learns_values else 0  # the mean, or the class of most frames
-    for rival in rivals.rivals(learns_values):
-        answers = rival.answers(data, train, test)
-        assert answers.item() == pytest.approx(expected), rival.name
-
-
-def test_nothing_that_is_tested_was_chosen_by(tmp_path):
-    labels, session = np.tile([0, 1], 30), np.arange(60) // 12
-    frames = np.random.default_rng(0).integers(0, 255, (60, 5, 5), np.uint8)
-    np.savez(tmp_path / "r.npz", frames=frames, labels=labels, session=session)
-    recording = open_recording(tmp_path / "r.npz")
-    parts = part(recording, None, 0.2)
-    assert set(session[parts.later]) == {4}
-    assert set(session[parts.earlier]) == {0, 1, 2, 3}
-    both = [*parts.chosen_on, *parts.random]
-    assert sorted(both) == parts.earlier.tolist()
-    assert len(parts.random) == 10
-    parts = part(recording, recording, 0.2)
-    assert parts.later.tolist() == [*range(60, 120)]
-
-
-def test_the_last_frames_of_each_class_in_time_are_later(tmp_path):
-    labels, order = np.tile([0, 1], 10), np.arange(20)[::-1]
-    frames = np.zeros((20, 5, 5), np.uint8)
-    np.savez(tmp_path / "r.npz", frames=frames, labels=labels, order=order)
-    parts = part(open_recording(tmp_path / "r.npz"), None, 0.2)
-    assert parts.later_name == "the last frames"
-    assert parts.later.tolist() == [0, 1, 2, 3]
-    assert parts.earlier.tolist() == [*range(4, 20)]
-    assert np.bincount(labels[parts.random]).tolist() == [2, 2]
-    tests = [(name, len(learnt), len(tested)) for name, learnt, tested in parts.tests()]
-    assert tests == [("at random", 12, 4), ("the last frames", 16, 4)]
-    np.savez(tmp_path / "v.npz", frames=frames, values=labels * 1.0, order=order)
-    parts = part(open_recording(tmp_path / "v.npz"), None, 0.2)
-    assert parts.later.tolist() == [0, 1, 2, 3]
-
-
-def test_two_recordings_are_read_one_after_the_other(tmp_path):
-    frames, session = frames_of(3, 4), np.arange(12) % 2
-    names = np.repeat(["b", "a", "c"], 4)
-    kept = {"frames": frames, "session": session}
-    np.savez(tmp_path / "first.npz", labels=names, **kept)
-    np.savez(tmp_path / "second.npz", labels=names[:8], frames=frames[:8] + 1)
-    first, second = (
-        open_recording(tmp_path / f"{name}.npz") for name in ("first", "second")
-    )
-    both = read_frames(first, second)
-    assert both.names == ("a", "b", "c")
-    assert both.labels.tolist() == [1] * 4 + [0] * 4 + [2] * 4 + [1] * 4 + [0] * 4
-    assert both.bank.n_classes == 3
-    assert (both.bank.frames.numpy() == [*frames, *(frames[:8] + 1)]).all()
-    assert (both.units, both.values) == ((), None)
-    assert both.session[:12].tolist() == session.tolist()
-    rows = part(first, second, 0.2).chosen_on
-    assert selection.folds(both, rows)[1] == "by session"
-    some = read_frames(first, rows=np.array([1, 2, 9]))
-    assert some.names == ("b", "c")
-    assert some.labels.tolist() == [0, 0, 1]
-    assert some.session.tolist() == [1, 0, 1]
-    assert (some.bank.frames.numpy() == frames[[1, 2, 9]]).all()
+@pytest.mark.parametrize("form", candidates.FORMS)
+def test_whatever_is_recommended_trains_and_recalibrates(
+    typed, archive, tmp_path, form
+):
+    model = tmp_path / "m"
+    words = ("--encoder", form[0], "--readout", form[1])
+    assert typed("train", archive, "-o", model, *words)[0] == 0
+    assert typed("recalibrate", model, archive, "-o", model)[0] == 0
 
 
 def test_the_other_recording_has_a_table_of_its_own(typed, tmp_path, monkeypatch):
@@ -627,12 +332,11 @@ def test_the_other_recording_has_a_table_of_its_own(typed, tmp_path, monkeypatch
         for k, frame in enumerate(frames_of(1, n)):
             assert cv2.imwrite(f"{name}/{name}_{k}.png", frame)
         (tmp_path / name / "t.csv").write_text("\n".join(["image,z", *rows]))
-    words = ("compare", "pins", "--test", "pins2", "--json", "--draws", 1)
-    words = (*words, "--encoder", "median", "--readout", "neighbours")
+    words = ("compare", "pins", "--test", "pins2", "--json", "--readout", "neighbours")
     for table in ("pins/t.csv", "t.csv"):
         status, out, _ = typed(*words, "--values", table)
         assert status == 0
-        assert json.loads(out)["tests"][-1]["tested"] == 5
+        assert json.loads(out)["tests"]["pins2"] == 5
     (tmp_path / "pins" / "t.csv").rename("t.csv")
     (line,) = typed(*words, "--values", "t.csv")[2].splitlines()
     assert "--test: expected labels and numbers in or beside pins2, found t.csv" in line
@@ -643,87 +347,26 @@ def test_the_other_recording_has_a_table_of_its_own(typed, tmp_path, monkeypatch
     assert "found b.csv for both recordings" in line
 
 
-def test_an_interval_of_paired_accuracies_is_newcombes():
-    """His own example, Stat. Med. 17, 2635 (1998), table III: 36, 12, 2, 0 by method 10."""
-    mine = np.repeat([True, True, False, False], [36, 12, 2, 0])
-    theirs = np.repeat([True, False, True, False], [36, 12, 2, 0])
-    found = advice.paired_accuracies(mine, theirs)
-    assert found.gain == pytest.approx(0.2)
-    assert (found.low, found.high) == pytest.approx((0.0569, 0.3404), abs=5e-5)
-    turned = advice.paired_accuracies(theirs, mine)
-    assert (turned.low, turned.high) == pytest.approx((-found.high, -found.low))
-    same = advice.paired_accuracies(mine, mine)
-    assert same.low < 0 < same.high
-
-
-@pytest.mark.parametrize(
-    ("counts", "correlation"),
-    [
-        ((1, 1, 0, 1), 0),  # 1·1 − 1·0 is less than half of the frames
-        ((4, 4, 4, 4), 0),
-        ((5, 10, 10, 5), -75 / 225),  # no correction where they disagree
-        ((0, 1, 1, 0), -1),
-        ((0, 5, 0, 0), 0),  # one is always right, the other never
-        ((9, 0, 0, 1), (9 - 5) / 9),  # with the correction for continuity, n/2
-    ],
-)
-def test_newcombes_interval_joins_wilsons_by_the_correlation(counts, correlation):
-    """Both right, only mine, only theirs, neither; the correlation is worked out by hand."""
-    both, mine, theirs, _ = counts
-    n = sum(counts)
-    found = advice.paired_accuracies(
-        np.repeat([True, True, False, False], counts),
-        np.repeat([True, False, True, False], counts),
-    )
-    p, q = (both + mine) / n, (both + theirs) / n
-    (p_low, p_high), (q_low, q_high) = wilson(both + mine, n), wilson(both + theirs, n)
-
-    def joined(a, b):
-        return math.sqrt(a * a - 2 * correlation * a * b + b * b)
-
-    low = p - q - joined(p - p_low, q_high - q)
-    high = p - q + joined(p_high - p, q - q_low)
-    assert found.as_json() == pytest.approx({"gain": p - q, "low": low, "high": high})
-
-
-def test_an_interval_of_paired_errors_holds_the_difference():
-    rng = np.random.default_rng(0)
-    held = 0
-    for _ in range(100):
-        theirs = rng.normal(1.0, 0.5, 50)
-        mine = theirs - rng.normal(0.2, 0.4, 50)
-        found = advice.paired_errors(mine, theirs)
-        assert found.gain == pytest.approx((theirs - mine).mean())
-        held += found.low <= 0.2 <= found.high
-    assert 87 <= held <= 100
-
-
 def test_errors_are_one_line(typed, archive, of_values, tmp_path):
     np.savez(tmp_path / "others.npz", frames=frames_of(2, 3), labels=[0, 1] * 3)
     np.savez(tmp_path / "small.npz", frames=np.zeros((6, 3, 3)), labels=[0, 1] * 3)
-    named = {"values": np.zeros((6, 2)), "value_names": ["x", "y"]}
-    np.savez(tmp_path / "place.npz", frames=frames_of(2, 3), **named)
-    for words, message in (
-        ((archive, "--crop", 0, 0, 999, 9), "a window inside frames 16 px wide"),
-        ((tmp_path / "nothing",), "found nothing"),
-        (
-            (archive, "--test", tmp_path / "others.npz"),
-            "--test: expected classes among ",
-        ),
-        (
-            (archive, "--test", tmp_path / "small.npz"),
-            "--test: expected frames (16, 16)",
-        ),
-        ((of_values, "--test", archive), "--test: expected values value, found none"),
-        (
-            (of_values, "--test", tmp_path / "place.npz"),
-            "--test: expected values value, found x, y",
-        ),
-        ((archive, "--encoder", "mean"), "encoder: expected one of "),
-        ((archive, "--readout", "nowhere.Part"), "readout: expected a class "),
-        ((of_values, "--readout", "lda"), "readout: expected one of "),
-        ((archive, "-o", tmp_path / "curve.txt"), "-o: expected a file of .svg, .pdf"),
-    ):
-        status, out, err = typed("compare", *words)
-        assert (status, out, err.count("\n")) == (1, "", 1), words
+    np.savez(tmp_path / "few.npz", frames=frames_of(3, 1), labels=NAMES)
+    for words, status, message in (
+        ((archive, "--crop", 0, 0, 999, 9), 1, "a window inside frames 16 px wide"),
+        ((tmp_path / "nothing",), 1, "found nothing"),
+        ((tmp_path / "few.npz",), 1, "expected two frames or more of each class"),
+        ((archive, "--test", tmp_path / "others.npz"), 1, "--test: expected classes among "),
+        ((archive, "--test", tmp_path / "small.npz"), 1, "--test: expected frames (16, 16)"),
+        ((of_values, "--test", archive), 1, "--test: expected values depth, force, found none"),
+        ((archive, "--encoder", "mean"), 1, "encoder: expected one of "),
+        ((archive, "--readout", "nowhere.Part"), 1, "readout: expected a class "),
+        ((of_values, "--readout", "lda"), 1, "readout: expected one of "),
+        ((archive, "--budget", 5), 2, "--budget: this option left; rows come cheapest first"),
+        ((archive, "--all"), 2, "--all: this option left; --encoder and --readout name"),
+        ((archive, "-o", "curve.svg"), 2, "--output: this option left"),
+        ((archive, "--draws", 1), 2, "--draws: this option left"),
+        ((archive, "--test-fraction", 0.2), 2, "--test-fraction: this option left"),
+    ):  # fmt: skip
+        found, out, err = typed("compare", *words)
+        assert (found, out, err.count("\n")) == (status, "", 1), words
         assert message in err

@@ -10,6 +10,8 @@ import pyarrow.parquet as pq
 import pytest
 import scipy.io
 
+from hdc.readers import Ambiguous, open_recording, stores
+
 RNG = np.random.default_rng(0)
 LABELS = np.arange(12) % 3
 NAMES = np.array(["air", "oil", "water"])[LABELS]
@@ -122,6 +124,7 @@ def test_tables_and_columns_of_images(look, tmp_path):
         rows.append(f"{name}," + ",".join(map(str, frame.ravel())))
     (tmp_path / "s.csv").write_text("\n".join(rows))
     holds, blocks = look("s.csv")
+    assert blocks[0][1].startswith("a frame is the ")
     assert holds[0].startswith("columns: label, 400nm, ")
     assert holds[0].endswith("410nm, … 37 more")
     assert blocks[0][0] == "12 frames, 3 classes, 48 pixels"
@@ -153,3 +156,17 @@ def test_what_is_missing_is_said_after_what_is_there(look, write_film, tmp_path)
         (tmp_path / "x.doc").write_text("x")
         holds, error = look(name)
         assert (holds, len(error)) == ([], 1)
+
+
+def test_a_file_of_many_arrays_is_loaded_once(typed, tmp_path, monkeypatch):
+    """Of 292 arrays it took 17 s; an error listed all of them."""
+    with h5py.File(tmp_path / "many.h5", "w") as file:
+        for k in range(20):
+            file[f"t{k}/frames"], file[f"t{k}/labels"] = FRAMES, NAMES.tolist()
+    loaded = []
+    plain = stores._hdf5
+    monkeypatch.setattr(stores, "_hdf5", lambda p: loaded.append(p) or plain(p))
+    out = typed("look", tmp_path / "many.h5")[1]
+    assert (out.count("\nhdc train "), len(loaded)) == (12, 1)
+    with pytest.raises(Ambiguous, match=r"; or 8 more$"):
+        open_recording(tmp_path / "many.h5")

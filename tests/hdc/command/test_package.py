@@ -54,7 +54,7 @@ def test_only_hdc_is_installed(installed):
         for text in found.requires or ()
         if "extra ==" not in text
     }
-    assert core == {"torch", "numpy", "safetensors"}
+    assert core == {"torch", "numpy", "safetensors", "jinja2"}
 
 
 def test_the_sample_is_installed_and_small(installed):

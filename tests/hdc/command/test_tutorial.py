@@ -54,6 +54,7 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, capsys):
     assert "24 of 24 frames" in evaluated
     assert "24 new frames of 3 classes" in recalibrated
     assert "\nUse: hdc train press --template " in compared
+    assert "\nchosen by 2 folds by session" in compared
 
 
 def test_levels_and_lda_in_python(tmp_path, monkeypatch):

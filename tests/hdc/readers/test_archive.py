@@ -111,7 +111,8 @@ def test_nothing_is_unpickled(save, tmp_path):
     objects = np.array([Trap()] * 12, dtype=object)
     for key in ("frames", "labels", "classes"):
         with pytest.raises(
-            ValueError, match=r"x.npz: .* found: Object arrays cannot be loaded"
+            ValueError,
+            match=r"x.npz: .* holds Python objects, which are not opened here",
         ):
             open_recording(save(**{key: objects}))
     (tmp_path / "x.npz").write_bytes(pickle.dumps({"frames": 1}))
@@ -146,11 +147,11 @@ def test_nothing_is_unpickled(save, tmp_path):
         ({"labels": LABELS / 2}, r"\[labels\]: .* found float64"),
         (
             {"labels": LABELS * 0},
-            r"\[labels\]: expected two classes or more, found only '0'",
+            r": expected two classes or more, found only '0'",
         ),
         (
             {"classes": np.array(["a", "b"])},
-            r"\[labels\]: expected one of the 2 classes, found",
+            r": expected one of the 2 classes, found",
         ),
         (
             {"classes": np.array(["a", "a", "b"])},
@@ -167,7 +168,7 @@ def test_nothing_is_unpickled(save, tmp_path):
         ),
         (
             {"labels": np.array(["a", "", "b"] * 4)},
-            r"\[labels\]: expected a label of each frame, found none of frame 1",
+            r": expected a label of each frame, found none of frame 1",
         ),
     ],
 )
@@ -190,14 +191,12 @@ def test_numbers_that_are_not_finite_are_named(save, pixels, bad):
     for key in ("session", "order"):
         numbers = np.arange(12.0)
         numbers[4] = bad
-        message = (
-            rf"x.npz: expected 12 finite numbers in the column {key}, found .* frame 4"
-        )
+        message = rf"x.npz, frame 4: expected a number in {key}, found {bad}"
         with pytest.raises(ValueError, match=message):
             open_recording(save(**{key: numbers}))
     values = np.arange(12.0)
     values[7] = bad
-    with pytest.raises(ValueError, match=r"x.npz\[value\]: expected finite .* frame 7"):
+    with pytest.raises(ValueError, match=r"x.npz, frame 7: expected a number in"):
         open_recording(save(labels=None, values=values))
     frames = pixels.astype(float)
     frames[3, 0, 0] = bad
@@ -220,7 +219,7 @@ def test_numbers_that_are_not_finite_are_named(save, pixels, bad):
         ({"value_units": ["N"]}, r"\[value_units\]: expected 2 units, .*'N'"),
         (
             {"values": np.full((12, 2), "a")},
-            r"\[value_0\]: expected numbers, found <U1",
+            r", frame 0: expected a number in value_0",
         ),
     ],
 )

@@ -12,7 +12,6 @@ import tifffile
 from PIL import Image
 
 from hdc.readers import BadFrame, open_recording
-from hdc.readers.batches import Batches
 from hdc.readers.images import decode
 
 
@@ -209,6 +208,50 @@ def test_zeros_beside_a_thumbnail_are_no_damage(tmp_path):
         np.frombuffer(whole, np.uint8), cv2.IMREAD_UNCHANGED))  # fmt: skip
 
 
+def test_what_follows_the_end_of_a_jpeg_is_no_damage(tmp_path):
+    """Phones append the film of a motion photo."""
+    whole = encoded(NOISE, ".jpg")
+    film = b"\0\0\0\x18ftypmp42" + bytes(600) + b"\xff\xda" + bytes(600)
+    (tmp_path / "1.jpg").write_bytes(whole + film)
+    expected = cv2.imdecode(np.frombuffer(whole, np.uint8), cv2.IMREAD_UNCHANGED)
+    assert np.array_equal(decode(tmp_path / "1.jpg"), expected)
+
+
+BITFIELDS = {
+    "usual": (32, (0xFF0000, 0xFF00, 0xFF)),
+    "red first": (32, (0xFF, 0xFF00, 0xFF0000)),
+    "ten bits": (32, (0x3FF00000, 0xFFC00, 0x3FF)),
+    "sixteen": (16, (0xF800, 0x7E0, 0x1F)),
+}
+
+
+@pytest.mark.parametrize("name", BITFIELDS)
+@pytest.mark.parametrize("down", [False, True])
+def test_pixels_of_a_bmp_are_parted_by_its_masks(tmp_path, name, down):
+    """OpenCV ignores unusual masks, and calls 16 bits with later headers damaged."""
+    bits, masks = BITFIELDS[name]
+    image = np.random.default_rng(0).integers(0, 256, (5, 7, 3), np.uint8)
+    pixels, levels = np.zeros((5, 7), np.uint32), []
+    for plane, mask in zip(np.moveaxis(image, 2, 0)[::-1], masks, strict=True):
+        shift = (mask & -mask).bit_length() - 1
+        most = mask >> shift
+        level = np.round(plane * (most / 255)).astype(np.uint32)
+        levels.append(np.round(level * (255 / most)))
+        pixels |= level << shift
+    rows = pixels.astype(f"<u{bits // 8}")
+    rows = np.pad(rows, [(0, 0), (0, 7 * bits // 8 % 4 * 8 // bits)])
+    body = (rows if down else rows[::-1]).tobytes()
+    header = struct.pack(
+        "<IiiHHIIiiII", 108, 7, -5 if down else 5, 1, bits, 3, 0, 0, 0, 0, 0
+    )
+    header += struct.pack("<IIII", *masks, 0) + bytes(52)
+    start = 14 + len(header)
+    head = b"BM" + struct.pack("<IHHI", start + len(body), 0, 0, start)
+    (tmp_path / "1.bmp").write_bytes(head + header + body)
+    expected = np.stack(levels[::-1], axis=2)
+    assert np.array_equal(decode(tmp_path / "1.bmp")[..., :3], expected)
+
+
 @pytest.mark.parametrize("orientation", range(1, 9))
 @pytest.mark.parametrize("colour", [False, True])
 def test_pixels_of_a_tiff_are_as_they_are_stored(tmp_path, orientation, colour):
@@ -266,7 +309,7 @@ def test_the_digest_of_images_is_that_of_their_digests(folder):
 
 def test_batches_are_the_frames_one_after_the_other_in_the_same_memory(folder, pixels):
     index = np.random.default_rng(0).permutation(12)
-    batches = Batches(open_recording(folder), index)
+    batches = open_recording(folder).batches(index)
     assert (len(batches), batches.shape) == (12, (12, 20, 30))
     first = batches[:5]
     assert first.dtype == np.uint8

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from hdc.readers import Ambiguous, BadFrame, SettingError, camera, open_recording
-from hdc.readers.columns import Columns
-from hdc.readers.files import read_csv
+from hdc.readers.about import Columns, typed
+from hdc.readers.files import columns_in, read_csv
 from hdc.readers.listing import image_files
 from hdc.readers.template import Template
 
@@ -174,7 +174,7 @@ def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
         ),
         (
             "file,label,order\na/1.png,x,?\nb/1.png,y,1\n",
-            "expected 2 numbers in the column order",
+            "line 2: expected a number in order, found",
         ),
         (
             "file,label,class_index\na/1.png,x,1\nb/1.png,x,2\n",
@@ -372,7 +372,7 @@ def test_a_gap_in_a_column_of_numbers_is_named(folder, cell):
 def test_a_gap_in_what_splits_go_by_is_named(folder, column):
     rows = [f"file,label,{column}", "a/1.png,x,1", "a/2.png,x,", "b/1.png,y,3"]
     (folder / "manifest.csv").write_text("\n".join(rows))
-    message = f"manifest.csv, line 3: expected the {column} of each row, found ''"
+    message = rf"manifest.csv, line 3: expected (the|a number in) {column}( of each row)?, found ''"
     with pytest.raises(ValueError, match=message):
         open_recording(folder)
 
@@ -449,7 +449,7 @@ def test_the_order_of_frames_is_part_of_the_fingerprint(folder):
     [
         ("image,x\n", "expected images in .*, found none$"),
         ("image,note\na/1.png,u\n", "expected a label of each frame, or numbers"),
-        ("image,x,order\na/1.png,1,?\n", "expected 1 numbers in the column order"),
+        ("image,x,order\na/1.png,1,?\n", "line 2: expected a number in order, found"),
         ("image,x\n,1\n", "line 2: expected a image, found none"),
     ],
 )
@@ -544,17 +544,49 @@ def test_a_comma_in_a_number_is_decimal_where_another_sign_separates(
 
 
 @pytest.mark.parametrize(
+    ("text", "encoding"),
+    [("sep=;\nx;y\n1,5;b\n", "utf-8"), ("x;y\n1,5;b\n", "utf-16-le")],
+)
+def test_tables_of_spreadsheets_are_read_by_what_they_say(tmp_path, text, encoding):
+    """A line sep=; blamed the frames, and UTF-16 without a mark could not be read."""
+    path = tmp_path / "t.csv"
+    path.write_bytes(text.encode(encoding))
+    assert [row for _, row in read_csv(path, ["x"])] == [{"x": "1.5", "y": "b"}]
+    assert columns_in(path) == ["x", "y"]
+
+
+@pytest.mark.parametrize(
+    ("rows", "found"),
+    [
+        ("1.000,5\n2,5", "line 2: expected 1000 or 1,0, found '1.000,5'"),
+        ("2,5\n1.000", "line 3: expected 1000 or 1,0, found '1.000'"),
+        ("1.000\n2.500", None),  # decimal points
+    ],
+)
+def test_points_between_thousands_are_asked_about(tmp_path, rows, found):
+    """A column of 1.000,5 was not learnt, and 1.000 was read as 1."""
+    path = tmp_path / "t.csv"
+    path.write_text(f"x;y\n{rows}".replace("\n", ";a\n").replace("y;a", "y") + ";a\n")
+    if found is None:
+        assert [row["x"] for _, row in read_csv(path, [])] == ["1.000", "2.500"]
+        return
+    with pytest.raises(ValueError, match=found):
+        list(read_csv(path, []))
+
+
+@pytest.mark.parametrize(
     ("texts", "expected"),
     [
         (["1", "-2", "+3"], np.array([1, -2, 3])),
         (["1", "2.5", "1e3"], np.array([1, 2.5, 1000])),
-        (["7", "1" + "0" * 20], np.array([7, 1e20])),  # more than 64 bits
+        # More than 64 bits hold: as floats, different ones would be one class.
+        (["7", "1" + "0" * 20], np.array(["7", "1" + "0" * 20])),
         (["1", "1_0"], np.array(["1", "1_0"])),
         (["1", "nan"], np.array(["1", "nan"])),
     ],
 )
 def test_cells_are_integers_or_else_numbers_or_else_text(texts, expected):
-    found = Columns([""] * len(texts), {"x": texts}).samples()["x"]
+    found = typed(texts)
     assert found.tolist() == expected.tolist()
     assert found.dtype == expected.dtype
 
@@ -609,6 +641,10 @@ def test_a_table_of_vectors_has_what_is_learnt_or_says_what_is_missing(tmp_path)
     path.write_text("label,order\na,1\nb,2\n")
     with pytest.raises(ValueError, match=r"v\.csv: expected columns of numbers, found"):
         open_recording(path)
+    path.write_text("label,400,401\na,1,2\nb,?,3\n")
+    message = r"v\.csv, line 3: expected a number in 400, found '\?'"
+    with pytest.raises(ValueError, match=message):
+        open_recording(path)
     path.write_text("label,400\n")
     with pytest.raises(ValueError, match=r"v\.csv: expected a row per frame"):
         open_recording(path)
@@ -622,3 +658,30 @@ def test_folders_of_several_depths_are_refused_and_named(tmp_path, pixels):
     )
     with pytest.raises(SettingError, match=message):
         open_recording(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("texts", "learnt"),
+    [
+        ("1 2", ["depth"]),
+        ("1 2 a b", []),  # half of them are numbers
+        ("1 - a b", []),
+        ("1 2 a", "row 2: expected a number in depth, found 'a'"),
+    ],
+)
+def test_a_column_of_which_more_than_half_are_numbers_is_one_of_numbers(texts, learnt):
+    cells = texts.split()
+    places = [f"row {i}" for i in range(len(cells))]
+    columns = Columns.of("t.csv", places, [{"depth": cell} for cell in cells])
+    if isinstance(learnt, list):
+        assert columns.numeric() == learnt
+        return
+    with pytest.raises(ValueError, match=learnt):
+        columns.numeric()
+
+
+def test_where_all_images_are_missing_nothing_is_advised_that_fails(folder):
+    (folder / "t.csv").write_text("image,x\nelsewhere/1.png,1\nelsewhere/2.png,2\n")
+    for skip in (False, True):
+        with pytest.raises(ValueError, match=r"t\.csv: .* found none of 2, .*/1\.png$"):
+            open_recording(folder, table="t.csv", skip_missing=skip)

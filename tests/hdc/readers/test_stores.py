@@ -6,6 +6,8 @@ that is turned, or an axis that is taken for another, is seen.
 
 import subprocess
 import sys
+import zipfile
+from types import SimpleNamespace
 
 import cv2
 import h5py
@@ -16,7 +18,7 @@ import pytest
 import scipy.io
 import tifffile
 
-from hdc.readers import Ambiguous, BadFrame, SettingError, open_recording, stores
+from hdc.readers import Ambiguous, BadFrame, SettingError, open_recording, stores, tiff
 from tests.hdc.readers.matlab import save_v73
 
 N, H, W = 4, 3, 5
@@ -389,6 +391,34 @@ def test_labels_of_every_kind_of_column_are_taken(tmp_path, kind):
     check(open_recording(tmp_path / "x.parquet"), [str(name) for name in names])
 
 
+@pytest.mark.parametrize(
+    "stated", ["{}", "no JSON", '{"info": {"features": null}}', "[]"]
+)
+def test_other_metadata_of_a_parquet_is_no_error(tmp_path, stated):
+    table = pa.table({"image": [png(frame) for frame in FRAMES], "label": NAMES})
+    table = table.replace_schema_metadata({"huggingface": stated})
+    pq.write_table(table, tmp_path / "x.parquet")
+    check(open_recording(tmp_path / "x.parquet"))
+
+
+def test_a_damaged_parquet_is_named(tmp_path):
+    path = tmp_path / "x.parquet"
+    table = pa.table({"image": [png(frame) for frame in FRAMES], "label": NAMES})
+    pq.write_table(table, path, compression="gzip")
+    whole = path.read_bytes()
+    said = []
+    for place in range(4, len(whole) - 8, 37):
+        damaged = bytearray(whole)
+        damaged[place : place + 4] = b"\xff" * 4
+        path.write_bytes(damaged)
+        try:
+            open_recording(path)[:]
+        except ValueError as error:
+            said.append(str(error))
+    assert len(said) > 10
+    assert all("x.parquet" in text for text in said)
+
+
 def test_a_row_with_another_image_or_none_is_named(tmp_path):
     path = tmp_path / "x.parquet"
     for cell, message in ((None, "an image, found none"), (png(FRAMES[0].T), "5 × 3")):
@@ -459,3 +489,126 @@ def test_three_planes_of_floats_are_colours_or_frames_as_it_is_said(tmp_path, su
     frames = open_recording(path, **several)
     assert np.array_equal(frames[:], cube.reshape(18, 8, 10))
     assert frames.labels.tolist() == np.repeat(labels, 3).tolist()
+
+
+# What a file holds, and what its library would make up -------------------------------------------
+
+LEFT_RIGHT = np.array([*"ab" * 3])
+STACK = np.random.default_rng(0).integers(0, 255, (6, 8, 9), np.uint8)
+
+
+def virtual(file):
+    layout = h5py.VirtualLayout((6, 8, 9), np.uint8)
+    layout[:] = h5py.VirtualSource("moved.h5", "frames", (6, 8, 9))
+    file.create_virtual_dataset("frames", layout)
+
+
+def half_written(file):
+    file.create_dataset("frames", (6, 8, 9), np.uint8, chunks=(3, 8, 9))[:3] = STACK[:3]
+
+
+def unwritten(file):
+    file.create_dataset("frames", (6, 8, 9), np.uint8)
+
+
+def external(file):
+    file.create_dataset("frames", (6, 8, 9), np.uint8, external=[("moved.raw", 0, 432)])
+
+
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
+        (virtual, "expected its source moved.h5, found none"),
+        (external, "expected its source moved.raw, found none"),
+        (half_written, "expected 2 chunks, found 1: the others were not written"),
+        (unwritten, "expected 1 chunks, found 0"),
+    ],
+)  # fmt: skip
+def test_what_hdf5_would_fill_in_is_refused(tmp_path, make, message):
+    """Zeros were read and learnt, without a word."""
+    with h5py.File(tmp_path / "v.h5", "w") as file:
+        make(file)
+        file["labels"] = [*"ab" * 3]
+    with pytest.raises(BadFrame, match=rf"v\.h5\[frames\]: {message}"):
+        open_recording(tmp_path / "v.h5")
+
+
+def test_a_virtual_dataset_beside_its_source_is_read(tmp_path):
+    with h5py.File(tmp_path / "moved.h5", "w") as file:
+        file["frames"] = STACK
+    with h5py.File(tmp_path / "v.h5", "w") as file:
+        virtual(file)
+        file["labels"] = [*"ab" * 3]
+    assert np.array_equal(open_recording(tmp_path / "v.h5")[:], STACK)
+
+
+def test_numbers_of_an_enumeration_have_its_names(tmp_path):
+    kind = h5py.enum_dtype({"left": 0, "right": 1})
+    with h5py.File(tmp_path / "e.h5", "w") as file:
+        file["frames"] = STACK
+        file.create_dataset("labels", data=[0, 1, 1, 0, 1, 0], dtype=kind)
+    recording = open_recording(tmp_path / "e.h5")
+    assert recording.names == ["left", "right", "right", "left", "right", "left"]
+
+
+def test_a_dataset_that_cannot_be_read_is_named(tmp_path):
+    path = tmp_path / "c.h5"
+    with h5py.File(path, "w") as file:
+        chunks = {"chunks": (1, 8, 9), "compression": "gzip", "fletcher32": True}
+        file.create_dataset("frames", data=STACK, **chunks)
+        file["labels"] = [*"ab" * 3]
+        start = file["frames"].id.get_chunk_info(4).byte_offset
+    data = bytearray(path.read_bytes())
+    data[start + 9] ^= 255
+    path.write_bytes(data)
+    recording = open_recording(path)
+    assert np.array_equal(recording[:4], STACK[:4])
+    with pytest.raises(
+        BadFrame, match=r"c\.h5\[frames\]: expected a dataset that can be"
+    ):
+        recording[4]
+
+
+def test_what_is_no_array_of_an_archive_is_left_out(tmp_path):
+    """An object that nobody needs, and files beside the arrays, made all of it unreadable."""
+    path = tmp_path / "x.npz"
+    notes = np.array([{"a": 1}], object)
+    np.savez(path, frames=STACK, labels=LEFT_RIGHT, notes=notes)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("meta.json", "{}")
+        archive.writestr("folder/", "")
+    recording = open_recording(path)
+    assert np.array_equal(recording[:], STACK)
+    assert recording.notes[1].startswith("left out what is no array: meta.json")
+
+
+@pytest.mark.parametrize("name", ["a.npy", "a.tif"])
+def test_a_file_that_is_rewritten_meanwhile_is_an_error(tmp_path, name):
+    """It ended the process with a bus error."""
+    path = tmp_path / name
+    big = np.zeros((40, 200, 300), np.uint8)
+
+    def write(frames):
+        if name == "a.npy":
+            np.save(path, frames)
+        else:
+            tifffile.imwrite(path, frames)
+
+    write(big)
+    path.with_suffix(".csv").write_text("\n".join(["label", *"ab" * 20]))
+    recording = open_recording(path)
+    assert recording[39].sum() == 0
+    write(big[:1])
+    with pytest.raises(BadFrame, match=f"{name}: expected the file as it was opened"):
+        recording[39]
+
+
+def test_a_folder_without_room_for_compressed_pages_is_named(tmp_path, monkeypatch):
+    path = tmp_path / "z.tif"
+    tifffile.imwrite(path, STACK, compression="zlib")
+    usage = SimpleNamespace(free=100)
+    monkeypatch.setattr(tiff.shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(
+        BadFrame, match=r"z\.tif: expected 432 bytes free in .*, found 100"
+    ):
+        open_recording(path, fewest_classes=0)

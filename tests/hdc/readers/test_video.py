@@ -11,7 +11,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.command.holdout import UNSEEN_GROUPS, hold_out
+from hdc.command.splits import hold_out
 from hdc.readers import BadFrame, Window, open_recording
 from hdc.readers.film import _pixels, _Times, stream_video
 
@@ -244,39 +244,86 @@ def test_luminance_of_more_bits_is_scaled_to_16_and_said():
     for plane, level in zip(frame.planes, (940, 512, 512), strict=True):  # white
         plane.update(np.full(plane.buffer_size // 2, level, np.uint16).tobytes())
     notes = []
-    image = _pixels(frame, notes)
+    image = _pixels(Path("x"), frame, notes)
     assert notes == ["luminance of 10 bits, scaled to 16"]
     assert image.dtype == np.uint16
     assert image.min() == image.max() > 0.99 * 65535
 
 
-def turned(path, degrees):
-    """An mp4 whose header says that its frames are shown turned clockwise."""
-    cosine, sine = ((1, 0), (0, 1), (-1, 0), (0, -1))[degrees // 90]
+def shown_by(path, a, b, c, d):
+    """An mp4 whose header has this display matrix."""
     one = 1 << 16
-    matrix = [cosine * one, sine * one, 0, -sine * one, cosine * one, 0, 0, 0, 1 << 30]
+    matrix = [a * one, b * one, 0, c * one, d * one, 0, 0, 0, 1 << 30]
     data = bytearray(path.read_bytes())
     at = data.index(b"tkhd") + 44
     assert data[at : at + 36] == struct.pack(">9i", one, 0, 0, 0, one, 0, 0, 0, 1 << 30)
-    data[at : at + 36] = struct.pack(">9i", *matrix)
+    data[at : at + 36] = struct.pack(">9i", *map(int, matrix))
     path.write_bytes(data)
 
 
-@pytest.mark.parametrize("degrees", [0, 90, 180, 270])
-def test_frames_are_turned_as_the_file_says(write_film, tmp_path, degrees):
-    """Decided by OpenCV's version before; shown clockwise by so much (ISO/IEC 14496-12)."""
+@pytest.mark.parametrize(
+    ("matrix", "shown", "said"),
+    [
+        ((1, 0, 0, 1), lambda i: i, ""),
+        ((0, 1, -1, 0), lambda i: np.rot90(i, -1), "turned by 270° as the file says"),
+        ((-1, 0, 0, -1), lambda i: np.rot90(i, 2), "turned by 180° as the file says"),
+        ((0, -1, 1, 0), np.rot90, "turned by 90° as the file says"),
+        ((-1, 0, 0, 1), np.fliplr, "mirrored as the file says"),  # of a front camera
+        ((1, 0, 0, -1), np.flipud, "mirrored as the file says"),
+        ((0, 1, 1, 0), np.transpose, "mirrored as the file says"),
+        ((0, -1, -1, 0), lambda i: np.rot90(i.T, 2), "mirrored as the file says"),
+        ((0.5, 0, 0, 1), None, "expected a display matrix of quarter turns, found 0.5, 0"),
+    ],
+)  # fmt: skip
+def test_frames_are_shown_as_the_file_says(write_film, tmp_path, matrix, shown, said):
+    """Clockwise turns (ISO/IEC 14496-12); a mirrored video was turned by 180°."""
     image = np.zeros((32, 48), np.uint8)
     image[:16, :24] = 200  # the upper left quarter
     image[:16, 24:] = 100
     path = tmp_path / "x.mp4"
     write_film(path, [image] * 4, "mp4v")
-    turned(path, degrees)
+    shown_by(path, *matrix)
     path.with_suffix(".csv").write_text("frame,label\n0,a\n1,b\n")
+    if shown is None:
+        with pytest.raises(ValueError, match=rf"x.mp4: {said}"):
+            open_recording(path)
+        return
     scene = open_recording(path)
-    shown = np.rot90(image, -degrees // 90)
-    assert scene.frame_shape == shown.shape
-    assert np.abs(scene[0].astype(int) - shown).mean() < 8
-    assert len(scene.notes) == (degrees > 0)
+    expected = shown(image)
+    assert scene.frame_shape == expected.shape
+    assert np.abs(scene[0].astype(int) - expected).mean() < 8
+    assert scene.notes == ((said,) if said else ())
+
+
+def test_what_ffmpeg_logs_and_goes_on_over_is_damage(tmp_path):
+    """Slices of FFV1 have checksums: flipped bits gave wrong pixels, without an error."""
+    path = tmp_path / "x.mkv"
+    frames = np.random.default_rng(0).integers(0, 256, (6, 64, 96), np.uint8)
+    stream_options = {"slicecrc": "1", "level": "3"}
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("ffv1", rate=10, options=stream_options)
+        stream.width, stream.height, stream.pix_fmt = 96, 64, "gray"
+        for frame in frames:
+            container.mux(stream.encode(av.VideoFrame.from_ndarray(frame, "gray")))
+        container.mux(stream.encode())
+    assert len(list(stream_video(path, Window()))) == 6
+    whole = path.read_bytes()
+    for place in range(2000, len(whole) - 500, 3000):
+        damaged = bytearray(whole)
+        damaged[place] ^= 1
+        path.write_bytes(damaged)
+        with pytest.raises(BadFrame, match=r"x.mkv: expected"):
+            list(stream_video(path, Window()))
+
+
+def test_a_codec_that_nobody_knows_is_one_line(write_film, tmp_path):
+    write_film(tmp_path / "x.avi", np.zeros((3, 32, 32), np.uint8), "FMP4")
+    data = (tmp_path / "x.avi").read_bytes().replace(b"FMP4", b"ZZZZ")
+    (tmp_path / "x.avi").write_bytes(data)
+    with pytest.raises(
+        ValueError, match=r"x.avi: expected a codec that FFmpeg decodes"
+    ):
+        list(stream_video(tmp_path / "x.avi", Window()))
 
 
 def test_a_video_that_does_not_fit_in_memory_is_decoded_anew(film):
@@ -300,7 +347,7 @@ def test_frames_lost_in_the_middle_are_noticed(write_film, tmp_path):
     times = [time for time, _ in decoded(path)]
     assert len(times) < N
     assert times[-1] == pytest.approx(5.9)  # they are missing from the middle
-    message = r"x.mkv: expected frames at an even rate, found 1 gaps: some are lost"
+    message = r"x.mkv: expected (frames at an even rate, found 1 gaps: some are lost|whole frames)"
     for rows in ("0,3,a\n3,6,b\n", "0,1,a\n1,4,b\n"):
         table.write_text(f"start_s,end_s,label\n{rows}")
         with pytest.raises(BadFrame, match=message):
@@ -412,7 +459,7 @@ def test_a_table_of_frames_gives_labels_values_and_sessions(film, tmp_path):
         ("frame,force\n", r"t\.csv: expected a row per frame, found none"),
         ("frame,note\n1,x\n", r"t\.csv: expected a label of each .*, found note"),
         ("frame,label\n1,a\n2,a\n", r"t\.csv: .* two classes or more, found only 'a'"),
-        ("frame,x,order\n1,2,z\n", r"t\.csv: expected 1 numbers in the column order"),
+        ("frame,x,order\n1,2,z\n", r"t\.csv, line 2: expected a number in order"),
         (
             "frame,x\n5,2\n60,1\n",
             r"t\.csv: expected numbers of the 60 frames of x\.avi, from 0, found 60",
@@ -435,8 +482,8 @@ def test_whole_intervals_are_held_out_of_each_class_alike(film, fraction):
     rows = [f"{k / 2},{k / 2 + 0.5},{'ab'[k % 2]}" for k in range(8)]
     film.with_suffix(".csv").write_text("\n".join(["start_s,end_s,label", *rows]))
     recording = open_recording(film)
-    train, test, how = hold_out(recording, fraction)
-    assert how == UNSEEN_GROUPS
+    (train, test), unit = hold_out(recording, fraction)
+    assert unit.kind == "group"
     counts = [np.bincount(recording.labels[side]) for side in (train, test)]
     assert all(len(set(found.tolist())) == 1 for found in counts)
     intervals = [set(recording.samples["interval"][side]) for side in (train, test)]
@@ -448,8 +495,8 @@ def test_the_frames_of_a_class_of_one_interval_are_split_and_it_is_said(film):
     film.with_suffix(".csv").write_text("\n".join(rows))
     recording = open_recording(film)
     assert recording.notes == ("b: one interval, whose frames are split",)
-    train, test, _ = hold_out(recording, 0.5)
+    (train, test), _ = hold_out(recording, 0.5)
     assert np.bincount(recording.labels[test]).tolist() == [10, 5]
     assert set(recording.labels[train]) == {0, 1}
     film.with_suffix(".csv").write_text("\n".join(rows[:3]))  # one interval of each
-    assert hold_out(open_recording(film), 0.5)[2] == "at random"
+    assert hold_out(open_recording(film), 0.5)[1].kind == "frame"

@@ -1,0 +1,180 @@
+"""Which frames of a recording are learnt and which are tested.
+
+Frames that were recorded together are nearly alike, so whole sessions are tested, else whole
+groups, else single frames. Every class that is tested is learnt from other units as well.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from hdc.readers import Recording
+
+FOLDS = 5
+MOST = 10
+"""Sessions or groups that are left out one by one; more are dealt out to the folds."""
+Split = tuple[np.ndarray, np.ndarray]
+"""Indices of frames to learn and to test, increasing."""
+
+
+@dataclass(frozen=True)
+class Units:
+    """What is learnt or tested as a whole.
+
+    Attributes:
+        kind: ``"session"``, ``"group"`` or ``"frame"``.
+        of: the unit of each frame [N], as numbers that keep the order of the sessions.
+        why: why it is no session; empty where it is one.
+    """
+
+    kind: str
+    of: np.ndarray
+    why: str = ""
+
+
+def targets(recording: Recording) -> np.ndarray:
+    """Labels [N] that a model learns; zeros where it learns numbers, labels or not."""
+    if recording.labels is None or recording.values is not None:
+        return np.zeros(len(recording), np.int64)
+    return recording.labels
+
+
+def units(recording: Recording, rows: np.ndarray) -> Units:
+    """The largest units of which every class of the frames `rows` has two or more."""
+    labels = targets(recording)[rows]
+    session, group = (
+        None if known is None else np.unique(known[rows], return_inverse=True)[1]
+        for known in (recording.session, recording.group)
+    )
+    why = _why_no_session(labels, session, group)
+    if session is not None and not why:
+        return Units("session", session)
+    if group is not None:
+        if _fewest(labels, group) < 2:
+            raise ValueError(
+                "group: expected two groups or more of each class, found a class with one"
+            )
+        return Units("group", group, why)
+    return Units("frame", np.arange(len(rows)), why)
+
+
+def _why_no_session(
+    labels: np.ndarray, session: np.ndarray | None, group: np.ndarray | None
+) -> str:
+    """Why no session can be tested; empty where one can."""
+    if session is None:
+        return (
+            "no sessions are known ({session} in a template, or a column session); "
+            "frames recorded together are nearly alike"
+        )
+    if not session.any():
+        return "all frames are of one session"
+    if _fewest(labels, session) < 2:
+        return "a class is of one session"
+    if group is not None:
+        pairs = np.unique([session, group], axis=1)
+        if pairs.shape[1] > len(np.unique(group)):
+            return "a group is of several sessions"
+    return ""
+
+
+def _fewest(labels: np.ndarray, unit: np.ndarray) -> int:
+    """The number of units of the class that has the fewest."""
+    pairs = np.unique([labels, unit], axis=1)
+    return int(np.unique(pairs[0], return_counts=True)[1].min())
+
+
+# Held out ----------------------------------------------------------------------------------------
+
+HOW = {
+    "session": "in the last sessions",
+    "group": "in groups that training has not seen",
+    "frame": "at random",
+}
+"""How frames are held out, by the kind of units."""
+
+
+def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
+    """Frames to learn and frames to hold out: of each class a share of its units, at least one.
+
+    The last sessions of each class, or groups or frames at random.
+
+    Raises:
+        ValueError: a class has one unit, or none that can be held out.
+    """
+    every = np.arange(len(recording))
+    unit = units(recording, every)
+    labels = targets(recording)
+    if _fewest(labels, unit.of) < 2:
+        raise ValueError(
+            "--test-fraction: expected two frames or more of each class, found one"
+        )
+    held = np.isin(unit.of, _held_units(labels, unit, fraction))
+    return (every[~held], every[held]), unit
+
+
+def _held_units(labels: np.ndarray, unit: Units, fraction: float) -> list[int]:
+    """Units to hold out; every class is left one to learn."""
+    rng = np.random.default_rng(0)
+    own = {c: np.unique(unit.of[labels == c]) for c in np.unique(labels).tolist()}
+    left = {c: set(known.tolist()) for c, known in own.items()}
+    held: list[int] = []
+    for c, known in own.items():
+        order = known[::-1] if unit.kind == "session" else rng.permutation(known)
+        wanted = min(max(1, round(len(known) * fraction)), len(known) - 1)
+        for candidate in order.tolist():
+            if len(known) - len(left[c]) < wanted and _can_leave(candidate, left):
+                held.append(candidate)
+                for others in left.values():
+                    others.discard(candidate)
+        if len(left[c]) == len(known):
+            raise ValueError(
+                f"--test-fraction: expected a {unit.kind} of each class that can be held out, "
+                "found a class whose last one another class needs"
+            )
+    return held
+
+
+def _can_leave(unit: int, left: dict[int, set[int]]) -> bool:
+    """Whether each class that has a unit has another one to learn."""
+    having = [units for units in left.values() if unit in units]
+    return bool(having) and all(len(units) > 1 for units in having)
+
+
+# Folds -------------------------------------------------------------------------------------------
+
+
+def folds(recording: Recording, rows: np.ndarray) -> tuple[list[Split], Units]:
+    """Splits of the frames `rows`, which test each of them once; indices count within `rows`.
+
+    Sessions or groups are left out one by one; of more than :data:`MOST`, and of frames, there are
+    five folds with alike shares of each class.
+
+    Raises:
+        ValueError: a class has a single frame, or a single group.
+    """
+    unit = units(recording, rows)
+    labels = targets(recording)[rows]
+    if _fewest(labels, unit.of) < 2:
+        raise ValueError(
+            "cross-validation: expected two frames or more of each class, found one"
+        )
+    return list(_folds(labels, unit)), unit
+
+
+def _folds(labels: np.ndarray, unit: Units) -> Iterator[Split]:
+    from sklearn import model_selection  # late: it takes seconds
+
+    count = min(FOLDS, _fewest(labels, unit.of))
+    if unit.kind == "frame":
+        made = model_selection.StratifiedKFold(count, shuffle=True, random_state=0)
+        return made.split(labels, labels)
+    if len(np.unique(unit.of)) > MOST:
+        grouped = model_selection.StratifiedGroupKFold(count)
+        found = list(grouped.split(labels, labels, unit.of))
+        if all(set(labels[train]) == set(labels) for train, _ in found):
+            return iter(found)
+    return model_selection.LeaveOneGroupOut().split(labels, labels, unit.of)

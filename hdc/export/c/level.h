@@ -1,4 +1,0 @@
-/* One threshold of a frame. */
-typedef struct {
-$level
-} ${name}_level;

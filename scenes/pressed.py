@@ -1,0 +1,207 @@
+"""A sensor that is pressed: what the page of the simulated sensor has beside :mod:`hdc.live`.
+
+Classes are touches at places, which the page draws from above and returns to. The model is tested
+on fresh touches, and the sensor drifts when a button is pressed.
+"""
+
+from __future__ import annotations
+
+import html
+import math
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Protocol
+
+import numpy as np
+from nicegui import events, ui
+
+from hdc.live import Source
+from hdc.live.page import (
+    SAMPLES,
+    Page,
+    button,
+    colour,
+    div,
+    recalibration,
+    slider,
+    small,
+)
+from hdc.live.session import Answer, Lesson, Sample, Session
+
+TEST_EVERY = 0.25
+"""Seconds between two fresh touches that test the model."""
+NEAR = 2e-3
+"""m; a press so near a taught place goes to it."""
+_PLACE = """<g transform="translate({:.2f} {:.2f})" stroke="{c}" fill="{c}">
+<circle r="2" fill="none" stroke-width=".6"/>
+<text y="-2.8" text-anchor="middle" font-size="3" stroke="none">{name}</text></g>"""
+_TOUCH = '<circle cx="{:.2f}" cy="{:.2f}" r="{:.2f}" fill="#222" fill-opacity=".55"/>'
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A finger on the sensor: position (x, y) and depth in m."""
+
+    x: float
+    y: float
+    depth: float
+
+
+class Pressable(Source, Protocol):
+    """A sensor that the page presses. Its samples are new touches at the present places."""
+
+    length: float  # of the surface in m: x in [0, length]
+    width: float  # in m: |y| ≤ width/2
+    deepest: float  # largest depth in m
+    offset: float  # temperature drift in K
+    sixteen_days: float  # drift in K after 16 days
+    touches: tuple[Touch, ...]  # the present ones
+
+    def press(self, touches: Sequence[Touch]) -> None:
+        """Press here until the next call (no touches: lift off)."""
+        ...
+
+    def touched(self, n: int, touches: Sequence[Touch]) -> list[np.ndarray]:
+        """Frames of n new touches at these places."""
+        ...
+
+
+class PressedSession(Session):
+    """A session of a sensor that is pressed.
+
+    Attributes:
+        places: touches of each class.
+    """
+
+    source: Pressable
+
+    def __init__(self, source: Pressable) -> None:
+        super().__init__(source)
+        self.places: dict[str, tuple[Touch, ...]] = {}
+        self._tested = 0
+        self._latest = -TEST_EVERY
+
+    def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None, float]:
+        now = time.monotonic()
+        if now - self._latest > TEST_EVERY:
+            self._latest = now
+            self.test()
+        return super().look()
+
+    def test(self) -> None:
+        """Test the model on one new touch of a taught class."""
+        taught = [name for name in self.counts if name in self.places]
+        if len(taught) > 1:
+            name = taught[self._tested % len(taught)]
+            super().count(self._at(name, 1, Lesson()))
+            self._tested += 1
+
+    def count(self, samples: Sequence[Sample]) -> None:
+        """Count no sample that is learnt: fresh touches test the model."""
+
+    def learn(self, name: str, n: int, new: bool = False) -> None:
+        super().learn(name, n, new)
+        self.places = self.places | {name.strip(): self.source.touches}
+        if new:
+            self.tests.clear()
+
+    def recalibrate_all(self, n: int, p: float) -> None:
+        """Recalibrate all classes, each touched where it was taught."""
+        lesson = self.next_lesson(p)
+        samples: list[Sample] = []
+        for name in self.counts:
+            samples += self._at(name, n, lesson)
+        self.adapt(samples)
+
+    def forget(self, name: str | None) -> None:
+        super().forget(name)
+        self.places = {
+            label: touches
+            for label, touches in self.places.items()
+            if label in self.counts
+        }
+
+    def drift(self, kelvin: float) -> None:
+        """Set the drift of the sensor."""
+        self.source.offset = kelvin
+        self.tests.clear()
+
+    def _at(self, name: str, n: int, lesson: Lesson) -> list[Sample]:
+        """Samples of a class, touched where it was taught."""
+        frames = self.source.touched(n, self.places[name])
+        return [Sample(frame, name, lesson) for frame in frames]
+
+
+class PressedPage(Page):
+    """The page with a drawing of the surface in millimetres, and the controls to press it."""
+
+    act = "Press somewhere"
+    tested = "new touches"
+    session: PressedSession
+    source: Pressable
+
+    def controls(self) -> None:
+        size = self.source.length * 1e3, self.source.width * 1e3
+        self._drawing = ui.interactive_image(
+            size=size, on_mouse=self._pressed, events=["mousedown"], sanitize=False
+        ).classes("pad")
+        small(
+            f"The silicone from above, {size[0]:.0f} × {size[1]:.0f} mm: press it. Near the ring "
+            "of a class the robot returns to where it was taught."
+        )
+        self._depth = slider("depth in mm", 0.1, self.source.deepest * 1e3, 0.1, 1.8)
+        lift = ui.button("Lift off", on_click=lambda: self._press())
+        lift.props("no-caps outline dense")
+
+    def adapting(self) -> None:
+        days = self.source.sixteen_days
+        ui.label("3. Let it drift, and recalibrate").classes("heading")
+        small(
+            "Silicone ages; simulated as a change of temperature, which changes speckle."
+        )
+        with div("row"):
+            button("Let 16 days pass", self._drift(days))
+            button("Back to the first day", self._drift(0.0))
+        self.p = recalibration()
+        button("Recalibrate all classes where they were taught", self._all)
+
+    def refresh(self) -> None:
+        super().refresh()
+        names = list(self.session.counts)
+        drawn = []
+        for name, touches in self.session.places.items():
+            look, title = colour(names, name), html.escape(name)
+            for touch in touches:
+                x, y = self._on_drawing(touch)
+                drawn.append(_PLACE.format(x, y, c=look, name=title))
+        for touch in self.source.touches:
+            x, y = self._on_drawing(touch)
+            drawn.append(_TOUCH.format(x, y, 1 + 900 * touch.depth))
+        self._drawing.content = "".join(drawn)
+
+    def _on_drawing(self, touch: Touch) -> tuple[float, float]:
+        """Place of a touch on the drawing in mm."""
+        return touch.x * 1e3, (self.source.width / 2 - touch.y) * 1e3
+
+    def _drift(self, kelvin: float) -> partial:
+        return partial(self.do, lambda _: self.session.drift(kelvin))
+
+    async def _all(self) -> None:
+        await self.do(lambda _: self.session.recalibrate_all(SAMPLES, self.p.value))
+
+    async def _pressed(self, event: events.MouseEventArguments) -> None:
+        x = event.image_x * 1e-3
+        y = self.source.width / 2 - event.image_y * 1e-3
+        near = []
+        for place in self.session.places.values():
+            for touch in place:
+                apart = math.hypot(touch.x - x, touch.y - y)
+                if apart < NEAR:
+                    near.append((apart, touch.x, touch.y))
+        _, x, y = min(near, default=(0.0, x, y))
+        await self._press(Touch(x, y, self._depth.value * 1e-3))
+
+    async def _press(self, *touches: Touch) -> None:
+        await self.do(lambda _: self.source.press(touches))

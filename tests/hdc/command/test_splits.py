@@ -1,0 +1,134 @@
+"""Which frames are tested: whole sessions, else whole groups, else frames, of every class."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from hdc.command import splits
+
+
+@dataclass
+class Made:
+    """A recording without frames."""
+
+    labels: np.ndarray | None
+    session: np.ndarray | None = None
+    group: np.ndarray | None = None
+    values: np.ndarray | None = None
+
+    def __len__(self):
+        return len(self.values if self.labels is None else self.labels)
+
+
+def made(labels, session=None, group=None):
+    columns = (None if c is None else np.array(c) for c in (session, group))
+    return Made(np.array(labels), *columns)
+
+
+ROUNDS = [0, 1] * 6
+NO_SESSIONS = "no sessions are known"
+
+
+@pytest.mark.parametrize(
+    ("recording", "fraction", "kind", "held", "why"),
+    [
+        # The last sessions; at least one, and one is left.
+        (made(ROUNDS, np.arange(12) // 2), 0.3, "session", [8, 9, 10, 11], ""),
+        (made(ROUNDS, np.arange(12) // 2), 0.01, "session", [10, 11], ""),
+        (made(ROUNDS, np.arange(12) // 2), 0.99, "session", [*range(2, 12)], ""),
+        (made([0, 1, 0, 1], [7, 7, 3, 3]), 0.5, "session", [0, 1], ""),
+        # The last session of each class, where sessions are of one class: it tested one class.
+        (made(np.arange(12) // 6, np.arange(12) // 2), 0.3, "session", [4, 5, 10, 11], ""),
+        # A class of one session, a group of two, one session alone.
+        (made([0, 0, 1, 1, 0], [0, 1, 0, 0, 1]), 0.4, "frame", None, "a class is of one session"),
+        (made(ROUNDS, [3] * 12), 0.3, "frame", None, "all frames are of one session"),
+        (made(ROUNDS, np.arange(12) % 3, np.arange(12)), 0.3, "session", None, ""),
+        (made(ROUNDS, np.arange(12) // 4, np.arange(12) % 4), 0.3, "group", None,
+         "a group is of several sessions"),
+        (made(ROUNDS, None, np.arange(12) // 3), 0.25, "group", None, NO_SESSIONS),
+        (made(ROUNDS), 0.34, "frame", None, NO_SESSIONS),
+    ],
+)  # fmt: skip
+def test_what_is_held_out_is_whole_and_of_every_class(
+    recording, fraction, kind, held, why
+):
+    (train, test), unit = splits.hold_out(recording, fraction)
+    assert unit.kind == kind
+    assert unit.why.startswith(why)
+    assert bool(unit.why) == bool(why)
+    assert sorted([*train, *test]) == list(range(len(recording)))
+    assert (np.diff(train) > 0).all()
+    assert (np.diff(test) > 0).all()
+    assert set(recording.labels[train]) == set(recording.labels[test]) == {0, 1}
+    assert not set(unit.of[train]) & set(unit.of[test])
+    if held is not None:
+        assert test.tolist() == held
+    again, _ = splits.hold_out(recording, fraction)
+    assert all(map(np.array_equal, (train, test), again))
+
+
+@pytest.mark.parametrize(("fraction", "held"), [(0.01, 1), (0.5, 2), (0.99, 3)])
+def test_of_each_class_the_same_share_of_frames_is_held_out(fraction, held):
+    recording = made([0, 1] * 4)
+    (_, test), _ = splits.hold_out(recording, fraction)
+    assert np.bincount(recording.labels[test]).tolist() == [held, held]
+    rng = np.random.default_rng(0)  # the same on every machine
+    own = [rng.permutation(np.arange(c, 8, 2))[:held] for c in (0, 1)]
+    assert test.tolist() == sorted(np.concatenate(own))
+    numbers = Made(None, values=np.zeros((8, 1)))  # of numbers, of all frames
+    (_, test), _ = splits.hold_out(numbers, fraction)
+    assert len(test) == min(max(1, round(8 * fraction)), 7)
+
+
+def test_groups_are_held_out_of_each_class_alike():
+    """They were drawn until they were enough: of one class more than of another."""
+    for seed in range(10):
+        group = np.random.default_rng(seed).permutation(30)[np.arange(150) // 5]
+        recording = made(np.repeat(np.arange(3), 50), None, group)
+        (_, test), _ = splits.hold_out(recording, 0.2)
+        assert np.bincount(recording.labels[test]).tolist() == [10, 10, 10]
+
+
+@pytest.mark.parametrize(
+    ("recording", "message"),
+    [
+        (made([0, 0, 1]), "--test-fraction: expected two frames or more of each class"),
+        (made([0, 0, 1, 1], None, [7, 7, 8, 8]), "group: expected two groups or more of each"),
+        # Each two classes share a group: of two that are tested, a third learns nothing.
+        (made([0, 0, 1, 1, 2, 2], None, [1, 2, 2, 3, 1, 3]), "whose last one another class needs"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_held_out_is_refused(recording, message):
+    with pytest.raises(ValueError, match=message):
+        splits.hold_out(recording, 0.5)
+
+
+@pytest.mark.parametrize(
+    ("recording", "kind", "count"),
+    [
+        (made(ROUNDS, np.arange(12) // 3), "session", 4),
+        (made(np.arange(40) % 2, np.arange(40) // 2), "session", 5),  # more than ten
+        (made(np.arange(12) % 2, None, np.arange(12) // 4), "group", 3),
+        (made(ROUNDS), "frame", 5),
+        (made([0, 0, 0, 1, 1, 0]), "frame", 2),
+    ],
+)
+def test_folds_test_each_frame_once_and_learn_every_class(recording, kind, count):
+    found, unit = splits.folds(recording, np.arange(len(recording)))
+    assert (unit.kind, len(found)) == (kind, count)
+    tested = np.concatenate([test for _, test in found])
+    assert sorted(tested) == list(range(len(recording)))
+    for train, test in found:
+        assert set(recording.labels[train]) == {0, 1}
+        assert not set(unit.of[train]) & set(unit.of[test])
+        assert sorted([*train, *test]) == list(range(len(recording)))
+
+
+def test_folds_are_of_the_rows_that_are_asked_for():
+    """And not of frames that are held out: sessions of those make no fold."""
+    recording = made(ROUNDS, np.arange(12) // 3)
+    found, unit = splits.folds(recording, np.arange(6))
+    assert (len(found), len(unit.of)) == (2, 6)
+    with pytest.raises(ValueError, match="two frames or more of each class, found one"):
+        splits.folds(made([0, 1, 1]), np.arange(3))
