@@ -259,8 +259,8 @@ class HDCClassifier(Estimator):
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
             y: their labels.
             p: probability that a bit is replaced, or share of the new votes or discriminants.
-            seed: of the choice of bits that are replaced. Give each recalibration of a model a seed
-                of its own: equal seeds replace the same bits, and the others stay as they were.
+            seed: of the choice of bits that are replaced. Each recalibration of a model draws its
+                own; the model and its file count them.
             method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
                 votes (:func:`hdc.prototypes.merged`), which recovers more. By default the former,
                 or for counts the latter.
@@ -344,7 +344,7 @@ class HDCClassifier(Estimator):
         return np.concatenate(labels)
 
     @available_unless(not_compared)
-    def predict_set(self, frames: Any, alpha: float = 0.1) -> list[np.ndarray]:
+    def predict_set(self, frames: Any, alpha: float = RATE) -> list[np.ndarray]:
         """The classes that each of Q frames may be of: Q arrays of labels.
 
         The set of a frame that is like none of the classes is empty; any other contains the label
@@ -410,9 +410,15 @@ class HDCClassifier(Estimator):
         return trained.predict(bank.at(queries))
 
     def score(self, frames: Any, y: Any) -> float:
-        """Fraction of frames whose predicted label is right."""
+        """Fraction of frames whose predicted label is right.
+
+        Raises:
+            ValueError: as :meth:`predict`, or for labels of another kind than those of training,
+                such as the text "0" beside the number 0.
+        """
         predicted = self.predict(frames).tolist()
         labels = inputs.label_array(y, len(predicted)).tolist()
+        inputs.check_one_kind([*labels, *self.classes_.tolist()])
         right = [a == b for a, b in zip(predicted, labels, strict=True)]
         return float(np.mean(right))
 

@@ -46,9 +46,15 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         raise TypeError(
             "frames: expected a dense array, found a sparse one; use its toarray()"
         )
+    if hasattr(frames, "batch_sampler"):
+        raise TypeError(
+            "frames: expected frames, found a loader of batches; give each batch to partial_fit"
+        )
     if hasattr(frames, "iloc") or not hasattr(frames, "shape"):
         frames = _as_array(frames)
     _check_unmasked("frames", frames)
+    if isinstance(frames, Tensor):
+        _check_dense("frames", frames)
     found = tuple(frames.shape)
     _check_axes(found)
     if found == shape and len(shape) == 2 and shape[0] > 1:
@@ -108,18 +114,35 @@ def tensor(frames: Any) -> Tensor:
             raise TypeError(
                 f"frames: expected real or integer pixels, found dtype {array.dtype}"
             )
+        if array.dtype.itemsize > 8:
+            raise TypeError(
+                f"frames: expected pixels of at most 64 bits, found dtype {array.dtype}; "
+                "astype(np.float64)"
+            )
         native = array.dtype.newbyteorder("=")
         array = array.astype(native, order="C", copy=False)
         # numpy calls an axis of length 1 contiguous whatever its stride; torch refuses negative.
         if not array.flags.writeable or min(array.strides, default=0) < 0:
             array = array.copy()
         frames = torch.from_numpy(array)
+    _check_dense("frames", frames)
     if frames.ndim == 2 and frames.shape[1] == 0:
         raise ValueError(
             f"frames: expected shape [N, H, W] or [N, D] with pixels, found 0 feature(s) "
             f"(shape={tuple(frames.shape)}) while a minimum of 1 is required."
         )
     return frames
+
+
+def _check_dense(name: str, values: Tensor) -> None:
+    """Raise TypeError for a tensor without a plain number for each of its places."""
+    for wrong, found in (
+        (values.is_meta, "a meta tensor, which holds none"),
+        (values.layout != torch.strided, "a sparse tensor; use its to_dense()"),
+        (values.is_quantized, "a quantised tensor; use its dequantize()"),
+    ):
+        if wrong:
+            raise TypeError(f"{name}: expected plain numbers, found {found}")
 
 
 def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> None:
@@ -248,6 +271,9 @@ def _one_a_frame(name: str, values: Any, n: int) -> Any:
             "passed, but the target y is None"
         )
     if isinstance(values, Tensor):
+        _check_dense(name, values)
+        if values.dtype == torch.bfloat16:  # which numpy has not
+            values = values.float()
         values = values.numpy(force=True)
     _check_unmasked(name, values)
     if hasattr(values, "__array__"):
@@ -273,12 +299,12 @@ def classes_of(labels: Iterable[Label]) -> np.ndarray:
             which True and 1 would become one class.
     """
     labels = list(labels)
-    _check_one_kind(labels)
+    check_one_kind(labels)
     distinct = sorted(dict.fromkeys(labels))
     return label_array(distinct, len(distinct))
 
 
-def _check_one_kind(labels: Iterable[Label]) -> None:
+def check_one_kind(labels: Iterable[Label]) -> None:
     """Raise ValueError for labels of two of the kinds text, numbers and truth values."""
     kinds = {_kind_of(label): label for label in labels}
     if len(kinds) < 2:
@@ -298,7 +324,7 @@ def _kind_of(label: Label) -> str:
 def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
     """Raise ValueError for the first label that is not among the classes of a model."""
     known = set(classes)
-    _check_one_kind([*labels, *known])
+    check_one_kind([*labels, *known])
     if unknown := [label for label in labels if label not in known]:
         raise ValueError(
             f"labels: expected classes among {sorted(known)}, found {unknown[0]!r}"

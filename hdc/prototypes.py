@@ -300,11 +300,16 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
     return votes, of_new
 
 
-def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor:
-    """Bits that are one with probability p, drawn class by class: int64 [L, W] (CPU)."""
+def replaced_bits(
+    n_classes: int, dimension: int, p: float, seed: int, number: int = 0
+) -> Tensor:
+    """Bits that are one with probability p, drawn class by class: int64 [L, W] (CPU).
+
+    Every `number` of a recalibration has bits of its own.
+    """
     check_share("p", p, "[0, 1]")
     drawn = []
     for c in range(n_classes):
-        stream = (_RECALIBRATION, c)
+        stream = (_RECALIBRATION, c, number) if number else (_RECALIBRATION, c)
         drawn.append(bits.random_hypervector(dimension, seed, p, stream))
     return torch.stack(drawn)

@@ -115,7 +115,7 @@ def _differences(images, i, tables, reference, differences):
         total += difference
         square += difference * difference
     variance = (square - (total * total + n - 1) // n) // n
-    return np.int64(math.sqrt(variance))  # exact below 2⁵²
+    return np.int64(math.sqrt(max(variance, np.int64(0))))  # exact below 2⁵²
 
 
 @compile_kernel(

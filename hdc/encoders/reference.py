@@ -32,7 +32,7 @@ class Reference(Around, RelativeEncoder):
             :meth:`fit` asks for them anew.
 
     Attributes:
-        reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
+        reference_: int32 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
     """
 
     def __init__(self, base: Any = "median", frame: Any = None):

@@ -28,9 +28,10 @@ class RelativeEncoder(Encoder):
     A subclass has the parameter `frame` and writes :meth:`of_differences`.
 
     Attributes:
-        reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
+        reference_: int32 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
     """
 
+    revision: ClassVar[int] = 2
     learns: ClassVar[bool] = True
     stand_ins: ClassVar = {"frame": GIVEN}
 
@@ -101,7 +102,7 @@ class RelativeEncoder(Encoder):
             part = inputs.tensor(frames[start : start + step])
             values = standardised(part, start)
             total = total + values.sum(0, dtype=torch.int64)
-        self.reference_ = total // len(frames)
+        self.reference_ = (total // len(frames)).to(torch.int32)
         return self
 
     def encode(
@@ -116,7 +117,7 @@ class RelativeEncoder(Encoder):
             check_frames(frames)
             if self.is_compiled and frames.shape[1:].numel() > 1:
                 return self._encode_compiled(frames, first, out)
-        reference = self.reference_.to(frames.device, torch.int32)
+        reference = self._in_range(frames[:1].numel()).to(frames.device)
         constant: list[int] = []
         words = []
         step = _frames_at_a_time(frames)
@@ -142,25 +143,41 @@ class RelativeEncoder(Encoder):
         if out is None:
             width = bits.words_for(self.dimension(n_pixels))
             out = torch.empty(n, width, dtype=torch.int64)
-        reference = self.reference_.to(torch.int32).numpy()
+        reference = self._in_range(n_pixels).numpy()
         self.compiled_words((images, tables, reference), out[:n].numpy(), first)
         constant = (counts == n_pixels).any(1).nonzero().flatten()
         warn_of_constant(constant.tolist(), first)
         return out[:n]
 
+    def _in_range(self, n_pixels: int) -> Tensor:
+        """The reference, with zeros for values that no mean of standardised frames has.
+
+        They come from flipped bits of a damaged memory.
+        """
+        values = self.reference_
+        if len(values) == 0:
+            return values
+        most = _largest(n_pixels)
+        return torch.where((values >= -most) & (values <= most), values, 0)
+
     def state(self) -> dict[str, Tensor]:
         return {"reference": self.reference_}
 
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
-        device = tensors["reference"].device
-        found = checked(tensors, {"reference": "int64 D"}, D=n_pixels)
-        reference = found["reference"].to(device)
-        largest = max(int(reference.max()), -int(reference.min()))
-        if largest > 2 * 2**FRACTION * (math.isqrt(n_pixels) + 1):
+        given = tensors["reference"]
+        kind = "int64 D" if given.dtype == torch.int64 else "int32 D"  # up to version 3
+        found = checked(tensors, {"reference": kind}, D=n_pixels)["reference"]
+        most = max(int(found.max()), -int(found.min()))
+        if most > _largest(n_pixels):
             raise ValueError(
-                f"reference: expected a mean of standardised frames, found {largest}"
+                f"reference: expected a mean of standardised frames, found {most}"
             )
-        self.reference_ = reference
+        self.reference_ = found.to(given.device, torch.int32)
+
+
+def _largest(n_pixels: int) -> int:
+    """A bound of standardised pixels, and so of their means, in steps of 2⁻¹⁶ deviations."""
+    return 2**FRACTION * (math.isqrt(n_pixels) + 1)
 
 
 def _frames_at_a_time(frames: Any) -> int:

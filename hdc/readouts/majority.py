@@ -36,14 +36,15 @@ class Counting(Updatable):
     Attributes:
         counters_: the counts, :class:`hdc.prototypes.Counters`.
         prototypes_: int64 [L, W], the packed prototypes; zeros for a class without samples.
-        recalibrated_: whether prototypes are no longer those of the counted hypervectors.
+        recalibrated_: recalibrations so far; with any, prototypes are no longer those of the
+            counted hypervectors.
     """
 
     methods: ClassVar[tuple[str, ...]] = METHODS
     """Ways to adapt, the first by default."""
     counters_: Counters
     prototypes_: Tensor
-    recalibrated_: bool
+    recalibrated_: int
     _size: int | None
     """Samples per class that prototypes count as; −1: none are made yet."""
     _changed: set[int]  # classes that have samples that their prototypes have not
@@ -63,7 +64,7 @@ class Counting(Updatable):
     def start(self, n_classes: int, dimension: int, device: torch.device | str) -> Self:
         """Be ready to count for so many classes."""
         self.counters_ = Counters(n_classes, dimension, device)
-        self.recalibrated_ = False
+        self.recalibrated_ = 0
         self._deciding = None
         self._reset()
         return self
@@ -153,7 +154,7 @@ class Counting(Updatable):
             self._merge_votes(new, classes, share, seed, size)
         else:
             self._replace_bits(new, classes, share, seed, size)
-        self.recalibrated_ = True
+        self.recalibrated_ += 1
 
     def _merge_votes(
         self,
@@ -192,7 +193,8 @@ class Counting(Updatable):
         """Prototypes of which each bit is the new one's with a probability (paper, Fig. 8(a))."""
         before = self.prototypes_
         deciding = self.deciding()
-        mask = replaced_bits(len(before), new.dimension, share, seed)
+        number = self.recalibrated_
+        mask = replaced_bits(len(before), new.dimension, share, seed, number)
         mask = mask.to(before.device)
         after = before.clone()
         fresh = new.majority(self.ties, self.seed, size)
@@ -228,7 +230,7 @@ class Counting(Updatable):
             "planes": self.counters_.planes,
             "n": self.counters_.n,
             "prototypes": self.prototypes_,
-            "recalibrated": torch.tensor(int(self.recalibrated_)),
+            "recalibrated": torch.tensor(self.recalibrated_),
         }
         if self._deciding is not None:
             tensors["deciding"] = self._deciding
@@ -251,7 +253,7 @@ class Counting(Updatable):
         self.counters_.n = n
         self.prototypes_ = found["prototypes"]
         self._deciding = found.get("deciding")
-        self.recalibrated_ = bool(found["recalibrated"])
+        self.recalibrated_ = int(found["recalibrated"])
         self._size = self._common_size()
         self._changed = set()
 

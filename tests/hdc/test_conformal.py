@@ -556,3 +556,23 @@ def test_classes_without_new_frames_are_still_known(drifts: bool) -> None:
         model.recalibrate(new[now < 2], now[now < 2])
     assert model.score(queries[others], truth[others]) > 0.9
     assert model.is_known(queries[others], 0.2).mean() > before - 0.1
+
+
+def test_a_frame_is_known_where_its_set_is_not_empty():
+    """By default, too, with as many frames as users have."""
+    frames, labels = _noisy(8, 40)
+    model = HDCClassifier().fit(frames[::2], labels[::2])
+    asked = np.concatenate([frames[1::2], np.flip(frames[1::2], (1, 2))])
+    sets = model.predict_set(asked)
+    known = model.is_known(asked)
+    assert known.tolist() == [len(one) > 0 for one in sets]
+    assert 0 < known.sum() < len(known)
+
+
+def _noisy(classes: int, each: int) -> tuple[np.ndarray, np.ndarray]:
+    """Frames [N, 20, 20] of patterns under noise, and their labels."""
+    rng = np.random.default_rng(5)
+    labels = np.repeat(np.arange(classes), 2 * each)
+    light = rng.uniform(0, 200, (classes, 20, 20))[labels]
+    noisy = (light + rng.normal(0, 90, light.shape)).clip(0, 255)
+    return noisy.astype(np.uint8), labels

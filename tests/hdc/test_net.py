@@ -29,7 +29,7 @@ def _one_thread():
 def test_no_bit_moves(encoder, backend):
     if backend == "compiled":
         pytest.importorskip("numba")
-    same = PROCESSOR == digests.processor()
+    same = digests.processor() == PROCESSOR
     names = [n for n in CASES if n.startswith(f"{encoder},") and f" {backend}," in n]
     assert names
     moved = []

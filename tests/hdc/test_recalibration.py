@@ -377,3 +377,18 @@ def test_an_argument_that_a_readout_ignores_is_refused(readout, argument, defaul
     assert (model.decision_function(new) == before).all()
     model.recalibrate(new, labels, p=0.5, seed=0, method=None)
     assert model.score(new, labels) == 1
+
+
+def test_each_recalibration_replaces_bits_of_its_own(tmp_path):
+    """By p = ½ a quarter of what differs stays after two, an eighth after three; in a file, too."""
+    (old, new), labels = sessions()
+    model = HDCClassifier().fit(old, labels)
+    aim = HDCClassifier().fit(new, labels).prototypes_
+    path = tmp_path / "model"
+    away = [int(bits.count_ones(model.prototypes_ ^ aim).sum())]
+    for _ in range(3):
+        model.recalibrate(new, labels).save(path)
+        model = HDCClassifier.load(path)
+        away.append(int(bits.count_ones(model.prototypes_ ^ aim).sum()))
+    shares = np.array(away) / away[0]
+    assert shares == pytest.approx([1, 1 / 2, 1 / 4, 1 / 8], abs=0.06)

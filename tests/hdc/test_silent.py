@@ -10,7 +10,7 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, HDCRegressor, accuracy, bits
-from hdc.encoders import Encoder, Levels, Median, Quantile, Reference
+from hdc.encoders import ENCODERS, Encoder, Levels, Median, Quantile, Reference
 from hdc.readouts import Majority, RidgeValues
 from hdc.readouts.values import NeighbourValues
 
@@ -488,3 +488,51 @@ def test_a_model_of_one_frame_of_each_class_comes_back(readout, tmp_path):
         sets = [asked.predict_set(X, 0.6) for asked in (model, loaded)]
     assert (loaded.predict(X) == model.predict(X)).all()
     assert [s.tolist() for s in sets[0]] == [s.tolist() for s in sets[1]]
+
+
+@pytest.mark.parametrize("encoder", ENCODERS)
+@pytest.mark.parametrize("dtype", ["uint8", "float32"])
+def test_no_frames_have_no_answers(encoder, dtype):
+    model = HDCClassifier(encoder).fit(X.astype(dtype), Y)
+    none = X[:0].astype(dtype)
+    assert model.predict(none).shape == (0,)
+    assert model.predict_set(none) == []
+    assert model.is_known(none).shape == (0,)
+    assert model.predict_proba(none).shape == (0, 2)
+
+
+def test_a_score_of_labels_of_another_kind_is_refused():
+    """0.0 would say that every answer is wrong."""
+    model = HDCClassifier().fit(X, Y)
+    with pytest.raises(ValueError, match="labels: expected all text, all numbers"):
+        model.score(X, [str(label) for label in Y])
+    assert HDCClassifier().fit(X, Y).score(X, [5] * 12) == 0.0
+
+
+FOREIGN = {
+    "a meta tensor": torch.empty(12, 8, 8, device="meta"),
+    "a sparse tensor": torch.from_numpy(X).float().to_sparse(),
+    "a quantised tensor": torch.quantize_per_tensor(
+        torch.from_numpy(X).float(), 1.0, 0, torch.quint8
+    ),
+    "dtype (float128|longdouble)": X.astype(np.longdouble),
+    "a loader of batches": torch.utils.data.DataLoader(torch.from_numpy(X)),
+}
+
+
+@pytest.mark.parametrize("found", FOREIGN)
+def test_frames_of_foreign_kinds_are_named(found):
+    if found.startswith("dtype") and np.dtype(np.longdouble).itemsize == 8:
+        pytest.skip("long doubles are doubles here")
+    with pytest.raises(TypeError, match=f"frames: expected .*, found {found}"):
+        HDCClassifier().fit(FOREIGN[found], Y)
+
+
+@pytest.mark.parametrize("kind", [HDCClassifier, HDCRegressor])
+def test_labels_and_numbers_of_foreign_tensors(kind):
+    expected = kind().fit(X, Y).predict(X)
+    bfloat16 = kind().fit(X, torch.tensor(Y).bfloat16()).predict(X)
+    assert (bfloat16 == expected).all()
+    for foreign in (torch.empty(12, device="meta"), torch.tensor(Y).to_sparse()):
+        with pytest.raises(TypeError, match="expected plain numbers, found a"):
+            kind().fit(X, foreign)

@@ -147,6 +147,22 @@ def test_frames_that_say_nothing_are_named():
         ]
 
 
+@pytest.mark.parametrize("backend", backends.BACKENDS)
+def test_a_flipped_bit_of_the_reference_changes_few_bits(backend, camera_frames):
+    """One of the 32 of a pixel, beyond what a mean can be; and nothing raises with all flipped."""
+    if backend == "compiled":
+        pytest.importorskip("numba")
+    frames = torch.from_numpy(camera_frames(6, side=40))
+    encoder = Deviation().fit(frames)
+    words = encoder.encode(frames, backend=backend)
+    encoder.reference_[7] ^= 1 << 30
+    found = encoder.encode(frames, backend=backend)
+    assert bits.count_ones(found ^ words).max() < 0.01 * 7 * 1600
+    random = np.random.default_rng(0).integers(-(2**31), 2**31, 1600)
+    encoder.reference_[:] = torch.from_numpy(random)
+    encoder.encode(frames, backend=backend)
+
+
 @pytest.mark.parametrize(
     "thresholds",
     [

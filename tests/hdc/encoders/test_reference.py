@@ -17,10 +17,13 @@ from hdc.encoders.standardised import standardised
 
 
 def as_integers(frame: np.ndarray) -> list[int]:
-    """Pixels as integers; those of floats scaled to 18 bits by the largest."""
+    """Pixels as integers; those of floats less the middle, scaled to 18 bits by the largest."""
     values = [Fraction(x) for x in frame.ravel().tolist()]
     if frame.dtype.kind in "iu" and frame.dtype.itemsize <= 2:
         return [int(value) for value in values]
+    low, high = min(frame.ravel().tolist()), max(frame.ravel().tolist())
+    middle = low / 2 + high / 2
+    values = [Fraction(x - middle) for x in frame.ravel().tolist()]
     _, exponent = np.frexp(max(abs(float(value)) for value in values))
     scale = Fraction(2) ** (18 - int(exponent))
     return [round(value * scale) for value in values]  # halves to even, as IEEE rounds
@@ -81,6 +84,14 @@ def test_the_largest_numbers_stay_whole():
     expected = plainly(frame[0])
     assert found.tolist() == expected
     assert min(expected) < 0 < max(expected)
+
+
+@pytest.mark.parametrize("dtype", ["int32", "float64"])
+@pytest.mark.parametrize("offset", [-(10**9), 10**7])
+def test_an_offset_takes_no_bits_from_what_differs(offset, dtype, kinds_of_frames):
+    frames = kinds_of_frames(65).astype(dtype)
+    found = standardised(torch.from_numpy(frames + offset).to(getattr(torch, dtype)))
+    assert torch.equal(found, standardised(torch.from_numpy(frames)))
 
 
 def test_constant_frames_are_zero_and_named():
