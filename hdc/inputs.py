@@ -6,11 +6,14 @@ import math
 import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from numbers import Integral
 from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
+
+from hdc.hypervectors import Hypervectors
 
 Label = str | int | float | bool
 _LABELS = (str, int, float, bool)
@@ -60,6 +63,36 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     if found == shape and len(shape) == 2 and shape[0] > 1:
         return tensor(frames)[None]
     return frames
+
+
+def source(
+    frames: Any, shape: tuple[int, ...] | None = None
+) -> tuple[Any, list[str | int] | None]:
+    """Frames of a training with a shape, or hypervectors, and the names of their columns.
+
+    `shape` is that of a frame, where it is known, as of :func:`indexable`.
+
+    Raises:
+        TypeError, ValueError: as :func:`indexable`, or for none.
+    """
+    columns = columns_of(frames)
+    if not isinstance(frames, Hypervectors):
+        frames = indexable(frames, shape)
+    if len(frames) == 0:
+        raise ValueError("frames: expected at least one frame, found none")
+    return frames, columns
+
+
+def columns_of(frames: Any) -> list[str | int] | None:
+    """Names of the columns of a data frame; None for frames that are none."""
+    if not hasattr(frames, "columns"):
+        return None
+    return [_column_name(name) for name in frames.columns]
+
+
+def _column_name(name: Any) -> str | int:
+    """A name that JSON has: a number stays one."""
+    return int(name) if isinstance(name, Integral) else str(name)
 
 
 def _check_axes(found: tuple[int, ...]) -> None:

@@ -64,6 +64,15 @@ class Parametrised:
                 parameters[name] = parameters[name].unlearned()
         return type(self)(**parameters)
 
+    def fresh(self, name: str) -> Any:
+        """The part of a parameter, checked and untrained; no other object has it."""
+        given = getattr(self, name)
+        part = self.parts[name](given)
+        if part is given:
+            part = part.unlearned()
+        part.check()
+        return part
+
     def __repr__(self) -> str:
         parameters = self.get_params(deep=False).items()
         listed = ", ".join(f"{name}={_shown(value)}" for name, value in parameters)

@@ -13,10 +13,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from hdc import circular
-from hdc.bank import Bank, Shared
+from hdc import backends, circular
+from hdc.bank import Bank
 from hdc.classifier import HDCClassifier
-from hdc.encoders import COMPARED, Encoder, make_encoder
+from hdc.encoders import COMPARED, make_encoder
+from hdc.hypervectors import Hypervectors
 from hdc.readouts import (
     READOUTS,
     VALUE_READOUTS,
@@ -59,7 +60,6 @@ class Frames:
         values: float64 [N, T]; None where classes are learnt.
         backend: for hypervectors.
         period: of values that go round; None for those that do not.
-        memories: what encoders have learned, by their names.
     """
 
     bank: Bank
@@ -68,7 +68,6 @@ class Frames:
     session: np.ndarray | None
     values: np.ndarray | None
     backend: str = "auto"
-    memories: dict[str, dict[bytes, Any]] = field(default_factory=dict)
     group: np.ndarray | None = None
     period: float | None = None
 
@@ -77,13 +76,12 @@ class Frames:
         """Class indices int64 [N]; zeros where values are learnt."""
         return self.bank.labels
 
-    def encoder(self, name: str) -> Encoder:
-        """An untrained encoder; one that learns is shared by the read-outs."""
-        found = make_encoder(name)
-        if not found.learns:
-            return found
-        memory = self.memories.setdefault(name, {})
-        return Shared(found, memory)
+    def words(self, encoder: Any, rows: np.ndarray, train: np.ndarray) -> Hypervectors:
+        """Hypervectors of some frames by an encoder that has learned of others."""
+        n_pixels = len(rows) * self.bank.dimension
+        backend = backends.choose_backend(self.backend, "cpu", n_pixels)
+        with backends.computing(backend):
+            return self.bank.words(rows, make_encoder(encoder), train)
 
     def regressor(self, encoder: Any, readout: Any) -> HDCRegressor:
         """An untrained regressor of the values."""
@@ -145,13 +143,13 @@ class Combination:
     def answers(
         self, frames: Frames, train: np.ndarray, test: np.ndarray
     ) -> np.ndarray:
-        encoder = frames.encoder(self.encoder)
+        learnt = frames.words(self.encoder, train, train)
+        asked = frames.words(self.encoder, test, train)
         if frames.values is None:
-            model = HDCClassifier(encoder, self.readout, backend=frames.backend)
-            return model.predict_from(frames.bank, train, test)
-        numbers = frames.regressor(encoder, self.readout)
-        numbers.fit(frames.bank.at(train), frames.values[train])
-        return numbers.predict(frames.bank.at(test))
+            model = HDCClassifier(self.encoder, self.readout, backend=frames.backend)
+            return model.fit(learnt, frames.labels[train]).predict(asked)
+        numbers = frames.regressor(self.encoder, self.readout)
+        return numbers.fit(learnt, frames.values[train]).predict(asked)
 
 
 def published(learns_values: bool) -> Combination:

@@ -97,8 +97,7 @@ def described(model: Any, path: Path) -> dict[str, Any]:
     classifies = hasattr(model, "classes_")
     n_outputs = len(model.classes_ if classifies else model.mean_)
     if classifies:
-        tensors = model.state_tensors().values()
-        n_bits = 8 * sum(tensor.nbytes for tensor in tensors)
+        n_bits = 8 * model.prediction_bytes_
     else:  # its training frames are kept, and all of the file is needed
         n_bits = 8 * path.stat().st_size
     unit = "class" if classifies else "value"

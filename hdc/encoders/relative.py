@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from hdc import backends, bits, inputs
-from hdc.encoders.base import Encoder, into
+from hdc.encoders.base import Encoder
 from hdc.encoders.ranks import check_frames, warn_of_constant
 from hdc.encoders.standardised import FRACTION, standardised, values_of_greys
 from hdc.tensors import checked
@@ -33,6 +33,7 @@ class RelativeEncoder(Encoder):
 
     revision: ClassVar[int] = 2
     learns: ClassVar[bool] = True
+    numbered: ClassVar[bool] = True
     stand_ins: ClassVar = {"frame": GIVEN}
 
     frame: Any
@@ -105,18 +106,13 @@ class RelativeEncoder(Encoder):
         self.reference_ = (total // len(frames)).to(torch.int32)
         return self
 
-    def encode(
-        self,
-        frames: Tensor,
-        first: int = 0,
-        backend: str = "numpy",
-        out: Tensor | None = None,
-    ) -> Tensor:
+    def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the differences."""
-        if backends.kernels(backend, frames.device) and frames.dtype == torch.uint8:
+        kernels = backends.in_use.get()
+        if kernels and frames.dtype == torch.uint8:
             check_frames(frames)
             if self.is_compiled and frames.shape[1:].numel() > 1:
-                return self._encode_compiled(frames, first, out)
+                return self._encode_compiled(frames, first, kernels)
         reference = self._in_range(frames[:1].numel()).to(frames.device)
         constant: list[int] = []
         words = []
@@ -128,26 +124,21 @@ class RelativeEncoder(Encoder):
             constant += (start + flat).tolist()
             words.append(self.of_differences(values - reference, first + start))
         warn_of_constant(constant, first)
-        return into(out, torch.cat(words))
+        return torch.cat(words)
 
-    def _encode_compiled(
-        self, frames: Tensor, first: int, out: Tensor | None
-    ) -> Tensor:
+    def _encode_compiled(self, frames: Tensor, first: int, kernels: Any) -> Tensor:
         """:meth:`encode` of 8-bit frames by :mod:`hdc.compiled.relative`."""
-        from hdc import compiled
-
         images = frames.flatten(1).numpy()
         n, n_pixels = images.shape
-        counts = torch.from_numpy(compiled.histograms(images))
+        counts = torch.from_numpy(kernels.histograms(images))
         tables = values_of_greys(counts).numpy()
-        if out is None:
-            width = bits.words_for(self.dimension(n_pixels))
-            out = torch.empty(n, width, dtype=torch.int64)
+        width = bits.words_for(self.dimension(n_pixels))
+        words = torch.empty(n, width, dtype=torch.int64)
         reference = self._in_range(n_pixels).numpy()
-        self.compiled_words((images, tables, reference), out[:n].numpy(), first)
+        self.compiled_words((images, tables, reference), words.numpy(), first)
         constant = (counts == n_pixels).any(1).nonzero().flatten()
         warn_of_constant(constant.tolist(), first)
-        return out[:n]
+        return words
 
     def _in_range(self, n_pixels: int) -> Tensor:
         """The reference, with zeros for values that no mean of standardised frames has.

@@ -11,8 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc import inputs
-from hdc.encoders.base import into
-from hdc.encoders.named import Around, encode_with
+from hdc.encoders.named import Around
 from hdc.encoders.ranks import check_frames
 from hdc.encoders.standardised import EXACT, LARGEST, integers
 from hdc.parameters import check_integer
@@ -80,16 +79,9 @@ class Smoothed(Around):
             self.base_.fit(_Frames(self, frames))
         return self
 
-    def encode(
-        self,
-        frames: Tensor,
-        first: int = 0,
-        backend: str = "numpy",
-        out: Tensor | None = None,
-    ) -> Tensor:
+    def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the smoothed frames."""
-        found = encode_with(self.base_, self.images(frames, first), first, "numpy")
-        return into(out, found)
+        return self.encode_by_base(self.images(frames, first), first)
 
     def images(self, frames: Tensor, first: int = 0) -> Tensor:
         """Smoothed images int32 [N, H, W] of frames [N, H, W] or [N, D].

@@ -130,9 +130,11 @@ class Session:
             return Answer(values=tuple(zip(value, low, high, strict=True)))
         if self.model is None:
             return None
-        frames = frame[None]
-        shares = self.model.distances(frames)[0] / self.model.dimension_
+        frames = self.model.encode(frame[None])
         names = [str(c) for c in self.model.classes_]
+        shares = np.zeros(0)
+        if hasattr(self.model, "distances"):
+            shares = self.model.distances(frames)[0] / self.model.dimension_
         (label,) = self.model.predict(frames).tolist()
         if not self.model.is_known(frames)[0]:
             label = None
@@ -140,7 +142,7 @@ class Session:
         return Answer(
             label=None if label is None else str(label),
             likely=tuple(str(c) for c in likely),
-            distances=dict(zip(names, shares.tolist(), strict=True)),
+            distances=dict(zip(names, shares.tolist(), strict=False)),
         )
 
     def test(self) -> None:

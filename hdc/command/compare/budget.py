@@ -88,7 +88,7 @@ def _trial(frames: Frames, method: Method, rows: np.ndarray) -> Sequence[float]:
     images = frames.bank.frames[rows].numpy()
     bank = FrameBank(images, frames.labels[rows], frames.bank.n_classes)
     values = None if frames.values is None else frames.values[rows]
-    own = replace(frames, bank=bank, values=values, memories={})
+    own = replace(frames, bank=bank, values=values)
     every = np.arange(len(rows))
     times = [time.perf_counter()]
     for _ in range(2):

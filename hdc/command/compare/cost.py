@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import HDCClassifier, HDCRegressor
+from hdc import HDCClassifier
 from hdc.command.compare.frames import FrameBank
 from hdc.command.compare.rivals import Rival
 from hdc.selection import Combination, Frames
@@ -72,7 +72,7 @@ class Costs:
         model.fit(images, targets)
         train_s = time.perf_counter() - start
         frame_ms = self._per_frame(model.predict)
-        return Cost(train_s, frame_ms, sum(t.nbytes for t in _kept(model).values()))
+        return Cost(train_s, frame_ms, model.prediction_bytes_)
 
     def _of_rival(self, rival: Rival) -> Cost:
         """As it is computed here: from inner products of the training frames.
@@ -115,7 +115,7 @@ class Costs:
             bank = FrameBank(images, labels, self.frames.bank.n_classes)
             values = self.frames.values
             values = None if values is None else values[self.train]
-            self._own = replace(self.frames, bank=bank, values=values, memories={})
+            self._own = replace(self.frames, bank=bank, values=values)
         return self._own
 
     def _per_frame(self, predict: Callable[[Tensor], Any]) -> float:
@@ -126,13 +126,6 @@ class Costs:
         for batch in images.split(BATCH):
             predict(batch)
         return 1000 * (time.perf_counter() - start) / len(images)
-
-
-def _kept(model: HDCClassifier | HDCRegressor) -> dict[str, Tensor]:
-    """The tensors that predictions need; a regressor keeps its training frames."""
-    if isinstance(model, HDCClassifier):
-        return model.state_tensors()
-    return {**model.encoder_.state(), **model._stored()[1]}
 
 
 def front(points: Mapping[str, tuple[float, float]]) -> list[str]:

@@ -14,6 +14,7 @@ from hdc import HDCClassifier, bits
 from hdc.backends import BACKENDS
 from hdc.encoders import Levels, Median, Quantile, Reference
 from hdc.encoders.standardised import standardised
+from tests.hdc.own import by
 
 
 def as_integers(frame: np.ndarray) -> list[int]:
@@ -120,9 +121,7 @@ def test_words_are_those_of_the_differences(base, brightest):
     if base == "median":
         found = bits.unpack(words, 91).numpy()
         assert np.array_equal(found, brightest(differences))
-    room = torch.full((50, words.shape[1]), -1)
-    assert torch.equal(encoder.encode(torch.from_numpy(frames), out=room), words)
-    compiled = encoder.encode(torch.from_numpy(frames), backend="compiled")
+    compiled = by("compiled", encoder.encode, torch.from_numpy(frames))
     assert torch.equal(compiled, words)
 
 
@@ -142,11 +141,7 @@ def test_kernels_make_the_same_bits(d, base, kinds_of_frames):
     frames = torch.from_numpy(kinds_of_frames(d))
     encoder = Reference(base).fit(frames[:9])
     words = encoder.encode(frames)
-    assert torch.equal(encoder.encode(frames, backend="compiled"), words)
-    room = torch.full((len(frames) + 3, words.shape[1]), -1)
-    found = encoder.encode(frames, backend="compiled", out=room)
-    assert found.data_ptr() == room.data_ptr()
-    assert torch.equal(found, words)
+    assert torch.equal(by("compiled", encoder.encode, frames), words)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -157,7 +152,7 @@ def test_many_ties_of_differences_are_warned_of_once(backend):
     frames[0, :9] = frames[1, 9:20] = frames[2, 30:39] = 1
     encoder = Reference().fit(frames)
     with pytest.warns(UserWarning, match="of the pixels of a frame equal") as caught:
-        encoder.encode(frames, backend=backend)
+        by(backend, encoder.encode, frames)
     assert len(caught) == 1
 
 

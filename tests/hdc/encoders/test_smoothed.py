@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter
 from hdc import HDCClassifier
 from hdc.bank import Bank
 from hdc.encoders import Deviation, Levels, Median, Reference, Smoothed
+from tests.hdc.own import by
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
 BASES = [Median(), Levels(3), Levels(2, lit=0.5), Reference("levels"), Deviation()]
@@ -100,11 +101,10 @@ def test_words_are_those_of_the_base(base, kinds_of_frames):
     assert encoder.dimension(273) == other.dimension(273)
     assert torch.equal(words, other.encode(images))
     assert torch.equal(encoder.encode(torch.from_numpy(flat)), words)
-    assert torch.equal(encoder.encode(frames, backend="compiled"), words)
-    room = torch.full((len(frames) + 2, words.shape[1]), -1)
-    assert torch.equal(encoder.encode(frames, out=room), words)
+    assert torch.equal(by("compiled", encoder.encode, frames), words)
     bank = Bank(frames, np.zeros(len(frames), int), 1)
-    assert torch.equal(bank.words(encoder), words)
+    every = np.arange(len(frames))
+    assert torch.equal(bank.words(every, Smoothed(base, 2), every).packed, words)
     assert not torch.equal(words, base.unlearned().fit(frames).encode(frames))
 
 

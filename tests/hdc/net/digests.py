@@ -69,7 +69,7 @@ def of_classes(encoder: str, readout: str, backend: str, kind: str) -> dict[str,
     asked, _ = frames_of(kind, 12, seed=1)
     model = HDCClassifier(encoder, readout, backend=backend).fit(frames, labels)
     sets = [np.isin(model.classes_, each) for each in model.predict_set(asked, ALPHA)]
-    words = torch.cat(list(model._encoded(asked)))
+    words = model.encode(asked).packed
     prototypes = []
     if readout in COUNTING:
         prototypes = [model.prototypes_, model.distances(asked)]
