@@ -81,7 +81,8 @@ class Bank:
         """
         encoder = Median() if encoder is None else encoder
         shape = tuple(self.frames.shape[1:])
-        rows = np.arange(len(self)) if rows is None else np.asarray(rows, np.int64)
+        rows = np.arange(len(self)) if rows is None else rows
+        rows = np.ascontiguousarray(rows, np.int64)
         # Arrays among the parameters are not distinguished by their text.
         key: Hashable = encoder
         if has_plain_parameters(encoder):
@@ -91,6 +92,7 @@ class Bank:
         else:
             if train is None:
                 raise ValueError(f"train: expected the frames that {encoder!r} learns")
+            train = np.ascontiguousarray(train, np.int64)
             encoder, packed = self._by_learned(rows, encoder, train, key)
         dimension = encoder.dimension(prod(shape))
         return Hypervectors(packed, dimension, encoder, shape)
@@ -99,7 +101,7 @@ class Bank:
         self, rows: np.ndarray, encoder: Encoder, train: np.ndarray, key: Hashable
     ) -> tuple[Encoder, Tensor]:
         """The encoder, trained, and its words of some frames."""
-        of_training = np.asarray(train, np.int64).tobytes()
+        of_training = train.tobytes()
         kept = self._learned.get(key)
         if kept is None or kept[0] != of_training:
             learned = self.learned(encoder, train)

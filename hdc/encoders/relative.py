@@ -53,8 +53,8 @@ class RelativeEncoder(Encoder):
     ) -> None:
         """Fill words [N, W] with :meth:`of_differences`, by a kernel.
 
-        The differences are images uint8 [N, D], what each grey becomes in each of them, int32
-        [N, 256], and the reference, int32 [D].
+        The differences are images uint8 or uint16 [N, D], what each grey becomes in each of them,
+        int32 [N, G], and the reference, int32 [D].
         """
 
     @abstractmethod
@@ -109,7 +109,7 @@ class RelativeEncoder(Encoder):
     def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the differences."""
         kernels = backends.in_use.get()
-        if kernels and frames.dtype == torch.uint8:
+        if kernels and frames.dtype in (torch.uint8, torch.uint16):
             check_frames(frames)
             if self.is_compiled and frames.shape[1:].numel() > 1:
                 return self._encode_compiled(frames, first, kernels)
@@ -127,17 +127,23 @@ class RelativeEncoder(Encoder):
         return torch.cat(words)
 
     def _encode_compiled(self, frames: Tensor, first: int, kernels: Any) -> Tensor:
-        """:meth:`encode` of 8-bit frames by :mod:`hdc.compiled.relative`."""
+        """:meth:`encode` of frames of 8 or 16 bits by :mod:`hdc.compiled.relative`."""
         images = frames.flatten(1).numpy()
         n, n_pixels = images.shape
-        counts = torch.from_numpy(kernels.histograms(images))
-        tables = values_of_greys(counts).numpy()
         width = bits.words_for(self.dimension(n_pixels))
         words = torch.empty(n, width, dtype=torch.int64)
         reference = self._in_range(n_pixels).numpy()
-        self.compiled_words((images, tables, reference), words.numpy(), first)
-        constant = (counts == n_pixels).any(1).nonzero().flatten()
-        warn_of_constant(constant.tolist(), first)
+        constant: list[int] = []
+        step = _frames_at_a_time(frames)
+        for start in range(0, n, step):
+            part = images[start : start + step]
+            counts = torch.from_numpy(kernels.histograms(part))
+            tables = values_of_greys(counts).numpy()
+            into = words[start : start + step].numpy()
+            self.compiled_words((part, tables, reference), into, first + start)
+            flat = (counts == n_pixels).any(1).nonzero().flatten()
+            constant += (start + flat).tolist()
+        warn_of_constant(constant, first)
         return words
 
     def _in_range(self, n_pixels: int) -> Tensor:

@@ -39,8 +39,8 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
 
 
 def values_of_greys(counts: Tensor) -> Tensor:
-    """Values of the greys 0 to 255 in frames of such histograms: int64 to int32 [N, 256]."""
-    greys = torch.arange(256, device=counts.device)
+    """Values of the greys 0 to G − 1 in frames of such histograms: int64 to int32 [N, G]."""
+    greys = torch.arange(counts.shape[1], device=counts.device)
     totals = (counts * greys).sum(1)
     squares = (counts * greys * greys).sum(1)
     n_pixels = int(counts[:1].sum())

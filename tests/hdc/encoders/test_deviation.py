@@ -78,9 +78,10 @@ def test_bits_by_floats(camera_frames):
     ],
     ids=repr,
 )
-def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames):
+@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
+def test_kernels_make_the_same_bits(d, thresholds, threads, dtype, kinds_of_frames):
     pytest.importorskip("numba")
-    frames = torch.from_numpy(kinds_of_frames(d))
+    frames = torch.from_numpy(kinds_of_frames(d, dtype))
     encoder = Deviation(thresholds).fit(frames[:9])
     before = torch.get_num_threads()
     torch.set_num_threads(threads)

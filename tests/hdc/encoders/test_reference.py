@@ -135,10 +135,11 @@ def test_words_are_those_of_the_differences(base, brightest):
         (Levels(3, ties="raster"), 4161),
     ],
 )
-def test_kernels_make_the_same_bits(d, base, kinds_of_frames):
+@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
+def test_kernels_make_the_same_bits(d, base, dtype, kinds_of_frames):
     """Constant frames, saturated ones and such of two grey levels among them."""
     pytest.importorskip("numba")
-    frames = torch.from_numpy(kinds_of_frames(d))
+    frames = torch.from_numpy(kinds_of_frames(d, dtype))
     encoder = Reference(base).fit(frames[:9])
     words = encoder.encode(frames)
     assert torch.equal(by("compiled", encoder.encode, frames), words)
