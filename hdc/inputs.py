@@ -19,7 +19,6 @@ Label = str | int | float | bool
 _LABELS = (str, int, float, bool)
 _TIMES = (np.datetime64, np.timedelta64)
 _VALUES = {"frames": "pixels", "labels": "labels", "targets": "numbers"}
-_LARGEST_TARGET = 1e300  # sums of larger ones overflow
 _CONTINUOUS = 30
 """Frames whose labels have fractions and all differ: more are no classes any more."""
 
@@ -206,7 +205,7 @@ def label_array(labels: Any, n: int) -> np.ndarray:
         ValueError: for a wrong number of labels, another type such as dates, NaN, masked ones, or a
             set or a dictionary of them.
     """
-    labels = _without_column(_one_a_frame("labels", labels, n))
+    labels = _without_column(one_a_frame("labels", labels, n))
     if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
         labels = labels.tolist()  # numbers as Python's, of the same value
     items = [_as_python(label) for label in labels]
@@ -273,28 +272,7 @@ def check_discrete(labels: Sequence[Label]) -> None:
         )
 
 
-def targets(values: Any, n: int) -> np.ndarray:
-    """Numbers to predict, float64 [n] or [n, T].
-
-    Raises:
-        ValueError: for a wrong number of them, masked ones, dates, or values that are not finite
-            numbers below 1e300 in size.
-    """
-    values = _one_a_frame("targets", values, n)
-    if np.asarray(values).dtype.kind in "mM":  # whose unit would be lost
-        raise ValueError("targets: expected numbers, found dates or times")
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim > 2:
-        raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
-    if array.size and np.abs(array).max() > _LARGEST_TARGET:
-        found = np.abs(array).max()
-        raise ValueError(f"targets: expected numbers up to 1e300, found {found:g}")
-    return array
-
-
-def _one_a_frame(name: str, values: Any, n: int) -> Any:
+def one_a_frame(name: str, values: Any, n: int) -> Any:
     if isinstance(values, set | frozenset | Mapping):  # in no order, or keys alone
         found = type(values).__name__
         raise ValueError(f"{name}: expected a list or an array, found a {found}")

@@ -20,6 +20,8 @@ from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.values import ValueReadout, ValueState
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
 
+_LARGEST = 1e300  # sums of larger numbers overflow
+
 
 class HDCRegressor(Estimator):
     """Predicts one or several numbers per frame, such as a position in mm, from its hypervector.
@@ -102,7 +104,7 @@ class HDCRegressor(Estimator):
         self._check_period()
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
         frames, columns = inputs.source(frames)
-        values = inputs.targets(y, len(frames))
+        values = _numbers(y, len(frames))
         _check_enough(frames)
         table = self._targets(values)
         backend = self._decided(frames)
@@ -160,7 +162,7 @@ class HDCRegressor(Estimator):
     def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor]:
         """Hypervectors, and numbers float64 [N, T] like those of training."""
         frames, _ = self._given(frames)
-        values = inputs.targets(y, len(frames))
+        values = _numbers(y, len(frames))
         table = self._targets(values)
         if table.shape[1] != self.state_.targets.shape[1]:
             raise ValueError(
@@ -251,7 +253,7 @@ class HDCRegressor(Estimator):
     def score(self, frames: Any, y: Any) -> float:
         """R², the share of the variance that is predicted, averaged over targets."""
         found = self.predict(frames)
-        values = inputs.targets(y, len(found)).reshape(found.shape)
+        values = _numbers(y, len(found)).reshape(found.shape)
         truth, answers = self._targets(values).numpy(), self._targets(found).numpy()
         pairs = zip(truth.T, answers.T, strict=True)
         return float(np.mean([r_squared(*pair) for pair in pairs]))
@@ -289,6 +291,27 @@ class HDCRegressor(Estimator):
 
     def _move(self, device: str) -> None:
         self.state_ = self.state_.to(device)
+
+
+def _numbers(values: Any, n: int) -> np.ndarray:
+    """Numbers to predict, float64 [n] or [n, T].
+
+    Raises:
+        ValueError: for a wrong number of them, masked ones, dates, or values that are not finite
+            numbers below 1e300 in size.
+    """
+    values = inputs.one_a_frame("targets", values, n)
+    if np.asarray(values).dtype.kind in "mM":  # whose unit would be lost
+        raise ValueError("targets: expected numbers, found dates or times")
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim > 2:
+        raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
+    if array.size and np.abs(array).max() > _LARGEST:
+        found = np.abs(array).max()
+        raise ValueError(f"targets: expected numbers up to 1e300, found {found:g}")
+    return array
 
 
 def _check_enough(frames: Any) -> None:

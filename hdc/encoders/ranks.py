@@ -3,9 +3,8 @@
 The paper thresholds a speckle pattern so that 0 and 1 appear with the same probability: q = ½.
 Ones are the pixels above the threshold m, and of those equal to m the first by the encoder's order
 of ties (:mod:`hdc.encoders.ties`). Hypervectors of several thresholds stand one after another,
-bit t·D + j for pixel j and threshold t.
-Small frames and floats are partially ordered here, many at once. Large frames are searched by
-:mod:`hdc.encoders.thresholds`, or by :mod:`hdc.compiled`. Every way gives the same bits.
+bit t·D + j for pixel j and threshold t. Small frames and floats are partially ordered here. Large
+frames are searched by :mod:`hdc.encoders.thresholds`, or by :mod:`hdc.compiled`: equal bits.
 """
 
 from __future__ import annotations
@@ -38,8 +37,8 @@ Route = Callable[[Tensor, Sequence[int], str], list[Level]]
 class RankEncoder(Encoder):
     """Thresholds a frame at quantiles of its own pixels.
 
-    A subclass has the parameter ``ties`` (one of :data:`hdc.encoders.ties.TIES`) and says which
-    `quantiles`, and above which share of ties a frame is warned of.
+    A subclass says which `quantiles`, and above which share of ties a frame is warned of. `ties` is
+    one of :data:`hdc.encoders.ties.TIES`.
     """
 
     numbered = True
@@ -64,11 +63,7 @@ class RankEncoder(Encoder):
         """Hypervectors of frames [N, H, W] or [N, D] of any real or integer dtype: int64 [N, W].
 
         A constant frame carries no information; it gets its ones by the order of pixels alone, and
-        a warning names it. Besides the result, memory is needed for one frame (or 2^20 pixels).
-
-        Args:
-            frames: on any device.
-            first: number of the first frame, in warnings and errors.
+        a warning names it. `first` is the number of the first frame, in warnings and errors.
 
         Raises:
             ValueError: for another shape, no pixels, or pixels that are not finite.
@@ -117,8 +112,7 @@ def encode_ranks(
 ) -> tuple[Tensor, Ties]:
     """Hypervectors of frames, int64 [N, ⌈T·D/64⌉] for T quantiles, and what ties there were.
 
-    Arguments and errors as of :meth:`RankEncoder.encode`; `rule` is one of
-    :data:`hdc.encoders.ties.TIES`.
+    Arguments and errors as of :meth:`RankEncoder.encode`; `rule` is its `ties`.
     """
     check_frames(frames)
     if rule not in TIES:
@@ -199,7 +193,7 @@ def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
 
 
 def ties_of(equal: np.ndarray, split: np.ndarray, n_pixels: int) -> Ties:
-    """Make it from counts of pixels equal to a threshold, [N, T], and whether some became ones."""
+    """Of counts of pixels equal to a threshold, [N, T], and whether some became ones."""
     constant = equal[:, 0] == n_pixels
     counted = equal[split & ~constant[:, None]]
     most = int(counted.max(initial=0))

@@ -164,18 +164,17 @@ def test_the_experiment_of_the_config(small_scene):
 @pytest.mark.parametrize("encoder", ["median", "levels"])
 def test_queries_have_flips_of_their_rate_and_of_no_other_bits(encoder, scene):
     model = HDCClassifier(encoder=encoder).fit(scene.images[:80], scene.labels[:80])
-    frames = scene.images[80:]
-    before = model.encoder_.encode(frames)
+    words = model.encode(scene.images[80:])
+    before = words.packed.clone()
     for rate in (0.0, 0.1, 1.0):
-        with flipped_queries(model, rate, (0,)):
-            after = model.encoder_.encode(frames)
-        used = model.dimension_ * len(frames)
+        after = flipped_queries(words, rate, random()).packed
+        used = model.dimension_ * len(words)
         flips = int(bits.count_ones(before ^ after).sum())
         assert abs(flips - rate * used) <= 5 * math.sqrt(used * rate * (1 - rate))
         # Nothing beyond the last bit, which would count in a distance.
         unpacked = bits.unpack(after, after.shape[1] * 64)
         assert not unpacked[:, model.dimension_ :].any()
-    assert torch.equal(model.encoder_.encode(frames), before)
+    assert torch.equal(words.packed, before)
 
 
 def test_pixels_have_flips_of_their_rate():
