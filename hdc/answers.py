@@ -77,7 +77,7 @@ class Answering(Estimator):
             ValueError: as :meth:`predict_set`.
         """
         share = check_share("alpha", alpha, "(0, 1)")
-        return self.p_values(frames, share).max(1) > share
+        return self._p_values(frames, share).max(1) > share
 
     @needs("held_out")
     def p_values(self, frames: Any, alpha: float = RATE) -> np.ndarray:
@@ -94,7 +94,9 @@ class Answering(Estimator):
         Raises:
             ValueError: as :meth:`predict_set`.
         """
-        share = check_share("alpha", alpha, "(0, 1)")
+        return self._p_values(frames, check_share("alpha", alpha, "(0, 1)"))
+
+    def _p_values(self, frames: Any, share: float) -> np.ndarray:
         parts = self._each(frames, lambda words: self._head.p_values(words, share))
         return np.concatenate(parts)
 

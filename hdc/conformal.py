@@ -156,6 +156,8 @@ class Rule:
     """[L], the p-value of a frame that is farther out than all."""
     far: np.ndarray
     """[L], a distance d beyond which a frame is, whatever it is."""
+    warning: str
+    """Where some class is in every set, so that no frame is refused."""
 
 
 @dataclass(frozen=True)
@@ -207,7 +209,9 @@ class Conformal:
             scores: of the read-out [Q, L].
             alpha: α.
         """
-        _warn_of_few(self.peers, alpha)
+        rule = self._rule(alpha)
+        if rule.warning:
+            warnings.warn(rule.warning, stacklevel=4)
         if self.prototypes is None:
             distances = -scores
         else:
@@ -215,14 +219,15 @@ class Conformal:
         d = distances.numpy(force=True)
         if d.dtype.kind == "f":
             d = d.astype(np.float64)
-        rule = self._rule(alpha)
         result = np.tile(rule.least, (len(words), 1))
         near = d <= rule.far
         for c in np.flatnonzero(near.any(0)).tolist():
             own = self.peers[c]
             assert own is not None
             rows = np.flatnonzero(near[:, c])
-            of_rows = words[torch.from_numpy(rows).to(words.device)]
+            of_rows = words
+            if len(rows) < len(words):
+                of_rows = words[torch.from_numpy(rows).to(words.device)]
             result[rows, c] = _p_values(
                 d[rows, c], own.compared(of_rows), rule.pools[c]
             )
@@ -264,7 +269,7 @@ class Conformal:
                 least[c] = 1 / (m + 1 + (0 if pool is None else len(pool)))
                 far[c] = _farthest(own, pool)
             pools.append(pool)
-        return Rule(pools, least, far)
+        return Rule(pools, least, far, _of_few(self.peers, alpha))
 
 
 def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:
@@ -294,8 +299,8 @@ def _farthest(own: Compared, pool: np.ndarray | None) -> float:
     return found + 1e-9 * abs(found) + _ROUNDING
 
 
-def _warn_of_few(peers: Sequence[Compared | None], alpha: float) -> None:
-    """Warn where some class is in every set, so that no frame is refused."""
+def _of_few(peers: Sequence[Compared | None], alpha: float) -> str:
+    """A warning where some class is in every set, so that no frame is refused."""
     kept = [len(peer) for peer in peers if peer is not None]
     n, least = sum(kept), min(kept, default=0)
     if (n + 1) * alpha < 1:
@@ -305,8 +310,8 @@ def _warn_of_few(peers: Sequence[Compared | None], alpha: float) -> None:
     elif least < FEWEST and (least + 1) * alpha < 1:
         text = f"needs at least {FEWEST} stored frames of each class, found {least}"
     else:
-        return
-    warnings.warn(f"alpha={alpha:g} {text}; no frame is refused", stacklevel=5)
+        return ""
+    return f"alpha={alpha:g} {text}; no frame is refused"
 
 
 def _held_out_of_others(peers: Sequence[Compared | None], c: int) -> np.ndarray:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import functools
 import importlib
 import inspect
 import math
@@ -146,7 +147,7 @@ class Named(Mapping[str, type]):
         """The dotted name of each class."""
 
     def __getitem__(self, name: str) -> Any:
-        return pkgutil.resolve_name(self._paths[name])
+        return _resolved(self._paths[name])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._paths)
@@ -170,6 +171,11 @@ class Named(Mapping[str, type]):
             if path.endswith(f".{wanted}"):
                 return pkgutil.resolve_name(path)
         raise AttributeError(f"module {module!r} has no attribute {wanted!r}")
+
+
+@functools.cache
+def _resolved(path: str) -> Any:
+    return pkgutil.resolve_name(path)
 
 
 def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:

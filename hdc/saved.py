@@ -13,7 +13,7 @@ from typing import Any, ClassVar, Self
 import torch
 from torch import Tensor
 
-from hdc import REVISION, backends, io
+from hdc import backends, io
 from hdc.encoders import Encoder
 from hdc.parameters import Named, describe, rebuild
 from hdc.tensors import prefixed, without_prefix
@@ -54,7 +54,7 @@ class Saved(ABC):
         metadata = dict(metadata)
         # Not the backend: the best one depends on the machine, and the model does not.
         parameters: dict[str, Any] = {"device": str(self.device)}
-        revisions = {"hdc": REVISION}
+        revisions = {}
         for name in self.parts:
             # The trained part: the object that was given may have been changed since.
             trained = getattr(self, f"{name}_")

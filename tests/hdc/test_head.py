@@ -82,7 +82,7 @@ def test_a_file_says_its_revisions_and_loads_where_it_is_asked_to(
     model = HDCClassifier("deviation", "lda").fit(FRAMES, LABELS)
     model.save(path)
     header, _ = io.read_model(path)
-    assert header["revisions"] == {"hdc": 1, "encoder": 2, "readout": 1}
+    assert header["revisions"] == {"encoder": 2, "readout": 1}
     assert HDCClassifier.load(path, device="cpu").device == "cpu"
     with pytest.raises(ValueError, match="device: expected 'cpu'"):
         HDCClassifier.load(path, device="gpu")
