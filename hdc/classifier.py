@@ -21,6 +21,8 @@ from hdc.hypervectors import Hypervectors, joined
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
 from hdc.sample import Reservoir, Sample
 
+KNOWN = "known"
+"""The class of frames of one kind that come without labels."""
 _UNEQUAL = 0.2  # share of more frames of a class that is warned of
 
 
@@ -93,11 +95,11 @@ class HDCClassifier(Adapting):
 
     # Training ------------------------------------------------------------------------------------
 
-    def fit(self, frames: Any, y: Any) -> Self:
+    def fit(self, frames: Any, y: Any = None) -> Self:
         """Learn from frames [N, H, W] or [N, D] and N labels y.
 
         Frames of one class alone make a model for :meth:`is_known`, of the read-outs majority,
-        counts and neighbours. A call that raises leaves the model as it was.
+        counts and neighbours; they need no labels, and their class is ``"known"``. A call that raises leaves the model as it was.
 
         Raises:
             ValueError: for no frames, one class only where the read-out has to tell two apart,
@@ -106,6 +108,8 @@ class HDCClassifier(Adapting):
         """
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
         frames, columns = inputs.source(frames)
+        if y is None:
+            y = [KNOWN] * len(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
         inputs.check_discrete(labels)
         classes = inputs.classes_of(labels)

@@ -108,3 +108,16 @@ def test_sets_are_masks_on_request_and_words_stand_for_frames():
         assert np.array_equal(ask(words), ask(QUERIES))
     again = HDCClassifier().partial_fit(model.encode(FRAMES), LABELS)
     assert torch.equal(again.prototypes_, model.prototypes_)
+
+
+def test_frames_of_one_kind_need_no_labels(tmp_path):
+    own = FRAMES[LABELS == 0]
+    model = HDCClassifier().fit(own[:30])
+    model.save(tmp_path / "m")
+    others = FRAMES[LABELS > 0]
+    for found in (model, HDCClassifier.load(tmp_path / "m")):
+        assert found.classes_.tolist() == ["known"]
+        assert found.is_known(own[30:], 0.1).mean() > 0.5
+        assert not found.is_known(others, 0.1).any()
+    with pytest.raises(ValueError, match="expected at least two classes for LDA"):
+        HDCClassifier(readout="lda").fit(own)
