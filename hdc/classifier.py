@@ -99,7 +99,8 @@ class HDCClassifier(Adapting):
         """Learn from frames [N, H, W] or [N, D] and N labels y.
 
         Frames of one class alone make a model for :meth:`is_known`, of the read-outs majority,
-        counts and neighbours; they need no labels, and their class is ``"known"``. A call that raises leaves the model as it was.
+        counts and neighbours; they need no labels, and their class is ``"known"``. A call that
+        raises leaves the model as it was.
 
         Raises:
             ValueError: for no frames, one class only where the read-out has to tell two apart,
