@@ -8,6 +8,7 @@ for all subsets of the frames.
 from __future__ import annotations
 
 import functools
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -64,9 +65,14 @@ class Bank(hdc.bank.Bank):
         """Products of hypervectors in ±1, D − 2·Hamming, float64 [N, N]."""
         n_pixels = len(self) * self.dimension
         backend = backends.choose_backend("auto", "cpu", n_pixels)
-        words = self.words()
-        found = gram(words, words, self.dimension, backend)
+        with backends.computing(backend):
+            words = self.words().packed
+            found = gram(words, words, self.dimension)
         return found.to(self.frames.device)
+
+    def at(self, rows: np.ndarray) -> Rows:
+        """Some of the frames, to train a model on or to ask it about."""
+        return Rows(self, np.asarray(rows, dtype=np.int64))
 
     @functools.cached_property
     def moments(self) -> Moments:
@@ -143,6 +149,31 @@ class Bank(hdc.bank.Bank):
         constant = offset**2 * self.dimension
         greys = self.greys[np.ix_(rows, train)]
         return scale**2 * (greys - shift + constant)
+
+
+@dataclass(frozen=True)
+class Rows:
+    """Some frames of a bank, a source of frames like any other: a slice is a tensor of them."""
+
+    bank: Bank
+    rows: np.ndarray
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """[n, H, W] or [n, D]."""
+        return (len(self.rows), *self.bank.frames.shape[1:])
+
+    @property
+    def dtype(self) -> torch.dtype:
+        return self.bank.frames.dtype
+
+    def __len__(self) -> int:
+        return len(self.rows)
+
+    def __getitem__(self, index: Any) -> Tensor:
+        if isinstance(index, Tensor):
+            index = index.numpy(force=True)
+        return self.bank.frames[self.rows[index]]
 
 
 def standardised(

@@ -17,15 +17,15 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.bank import Bank
+from baselines import library
+from baselines.bank import Bank, Rows
 from baselines.base import Classifier, FrameSource
 from baselines.discriminant import GreysKernel, GreysLDA
 from baselines.folds import Fold, folds
 from baselines.smoothing import smoothed_part
 from baselines.softmax_dual import DualSoftmaxRegression
-from hdc.bank import Selection, Shared
-from hdc.classifier import HDCClassifier
-from hdc.encoders import Smoothed, make_encoder
+from hdc import HDCClassifier
+from hdc.encoders import Encoder, Smoothed, make_encoder
 from hdc.encoders.relative import RelativeEncoder
 from hdc.encoders.standardised import standardised
 from hdc.parameters import check_choice, is_number
@@ -110,12 +110,12 @@ class Chosen(Classifier):
         """Choose and learn; yields as the chosen model does."""
         targets = self.start(frames, labels).cpu().numpy()
         groups = None
-        if isinstance(frames, Selection) and isinstance(frames.bank, Bank):
+        if isinstance(frames, Rows):
             groups = frames.bank.groups_of(frames.rows)
         images = self.take(frames, slice(0, len(frames))).cpu()
         bank = Bank(images, targets, len(self.classes_), groups)
         self.form_, self.model_ = self.choose(bank, np.arange(len(bank)))
-        yield from self.model_.train(images, targets)
+        yield from library.train(self.model_, images, targets)
 
     def predict(self, frames: Any) -> np.ndarray:
         """As of :meth:`baselines.base.Classifier.predict`."""
@@ -135,11 +135,11 @@ class Chosen(Classifier):
     ) -> np.ndarray:
         """See :func:`experiments.protocol.evaluate.evaluate`."""
         _, model = self.choose(bank, train)
-        return model.predict_from(bank, train, queries)
+        return library.predict_from(model, bank, train, queries)
 
     def state_tensors(self) -> dict[str, Tensor] | None:
         """Those of the chosen model."""
-        return self.model_.state_tensors()
+        return library.state_tensors(self.model_)
 
 
 def _part(bank: Bank, rows: np.ndarray) -> Bank:
@@ -202,7 +202,8 @@ class ReadoutChosen(Chosen):
             found: dict[str, list[np.ndarray]] = {name: [] for name in self.readouts}
             for train, test in made:
                 for readout, parts in found.items():
-                    parts.append(make(readout).predict_from(seen, train, test))
+                    model = make(readout)
+                    parts.append(library.predict_from(model, seen, train, test))
             for readout, parts in found.items():
                 yield (readout, deviation), np.concatenate(parts)
 
@@ -243,12 +244,11 @@ class BitsChosen(ReadoutChosen):
                 "encoder: expected one relative to the mean of the training frames, such as "
                 f"deviation, found {self.encoder!r}"
             )
-        encoder = _Standardised(base, {}, _values(bank, smooth))
 
         def make(readout: str) -> HDCClassifier:
-            return HDCClassifier(encoder, readout, self.device, self.backend)
+            return HDCClassifier(self.encoder, readout, self.device, self.backend)
 
-        return bank, make
+        return _Standardised(bank, _values(bank, smooth)), make
 
     def scores(self, batch: Tensor) -> Tensor:
         """Like :meth:`hdc.HDCClassifier.decision_function`, two columns for two classes."""
@@ -264,36 +264,31 @@ def _values(bank: Bank, smooth: int) -> Tensor:
     return torch.cat([standardised(part) for part in parts])
 
 
-class _Standardised(Shared):
-    """A relative encoder of frames that were standardised before, once for all folds.
+class _Standardised(Bank):
+    """A bank whose frames were smoothed and standardised before, once for all folds.
 
     Args:
-        base, memory: as of :class:`hdc.bank.Shared`.
-        values: the standardised frames of the bank, int32 [N, D].
+        bank: of the frames.
+        values: the standardised frames, int32 [N, D].
     """
 
-    base_: RelativeEncoder
-
-    def __init__(
-        self, base: RelativeEncoder, memory: dict[bytes, Any], values: Tensor
-    ) -> None:
-        super().__init__(base, memory)
+    def __init__(self, bank: Bank, values: Tensor) -> None:
+        super().__init__(bank.frames, bank.labels, bank.n_classes, bank.groups)
         self.values = values
 
-    def learned(self, frames: Selection) -> RelativeEncoder:
-        base: Any = self.base.unlearned()
-        total = self.values[frames.rows].sum(0, dtype=torch.int64)
-        base.reference_ = total // len(frames)
-        learned: RelativeEncoder = base
+    def learned(self, encoder: Encoder, train: np.ndarray) -> Encoder:
+        base: Any = encoder.unlearned()
+        total = self.values[train].sum(0, dtype=torch.int64)
+        base.reference_ = (total // len(train)).to(torch.int32)
+        learned: Encoder = base
         return learned
 
-    def encoded(self, chosen: Selection, backend: str) -> Tensor:
-        reference = self.base_.reference_.to(torch.int32)
-        parts = torch.from_numpy(chosen.rows).split(_STEP)
-        words = [
-            self.base_.of_differences(self.values[part] - reference, 0)
-            for part in parts
-        ]
+    def encoded(self, encoder: Encoder, rows: np.ndarray) -> Tensor:
+        relative: Any = encoder
+        words = []
+        for part in torch.from_numpy(rows).split(_STEP):
+            differences = self.values[part] - relative.reference_
+            words.append(relative.of_differences(differences, 0))
         return torch.cat(words)
 
 

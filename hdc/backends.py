@@ -1,16 +1,19 @@
 """Backends: numpy's and torch's operations, or the kernels of :mod:`hdc.compiled`; the same bits.
 
 The kernels need numba. They are compiled once per machine and version, in some ten seconds, and
-kept in numba's cache; later processes load them in about a second. :func:`compile_kernels` has that
-done when it suits; else a process loads them when it has encoded so many pixels that they pay.
+kept in numba's cache; later processes load them in about a second. A model decides for a backend
+once, when it is fitted or loaded, and never in between. What computes below asks :data:`in_use`.
 """
 
 from __future__ import annotations
 
 import functools
 import importlib
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from contextvars import ContextVar
 from types import ModuleType
+from typing import Any
 
 import torch
 
@@ -18,21 +21,23 @@ from hdc.parameters import not_among
 
 BACKENDS = ("numpy", "compiled")
 ENOUGH = 2**28
-"""Pixels that a process encodes by numpy before it loads the kernels: 1,000 of 500 × 500."""
-
-_encoded = 0  # pixels so far, by ``"auto"``
+"""Pixels of a training for which ``"auto"`` loads the kernels: 1,000 frames of 500 × 500."""
+in_use: ContextVar[ModuleType | None] = ContextVar("in_use", default=None)
+"""The kernels that compute in this thread; None for numpy's and torch's operations."""
 
 
 def compile_kernels() -> None:
-    """Compile the kernels, or load what was compiled; ``backend="auto"`` then means them.
+    """Compile the kernels, or load what was compiled.
+
+    Models that are fitted or loaded later by ``backend="auto"`` then have them.
 
     Raises:
         ValueError: without numba.
     """
-    kernels("compiled", "cpu")
+    kernels("compiled")
 
 
-def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
+def kernels(backend: str, device: torch.device | str = "cpu") -> ModuleType | None:
     """The kernels of a backend: :mod:`hdc.compiled`, or None for numpy's and torch's operations.
 
     Raises:
@@ -56,22 +61,47 @@ def kernels(backend: str, device: torch.device | str) -> ModuleType | None:
 
 
 def choose_backend(backend: str, device: torch.device | str, n_pixels: int = 0) -> str:
-    """The backend for so many pixels (frames × pixels of each); errors as of :func:`kernels`.
+    """The backend to fit so many pixels with, or (0) to load a model.
+
+    Errors are those of :func:`kernels` and :func:`check_device`.
 
     ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded, or where numba is there
-    and they pay: after :data:`ENOUGH` pixels.
+    and they pay: for :data:`ENOUGH` pixels.
     """
-    global _encoded
+    check_device(device)
     if backend != "auto":
         kernels(backend, device)
         return backend
     if torch.device(device).type != "cpu":
         return "numpy"
-    _encoded += n_pixels
     is_loaded = _load.cache_info().currsize > 0
-    if is_loaded or (_encoded >= ENOUGH and _loads()):
-        return "compiled"
-    return "numpy"
+    return "compiled" if is_loaded or (n_pixels >= ENOUGH and _loads()) else "numpy"
+
+
+def check_device(device: Any) -> None:
+    """Raise ValueError, one line, for a device that this machine has not, or that holds nothing."""
+    try:
+        if torch.empty(1, device=torch.device(device)).is_meta:
+            raise ValueError("it has no memory")
+    # Each kind of device has errors of its own.
+    except Exception as error:
+        expected = "'cpu'"
+        if torch.cuda.is_available():
+            expected += " or 'cuda'"
+        reason = str(error).partition("\n")[0]
+        raise ValueError(
+            f"device: expected {expected}, found {device!r}: {reason}"
+        ) from error
+
+
+@contextmanager
+def computing(backend: str) -> Iterator[None]:
+    """Have this thread compute by a backend, one of :data:`BACKENDS`."""
+    token = in_use.set(kernels(backend))
+    try:
+        yield
+    finally:
+        in_use.reset(token)
 
 
 @functools.cache

@@ -25,10 +25,8 @@ import torch
 from torch import Tensor
 
 from hdc import backends, planes
-from hdc.parameters import not_among
 
-WORD = 64
-TIES = ("zero", "one", "random")
+WORD = planes.WORD
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
 _GATHER_BYTE = 0x0102040810204080
@@ -116,7 +114,7 @@ def count_ones(words: Tensor) -> Tensor:
     return _swar_popcount(words).sum(-1)
 
 
-def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tensor:
+def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
     """Hamming distances (paper, Eq. 2) between all pairs: [Q, W] × [L, W] → int64 [Q, L].
 
     Raises:
@@ -133,9 +131,9 @@ def hamming(queries: Tensor, prototypes: Tensor, backend: str = "numpy") -> Tens
         return _hamming_by_torch(queries, prototypes)
     asked = queries.contiguous().numpy()
     known = prototypes.contiguous().numpy()
-    compiled = backends.kernels(backend, "cpu")
-    if compiled:
-        return torch.from_numpy(compiled.hamming(asked, known))
+    kernels = backends.in_use.get()
+    if kernels:
+        return torch.from_numpy(kernels.hamming(asked, known))
     return torch.from_numpy(_hamming_by_numpy(asked, known))
 
 
@@ -182,27 +180,7 @@ def majority(
     if len(words) == 0:
         raise ValueError("majority: expected at least one hypervector, found none")
     counts = planes.vertical_sum(words)
-    return majority_of_counts(counts, len(words), ties, tie_breaker)
-
-
-def majority_of_counts(
-    counts: Tensor, n: int, ties: str = "zero", tie_breaker: Tensor | None = None
-) -> Tensor:
-    """:func:`majority` from bit-sliced counts, int64 [P, W] of n hypervectors."""
-    if ties not in TIES:
-        raise ValueError(f"ties: {not_among(ties, TIES)}")
-    more = planes.greater(counts, n // 2)
-    if n % 2 or ties == "zero":
-        return more
-    # For n ≥ 1 the zero counts beyond D are not among these.
-    at_least_half = planes.greater(counts, n // 2 - 1)
-    if ties == "one":
-        return at_least_half
-    if tie_breaker is None:
-        raise ValueError(
-            "ties='random': expected a tie_breaker hypervector, found None"
-        )
-    return more | (at_least_half & tie_breaker)
+    return planes.majority(counts, len(words), ties, tie_breaker)
 
 
 def random_hypervector(

@@ -1,42 +1,32 @@
-"""The hyperdimensional classifier: labels, an encoder, a read-out."""
+"""The hyperdimensional classifier: labels, an encoder, and a head that reads its hypervectors."""
 
 from __future__ import annotations
 
-import copy
-import inspect
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from math import prod
 from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import inputs
-from hdc.availability import (
-    available_unless,
-    fixed,
-    not_compared,
-    renamed,
-    whole_only,
-    without_held_out,
-    without_reference,
-)
-from hdc.bank import Bank
-from hdc.conformal import RATE
+from hdc import backends, inputs
+from hdc.adapting import Adapting
+from hdc.availability import needs
 from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.estimator import Estimator
-from hdc.learned import Learned
-from hdc.learner import learn
-from hdc.merging import check_kind, check_mergeable
-from hdc.parameters import check_share
-from hdc.prototypes import Counters
-from hdc.readouts import READOUTS, Readout, make_readout
+from hdc.estimator import check_alike
+from hdc.head import Head
+from hdc.hypervectors import Hypervectors, joined
+from hdc.readouts import READOUTS, Readout, Updatable, make_readout
+from hdc.sample import Reservoir, Sample
 
+KNOWN = "known"
+"""The class of frames of one kind that come without labels."""
 _UNEQUAL = 0.2  # share of more frames of a class that is warned of
 
 
-class HDCClassifier(Estimator):
+class HDCClassifier(Adapting):
     """Classifier on packed hypervectors (Kitagawa et al., Opt. Express 32, 3209 (2024)).
 
     An encoder makes a hypervector of each frame, and a read-out scores the classes. The published
@@ -56,26 +46,28 @@ class HDCClassifier(Estimator):
             :class:`hdc.encoders.Encoder`; or the dotted name of such a class.
         readout: ``"majority"`` as published, ``"counts"``, ``"ridge"``, ``"neighbours"``,
             ``"lda"``, ``"trained"`` or ``"kernel"``; an object of
-            :class:`hdc.readouts.Readout`; or the dotted name of such a class. Prototypes are made
-            with each, for :meth:`distances`. By ``"majority"`` and ``"counts"`` a class with more
-            frames takes frames of the others, as published; to count classes alike:
-            ``readout=Majority(balance=True)``.
+            :class:`hdc.readouts.Readout`; or the dotted name of such a class. By ``"majority"`` and
+            ``"counts"`` a class with more frames takes frames of the others, as published; to count
+            classes alike: ``readout=Majority(balance=True)``.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
             numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
-            ``"auto"``, by :func:`hdc.backends.choose_backend`. Not saved with the model.
+            ``"auto"``, which is decided once, at fit or load, by
+            :func:`hdc.backends.choose_backend`. Not saved with the model.
 
     Parameters of the parts are ``encoder__ties``, ``readout__balance`` and so on.
 
     Attributes:
-        encoder_, readout_: the parts, trained.
+        encoder_: the encoder, trained.
+        readout_, state_: the read-out, and what it has learned.
         classes_: array [L] of the labels, sorted: str, int, float or bool.
         counts_: int64 array [L], training samples per class; votes after a recalibration by votes.
-        prototypes_: int64 tensor [L, W], the packed prototypes; zeros for a class without samples.
+        prototypes_: int64 tensor [L, W], the packed prototypes of the read-outs majority, counts
+            and trained; zeros for a class without samples.
+        prediction_bytes_: bytes of what a prediction needs.
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
-        counters_: the counts, :class:`hdc.prototypes.Counters`.
         metadata_: values that :meth:`save` was given to keep with the model.
 
     Example:
@@ -88,7 +80,6 @@ class HDCClassifier(Estimator):
     _estimator_type = "classifier"
     parts: ClassVar = {"encoder": make_encoder, "readout": make_readout}
     _known: ClassVar = {"encoder": ENCODERS, "readout": READOUTS}
-    _learned: Learned
 
     def __init__(
         self,
@@ -104,28 +95,41 @@ class HDCClassifier(Estimator):
 
     # Training ------------------------------------------------------------------------------------
 
-    def fit(self, frames: Any, y: Any) -> Self:
+    def fit(self, frames: Any, y: Any = None) -> Self:
         """Learn from frames [N, H, W] or [N, D] and N labels y.
 
         Frames of one class alone make a model for :meth:`is_known`, of the read-outs majority,
-        counts and neighbours. A call that raises leaves the model as it was.
+        counts and neighbours; they need no labels, and their class is ``"known"``. A call that
+        raises leaves the model as it was.
 
         Raises:
             ValueError: for no frames, one class only where the read-out has to tell two apart,
                 lengths that differ, pixels that are not finite, labels other than str, int, float
                 or bool, or an unknown parameter value.
         """
-        trained = self._untrained()
-        for _ in trained._train(frames, y):
-            pass
-        trained._learned.settle()
-        trained._warn_of_unequal()
-        self._adopt(trained)
+        encoder, readout = self.fresh("encoder"), self.fresh("readout")
+        frames, columns = inputs.source(frames)
+        if y is None and isinstance(readout, Updatable):
+            y = [KNOWN] * len(frames)
+        labels = inputs.label_array(y, len(frames)).tolist()
+        inputs.check_discrete(labels)
+        classes = inputs.classes_of(labels)
+        _check_several(readout, classes.tolist())
+        backend = self._decided(frames)
+        with backends.computing(backend):
+            encoder, shape = self._learned_encoder(encoder, frames)
+            words = self._batches(frames, encoder, shape)
+            dimension = encoder.dimension(prod(shape))
+            head = _learned(readout, words, labels, classes, dimension, self.device)
+        self._begin(encoder, shape, backend)
+        self._columns = columns
+        self._head = head
+        self._warn_of_unequal(head.sample.seen.values())
         return self
 
-    def _warn_of_unequal(self) -> None:
+    def _warn_of_unequal(self, seen: Collection[int]) -> None:
         """Warn of larger classes, which a read-out that was given by name may favour."""
-        more = max(self.counts_) / min(self.counts_) - 1
+        more = max(seen) / min(seen) - 1
         if isinstance(self.readout, str) and more > _UNEQUAL:
             warnings.warn(
                 f"fit: the largest class has {more:.0%} more frames than the smallest and may be "
@@ -134,26 +138,7 @@ class HDCClassifier(Estimator):
                 stacklevel=3,
             )
 
-    def train(self, frames: Any, y: Any) -> Iterator[dict[str, float]]:
-        """:meth:`fit`, yielding ``{"samples_seen": n}`` whenever there is a model to predict with.
-
-        `frames` may be anything with ``shape`` and batches ``frames[a:b]``.
-        """
-        trained = self._untrained()
-        for seen in trained._train(frames, y):
-            trained._learned.settle()
-            self._adopt(trained)
-            yield {"samples_seen": seen}
-
-    def _train(self, frames: Any, y: Any) -> Iterator[int]:
-        """Learn, untrained so far; yield as :func:`hdc.learner.learn`."""
-        frames, labels = self._samples(frames, y)
-        inputs.check_discrete(labels)
-        self._learn_encoder(frames)
-        self._start(inputs.classes_of(labels).tolist())
-        yield from learn(self, self._learned, frames, labels)
-
-    @available_unless(whole_only)
+    @needs("add")
     def partial_fit(self, frames: Any, y: Any, classes: Any = None) -> Self:
         """Learn a further batch of frames; a label not met before becomes a new class.
 
@@ -170,28 +155,34 @@ class HDCClassifier(Estimator):
                 :meth:`recalibrate`, whose prototypes are not those of counted frames.
             AttributeError: for a read-out that needs all frames at once; ``hasattr`` is False.
         """
-        self._check_counts("partial_fit")
-        model = self if self._has_learned() else self._untrained()
-        frames, labels = model._samples(frames, y)
+        encoder = self.fresh("encoder")
+        head = self._checked_head("partial_fit")
+        frames, columns = self._given(frames)
+        labels = inputs.label_array(y, len(frames)).tolist()
         allowed = labels
         if classes is not None:
             allowed = list(classes)  # in any order, such as that of a set
             allowed = inputs.label_array(allowed, len(allowed)).tolist()
             inputs.check_among(labels, allowed)
-        known = self._learned.index if self._has_learned() else ()
+        known = [] if head is None else head.labels.tolist()
         inputs.classes_of([*known, *allowed])
-        if model is not self:
-            model._learn_encoder(frames)
-            model._start(inputs.classes_of(allowed).tolist())
-        words = torch.cat(list(model._encoded(frames)))
-        model._learned.make_room_for(allowed)
-        model._learned.add(words, labels, model._backend(frames))
-        model._learned.settle()
-        if model is not self:
-            self._adopt(model)
+        backend = self._decided(frames) if head is None else self.backend_
+        with backends.computing(backend):
+            if head is None:
+                encoder, shape = self._learned_encoder(encoder, frames)
+                words = joined(self._batches(frames, encoder, shape))
+                empty = self._empty(inputs.classes_of(allowed), words.dimension)
+                extended = empty.extended(words, labels)
+            else:
+                words = joined(self._encoded(frames))
+                extended = head.with_classes(allowed).extended(words, labels)
+        if head is None:
+            self._begin(encoder, shape, backend)
+            self._columns = columns
+        self._head = extended
         return self
 
-    @available_unless(whole_only)
+    @needs("add")
     def merge(self, other: HDCClassifier) -> Self:
         """Learn what another model was trained on: bit for bit the model of all frames.
 
@@ -203,327 +194,108 @@ class HDCClassifier(Estimator):
                 recalibrated.
             AttributeError: as :meth:`partial_fit`.
         """
-        for model in (self, other):
-            model._check_counts("merge")
-        check_kind(self, other)
+        head = self._checked_head("merge")
+        theirs = other._checked_head("merge")
+        self._check_kind(other)
         other._check_is_trained()
-        merged = copy.copy(self) if self._has_learned() else self._untrained()
-        if merged._has_learned():
-            check_mergeable(merged, other)
+        assert theirs is not None
+        if head is None:
+            encoder, shape = other.encoder_, other.frame_shape_
+            backend = other.backend_
+            head = self._empty(theirs.labels, theirs.dimension)
         else:
-            merged._columns = other._columns
-            merged._take_encoder(other)
-            merged._start(other.classes_.tolist())
-        merged._learned = merged._learned.merged(other._learned)
-        self._adopt(merged)
+            kind = type(self).__name__
+            inputs.check_shape(other.frame_shape_, self.frame_shape_, kind)
+            self._check_columns(other._columns)
+            check_alike(self.encoder_, other.encoder_, "merge")
+            encoder, shape, backend = self.encoder_, self.frame_shape_, self.backend_
+        merged = head.merged(theirs)
+        columns = self._columns or other._columns
+        self._begin(encoder, shape, backend)
+        self._columns = columns
+        self._head = merged
         return self
 
-    def _has_learned(self) -> bool:
-        return hasattr(self, "_learned")
+    def _check_kind(self, other: HDCClassifier) -> None:
+        """Raise ValueError for a model of another class, or with another read-out or encoder."""
+        kinds = []
+        for model in (self, other):
+            readout = model._part("readout")
+            kinds.append(f"{type(model).__name__} with read-out {readout!r}")
+        if kinds[0] != kinds[1]:
+            raise ValueError(f"merge: expected a {kinds[0]}, found a {kinds[1]}")
+        mine, theirs = self._part("encoder"), other._part("encoder")
+        check_alike(mine, theirs, "merge", learned=False)
 
-    def _samples(self, frames: Any, y: Any) -> tuple[Any, list[inputs.Label]]:
-        """Frames with a shape, and their labels; at least one."""
-        self._check_parameters()
-        frames = self._checked_frames(frames)
-        labels = inputs.label_array(y, len(frames)).tolist()
-        if not labels:
-            raise ValueError("frames: expected at least one frame, found none")
-        return frames, labels
-
-    def _start(self, classes: Sequence[inputs.Label]) -> None:
-        """Be ready to learn hypervectors of these classes."""
-        readout = make_readout(self.readout).unlearned()
-        self._learned = Learned(readout, classes, self.dimension_, self.device)
-
-    # Adapting ------------------------------------------------------------------------------------
-
-    @available_unless(fixed)
-    def recalibrate(
-        self,
-        frames: Any,
-        y: Any = None,
-        p: float = 0.5,
-        seed: int = 0,
-        method: str | None = None,
-    ) -> Self:
-        """Adapt to a changed environment by new frames with labels.
-
-        Classes without new frames keep their prototypes, and a warning lists them: a drift that all
-        classes share costs them accuracy. :meth:`is_known` compares with the new frames.
-        ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression moves its
-        weights to fit the new frames; neighbours exchange the kept frames for the new ones of their
-        classes. Neither depends on p. The read-outs lda and kernel mix their old discriminants with
-        those of the new frames. :meth:`rezero` needs no labels.
-
-        Args:
-            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
-            y: their labels.
-            p: probability that a bit is replaced, or share of the new votes or discriminants.
-            seed: of the choice of bits that are replaced. Give each recalibration of a model a seed
-                of its own: equal seeds replace the same bits, and the others stay as they were.
-            method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
-                votes (:func:`hdc.prototypes.merged`), which recovers more. By default the former,
-                or for counts the latter.
-
-        Raises:
-            ValueError: if p is outside [0, 1], or 1 with new frames of a single class for lda and
-                kernel; if a label is not among ``classes_``, bits are to be replaced of a class
-                that has no training frames, or the read-out does not use an argument.
-            AttributeError: for a read-out that does not adapt; ``hasattr`` is False.
-        """
+    def _checked_head(self, action: str) -> Head | None:
+        """What was learned, or None; ValueError where prototypes are not those of its frames."""
+        if not hasattr(self, "_head"):
+            return None
         self._check_is_trained()
-        if y is None:
-            raise ValueError(
-                "recalibrate: expected labels y, found None; without labels: rezero(frames)"
-            )
-        options = {"p": p, "seed": seed, "method": method}
-        self._check_used(options)
-        frames, labels = self._samples(frames, y)
-        inputs.check_among(labels, self._learned.index)
-        words = torch.cat(list(self._encoded(frames)))
-        # A copy: a call that raises leaves the model as it was.
-        backend = self._backend(frames)
-        self._learned = self._learned.adapted(words, labels, options, backend)
-        return self
-
-    def _check_used(self, given: Mapping[str, Any]) -> None:
-        """Raise ValueError for an argument of :meth:`recalibrate` that the read-out ignores."""
-        defaults = inspect.signature(HDCClassifier.recalibrate).parameters
-        for name, value in given.items():
-            default = defaults[name].default
-            if name not in self.readout_.adapts_by and value != default:
-                raise ValueError(
-                    f"{name}: expected {default!r} with the read-out {self.readout_!r}, which "
-                    f"does not use it, found {value!r}"
-                )
-
-    @available_unless(without_reference)
-    def rezero(self, frames: Any) -> Self:
-        """Adapt a model with a reference to a changed environment by new frames without labels.
-
-        The reference becomes the mean of the new standardised frames. The new frames have to show
-        all classes about as often as the frames of the old reference. Frames of one class can spoil
-        the model; a warning appears if the model puts them into few classes. Frames without a touch
-        do not help: ten of them improved no model in the study of drift.
-
-        Args:
-            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
-
-        Raises:
-            ValueError: for no frames, or frames of another shape; the model stays as it was.
-            AttributeError: for an encoder without a reference; ``hasattr`` is False.
-        """
-        self._check_is_trained()
-        frames = self._checked_frames(frames)
-        if len(frames) == 0:
-            raise ValueError("frames: expected at least one frame, found none")
-        inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
-        moved: Any = copy.copy(self)
-        moved.encoder_ = copy.copy(moved.encoder_).zero(frames)
-        found = len(set(moved.predict(frames).tolist()))
-        if 2 * found < len(self.classes_):
-            warnings.warn(
-                f"rezero: the {len(frames)} frames are put into {found} of {len(self.classes_)} "
-                "classes; they have to show the classes as the training frames did, or the model "
-                "is spoilt",
-                stacklevel=2,
-            )
-        self.encoder_ = moved.encoder_
-        return self
-
-    # Answers -------------------------------------------------------------------------------------
-
-    @renamed("reject", "is_known(frames, alpha), which says what is to be rejected")
-    def predict(self, frames: Any) -> np.ndarray:
-        """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W]."""
-        self._check_is_trained()
-        labels = []
-        for words in self._encoded(frames):
-            rows = self._scores_of(words).argmax(1).numpy(force=True)
-            labels.append(self.classes_[rows])
-        return np.concatenate(labels)
-
-    @available_unless(not_compared)
-    def predict_set(self, frames: Any, alpha: float = 0.1) -> list[np.ndarray]:
-        """The classes that each of Q frames may be of: Q arrays of labels.
-
-        The set of a frame that is like none of the classes is empty; any other contains the label
-        of :meth:`predict`. With majority and counts, a set contains the right label with
-        probability 1 − alpha at least (full conformal prediction), if the frame is exchangeable
-        with the training frames of its class. This holds for each class with 1/alpha − 1 training
-        frames or more, and for smaller classes together. Other read-outs compare scores with those
-        of training frames that were left out. That covers about 1 − alpha, without a guarantee
-        (:mod:`hdc.conformal`). A class with fewer frames than 1/alpha − 1 and than 4 is in every
-        set. Nothing is promised after drift.
-
-        Args:
-            frames: the queries.
-            alpha: share of the sets that may lack the right label.
-
-        Raises:
-            ValueError: for a share outside (0, 1), or a model that has no frames to compare with;
-                it says so.
-        """
-        share = check_share("alpha", alpha, "(0, 1)")
-        self._check_is_trained()
-        conformal = self._learned.conformal()
-        sets = []
-        for words in self._encoded(frames):
-            possible = conformal.possible(words, self._scores_of(words), share)
-            sets += [self.classes_[row] for row in possible]
-        return sets
-
-    @available_unless(not_compared)
-    @renamed("reject", "alpha")
-    def is_known(self, frames: Any, alpha: float = RATE) -> np.ndarray:
-        """Whether frames are like those of some class: bool [Q].
-
-        False where :meth:`predict_set` is empty. This refuses a share `alpha` of new frames of
-        known classes at most, if they come as the training frames did. Noise, black frames and
-        objects that were not trained are refused if there are 1/alpha training frames, and 4 of
-        each class (or 1/alpha − 1 of it).
-
-        Args:
-            frames: the queries.
-            alpha: share of frames of known classes that may be refused.
-
-        Raises:
-            ValueError: as :meth:`predict_set`.
-        """
-        share = check_share("alpha", alpha, "(0, 1)")
-        self._check_is_trained()
-        conformal = self._learned.conformal()
-        parts = [
-            conformal.p_values(words, self._scores_of(words), share).max(1) > share
-            for words in self._encoded(frames)
-        ]
-        return np.concatenate(parts)
-
-    def predict_from(
-        self, bank: Bank, train: np.ndarray, queries: np.ndarray
-    ) -> np.ndarray:
-        """Labels [Q] of frames of a bank by a model like this one, trained on others of them.
-
-        This model is left as it is. `train` and `queries` are indices of frames.
-        """
-        trained = self._untrained().fit(bank.at(train), bank.labels[train])
-        return trained.predict(bank.at(queries))
-
-    def score(self, frames: Any, y: Any) -> float:
-        """Fraction of frames whose predicted label is right."""
-        predicted = self.predict(frames).tolist()
-        labels = inputs.label_array(y, len(predicted)).tolist()
-        right = [a == b for a, b in zip(predicted, labels, strict=True)]
-        return float(np.mean(right))
-
-    def decision_function(self, frames: Any) -> np.ndarray:
-        """The scores of the read-out, [Q, L], the largest wins.
-
-        For two classes the difference [Q], positive for the second. Scores in whole numbers are
-        divided by D: majority, trained and a single neighbour have minus the distance as a share of
-        the bits.
-        """
-        self._check_is_trained()
-        scores = [self._scores_of(words) for words in self._encoded(frames)]
-        found = torch.cat(scores).numpy(force=True)
-        if found.dtype.kind == "i":
-            found = found / self.dimension_
-        if found.shape[1] == 2:
-            return found[:, 1] - found[:, 0]
-        return found
-
-    @available_unless(without_held_out)
-    def predict_proba(self, frames: Any) -> np.ndarray:
-        """Probabilities of the classes, float64 [Q, L]: the softmax of the scores.
-
-        Its temperature is fitted to training frames scored as if each had not been learnt
-        (:mod:`hdc.probability`). Closed forms give these scores: of up to 19 frames per class for
-        majority, counts and neighbours, of all for ridge, of 400 or all for lda and kernel, with 19
-        of each class that has them. Other read-outs need five folds of the training frames, when
-        first asked or saved. New frames, by :meth:`partial_fit` or :meth:`recalibrate`, have it
-        fitted anew.
-
-        Raises:
-            ValueError: for training with one frame of each class, or a model that must be fitted
-                anew to have probabilities; it says so.
-            AttributeError: for a read-out of one's own that learns batch by batch and has no
-                ``held_out``; ``hasattr`` is False.
-        """
-        self._check_is_trained()
-        temperature = self._learned.temperature()
-        known = self._learned.counts > 0
-        parts = [
-            temperature.probabilities(self._scores_of(words), known)
-            for words in self._encoded(frames)
-        ]
-        return torch.cat(parts).numpy()
-
-    def distances(self, frames: Any) -> np.ndarray:
-        """Hamming distances int64 [Q, L] between queries and prototypes (Eq. 2).
-
-        D + 1, farther than anything, from a class without samples.
-        """
-        self._check_is_trained()
-        found = [self._distances_of(words) for words in self._encoded(frames)]
-        return torch.cat(found).numpy(force=True)
-
-    def state_tensors(self) -> dict[str, Tensor]:
-        """The tensors that have to be stored to predict; they share memory with the model."""
-        self._check_is_trained()
-        return {**self.encoder_.state(), **self.readout_.state()}
-
-    @property
-    def classes_(self) -> np.ndarray:
-        return self._trained.labels
-
-    @property
-    def readout_(self) -> Readout:
-        return self._trained.readout
-
-    @property
-    def counters_(self) -> Counters:
-        return self._trained.majority.counters_
-
-    @property
-    def prototypes_(self) -> Tensor:
-        return self._trained.majority.prototypes_
-
-    @property
-    def counts_(self) -> np.ndarray:
-        return self.counters_.n.numpy()
-
-    @property
-    def _trained(self) -> Learned:
-        if not self._has_learned():
-            raise AttributeError(
-                f"{type(self).__name__}: expected a trained model; call fit first"
-            )
-        return self._learned
-
-    def _check_counts(self, action: str) -> None:
-        """Raise ValueError for a trained model whose prototypes are not those of its frames."""
-        if not self._has_learned():
-            return
-        self._check_is_trained()
-        if self._learned.recalibrated:
+        if self._head.recalibrated:
             raise ValueError(
                 f"{action}: expected a model that was not recalibrated; fit anew"
             )
+        return self._head
 
-    def _scores_of(self, words: Tensor) -> Tensor:
-        return self._learned.scores(words, self._backend())
-
-    def _distances_of(self, words: Tensor) -> Tensor:
-        return self._learned.distances(words, self._backend())
+    def _empty(self, classes: np.ndarray, dimension: int) -> Head:
+        """A head of these classes that has learned nothing."""
+        readout = self.fresh("readout")
+        state = readout.empty(len(classes), dimension, self.device)
+        return Head(readout, state, Sample(), classes, dimension)
 
     # Files ---------------------------------------------------------------------------------------
 
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
-        return self._learned.stored()
+        return self._head.stored()
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        classes = header["classes"]
-        if not classes or inputs.classes_of(classes).tolist() != classes:
-            raise ValueError(f"classes {classes!r}")
-        self._start(classes)
-        self._learned.restore(header, tensors)
+        readout = self.fresh("readout")
+        _check_several(readout, header["classes"])
+        self._head = Head.restored(readout, header, tensors, self.dimension_)
+
+    def _move(self, device: str) -> None:
+        self._head = self._head.to(device)
+
+
+def _check_several(readout: Readout, classes: Sequence[inputs.Label]) -> None:
+    """Raise ValueError for one class, of a read-out that has to tell two apart."""
+    if len(classes) == 1 and not isinstance(readout, Updatable):
+        raise ValueError(
+            f"labels: expected at least two classes for {readout!r}, found one class, "
+            f"{classes[0]!r}; the read-out 'majority' tells it from what is unknown"
+        )
+
+
+def _learned(
+    readout: Readout,
+    batches: Iterable[Hypervectors],
+    labels: Sequence[inputs.Label],
+    classes: np.ndarray,
+    dimension: int,
+    device: str,
+) -> Head:
+    """A head of hypervectors of D bits that come in batches, with N labels of these classes."""
+    index = {label: row for row, label in enumerate(classes.tolist())}
+    rows = torch.tensor([index[label] for label in labels])
+    n_classes = len(classes)
+    if not isinstance(readout, Updatable):
+        words = joined(batches)
+        state = readout.fit(words, rows, n_classes)
+        counts = torch.bincount(rows, minlength=n_classes).tolist()
+        sample = Sample(dict(zip(index, counts, strict=True)))
+        closed = type(readout).held_out is not Readout.held_out
+        training = None if closed or state.held_out is not None else (words, rows)
+        return Head(readout, state, sample, classes, dimension, training=training)
+    reservoir = Reservoir()
+
+    def drawn() -> Iterator[tuple[Hypervectors, Tensor]]:
+        start = 0
+        for words in batches:
+            stop = start + len(words.packed)
+            reservoir.add(words.packed, labels[start:stop])
+            yield words, rows[start:stop]
+            start = stop
+
+    state = readout.add(readout.empty(n_classes, dimension, device), drawn())
+    return Head(readout, state, reservoir.sample(), classes, dimension)

@@ -33,6 +33,7 @@ of two frames are zero), so such a class is in every set, and nothing is refused
 
 from __future__ import annotations
 
+import functools
 import math
 import warnings
 from collections.abc import Sequence
@@ -47,11 +48,12 @@ from torch import Tensor
 from hdc import bits
 from hdc.inputs import Label
 from hdc.readouts.base import HeldOut
-from hdc.readouts.majority import Counting
+from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
 from hdc.sample import Sample
 
 RATE = 0.05
 """Share of known frames that are refused unless another is given."""
+_ROUNDING = 1e-300  # beyond zero, where distances are
 FEWEST = 4
 """Frames of a class from which its distances are compared with those of other classes."""
 
@@ -60,18 +62,20 @@ FEWEST = 4
 class Peers:
     """The kept frames of one class, and what a new frame changes for them."""
 
-    prototype: Tensor
-    """int64 [W]."""
     constant: np.ndarray
     """[m], distances d_i for a black frame x."""
     gained: Tensor
     """[W], bits of the prototype that become one if x has a one where x_i has none."""
     shared: Tensor
     """[m, W], bits of x_i that are not lost, or not gained, where x has a one, too."""
+    n_shared: Tensor
+    """int64 [m], ones of these."""
     held_out: np.ndarray
     """[m], leave-one-out distances minus their mean; none of a single frame."""
     mean: float
     """Mean of the leave-one-out distances; NaN of a single frame."""
+    most: np.ndarray
+    """[m], the largest d_i that any frame x makes."""
 
     @classmethod
     def of(cls, words: Tensor, prototypes: Tensor) -> Peers:
@@ -90,38 +94,37 @@ class Peers:
             held_out = held_out - mean
         else:
             held_out = held_out[:0]
+        shared = words & (lost | gained)
+        most = constant + bits.count_ones(gained)
         return cls(
-            prototype=prototype,
             constant=constant.numpy(force=True),
             gained=gained,
-            shared=words & (lost | gained),
+            shared=shared,
+            n_shared=bits.count_ones(shared),
             held_out=held_out,
             mean=mean,
+            most=most.numpy(force=True),
         )
 
     def __len__(self) -> int:
         return len(self.constant)
 
-    def compare(
-        self, words: Tensor, scores: Tensor | None = None
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Distances d [Q] of hypervectors [Q, W] as if of this class, and d_i [Q, m]."""
+    def compared(self, words: Tensor) -> np.ndarray:
+        """Distances d_i [Q, m] with each of the hypervectors [Q, W] as if of this class."""
         ones = bits.count_ones(words)[:, None]
         differing = bits.hamming(words, self.shared)
-        overlap = (ones + bits.count_ones(self.shared) - differing) // 2
+        overlap = (ones + self.n_shared - differing) // 2
         gained = bits.count_ones(words & self.gained)[:, None]
-        distances = bits.count_ones(words ^ self.prototype)
         moved = (gained - overlap).numpy(force=True)
-        d_i = self.constant + moved
-        return distances.numpy(force=True), d_i
+        return self.constant + moved
 
 
 @dataclass(frozen=True)
 class LeftOut:
     """Scores of training frames of one class by read-outs that have not learnt them."""
 
-    distances: np.ndarray
-    """[m], minus the scores."""
+    most: np.ndarray
+    """[m], minus the scores: d_i, whatever the new frame is."""
     held_out: np.ndarray
     """[m], the same minus their mean; none of a single frame."""
 
@@ -132,12 +135,11 @@ class LeftOut:
         return cls(-scores, deviations)
 
     def __len__(self) -> int:
-        return len(self.distances)
+        return len(self.most)
 
-    def compare(self, words: Tensor, scores: Tensor) -> tuple[np.ndarray, np.ndarray]:
-        """Distances d [Q] of frames with these scores [Q] of the class, and d_i [Q, m]."""
-        d = -scores.double().numpy(force=True)
-        return d, np.broadcast_to(self.distances, (len(d), len(self)))
+    def compared(self, words: Tensor) -> np.ndarray:
+        """Distances d_i [Q, m], the same for each of Q frames."""
+        return np.broadcast_to(self.most, (len(words), len(self)))
 
 
 Compared = Peers | LeftOut
@@ -145,24 +147,43 @@ Compared = Peers | LeftOut
 
 
 @dataclass(frozen=True)
+class Rule:
+    """How p-values are counted for one α, class by class."""
+
+    pools: Sequence[np.ndarray | None]
+    """Sorted deviations of the other classes, for a class that is compared with them, too."""
+    least: np.ndarray
+    """[L], the p-value of a frame that is farther out than all."""
+    far: np.ndarray
+    """[L], a distance d beyond which a frame is, whatever it is."""
+    warning: str
+    """Where some class is in every set, so that no frame is refused."""
+
+
+@dataclass(frozen=True)
 class Conformal:
     """Samples to compare with, class by class; None of a class without training frames."""
 
     peers: Sequence[Compared | None]
+    prototypes: Tensor | None = None
+    """int64 [L, W] that distances are of, where they are not minus the scores."""
 
     @classmethod
     def of_counting(
-        cls, readout: Counting, sample: Sample, labels: Sequence[Label]
+        cls, readout: Counting, state: Counted, sample: Sample, labels: Sequence[Label]
     ) -> Self:
         """P-values from exchanging a kept frame and the new one in the counters of a read-out."""
-        prototypes = readout.deciding()
+        deciding = readout.deciding(state)
         peers: list[Compared | None] = []
         for row, label in enumerate(labels):
             own = None
             if sample.seen.get(label):
-                own = Peers.of(sample.of(label), prototypes[row])
+                own = Peers.of(sample.kept[label], deciding[row])
             peers.append(own)
-        return cls(peers)
+        whole = deciding[:, EXTRAS.index(0)]
+        # Those of classes of unequal size are thinned for the scores.
+        same = isinstance(readout, Majority) and torch.equal(whole, state.prototypes)
+        return cls(peers, None if same else whole.contiguous())
 
     @classmethod
     def of_scores(cls, held_out: HeldOut, counts: Tensor) -> Self:
@@ -188,22 +209,28 @@ class Conformal:
             scores: of the read-out [Q, L].
             alpha: α.
         """
-        result = np.zeros((len(words), len(self.peers)))
-        _warn_of_few(self.peers, alpha)
-        for c, own in enumerate(self.peers):
-            if own is None:
-                continue
-            d, d_i = own.compare(words, scores[:, c])
-            m = len(own)
-            as_far = (d_i >= d[:, None]).sum(1)
-            if (m + 1) * alpha >= 1 or m < FEWEST:
-                result[:, c] = (1 + as_far) / (m + 1)
-                continue
-            others = _held_out_of_others(self.peers, c)
-            mean = (d_i.sum(1) + d) / (m + 1)
-            nearer = np.searchsorted(others, d - mean, "left")
-            as_far += len(others) - nearer
-            result[:, c] = (1 + as_far) / (1 + m + len(others))
+        rule = self._rule(alpha)
+        if rule.warning:
+            warnings.warn(rule.warning, stacklevel=4)
+        if self.prototypes is None:
+            distances = -scores
+        else:
+            distances = bits.hamming(words, self.prototypes)
+        d = distances.numpy(force=True)
+        if d.dtype.kind == "f":
+            d = d.astype(np.float64)
+        result = np.tile(rule.least, (len(words), 1))
+        near = d <= rule.far
+        for c in np.flatnonzero(near.any(0)).tolist():
+            own = self.peers[c]
+            assert own is not None
+            rows = np.flatnonzero(near[:, c])
+            of_rows = words
+            if len(rows) < len(words):
+                of_rows = words[torch.from_numpy(rows).to(words.device)]
+            result[rows, c] = _p_values(
+                d[rows, c], own.compared(of_rows), rule.pools[c]
+            )
         return result
 
     def possible(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
@@ -217,9 +244,63 @@ class Conformal:
         found[known, best[known]] = True
         return found
 
+    @functools.cached_property
+    def _rules(self) -> dict[float, Rule]:
+        return {}
 
-def _warn_of_few(peers: Sequence[Compared | None], alpha: float) -> None:
-    """Warn where some class is in every set, so that no frame is refused."""
+    def _rule(self, alpha: float) -> Rule:
+        """The rule for one α, made once."""
+        found = self._rules.get(alpha)
+        if found is None:
+            found = self._rules[alpha] = self._made(alpha)
+        return found
+
+    def _made(self, alpha: float) -> Rule:
+        n_classes = len(self.peers)
+        pools: list[np.ndarray | None] = []
+        least = np.zeros(n_classes)
+        far = np.full(n_classes, -np.inf)
+        for c, own in enumerate(self.peers):
+            pool = None
+            if own is not None:
+                m = len(own)
+                if (m + 1) * alpha < 1 and m >= FEWEST:
+                    pool = _held_out_of_others(self.peers, c)
+                least[c] = 1 / (m + 1 + (0 if pool is None else len(pool)))
+                far[c] = _farthest(own, pool)
+            pools.append(pool)
+        return Rule(pools, least, far, _of_few(self.peers, alpha))
+
+
+def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:
+    """p of Q frames at distances d [Q], with d_i [Q, m] and the deviations of other classes."""
+    m = d_i.shape[1]
+    as_far = (d_i >= d[:, None]).sum(1)
+    if pool is None:
+        return (1 + as_far) / (m + 1)
+    mean = (d_i.sum(1) + d) / (m + 1)
+    nearer = np.searchsorted(pool, d - mean, "left")
+    as_far += len(pool) - nearer
+    return (1 + as_far) / (1 + m + len(pool))
+
+
+def _farthest(own: Compared, pool: np.ndarray | None) -> float:
+    """A distance d at which, and beyond, a frame is farther out than all that it is compared with.
+
+    With the others of `pool`, it is d − (Σ d_i + d)/(m + 1) that has to exceed them.
+    """
+    m = len(own)
+    if m == 0:
+        return -math.inf
+    found = float(own.most.max())
+    if pool is not None and len(pool):
+        beyond = ((m + 1) * float(pool[-1]) + float(own.most.sum())) / m
+        found = max(found, beyond)
+    return found + 1e-9 * abs(found) + _ROUNDING
+
+
+def _of_few(peers: Sequence[Compared | None], alpha: float) -> str:
+    """A warning where some class is in every set, so that no frame is refused."""
     kept = [len(peer) for peer in peers if peer is not None]
     n, least = sum(kept), min(kept, default=0)
     if (n + 1) * alpha < 1:
@@ -229,8 +310,8 @@ def _warn_of_few(peers: Sequence[Compared | None], alpha: float) -> None:
     elif least < FEWEST and (least + 1) * alpha < 1:
         text = f"needs at least {FEWEST} stored frames of each class, found {least}"
     else:
-        return
-    warnings.warn(f"alpha={alpha:g} {text}; no frame is refused", stacklevel=4)
+        return ""
+    return f"alpha={alpha:g} {text}; no frame is refused"
 
 
 def _held_out_of_others(peers: Sequence[Compared | None], c: int) -> np.ndarray:

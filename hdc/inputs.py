@@ -6,17 +6,19 @@ import math
 import sys
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
+from numbers import Integral
 from typing import Any, Protocol
 
 import numpy as np
 import torch
 from torch import Tensor
 
+from hdc.hypervectors import Hypervectors
+
 Label = str | int | float | bool
 _LABELS = (str, int, float, bool)
 _TIMES = (np.datetime64, np.timedelta64)
 _VALUES = {"frames": "pixels", "labels": "labels", "targets": "numbers"}
-_LARGEST_TARGET = 1e300  # sums of larger ones overflow
 _CONTINUOUS = 30
 """Frames whose labels have fractions and all differ: more are no classes any more."""
 
@@ -46,14 +48,50 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         raise TypeError(
             "frames: expected a dense array, found a sparse one; use its toarray()"
         )
+    if hasattr(frames, "batch_sampler"):
+        raise TypeError(
+            "frames: expected frames, found a loader of batches; give each batch to partial_fit"
+        )
     if hasattr(frames, "iloc") or not hasattr(frames, "shape"):
         frames = _as_array(frames)
     _check_unmasked("frames", frames)
+    if isinstance(frames, Tensor):
+        _check_dense("frames", frames)
     found = tuple(frames.shape)
     _check_axes(found)
     if found == shape and len(shape) == 2 and shape[0] > 1:
         return tensor(frames)[None]
     return frames
+
+
+def source(
+    frames: Any, shape: tuple[int, ...] | None = None
+) -> tuple[Any, list[str | int] | None]:
+    """Frames of a training with a shape, or hypervectors, and the names of their columns.
+
+    `shape` is that of a frame, where it is known, as of :func:`indexable`.
+
+    Raises:
+        TypeError, ValueError: as :func:`indexable`, or for none.
+    """
+    columns = columns_of(frames)
+    if not isinstance(frames, Hypervectors):
+        frames = indexable(frames, shape)
+    if len(frames) == 0:
+        raise ValueError("frames: expected at least one frame, found none")
+    return frames, columns
+
+
+def columns_of(frames: Any) -> list[str | int] | None:
+    """Names of the columns of a data frame; None for frames that are none."""
+    if not hasattr(frames, "columns"):
+        return None
+    return [_column_name(name) for name in frames.columns]
+
+
+def _column_name(name: Any) -> str | int:
+    """A name that JSON has: a number stays one."""
+    return int(name) if isinstance(name, Integral) else str(name)
 
 
 def _check_axes(found: tuple[int, ...]) -> None:
@@ -108,18 +146,35 @@ def tensor(frames: Any) -> Tensor:
             raise TypeError(
                 f"frames: expected real or integer pixels, found dtype {array.dtype}"
             )
+        if array.dtype.itemsize > 8:
+            raise TypeError(
+                f"frames: expected pixels of at most 64 bits, found dtype {array.dtype}; "
+                "astype(np.float64)"
+            )
         native = array.dtype.newbyteorder("=")
         array = array.astype(native, order="C", copy=False)
         # numpy calls an axis of length 1 contiguous whatever its stride; torch refuses negative.
         if not array.flags.writeable or min(array.strides, default=0) < 0:
             array = array.copy()
         frames = torch.from_numpy(array)
+    _check_dense("frames", frames)
     if frames.ndim == 2 and frames.shape[1] == 0:
         raise ValueError(
             f"frames: expected shape [N, H, W] or [N, D] with pixels, found 0 feature(s) "
             f"(shape={tuple(frames.shape)}) while a minimum of 1 is required."
         )
     return frames
+
+
+def _check_dense(name: str, values: Tensor) -> None:
+    """Raise TypeError for a tensor without a plain number for each of its places."""
+    for wrong, found in (
+        (values.is_meta, "a meta tensor, which holds none"),
+        (values.layout != torch.strided, "a sparse tensor; use its to_dense()"),
+        (values.is_quantized, "a quantised tensor; use its dequantize()"),
+    ):
+        if wrong:
+            raise TypeError(f"{name}: expected plain numbers, found {found}")
 
 
 def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> None:
@@ -150,7 +205,7 @@ def label_array(labels: Any, n: int) -> np.ndarray:
         ValueError: for a wrong number of labels, another type such as dates, NaN, masked ones, or a
             set or a dictionary of them.
     """
-    labels = _without_column(_one_a_frame("labels", labels, n))
+    labels = _without_column(one_a_frame("labels", labels, n))
     if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
         labels = labels.tolist()  # numbers as Python's, of the same value
     items = [_as_python(label) for label in labels]
@@ -217,28 +272,7 @@ def check_discrete(labels: Sequence[Label]) -> None:
         )
 
 
-def targets(values: Any, n: int) -> np.ndarray:
-    """Numbers to predict, float64 [n] or [n, T].
-
-    Raises:
-        ValueError: for a wrong number of them, masked ones, dates, or values that are not finite
-            numbers below 1e300 in size.
-    """
-    values = _one_a_frame("targets", values, n)
-    if np.asarray(values).dtype.kind in "mM":  # whose unit would be lost
-        raise ValueError("targets: expected numbers, found dates or times")
-    array = np.asarray(values, dtype=np.float64)
-    if array.ndim > 2:
-        raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
-    if not np.isfinite(array).all():
-        raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
-    if array.size and np.abs(array).max() > _LARGEST_TARGET:
-        found = np.abs(array).max()
-        raise ValueError(f"targets: expected numbers up to 1e300, found {found:g}")
-    return array
-
-
-def _one_a_frame(name: str, values: Any, n: int) -> Any:
+def one_a_frame(name: str, values: Any, n: int) -> Any:
     if isinstance(values, set | frozenset | Mapping):  # in no order, or keys alone
         found = type(values).__name__
         raise ValueError(f"{name}: expected a list or an array, found a {found}")
@@ -248,6 +282,9 @@ def _one_a_frame(name: str, values: Any, n: int) -> Any:
             "passed, but the target y is None"
         )
     if isinstance(values, Tensor):
+        _check_dense(name, values)
+        if values.dtype == torch.bfloat16:  # which numpy has not
+            values = values.float()
         values = values.numpy(force=True)
     _check_unmasked(name, values)
     if hasattr(values, "__array__"):
@@ -273,12 +310,12 @@ def classes_of(labels: Iterable[Label]) -> np.ndarray:
             which True and 1 would become one class.
     """
     labels = list(labels)
-    _check_one_kind(labels)
+    check_one_kind(labels)
     distinct = sorted(dict.fromkeys(labels))
     return label_array(distinct, len(distinct))
 
 
-def _check_one_kind(labels: Iterable[Label]) -> None:
+def check_one_kind(labels: Iterable[Label]) -> None:
     """Raise ValueError for labels of two of the kinds text, numbers and truth values."""
     kinds = {_kind_of(label): label for label in labels}
     if len(kinds) < 2:
@@ -298,7 +335,7 @@ def _kind_of(label: Label) -> str:
 def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
     """Raise ValueError for the first label that is not among the classes of a model."""
     known = set(classes)
-    _check_one_kind([*labels, *known])
+    check_one_kind([*labels, *known])
     if unknown := [label for label in labels if label not in known]:
         raise ValueError(
             f"labels: expected classes among {sorted(known)}, found {unknown[0]!r}"

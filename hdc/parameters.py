@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import copy
 import difflib
+import functools
 import importlib
 import inspect
 import math
@@ -63,6 +64,15 @@ class Parametrised:
             if isinstance(parameters[name], Parametrised):
                 parameters[name] = parameters[name].unlearned()
         return type(self)(**parameters)
+
+    def fresh(self, name: str) -> Any:
+        """The part of a parameter, checked and untrained; no other object has it."""
+        given = getattr(self, name)
+        part = self.parts[name](given)
+        if part is given:
+            part = part.unlearned()
+        part.check()
+        return part
 
     def __repr__(self) -> str:
         parameters = self.get_params(deep=False).items()
@@ -137,7 +147,7 @@ class Named(Mapping[str, type]):
         """The dotted name of each class."""
 
     def __getitem__(self, name: str) -> Any:
-        return pkgutil.resolve_name(self._paths[name])
+        return _resolved(self._paths[name])
 
     def __iter__(self) -> Iterator[str]:
         return iter(self._paths)
@@ -161,6 +171,11 @@ class Named(Mapping[str, type]):
             if path.endswith(f".{wanted}"):
                 return pkgutil.resolve_name(path)
         raise AttributeError(f"module {module!r} has no attribute {wanted!r}")
+
+
+@functools.cache
+def _resolved(path: str) -> Any:
+    return pkgutil.resolve_name(path)
 
 
 def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:

@@ -15,8 +15,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hdc import backends
+from hdc.parameters import not_among
+
 _BLOCK = 4096  # words per row that numpy's route works on at a time: they stay cached
-_WORD = 64
+WORD = 64
+TIES = ("zero", "one", "random")
 _UNPACKED = 2**25  # bits at a time, at 8 bytes each, that a GPU adds up
 
 
@@ -54,6 +58,60 @@ def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
         _count_into(into[:, block], source[:, block], rows)
 
 
+def count_classes(
+    counts: Tensor, n: Tensor, words: Tensor, rows: Tensor
+) -> tuple[Tensor, Tensor]:
+    """Count hypervectors int64 [N, W] of classes `rows` int64 [N] into counters [L, P, W].
+
+    Args:
+        counts: changed in place, where there are planes enough.
+        n: hypervectors that each class has so far, int64 [L] (CPU).
+        words, rows: as above.
+
+    Returns:
+        The counters, with more planes where they were too few, and the new n.
+
+    Raises:
+        ValueError: if lengths disagree or a row is outside [0, L).
+    """
+    rows = rows.cpu()
+    if len(words) != len(rows):
+        raise ValueError(
+            f"labels: expected {len(words)}, one a sample, found {len(rows)}"
+        )
+    is_outside = (rows < 0) | (rows >= len(n))
+    if is_outside.any():
+        raise ValueError(
+            f"labels: expected class indices in [0, {len(n)}), found {int(rows[is_outside][0])}"
+        )
+    added = torch.bincount(rows, minlength=len(n))
+    n = n + added
+    counts = with_room(counts, max(n.tolist(), default=0))
+    order = rows.argsort(stable=True)
+    kernels = backends.in_use.get()
+    if kernels:
+        ends = added.cumsum(0).numpy()
+        kernels.count_into(counts.numpy(), words.numpy(), order.numpy(), ends)
+        return counts, n
+    start = 0
+    for c, n_c in enumerate(added.tolist()):
+        if n_c:
+            count_into(counts[c], words, order[start : start + n_c].tolist())
+            start += n_c
+    return counts, n
+
+
+def with_room(counts: Tensor, n: int) -> Tensor:
+    """Counters [L, P, W] for n hypervectors of a class: themselves, or a copy of more planes."""
+    n_planes = n.bit_length()
+    n_classes, n_old, width = counts.shape
+    if n_planes <= n_old:
+        return counts
+    grown = zeros((n_classes, n_planes, width), counts.device)
+    plain(grown)[:, :n_old] = plain(counts)
+    return grown
+
+
 def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
     """:func:`count_into` by a carry-save adder tree whose state is the counters themselves."""
     n_planes = len(counts)
@@ -88,8 +146,8 @@ def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
 
 def _sum_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
     """:func:`count_into` in few operations on much, for a GPU takes its time to start each."""
-    bit = torch.arange(_WORD).to(words)
-    total = words.new_zeros(words.shape[1], _WORD)
+    bit = torch.arange(WORD).to(words)
+    total = words.new_zeros(words.shape[1], WORD)
     for p, plane in enumerate(counts):
         total += ((plane[:, None] >> bit) & 1) << p
     step = max(1, _UNPACKED // total.numel())
@@ -133,6 +191,29 @@ def greater(counts: Tensor, threshold: int) -> Tensor:
         else:
             carry |= rows[p]
     return mask
+
+
+def majority(
+    counts: Tensor, n: int, ties: str = "zero", tie_breaker: Tensor | None = None
+) -> Tensor:
+    """Bitwise majority int64 [W] of n hypervectors from their counts [P, W].
+
+    `ties`, `tie_breaker` and errors are those of :func:`hdc.bits.majority`.
+    """
+    if ties not in TIES:
+        raise ValueError(f"ties: {not_among(ties, TIES)}")
+    more = greater(counts, n // 2)
+    if n % 2 or ties == "zero":
+        return more
+    # For n ≥ 1 the zero counts beyond D are not among these.
+    at_least_half = greater(counts, n // 2 - 1)
+    if ties == "one":
+        return at_least_half
+    if tie_breaker is None:
+        raise ValueError(
+            "ties='random': expected a tie_breaker hypervector, found None"
+        )
+    return more | (at_least_half & tie_breaker)
 
 
 def _full_adder(a: Any, b: Any, c: Any) -> tuple[Any, Any]:

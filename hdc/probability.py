@@ -23,6 +23,7 @@ from typing import Self
 import torch
 from torch import Tensor
 
+from hdc.hypervectors import Hypervectors
 from hdc.readouts.base import HeldOut, Readout
 
 FOLDS = 5
@@ -82,7 +83,7 @@ def sharpness(held_out: HeldOut) -> float:
 
 
 def cross_validated(
-    readout: Readout, words: Tensor, rows: Tensor, n_classes: int, dimension: int
+    readout: Readout, words: Hypervectors, rows: Tensor, n_classes: int
 ) -> HeldOut:
     """Scores of training hypervectors by read-outs like this one, trained on four folds of five.
 
@@ -98,9 +99,26 @@ def cross_validated(
     scores = torch.zeros(len(rows), n_classes, dtype=torch.float64)
     for fold in place[asked].unique().tolist():
         tested = place == fold
-        here = tested.to(words.device)
-        trained = readout.unlearned()
-        trained.backend = readout.backend
-        trained.fit(words[~here], rows[~tested], n_classes, dimension)
-        scores[tested] = trained.scores(words[here]).double().cpu()
+        state = readout.fit(words[~tested], rows[~tested], n_classes)
+        scores[tested] = readout.scores(state, words[tested]).double().cpu()
     return HeldOut(scores[asked], rows[asked])
+
+
+def of_several(found: HeldOut, counts: Tensor) -> HeldOut:
+    """Those of classes that have two frames or more, for classes that have any.
+
+    Args:
+        found: scores of left-out frames.
+        counts: training frames int64 [L] of each class.
+
+    Raises:
+        ValueError: if there are none.
+    """
+    chosen = counts[found.rows] > 1
+    if not chosen.any():
+        raise ValueError(
+            "predict_proba: expected two training frames or more of a class, found one of each"
+        )
+    known = counts > 0
+    place = known.cumsum(0) - 1
+    return HeldOut(found.scores[chosen][:, known], place[found.rows[chosen]])

@@ -10,12 +10,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd
+from typing import Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import backends, bits, planes
+from hdc import bits, planes
 from hdc.parameters import check_share
 
 # Streams of random bits from one seed.
@@ -28,21 +29,23 @@ class Counters:
     """Counts of ones for L classes of D-bit hypervectors.
 
     `planes` int64 [L, P, W] are the counts, bit-sliced, and `n` int64 [L] (CPU) says how many
-    hypervectors each class has. ``backend="compiled"`` counts by :mod:`hdc.compiled`.
+    hypervectors each class has.
     """
 
     def __init__(
-        self,
-        n_classes: int,
-        dimension: int,
-        device: torch.device | str = "cpu",
-        backend: str = "numpy",
+        self, n_classes: int, dimension: int, device: torch.device | str = "cpu"
     ):
         self.dimension = dimension
-        self.backend = backend
         self.n = torch.zeros(n_classes, dtype=torch.int64)
         width = bits.words_for(dimension)
         self.planes = planes.zeros((n_classes, 1, width), device)
+
+    @classmethod
+    def of(cls, counts: Tensor, n: Tensor, dimension: int) -> Self:
+        """Counters of bit-sliced counts int64 [L, P, W] that nobody changes."""
+        found = cls(0, dimension, counts.device)
+        found.planes, found.n = counts, n
+        return found
 
     def add(self, words: Tensor, labels: Tensor) -> None:
         """Count hypervectors int64 [N, W] with class indices int64 [N] in [0, L).
@@ -51,77 +54,8 @@ class Counters:
             ValueError: if lengths or widths disagree or a label is outside [0, L).
         """
         bits.check_width(words, self.dimension)
-        order, n = self._order(words, labels)
-        kernels = backends.kernels(self.backend, self.device)
-        if kernels:
-            kernels.count_into(
-                self.planes.numpy(),
-                words.numpy(),
-                order.numpy(),
-                n.cumsum(0).numpy(),
-            )
-        else:
-            start = 0
-            for c, n_c in enumerate(n.tolist()):
-                if n_c:
-                    rows = order[start : start + n_c].tolist()
-                    planes.count_into(self.planes[c], words, rows)
-                    start += n_c
-        self.n = self.n + n
-
-    def add_frames(
-        self,
-        frames: Tensor,
-        labels: Tensor,
-        chosen: Sequence[int],
-        n_ones: int,
-        ties: str,
-    ) -> tuple[Tensor, np.ndarray, np.ndarray]:
-        """Encode and :meth:`add` frames uint8 [N, ...] of D ≥ 2 pixels, in one read, if compiled.
-
-        The encoder has one threshold, with so many ones, and a rule of ties.
-
-        Returns:
-            The hypervectors of the chosen frames, int64 [K, W], and what
-            :func:`hdc.compiled.encode_uint8` says of ties.
-        """
-        from hdc import compiled
-
-        order, n = self._order(frames, labels)
-        width = bits.words_for(self.dimension)
-        kept = torch.from_numpy(np.empty((len(chosen), width), np.int64))
-        places = torch.full((len(frames),), -1)  # of each frame among the kept
-        places[list(chosen)] = torch.arange(len(chosen))
-        equal, split = compiled.count_uint8(
-            frames.reshape(len(frames), -1).numpy(),
-            self.planes.numpy(),
-            order.numpy(),
-            n.cumsum(0).numpy(),
-            places.numpy(),
-            kept.numpy(),
-            n_ones,
-            ties,
-        )
-        self.n = self.n + n
-        return kept, equal, split
-
-    def _order(self, samples: Tensor, labels: Tensor) -> tuple[Tensor, Tensor]:
-        """Rows of samples, class by class, and how many each class has; room for them is made."""
-        labels = labels.cpu()
-        n_classes = len(self.n)
-        if len(samples) != len(labels):
-            raise ValueError(
-                f"labels: expected {len(samples)}, one a sample, found {len(labels)}"
-            )
-        is_outside = (labels < 0) | (labels >= n_classes)
-        if is_outside.any():
-            found = int(labels[is_outside][0])
-            raise ValueError(
-                f"labels: expected class indices in [0, {n_classes}), found {found}"
-            )
-        n = torch.bincount(labels, minlength=n_classes)
-        self.reserve(max((self.n + n).tolist(), default=0))
-        return labels.argsort(stable=True), n
+        counted = planes.count_classes(self.planes, self.n, words, labels)
+        self.planes, self.n = counted
 
     def merge(self, other: Counters, rows: Sequence[int] | None = None) -> None:
         """Add another set of counters, whose classes have these rows here (default: the same).
@@ -200,37 +134,16 @@ class Counters:
         With ``ties="random"``, class c takes the random hypervector of (seed, c). `size` is as of
         :meth:`thinned`.
         """
-        shape = len(self.n), self.planes.shape[2]
-        prototypes = planes.zeros(shape, self.device)
-        for c in self.n.nonzero().flatten().tolist():
-            prototypes[c] = self.prototype(c, ties, seed, size=size)
+        counters = self if size is None else self.thinned(size, seed)
+        prototypes = torch.zeros_like(counters.planes[:, 0])
+        for c, n in enumerate(counters.n.tolist()):
+            if n:
+                breaker = None
+                if ties == "random":
+                    breaker = tie_breaker(self.dimension, seed, c).to(self.device)
+                counts = counters.planes[c]
+                prototypes[c] = planes.majority(counts, n, ties, breaker)
         return prototypes
-
-    def prototype(
-        self,
-        c: int,
-        ties: str = "zero",
-        seed: int = 0,
-        extra: int = 0,
-        size: int | None = None,
-    ) -> Tensor:
-        """The majority of class c, int64 [W]; arguments as of :meth:`majority`.
-
-        A bit needs more than (n + extra)/2 ones. Without one hypervector of the class it is that of
-        ``extra=1`` where the hypervector has a one, of ``extra=-1`` where it has a zero: 2·(count −
-        1) > n − 1 if and only if 2·count > n + 1, and 2·count > n − 1. With another in its place it
-        is that of ``extra=2`` where a one becomes a zero, of ``extra=-2`` where a zero becomes a
-        one.
-        """
-        n = int(self.n[c])
-        counts = self.planes[c]
-        if size is not None and n > size:
-            n = size
-            counts = self._thinned(c, size, seed)
-        breaker = None
-        if ties == "random" and (n + extra) % 2 == 0:
-            breaker = self._tie_breaker(seed, c)
-        return bits.majority_of_counts(counts, n + extra, ties, breaker)
 
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
@@ -251,16 +164,12 @@ class Counters:
 
     def reserve(self, n: int) -> None:
         """Make room for n hypervectors per class."""
-        n_planes = n.bit_length()
-        n_classes, n_old, width = self.planes.shape
-        if n_planes > n_old:
-            grown = planes.zeros((n_classes, n_planes, width), self.device)
-            planes.plain(grown)[:, :n_old] = planes.plain(self.planes)
-            self.planes = grown
+        self.planes = planes.with_room(self.planes, n)
 
-    def _tie_breaker(self, seed: int, c: int) -> Tensor:
-        breaker = bits.random_hypervector(self.dimension, seed, stream=(_TIES, c))
-        return breaker.to(self.device)
+
+def tie_breaker(dimension: int, seed: int, c: int) -> Tensor:
+    """The random hypervector that breaks the ties of class c, int64 [W] (CPU)."""
+    return bits.random_hypervector(dimension, seed, stream=(_TIES, c))
 
 
 def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:
@@ -300,11 +209,16 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
     return votes, of_new
 
 
-def replaced_bits(n_classes: int, dimension: int, p: float, seed: int) -> Tensor:
-    """Bits that are one with probability p, drawn class by class: int64 [L, W] (CPU)."""
+def replaced_bits(
+    n_classes: int, dimension: int, p: float, seed: int, number: int = 0
+) -> Tensor:
+    """Bits that are one with probability p, drawn class by class: int64 [L, W] (CPU).
+
+    Every `number` of a recalibration has bits of its own.
+    """
     check_share("p", p, "[0, 1]")
     drawn = []
     for c in range(n_classes):
-        stream = (_RECALIBRATION, c)
+        stream = (_RECALIBRATION, c, number) if number else (_RECALIBRATION, c)
         drawn.append(bits.random_hypervector(dimension, seed, p, stream))
     return torch.stack(drawn)

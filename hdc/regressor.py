@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import copy
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from math import ceil, floor
 from typing import Any, ClassVar, Literal, Self, overload
 
@@ -15,11 +14,13 @@ from hdc import backends, circular, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, Encoder, make_encoder
 from hdc.estimator import Estimator
+from hdc.hypervectors import Hypervectors, joined
 from hdc.parameters import check_share, is_number
 from hdc.readouts import VALUE_READOUTS, make_value_readout
-from hdc.readouts.base import with_backend
-from hdc.readouts.values import ValueReadout
+from hdc.readouts.values import ValueReadout, ValueState
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
+
+_LARGEST = 1e300  # sums of larger numbers overflow
 
 
 class HDCRegressor(Estimator):
@@ -38,7 +39,9 @@ class HDCRegressor(Estimator):
             below zero was learnt, between minus and plus half of it. None for numbers that do not.
 
     Attributes:
-        encoder_, readout_: the parts, trained.
+        encoder_: the encoder, trained.
+        readout_, state_: the read-out, and what it has learned.
+        prediction_bytes_: bytes of what a prediction with intervals needs.
         residuals_: exact leave-one-out errors of the training frames, float64 [N, T]; with a period
             of their cosines and then of their sines.
         mean_: of the numbers of the frames that are kept, float64 [T].
@@ -59,10 +62,8 @@ class HDCRegressor(Estimator):
     _known: ClassVar = {"encoder": ENCODERS, "readout": VALUE_READOUTS}
 
     readout_: ValueReadout
-    _words: Tensor
-    _values: Tensor  # float64 [N, T]
+    state_: ValueState
     _one: bool  # targets have one dimension
-    _period: float | None  # that of training
     _recalibrated: bool
     _is_signed: bool = False  # circular numbers below zero were learnt
 
@@ -82,16 +83,14 @@ class HDCRegressor(Estimator):
 
     def _check_parameters(self) -> None:
         super()._check_parameters()
+        self._check_period()
+
+    def _check_period(self) -> None:
         given = self.period
         if given is not None and (not is_number(given) or given <= 0):
             raise ValueError(
                 f"period: expected a number above zero or None, found {given!r}"
             )
-
-    def _check_is_trained(self) -> None:
-        super()._check_is_trained()
-        if self.period != self._period:
-            raise ValueError("period: changed after training; call fit again")
 
     def fit(self, frames: Any, y: Any) -> Self:
         """Learn numbers y [N] or [N, T] of frames [N, H, W] or [N, D].
@@ -102,20 +101,22 @@ class HDCRegressor(Estimator):
             ValueError: for fewer than two frames, lengths that differ, or pixels or numbers that
                 are not finite.
         """
-        trained = self._untrained()
-        trained._check_parameters()
-        frames = trained._checked_frames(frames)
-        values = inputs.targets(y, len(frames))
-        trained._one = values.ndim == 1
-        trained._period = self.period
-        trained._is_signed = bool((values < 0).any())
-        trained._check_enough(frames)
-        trained._learn_encoder(frames)
-        words = torch.cat(list(trained._encoded(frames)))
-        trained._learn(
-            words, trained._targets(values), make_value_readout(self.readout)
-        )
-        self._adopt(trained)
+        self._check_period()
+        encoder, readout = self.fresh("encoder"), self.fresh("readout")
+        frames, columns = inputs.source(frames)
+        values = _numbers(y, len(frames))
+        _check_enough(frames)
+        table = self._targets(values)
+        backend = self._decided(frames)
+        with backends.computing(backend):
+            encoder, shape = self._learned_encoder(encoder, frames)
+            words = joined(self._batches(frames, encoder, shape))
+            state = readout.fit(words, table)
+        self._begin(encoder, shape, backend)
+        self._columns = columns
+        self._one = values.ndim == 1
+        self._is_signed = bool((values < 0).any())
+        self._take(readout, state, recalibrated=False)
         return self
 
     def partial_fit(self, frames: Any, y: Any) -> Self:
@@ -126,17 +127,19 @@ class HDCRegressor(Estimator):
         Raises:
             ValueError: as :meth:`fit`, or after :meth:`recalibrate`, which keeps new frames only.
         """
-        if not hasattr(self, "readout_"):
+        if not hasattr(self, "state_"):
             return self.fit(frames, y)
         self._check_is_trained()
         if self._recalibrated:
             raise ValueError(
                 "partial_fit: expected a model that was not recalibrated; fit anew"
             )
-        words, values = self._pairs(frames, y)
-        all_words = torch.cat((self._words, words))
-        all_values = torch.cat((self._values, values))
-        self._learn(all_words, all_values, self.readout_)
+        before = self.state_
+        with self._computing():
+            words, values = self._pairs(frames, y)
+            words = joined([before.words, words])
+            state = self.readout_.fit(words, torch.cat((before.targets, values)))
+        self._take(self.readout_, state, recalibrated=False)
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
@@ -149,55 +152,41 @@ class HDCRegressor(Estimator):
             ValueError: as :meth:`fit`.
         """
         self._check_is_trained()
-        words, values = self._pairs(frames, y)
-        self._check_enough(words)
-        readout = copy.copy(self.readout_)
-        readout.backend = self._backend()
-        readout.adapt(words, values)
-        self._take(readout, words, values, recalibrated=True)
+        with self._computing():
+            words, values = self._pairs(frames, y)
+            _check_enough(words)
+            state = self.readout_.adapt(self.state_, words, values)
+        self._take(self.readout_, state, recalibrated=True)
         return self
 
-    def _pairs(self, frames: Any, y: Any) -> tuple[Tensor, Tensor]:
-        """Hypervectors [N, W], and numbers float64 [N, T] like those of training."""
-        frames = self._checked_frames(frames)
-        values = inputs.targets(y, len(frames))
+    def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor]:
+        """Hypervectors, and numbers float64 [N, T] like those of training."""
+        frames, _ = self._given(frames)
+        values = _numbers(y, len(frames))
         table = self._targets(values)
-        if table.shape[1] != self._values.shape[1]:
+        if table.shape[1] != self.state_.targets.shape[1]:
             raise ValueError(
                 f"targets: expected as many a frame as before, found {values.shape}"
             )
-        return torch.cat(list(self._encoded(frames))), table
-
-    def _check_enough(self, frames: Any) -> None:
-        if len(frames) < 2:
-            raise ValueError(
-                f"frames: expected at least two, found {len(frames)} sample"
-            )
-
-    def _learn(self, words: Tensor, values: Tensor, like: ValueReadout) -> None:
-        """Take a read-out of the parameters of another one that has learned these."""
-        readout = like.unlearned()
-        # Numpy compares a pair of words in the time that it encodes a pixel in.
-        n_compared = len(words) * words.numel() // 2
-        readout.backend = backends.choose_backend(self.backend, self.device, n_compared)
-        readout._dimension = self.dimension_  # which its `adapt` may need
-        readout.fit(words, values, self.dimension_)
-        self._take(readout, words, values, recalibrated=False)
+        return joined(self._encoded(frames)), table
 
     def _take(
-        self, readout: ValueReadout, words: Tensor, values: Tensor, recalibrated: bool
+        self, readout: ValueReadout, state: ValueState, recalibrated: bool
     ) -> None:
-        """Become the model of a trained read-out, at once: nobody sees a half of it."""
-        learned = {"readout_": readout, "_words": words, "_values": values}
+        """Become the model of a state, at once: nobody sees a half of it."""
+        learned = {"readout_": readout, "state_": state}
         vars(self).update(learned | {"_recalibrated": recalibrated})
 
     @property
     def residuals_(self) -> np.ndarray:
-        return self.readout_.residuals_.numpy()
+        residuals = self.state_.residuals
+        if residuals is None:
+            raise AttributeError(f"{self.readout_!r} has no leave-one-out errors")
+        return residuals.numpy()
 
     @property
     def mean_(self) -> np.ndarray:
-        mean = self._values.mean(dim=0, keepdim=True).numpy()
+        mean = self.state_.targets.mean(dim=0, keepdim=True).numpy()
         if self.period is not None:
             mean = circular.from_plane(mean, self.period, self._is_signed)
         return mean[0]
@@ -235,29 +224,28 @@ class HDCRegressor(Estimator):
         share = check_share("alpha", alpha, "(0, 1)")
         if return_interval and self.period is not None:
             raise ValueError("return_interval: expected numbers without a period")
-        readout = with_backend(self.readout_, self._backend())
-        if not return_interval:
-            values = [readout.values(words) for words in self._encoded(frames)]
-            return self._shaped(values)
-        centres, lowers, uppers = [], [], []
-        for words in self._encoded(frames):
-            centre, without = readout.without(words)
-            lower, upper = _ends(without, readout.residuals_, share)
-            centres.append(centre)
-            lowers.append(lower)
-            uppers.append(upper)
+        readout, state = self.readout_, self.state_
+        with self._computing():
+            if not return_interval:
+                words = self._encoded(frames)
+                return self._shaped([readout.values(state, part) for part in words])
+            parts = []
+            for words_ in self._encoded(frames):
+                centre, without = readout.without(state, words_)
+                parts.append((centre, *_ends(without, state.residuals, share)))
+        centres, lowers, uppers = zip(*parts, strict=True)
         return self._shaped(centres), self._shaped(lowers), self._shaped(uppers)
 
-    def _shaped(self, parts: list[Tensor]) -> np.ndarray:
+    def _shaped(self, parts: Sequence[Tensor]) -> np.ndarray:
         """Numbers [Q, T] in parts, as one array of the shape of the targets of training."""
-        answers = torch.cat(parts).numpy()
+        answers = torch.cat(list(parts)).numpy()
         if self.period is not None:
             answers = circular.from_plane(answers, self.period, self._is_signed)
         return answers[:, 0] if self._one else answers
 
     def _targets(self, values: np.ndarray) -> Tensor:
         """Targets from numbers [N] or [N, T], float64 [N, T]; with a period [N, 2·T]."""
-        table = _table(values)
+        table = torch.from_numpy(values.reshape(len(values), -1))
         if self.period is None:
             return table
         return torch.from_numpy(circular.to_plane(table.numpy(), self.period))
@@ -265,42 +253,77 @@ class HDCRegressor(Estimator):
     def score(self, frames: Any, y: Any) -> float:
         """R², the share of the variance that is predicted, averaged over targets."""
         found = self.predict(frames)
-        values = inputs.targets(y, len(found)).reshape(found.shape)
+        values = _numbers(y, len(found)).reshape(found.shape)
         truth, answers = self._targets(values).numpy(), self._targets(found).numpy()
         pairs = zip(truth.T, answers.T, strict=True)
         return float(np.mean([r_squared(*pair) for pair in pairs]))
 
+    @property
+    def prediction_bytes_(self) -> int:
+        tensors = [*self.encoder_.state().values(), *self.state_.tensors().values()]
+        tensors += [self.state_.words.packed, self.state_.targets]
+        return sum(tensor.nbytes for tensor in tensors)
+
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
-        tensors = {"words": self._words, "values": self._values}
-        tensors |= prefixed("readout", self.readout_.stored())
+        state = self.state_
+        tensors = {"words": state.words.packed, "values": state.targets}
+        tensors |= prefixed("readout", state.tensors())
         header: dict[str, Any] = {"recalibrated": self._recalibrated, "one": self._one}
         if self.period is not None:
             header |= {"period": float(self.period), "signed": self._is_signed}
         return header, tensors
 
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        words, values = tensors.pop("words"), tensors.pop("values")
+        packed, values = tensors.pop("words"), tensors.pop("values")
         kinds = {"words": "int64 N W", "values": "float64 N T"}
-        pairs = {"words": words, "values": values}
+        pairs = {"words": packed, "values": values}
         values = checked(pairs, kinds, D=self.dimension_)["values"]
         self._one = bool(header["one"])
-        self.period = self._period = header.get("period")
+        self.period = self._used["period"] = header.get("period")
         self._is_signed = bool(header.get("signed", False))
         self._check_parameters()
-        readout = make_value_readout(self.readout).unlearned()
+        readout = self.fresh("readout")
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)
-        readout.restore(own, words, values, self.dimension_)
-        self._take(readout, words, values, bool(header["recalibrated"]))
+        words = Hypervectors(packed, self.dimension_, self.encoder_, self.frame_shape_)
+        state = readout.restored(own, words, values)
+        self._take(readout, state, bool(header["recalibrated"]))
+
+    def _move(self, device: str) -> None:
+        self.state_ = self.state_.to(device)
 
 
-def _table(values: np.ndarray) -> Tensor:
-    """Numbers [N] or [N, T] as float64 [N, T]."""
-    return torch.from_numpy(values.reshape(len(values), -1))
+def _numbers(values: Any, n: int) -> np.ndarray:
+    """Numbers to predict, float64 [n] or [n, T].
+
+    Raises:
+        ValueError: for a wrong number of them, masked ones, dates, or values that are not finite
+            numbers below 1e300 in size.
+    """
+    values = inputs.one_a_frame("targets", values, n)
+    if np.asarray(values).dtype.kind in "mM":  # whose unit would be lost
+        raise ValueError("targets: expected numbers, found dates or times")
+    array = np.asarray(values, dtype=np.float64)
+    if array.ndim > 2:
+        raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
+    if array.size and np.abs(array).max() > _LARGEST:
+        found = np.abs(array).max()
+        raise ValueError(f"targets: expected numbers up to 1e300, found {found:g}")
+    return array
 
 
-def _ends(without: Tensor, residuals: Tensor, alpha: float) -> tuple[Tensor, Tensor]:
+def _check_enough(frames: Any) -> None:
+    if len(frames) < 2:
+        raise ValueError(f"frames: expected at least two, found {len(frames)} sample")
+
+
+def _ends(
+    without: Tensor, residuals: Tensor | None, alpha: float
+) -> tuple[Tensor, Tensor]:
     """Jackknife+ ends [Q, T] of predictions without each frame [Q, N, T] and errors [N, T]."""
+    assert residuals is not None  # who has predictions without a frame has its error
     n = len(residuals)
     spread = residuals.abs()
     low = floor(alpha * (n + 1))

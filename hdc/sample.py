@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 
 import numpy as np
 import torch
@@ -16,83 +17,82 @@ _SEED = 0  # of the choice among training frames
 _WORD = 2**64 - 1
 
 
+@dataclass(frozen=True)
 class Sample:
-    """Up to 19 hypervectors of each class, every one with the same chance, in any batches.
+    """How many training frames came by of each class, and hypervectors of up to 19 of them.
+
+    Read-outs that learn all frames at once have no use for the hypervectors, and keep none.
+    """
+
+    seen: Mapping[Label, int] = field(default_factory=dict)
+    kept: Mapping[Label, Tensor] = field(default_factory=dict)
+    """int64 [m, W] of each class, in their places."""
+
+    def replaced(self, words: Tensor, labels: Sequence[Label]) -> Sample:
+        """Some of these hypervectors [N, W] of N labels, in place of what their classes had."""
+        fresh = Reservoir()
+        fresh.add(words, labels)
+        found = fresh.sample()
+        return Sample({**self.seen, **found.seen}, {**self.kept, **found.kept})
+
+    def merged(self, other: Sample) -> Sample:
+        """A sample of all that came by either.
+
+        How many places the frames of the other take is what drawing 19 of all frames would give
+        (hypergeometric).
+        """
+        seen, kept = dict(self.seen), dict(self.kept)
+        for label, n_other in other.seen.items():
+            words = other.kept[label]
+            n = seen.get(label, 0)
+            if n:
+                drawn = np.random.default_rng((_SEED, n, n_other))
+                n_kept = min(KEPT, n + n_other)
+                share = int(drawn.hypergeometric(n_other, n, n_kept))
+                own = _some(kept[label], n_kept - share, drawn)
+                words = torch.cat((own, _some(words, share, drawn)))
+            seen[label], kept[label] = n + n_other, words
+        return Sample(seen, kept)
+
+    def to(self, device: torch.device | str) -> Sample:
+        """The same in the memory of a device."""
+        kept = {label: words.to(device) for label, words in self.kept.items()}
+        return Sample(self.seen, kept)
+
+
+class Reservoir:
+    """Draws up to 19 hypervectors of each class, every one with the same chance, in any batches.
 
     A reservoir (Vitter, ACM Trans. Math. Softw. 11, 37 (1985), algorithm R): frame k takes a random
     one of k + 1 places, and is kept where that is one of the 19. Random numbers follow from the
     seed and from k alone, so batches, files and machines change nothing.
 
     Args:
-        seed: of the random numbers, a whole number that is not negative.
+        start: what came by before.
     """
 
-    def __init__(self, seed: int = _SEED) -> None:
-        self.seed = seed
-        self.seen: dict[Label, int] = {}  # how many of each class came by
-        self._kept: dict[Label, list[Tensor]] = {}
-
-    def choose(self, labels: Sequence[Label]) -> dict[int, tuple[Label, int]]:
-        """Let frames of these labels come by: which of them take a place, and which place."""
-        chosen: dict[tuple[Label, int], int] = {}
-        for i, label in enumerate(labels):
-            k = self.seen.get(label, 0)
-            self.seen[label] = k + 1
-            place = k if k < KEPT else random_place(self.seed, k)
-            if place < KEPT:
-                chosen[label, place] = i
-        return {i: place for place, i in chosen.items()}
+    def __init__(self, start: Sample | None = None) -> None:
+        start = start or Sample()
+        self._seen = dict(start.seen)
+        self._kept = {label: list(words) for label, words in start.kept.items()}
 
     def add(self, words: Tensor, labels: Sequence[Label]) -> None:
         """Let hypervectors int64 [N, W] of N labels come by; those that are kept are copied."""
-        chosen = self.choose(labels)
-        self.keep(chosen, (words[i].clone() for i in chosen))
-
-    def keep(
-        self, chosen: Mapping[int, tuple[Label, int]], words: Iterable[Tensor]
-    ) -> None:
-        """Give the chosen their places, by hypervectors int64 [W] that nobody overwrites."""
-        for (label, place), row in zip(chosen.values(), words, strict=True):
+        chosen: dict[tuple[Label, int], int] = {}
+        for i, label in enumerate(labels):
+            k = self._seen.get(label, 0)
+            self._seen[label] = k + 1
+            place = k if k < KEPT else random_place(_SEED, k)
+            if place < KEPT:
+                chosen[label, place] = i
+        for (label, place), i in chosen.items():
             kept = self._kept.setdefault(label, [])
-            kept[place : place + 1] = [row]
+            kept[place : place + 1] = [words[i].clone()]
 
-    def of(self, label: Label) -> Tensor:
-        """The hypervectors of a class, int64 [m, W]."""
-        return torch.stack(self._kept[label])
-
-    def put(self, label: Label, words: Tensor, seen: int) -> None:
-        """Keep these hypervectors, of so many, for a class."""
-        self._kept[label] = list(words)
-        self.seen[label] = seen
-
-    def replace(self, words: Tensor, labels: Sequence[Label]) -> None:
-        """Keep some of these of their classes, in place of what was kept."""
-        fresh = Sample(self.seed)
-        fresh.add(words, labels)
-        self._kept = self._kept | fresh._kept
-        self.seen = self.seen | fresh.seen
-
-    def merge(self, other: Sample) -> None:
-        """Make this a sample of all that came by either.
-
-        How many places the frames of the other take is what drawing 19 of all frames would give
-        (hypergeometric).
-        """
-        for label, n_other in other.seen.items():
-            words = other.of(label)
-            n = self.seen.get(label, 0)
-            if n:
-                mine = self.of(label)
-                drawn = np.random.default_rng((self.seed, n, n_other))
-                n_kept = min(KEPT, n + n_other)
-                share = int(drawn.hypergeometric(n_other, n, n_kept))
-                words = torch.cat(
-                    (
-                        _some(mine, n_kept - share, drawn),
-                        _some(words, share, drawn),
-                    )
-                )
-            self.put(label, words, n + n_other)
+    def sample(self) -> Sample:
+        """What was drawn so far."""
+        kept = {label: torch.stack(rows) for label, rows in self._kept.items()}
+        return Sample(dict(self._seen), kept)
 
 
 def _some(words: Tensor, n: int, drawn: np.random.Generator) -> Tensor:

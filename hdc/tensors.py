@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from typing import Any
 
 from torch import Tensor
 
@@ -11,17 +10,6 @@ from hdc import bits
 
 Kinds = Mapping[str, str]
 """Name → type and axes, such as ``"int64 L 4 W"``: a letter is a size, W words of D bits each."""
-
-
-def take(part: Any, tensors: Mapping[str, Tensor], kinds: Kinds, **sizes: int) -> None:
-    """Have a part learn the tensors of a file, as attributes that end in an underscore."""
-    for name, tensor in checked(tensors, kinds, **sizes).items():
-        setattr(part, f"{name}_", tensor)
-
-
-def tensors_of(part: Any, kinds: Kinds) -> dict[str, Tensor]:
-    """The tensors that :func:`take` would have a part learn."""
-    return {name: getattr(part, f"{name}_") for name in kinds}
 
 
 def checked(
@@ -61,6 +49,13 @@ def checked(
         else:
             found[name] = tensor.cpu()
     return found
+
+
+def compact(tensor: Tensor) -> Tensor:
+    """A tensor, or a copy where it is a view of more memory, all of which a pickle would hold."""
+    if tensor.untyped_storage().nbytes() > tensor.nbytes:
+        return tensor.clone()
+    return tensor
 
 
 def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:

@@ -7,6 +7,7 @@ import copy
 import numpy as np
 import torch
 
+from baselines import library
 from baselines.bank import Bank
 from experiments.protocol.clock import Clock
 from experiments.protocol.model import Model
@@ -58,9 +59,8 @@ def evaluate(
         train, queries: indices of frames; one that occurs k times among `train` counts k times.
         stop: ends the training of a model that learns by steps.
     """
-    predict_from = getattr(model, "predict_from", None)
-    if predict_from is not None:
-        return predict_from(bank, train, queries)
+    if library.has_predict_from(model):
+        return library.predict_from(model, bank, train, queries)
     labels, _ = evaluate_until(stop or StopRule(), model, bank, train, queries)
     return labels
 

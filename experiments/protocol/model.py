@@ -10,12 +10,15 @@ import numpy as np
 from omegaconf import OmegaConf
 from torch import Tensor
 
+from baselines import library
 from hdc.inputs import FrameSource
 
 
 @runtime_checkable
 class Model(Protocol):
     """A classifier with scikit-learn's conventions that can be watched while it trains.
+
+    :mod:`baselines.library` has `train` and `state_tensors` for the classifiers of the library.
 
     The constructor takes hyperparameters only. Frames are a tensor uint8 or uint16 [N, H, W], or an
     object that gives such a batch when indexed (``frames[a:b]``, ``frames[indices]``) and has
@@ -48,7 +51,7 @@ class Model(Protocol):
 
 def check_model(model: Any) -> None:
     """Raise ValueError, saying what to write instead, unless the object can train and predict."""
-    if not all(callable(getattr(model, name, None)) for name in ("train", "predict")):
+    if not library.can_train(model):
         raise ValueError(
             f"model: expected an object with train and predict, found {type(model).__name__}; "
             "model._target_ names a class, below a first line '# @package _global_'; an estimator "

@@ -14,6 +14,7 @@ from rich.live import Live
 from rich.text import Text
 from torch import Tensor
 
+from baselines import library
 from experiments.protocol import data
 from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.protocol.clock import Clock, timed
@@ -246,7 +247,7 @@ def _predicting(model: Model, tested: Samples, device: str) -> dict[str, float]:
 def _size(model: Model, console: Console) -> int | None:
     """Bytes of what a model has learnt; None where that is not known."""
     try:
-        state: Any = model.state_tensors()
+        state: Any = library.state_tensors(model)
         if state is None:
             return None
         return sum(t.numel() * t.element_size() for t in state.values())

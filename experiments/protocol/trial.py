@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import torch
 
+from baselines import library
 from experiments.protocol.clock import Clock
 from experiments.protocol.model import Model
 from experiments.protocol.stop import StopRule
@@ -113,7 +114,7 @@ def _reports(
 ) -> Iterator[Report]:
     """Reports of a model in training with ``training_s``, the clock stopped in between."""
     with clock.running():
-        iterator = iter(model.train(frames, labels))
+        iterator = iter(library.train(model, frames, labels))
     while True:
         with clock.running():
             report = next(iterator, None)
@@ -140,5 +141,5 @@ def warm_up(model: Model, shape: tuple[int, int], n_train: int) -> None:
     generator = torch.Generator().manual_seed(0)
     size = (n, *shape)
     frames = torch.randint(0, 256, size, generator=generator, dtype=torch.uint8)
-    next(iter(model.train(frames, np.arange(n) % 2)), None)
+    next(iter(library.train(model, frames, np.arange(n) % 2)), None)
     model.predict(frames[:2])

@@ -124,13 +124,13 @@ def _of_target(target: str, parameters: str) -> Revisions:
     except (ImportError, AttributeError, ValueError):
         return {}  # whoever builds it says what is wrong
     found = _of_part(target, part)
-    components = getattr(part, "components", None)
-    if callable(components):
-        for each in components(**json.loads(parameters)):
-            if isinstance(each, str):
-                found = found | _of_target(each, "{}")
-            else:
-                found = found | of_class(each)
+    from baselines.library import components  # late: records are read without torch
+
+    for each in components(part, **json.loads(parameters)):
+        if isinstance(each, str):
+            found = found | _of_target(each, "{}")
+        else:
+            found = found | of_class(each)
     return found
 
 

@@ -108,7 +108,7 @@ def described(model: Any, path: Path) -> dict[str, Any]:
     n_file = path.stat().st_size
     n_used = n_file  # of numbers: the training frames are kept, and all of it is needed
     if classifies:
-        n_used = sum(tensor.nbytes for tensor in model.state_tensors().values())
+        n_used = model.prediction_bytes_
     unit = "class" if classifies else "value"
     rows: dict[str, Any] = {
         "kind": type(model).__name__,

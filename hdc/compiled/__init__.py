@@ -10,7 +10,7 @@ only; see :mod:`hdc.backends`.
 from __future__ import annotations
 
 from hdc.compiled.combine import combine
-from hdc.compiled.count import count_into, count_uint8, hamming, weighted_hamming
+from hdc.compiled.count import count_into, hamming, weighted_hamming
 from hdc.compiled.encode import encode_uint8
 from hdc.compiled.relative import (
     encode_deviation,
@@ -21,7 +21,6 @@ from hdc.compiled.relative import (
 __all__ = [
     "combine",
     "count_into",
-    "count_uint8",
     "encode_deviation",
     "encode_differences",
     "encode_uint8",

@@ -4,57 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdc.compiled.encode import RULES, counted, encode_rows
 from hdc.compiled.operations import compile_kernel, ones, share
 
 _BLOCK = 512
 """Words a row counted at a time: they stay in the cache with their counters."""
-_EIGHT = 8  # hypervectors that _count takes at once; their words stay in the cache
-
-
-def count_uint8(
-    images: np.ndarray,
-    counts: np.ndarray,
-    order: np.ndarray,
-    ends: np.ndarray,
-    places: np.ndarray,
-    kept: np.ndarray,
-    n_ones: int,
-    rule: str,
-) -> tuple[np.ndarray, np.ndarray]:
-    """:func:`encode_uint8` with one threshold and :func:`count_into`, in one read.
-
-    The hypervector of image i is written to row places[i] of `kept` [K, W], or, with −1, nowhere.
-
-    Returns:
-        See :func:`encode_uint8`.
-    """
-    images = np.ascontiguousarray(images)
-    ties = np.zeros((len(images), 2), np.int64)
-    code = RULES.index(rule)
-    # Counts of classes that another thread began.
-    shared: list[tuple[int, np.ndarray]] = []
-
-    def work(start: int, stop: int) -> None:
-        first = int(np.searchsorted(ends, start, "right"))
-        last = int(np.searchsorted(ends, stop, "left"))
-        for c in range(first, last + 1):
-            begin = int(ends[c - 1]) if c else 0
-            left = max(start, begin)
-            right = min(stop, int(ends[c]))
-            if left == right:
-                continue
-            into = counts[c : c + 1]
-            if left == start > begin:
-                into = np.zeros_like(into)
-                shared.append((c, into))
-            rows = order[left:right]
-            _encode_and_count(images, rows, into, places, kept, ties, n_ones, code)
-
-    share(work, len(images), images.nbytes)
-    for c, part in shared:
-        _add(counts[c], part[0])
-    return counted(ties)
 
 
 def count_into(
@@ -152,34 +105,6 @@ def _count(counts, words, order, ends, start, stop):
                         plane[i] = old ^ carry[i]
                         carry[i] &= old
                     p += 1
-
-
-@compile_kernel(
-    "void(uint8[:, ::1], int64[::1], int64[:, :, ::1], int64[::1], int64[:, ::1],"
-    " int64[:, ::1], int64, int64)"
-)
-def _encode_and_count(images, rows, counts, places, kept, ties, n_ones, rule):
-    """:func:`count_uint8` of images of one class, with counts [1, P, W], in one thread."""
-    words = np.empty((_EIGHT, counts.shape[2]), np.int64)
-    order, ends = np.arange(_EIGHT), np.empty(1, np.int64)
-    level = np.uint8(127)
-    for start in range(0, len(rows), _EIGHT):
-        eight = rows[start : start + _EIGHT]
-        level = encode_rows(images, eight, words, ties, level, n_ones, rule)
-        for k in range(len(eight)):
-            if places[eight[k]] >= 0:
-                kept[places[eight[k]]] = words[k]
-        ends[0] = len(eight)
-        _count(counts, words, order, ends, 0, counts.shape[2])
-
-
-@compile_kernel("void(int64[:, ::1], int64[:, ::1])")
-def _add(counts, others):
-    """Add bit-sliced counts [P, W] to others, in place."""
-    for w in range(counts.shape[1]):
-        carry = np.int64(0)
-        for p in range(counts.shape[0]):
-            counts[p, w], carry = _full_adder(counts[p, w], others[p, w], carry)
 
 
 @compile_kernel("void(int64[:, ::1], int64[:, :, ::1], int64[:, :])")

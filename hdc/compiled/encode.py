@@ -6,7 +6,15 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from hdc.compiled.operations import WORD, compile_kernel, equal, greater, ones, share
+from hdc.compiled.operations import (
+    WORD,
+    compile_kernel,
+    equal,
+    greater,
+    of_pixels,
+    ones,
+    share,
+)
 
 RULES = ("spread", "raster", "below")
 _SPREAD, _RASTER, _BELOW = range(3)
@@ -236,15 +244,15 @@ def encode_rows(images, rows, words, ties, level, n_ones, rule):
 # Several thresholds ------------------------------------------------------------------------------
 
 
-@compile_kernel("void(uint8[:, ::1], intp, int64[::1])")
+@compile_kernel(*of_pixels("void(uint8[:, ::1], intp, int64[::1])"))
 def histogram(images, i, counts):
-    """Count the pixels of an image by level, in counts [256].
+    """Count the pixels of an image by level, in counts [G].
 
     In four tables, lest one count wait for the last.
     """
-    a = np.zeros(256, np.int64)
-    b = np.zeros(256, np.int64)
-    c = np.zeros(256, np.int64)
+    a = np.zeros(len(counts), np.int64)
+    b = np.zeros(len(counts), np.int64)
+    c = np.zeros(len(counts), np.int64)
     counts[:] = 0
     n = images.shape[1]
     whole = n - n % 4

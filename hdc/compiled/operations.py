@@ -54,16 +54,22 @@ def _pool(process: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="compiled")
 
 
-def compile_kernel(signature):
+def compile_kernel(*signatures):
     """numba's njit, which keeps the machine code where a folder can be written."""
 
     def compiled(function):
+        kinds = list(signatures)
         try:
-            return njit(signature, nogil=True, cache=True)(function)
+            return njit(kinds, nogil=True, cache=True)(function)
         except (RuntimeError, OSError):
-            return njit(signature, nogil=True)(function)
+            return njit(kinds, nogil=True)(function)
 
     return compiled
+
+
+def of_pixels(signature: str) -> tuple[str, str]:
+    """The signatures of a kernel for pixels of 8 and of 16 bits, where one of 8 bits is written."""
+    return signature, signature.replace("uint8[:, ::1]", "uint16[:, ::1]")
 
 
 # Its type says that it leaves the arguments of a function as they are.

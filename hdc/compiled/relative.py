@@ -1,4 +1,4 @@
-"""8-bit frames less a reference to hypervectors (:mod:`hdc.encoders.relative`)."""
+"""Frames of 8 or 16 bits less a reference to hypervectors (:mod:`hdc.encoders.relative`)."""
 
 from __future__ import annotations
 
@@ -9,7 +9,14 @@ from fractions import Fraction
 import numpy as np
 
 from hdc.compiled.encode import RULES, add_ties, counted, histogram, put, rotations_of
-from hdc.compiled.operations import WORD, compile_kernel, exceeds, ones, share
+from hdc.compiled.operations import (
+    WORD,
+    compile_kernel,
+    exceeds,
+    of_pixels,
+    ones,
+    share,
+)
 
 _LEAST = -(2**31)  # of int32; less than any difference and any level
 _MOST = 2**31 - 1
@@ -19,9 +26,13 @@ _BINS = (
 
 
 def histograms(images: np.ndarray) -> np.ndarray:
-    """How many pixels of images [N, D] have each grey value: int64 [N, 256]."""
+    """How many pixels of images [N, D] have each grey value: int64 [N, G].
+
+    G is 256 of 8 bits, or the largest value of 16 bits and one.
+    """
     images = np.ascontiguousarray(images)
-    counts = np.empty((len(images), 256), np.int64)
+    n_greys = 256 if images.dtype == np.uint8 else int(images.max()) + 1
+    counts = np.empty((len(images), n_greys), np.int64)
 
     def work(start: int, stop: int) -> None:
         _histograms(images, counts, start, stop)
@@ -41,7 +52,7 @@ def encode_deviation(
 
     Args:
         images: grey values.
-        tables: what each value stands for in each image, int32 [N, 256].
+        tables: what each value stands for in each image, int32 [N, G].
         reference: what is subtracted, int32 [D].
         thresholds: T of them, in units of the deviation of the differences.
         words: to be filled.
@@ -97,14 +108,16 @@ def encode_differences(
     return counted(ties)
 
 
-@compile_kernel("void(uint8[:, ::1], int64[:, ::1], intp, intp)")
+@compile_kernel(*of_pixels("void(uint8[:, ::1], int64[:, ::1], intp, intp)"))
 def _histograms(images, counts, start, stop):
     """:func:`histograms` of images start to stop, in one thread."""
     for i in range(start, stop):
         histogram(images, i, counts[i])
 
 
-@compile_kernel("int64(uint8[:, ::1], intp, int32[:, ::1], int32[::1], int32[:, ::1])")
+@compile_kernel(
+    *of_pixels("int64(uint8[:, ::1], intp, int32[:, ::1], int32[::1], int32[:, ::1])")
+)
 def _differences(images, i, tables, reference, differences):
     """Fill differences [1, ≥ D] of image i; their deviation, rounded down."""
     n = images.shape[1]
@@ -115,12 +128,14 @@ def _differences(images, i, tables, reference, differences):
         total += difference
         square += difference * difference
     variance = (square - (total * total + n - 1) // n) // n
-    return np.int64(math.sqrt(variance))  # exact below 2⁵²
+    return np.int64(math.sqrt(max(variance, np.int64(0))))  # exact below 2⁵²
 
 
 @compile_kernel(
-    "void(uint8[:, ::1], int32[:, ::1], int32[::1], int64[::1], int64[::1],"
-    " int64[:, ::1], int64[::1])"
+    *of_pixels(
+        "void(uint8[:, ::1], int32[:, ::1], int32[::1], int64[::1], int64[::1],"
+        " int64[:, ::1], int64[::1])"
+    )
 )
 def _encode(images, tables, reference, numerators, denominators, words, deviations):
     """:func:`encode_deviation` in one thread."""
@@ -181,8 +196,10 @@ def _thresholds(values, wanted, levels, missing, places):
 
 
 @compile_kernel(
-    "void(uint8[:, ::1], int32[:, ::1], int32[::1], int64[::1], int64[:, ::1],"
-    " int64[:, ::1], int64)"
+    *of_pixels(
+        "void(uint8[:, ::1], int32[:, ::1], int32[::1], int64[::1], int64[:, ::1],"
+        " int64[:, ::1], int64)"
+    )
 )
 def _encode_ranks(images, tables, reference, wanted, words, ties, rule):
     """:func:`encode_differences` in one thread."""

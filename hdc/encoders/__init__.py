@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from hdc.encoders.base import Encoder
-from hdc.encoders.named import ENCODERS, encode_with, make_encoder
+from hdc.encoders.named import ENCODERS, make_encoder
 from hdc.encoders.relative import RelativeEncoder
 
 if TYPE_CHECKING:
@@ -27,7 +27,6 @@ __all__ = [
     "ReferenceLevels",
     "RelativeEncoder",
     "Smoothed",
-    "encode_with",
     "make_encoder",
 ]
 

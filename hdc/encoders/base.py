@@ -33,6 +33,8 @@ class Encoder(Parametrised, ABC):
     """Raised by hand in the commit that changes the words of some frame."""
     learns: ClassVar[bool] = False
     """Whether :meth:`fit` learns anything of the frames."""
+    numbered: ClassVar[bool] = False
+    """Whether :meth:`encode` also takes the number of the first frame, for warnings and errors."""
 
     def check(self) -> None:
         """Raise ValueError, naming it, for a parameter that is not allowed."""
@@ -61,11 +63,3 @@ class Encoder(Parametrised, ABC):
         """
         if tensors:
             raise ValueError(f"tensors of an encoder that learns none: {list(tensors)}")
-
-
-def into(out: Tensor | None, words: Tensor) -> Tensor:
-    """Words [N, W], in the first rows of `out` where there is one."""
-    if out is None:
-        return words
-    out[: len(words)] = words
-    return out[: len(words)]

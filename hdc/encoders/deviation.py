@@ -33,7 +33,7 @@ class Deviation(RelativeEncoder):
         frame: as of :class:`hdc.encoders.Reference`.
 
     Attributes:
-        reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
+        reference_: int32 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
 
     Example:
         >>> import torch
@@ -108,7 +108,8 @@ def deviations_of(differences: Tensor) -> list[int]:
     totals = values.sum(1)
     squares = (values * values).sum(1)
     variances = (squares - (totals * totals + n - 1) // n) // n  # rounded down
-    return [math.isqrt(variance) for variance in variances.tolist()]
+    # Below zero only where a damaged reference made sums overflow.
+    return [math.isqrt(max(0, variance)) for variance in variances.tolist()]
 
 
 def _level(threshold: Fraction, sigma: int) -> int:

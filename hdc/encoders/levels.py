@@ -54,7 +54,7 @@ class Levels(RankEncoder):
         return self.lit > 0
 
     @property
-    def quantiles(self) -> tuple[Fraction, ...]:
+    def quantiles(self) -> tuple[Fraction, ...]:  # type: ignore[override]
         steps = self.thresholds + 1
         return tuple(Fraction(t, steps) for t in range(1, steps))
 
@@ -87,21 +87,15 @@ class Levels(RankEncoder):
         return self
 
     def dimension(self, n_pixels: int) -> int:
-        if self.learns:
+        if self.lit > 0:
             n_pixels = int(self.lit_.sum())
-        return super().dimension(n_pixels)
+        return self.thresholds * n_pixels
 
-    def encode(
-        self,
-        frames: Tensor,
-        first: int = 0,
-        backend: str = "numpy",
-        out: Tensor | None = None,
-    ) -> Tensor:
+    def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         if self.learns:
             lit = self.lit_.to(frames.device)
             frames = frames.flatten(1)[:, lit]
-        return super().encode(frames, first, backend, out)
+        return super().encode(frames, first)
 
     def state(self) -> dict[str, Tensor]:
         if not self.learns:

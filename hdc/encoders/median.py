@@ -24,9 +24,4 @@ class Median(RankEncoder):
         tensor([[10]])
     """
 
-    def __init__(self, ties: str = "spread"):
-        self.ties = ties
-
-    @property
-    def quantiles(self) -> tuple[Fraction, ...]:
-        return (Fraction(1, 2),)
+    quantiles = (Fraction(1, 2),)

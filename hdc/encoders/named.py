@@ -25,30 +25,20 @@ ENCODERS = Named(
 """Our own encoders by name."""
 
 
-def make_encoder(part: Any, what: str = "encoder") -> Encoder:
-    """An encoder of a name, a dotted name ``"module.Class"``, or an object; `what` names errors.
-
-    Raises:
-        ValueError, TypeError: as of :func:`hdc.parameters.make_part`.
-    """
-    return make_part(part, what, ENCODERS, Encoder)  # type: ignore[type-abstract]
-
-
-def encode_with(
-    encoder: Encoder,
-    frames: Tensor,
-    first: int,
-    backend: str,
-    out: Tensor | None = None,
-) -> Tensor:
-    """Hypervectors by an encoder; one from outside is asked for no more than frames to words."""
-    if ENCODERS.name_of(encoder) in ENCODERS:
-        return encoder.encode(frames, first, backend, out)  # type: ignore[call-arg]
-    return encoder.encode(frames)
+make_encoder: Callable[..., Encoder] = functools.partial(
+    make_part,
+    what="encoder",
+    known=ENCODERS,
+    base=Encoder,  # type: ignore[type-abstract]
+)
+"""An encoder of a name, a dotted name ``"module.Class"``, or an object; `what` names errors, as of
+:func:`hdc.parameters.make_part`."""
 
 
 class Around(Encoder):
     """An encoder that asks another one, its parameter `base`: a name or an object."""
+
+    numbered = True
 
     base: Any
 
@@ -63,6 +53,11 @@ class Around(Encoder):
         if kept is None or kept[0] is not self.base:  # set since
             kept = self._base = self.base, self.parts["base"](self.base).unlearned()
         return kept[1]
+
+    def encode_by_base(self, frames: Tensor, first: int) -> Tensor:
+        """Hypervectors by the other encoder, of frames from number `first` on."""
+        base: Any = self.base_
+        return base.encode(frames, first) if base.numbered else base.encode(frames)
 
     def check(self) -> None:
         self.base_.check()

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from fractions import Fraction
+from typing import Any
 
-from hdc.encoders.ranks import RankEncoder, exact_quantile
+from hdc.encoders.ranks import RankEncoder
 
 
 class Quantile(RankEncoder):
@@ -28,5 +29,22 @@ class Quantile(RankEncoder):
         self.ties = ties
 
     @property
-    def quantiles(self) -> tuple[Fraction, ...]:
+    def quantiles(self) -> tuple[Fraction, ...]:  # type: ignore[override]
         return (exact_quantile("at", self.at),)
+
+
+def exact_quantile(name: str, value: Any) -> Fraction:
+    """A quantile as the fraction that is written: ``"3/4"``, ``0.9`` or a Fraction.
+
+    Through its text, since ⌊(1 − .9)·250000⌋ is 24999 in floating point.
+
+    Raises:
+        ValueError: naming the argument, for what is not a number in (0, 1).
+    """
+    try:
+        quantile = Fraction(str(value))
+    except (ValueError, ZeroDivisionError):
+        quantile = Fraction(0)
+    if not 0 < quantile < 1:
+        raise ValueError(f"{name}: expected a quantile in (0, 1), found {value!r}")
+    return quantile

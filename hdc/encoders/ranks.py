@@ -3,17 +3,16 @@
 The paper thresholds a speckle pattern so that 0 and 1 appear with the same probability: q = ½.
 Ones are the pixels above the threshold m, and of those equal to m the first by the encoder's order
 of ties (:mod:`hdc.encoders.ties`). Hypervectors of several thresholds stand one after another,
-bit t·D + j for pixel j and threshold t.
-How m is found is up to :mod:`hdc.encoders.thresholds`, or :mod:`hdc.compiled`; every way gives the
-same bits.
+bit t·D + j for pixel j and threshold t. Small frames and floats are partially ordered here. Large
+frames are searched by :mod:`hdc.encoders.thresholds`, or by :mod:`hdc.compiled`: equal bits.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 import warnings
-from abc import abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
 
@@ -23,27 +22,35 @@ from torch import Tensor
 
 from hdc import backends, bits
 from hdc.encoders.base import Encoder
-from hdc.encoders.thresholds import Level, route_of
-from hdc.encoders.ties import TIES
+from hdc.encoders.thresholds import Level, one_by_one
+from hdc.encoders.ties import TIES, in_order
 from hdc.parameters import check_choice
+
+# Pixels of several frames ordered at once, at up to 30 bytes each. A GPU is idle with fewer.
+_STEP, _STEP_ON_GPU = 2**20, 2**25
+_SMALL = 4096
+"""Pixels per frame up to which that is faster than one frame after another."""
+_BLOCK = 16  # frames that are counted one after another, the bits of each being kept
+Route = Callable[[Tensor, Sequence[int], str], list[Level]]
 
 
 class RankEncoder(Encoder):
     """Thresholds a frame at quantiles of its own pixels.
 
-    A subclass has the parameter ``ties`` (one of :data:`hdc.encoders.ties.TIES`) and says which
-    `quantiles`, and above which share of ties a frame is warned of.
+    A subclass says which `quantiles`, and above which share of ties a frame is warned of. `ties` is
+    one of :data:`hdc.encoders.ties.TIES`.
     """
 
+    numbered = True
     ties: str
+    quantiles: tuple[Fraction, ...]
+    """q₁ < q₂ < …, in (0, 1)."""
     tied_share = 0.1
     """Share of the pixels that may tie at a threshold before a warning says so, once."""
     _warned = False
 
-    @property
-    @abstractmethod
-    def quantiles(self) -> tuple[Fraction, ...]:
-        """q₁ < q₂ < …, in (0, 1)."""
+    def __init__(self, ties: str = "spread"):
+        self.ties = ties
 
     def check(self) -> None:
         check_choice("ties", self.ties, TIES)
@@ -52,32 +59,17 @@ class RankEncoder(Encoder):
     def dimension(self, n_pixels: int) -> int:
         return len(self.quantiles) * n_pixels
 
-    def encode(
-        self,
-        frames: Tensor,
-        first: int = 0,
-        backend: str = "numpy",
-        out: Tensor | None = None,
-    ) -> Tensor:
+    def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Hypervectors of frames [N, H, W] or [N, D] of any real or integer dtype: int64 [N, W].
 
         A constant frame carries no information; it gets its ones by the order of pixels alone, and
-        a warning names it. Besides the result, memory is needed for one frame (or 2^20 pixels).
-
-        Args:
-            frames: on any device.
-            first: number of the first frame, in warnings and errors.
-            backend: ``"compiled"`` encodes 8-bit frames on the CPU by :mod:`hdc.compiled`.
-            out: words [≥ N, W] to be overwritten and returned; allocating is slow.
+        a warning names it. `first` is the number of the first frame, in warnings and errors.
 
         Raises:
-            ValueError: for another shape, no pixels, pixels that are not finite, or a backend that
-                is not to be had (:func:`hdc.backends.kernels`).
+            ValueError: for another shape, no pixels, or pixels that are not finite.
             TypeError: for a dtype that has no order (bool, complex).
         """
-        words, ties = encode_ranks(
-            frames, self.quantiles, self.ties, first, backend, out
-        )
+        words, ties = encode_ranks(frames, self.quantiles, self.ties, first)
         self.warn(ties, frames.shape[1:].numel(), first)
         return words
 
@@ -112,47 +104,25 @@ class Ties(NamedTuple):
     most: int
 
 
-def exact_quantile(name: str, value: Any) -> Fraction:
-    """A quantile as the fraction that is written: ``"3/4"``, ``0.9`` or a Fraction.
-
-    Through its text, since ⌊(1 − .9)·250000⌋ is 24999 in floating point.
-
-    Raises:
-        ValueError: naming the argument, for what is not a number in (0, 1).
-    """
-    try:
-        quantile = Fraction(str(value))
-    except (ValueError, ZeroDivisionError):
-        quantile = Fraction(0)
-    if not 0 < quantile < 1:
-        raise ValueError(f"{name}: expected a quantile in (0, 1), found {value!r}")
-    return quantile
-
-
 def encode_ranks(
     frames: Tensor,
     quantiles: Sequence[Fraction],
     rule: str = "spread",
     first: int = 0,
-    backend: str = "numpy",
-    out: Tensor | None = None,
 ) -> tuple[Tensor, Ties]:
     """Hypervectors of frames, int64 [N, ⌈T·D/64⌉] for T quantiles, and what ties there were.
 
-    Arguments and errors as of :meth:`RankEncoder.encode`; `rule` is one of
-    :data:`hdc.encoders.ties.TIES`.
+    Arguments and errors as of :meth:`RankEncoder.encode`; `rule` is its `ties`.
     """
     check_frames(frames)
-    check_choice("ties", rule, TIES)
-    kernels = backends.kernels(backend, frames.device)
+    if rule not in TIES:
+        check_choice("ties", rule, TIES)
     n = len(frames)
     n_pixels = frames.shape[1:].numel()
     ones = count_ones(quantiles, n_pixels)
     width = bits.words_for(len(ones) * n_pixels)
-    if out is None:
-        words = torch.empty(n, width, dtype=torch.int64, device=frames.device)
-    else:
-        words = out[:n]
+    words = torch.empty(n, width, dtype=torch.int64, device=frames.device)
+    kernels = backends.in_use.get()
     if kernels and frames.dtype == torch.uint8 and n_pixels > 1:
         images = frames.reshape(n, n_pixels).numpy()
         equal, split = kernels.encode_uint8(images, words.numpy(), ones, rule)
@@ -210,8 +180,20 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
     )
 
 
+def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
+    """How many such frames to take at once, and the function that does it in the least time.
+
+    It makes levels of pixels [B, D], numbers of ones, and a rule of ties.
+    """
+    if frames.device.type != "cpu":
+        return max(1, _STEP_ON_GPU // n_pixels), by_torch
+    if n_pixels > _SMALL:
+        return _BLOCK, one_by_one
+    return max(1, _STEP // n_pixels), by_partition
+
+
 def ties_of(equal: np.ndarray, split: np.ndarray, n_pixels: int) -> Ties:
-    """Make it from counts of pixels equal to a threshold, [N, T], and whether some became ones."""
+    """Of counts of pixels equal to a threshold, [N, T], and whether some became ones."""
     constant = equal[:, 0] == n_pixels
     counted = equal[split & ~constant[:, None]]
     most = int(counted.max(initial=0))
@@ -272,3 +254,97 @@ def _put(words: Tensor, rows: Tensor, start: int) -> None:
         following = place + 1
         room = min(width, rows.shape[1] - following)
         rows[:, following : following + room] |= above[:, :room]
+
+
+# Many frames at once -----------------------------------------------------------------------------
+
+
+def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
+    """Levels of pixels [B, D] on any device, one per number of ones."""
+    if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
+        pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
+    elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
+        pixels = pixels.long()  # torch compares and selects few other unsigned types
+    n_pixels = pixels.shape[1]
+    order = _order_on(pixels.device, n_pixels, rule)
+    levels = []
+    for wanted in ones:
+        place = _place(n_pixels, wanted)
+        threshold = pixels.kthvalue(place + 1, dim=1, keepdim=True).values
+        mask, n_equal, split = _ones_of(pixels, threshold, wanted, rule, order)
+        levels.append(Level(bits.pack(mask), n_equal, split))
+    return levels
+
+
+def by_partition(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
+    """:func:`by_torch` on the CPU, by numpy."""
+    images = pixels.numpy()
+    if images.dtype.kind in "iu" and images.itemsize < 4:
+        images = images.astype(np.int32)  # which numpy orders in less time
+    n_pixels = images.shape[1]
+    order = in_order(n_pixels, rule)
+    at = [_place(n_pixels, wanted) for wanted in ones]
+    ordered = np.partition(images, sorted(set(at)), axis=1)
+    found = []
+    for wanted, place in zip(ones, at, strict=True):
+        threshold = ordered[:, place, None]
+        found.append(_ones_of(images, threshold, wanted, rule, order))
+    masks, n_equal, split = (
+        torch.from_numpy(np.stack(part)) for part in zip(*found, strict=True)
+    )
+    return [
+        Level(*level) for level in zip(bits.pack(masks), n_equal, split, strict=True)
+    ]
+
+
+def _ones_of(
+    pixels: Any, threshold: Any, wanted: int, rule: str, order: Any
+) -> tuple[Any, Any, Any]:
+    """Mask [B, D] of the pixels that become ones, and the counts of :class:`Level`.
+
+    Args:
+        pixels, threshold: [B, D] and [B, 1], tensors or arrays.
+        wanted: ones of a frame.
+        rule, order: of ties, and the pixels :func:`hdc.encoders.ties.in_order` of it.
+    """
+    above = pixels > threshold
+    equal = pixels == threshold
+    n_equal = equal.sum(1)
+    missing = wanted - above.sum(1)
+    split = (missing > 0) & (missing < n_equal)
+    if wanted == 0:
+        return above, n_equal, split
+    if rule == "below":
+        return above | (equal & ~split[:, None]), n_equal, split
+    if not split.any():
+        return above | equal, n_equal, split
+    pixels_in_order, places = order
+    ties = _first(_taken(equal, pixels_in_order), missing)
+    return above | _taken(ties, places), n_equal, split
+
+
+def _first(rows: Any, n: Any) -> Any:
+    """The first n [B] ones of each row of bool [B, D]."""
+    if isinstance(rows, np.ndarray):
+        counted = rows.cumsum(1, dtype=np.int32)  # int64 takes twice as long
+        return rows & (counted <= n.astype(np.int32)[:, None])
+    return rows & (rows.cumsum(1, dtype=torch.int32) <= n[:, None])
+
+
+def _taken(rows: Any, columns: Any) -> Any:
+    """Some columns of rows [B, D]."""
+    if isinstance(rows, np.ndarray):
+        return rows.take(columns, 1)  # indexing takes ten times as long
+    return rows.index_select(1, columns)
+
+
+@functools.lru_cache(maxsize=4)
+def _order_on(device: torch.device, n_pixels: int, rule: str) -> tuple[Tensor, ...]:
+    """:func:`hdc.encoders.ties.in_order` in the memory of a device."""
+    arrays = in_order(n_pixels, rule)
+    return tuple(torch.from_numpy(array).to(device) for array in arrays)
+
+
+def _place(n_pixels: int, wanted: int) -> int:
+    """Which pixel in rising order is the threshold."""
+    return min(n_pixels - wanted, n_pixels - 1)

@@ -9,7 +9,7 @@ from torch import Tensor
 
 from hdc.encoders.levels import Levels
 from hdc.encoders.median import Median
-from hdc.encoders.named import Around, encode_with
+from hdc.encoders.named import Around
 from hdc.encoders.quantile import Quantile
 from hdc.encoders.ranks import RankEncoder, ties_of
 from hdc.encoders.relative import RelativeEncoder
@@ -32,7 +32,7 @@ class Reference(Around, RelativeEncoder):
             :meth:`fit` asks for them anew.
 
     Attributes:
-        reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
+        reference_: int32 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
     """
 
     def __init__(self, base: Any = "median", frame: Any = None):
@@ -66,7 +66,7 @@ class Reference(Around, RelativeEncoder):
         base.warn(ties_of(*counted, n_pixels), n_pixels, first)
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
-        return encode_with(self.base_, differences, first, "numpy")
+        return self.encode_by_base(differences, first)
 
 
 class ReferenceLevels(Reference):

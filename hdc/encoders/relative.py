@@ -12,7 +12,7 @@ import torch
 from torch import Tensor
 
 from hdc import backends, bits, inputs
-from hdc.encoders.base import Encoder, into
+from hdc.encoders.base import Encoder
 from hdc.encoders.ranks import check_frames, warn_of_constant
 from hdc.encoders.standardised import FRACTION, standardised, values_of_greys
 from hdc.tensors import checked
@@ -28,10 +28,12 @@ class RelativeEncoder(Encoder):
     A subclass has the parameter `frame` and writes :meth:`of_differences`.
 
     Attributes:
-        reference_: int64 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
+        reference_: int32 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
     """
 
+    revision: ClassVar[int] = 2
     learns: ClassVar[bool] = True
+    numbered: ClassVar[bool] = True
     stand_ins: ClassVar = {"frame": GIVEN}
 
     frame: Any
@@ -51,8 +53,8 @@ class RelativeEncoder(Encoder):
     ) -> None:
         """Fill words [N, W] with :meth:`of_differences`, by a kernel.
 
-        The differences are images uint8 [N, D], what each grey becomes in each of them, int32
-        [N, 256], and the reference, int32 [D].
+        The differences are images uint8 or uint16 [N, D], what each grey becomes in each of them,
+        int32 [N, G], and the reference, int32 [D].
         """
 
     @abstractmethod
@@ -101,22 +103,17 @@ class RelativeEncoder(Encoder):
             part = inputs.tensor(frames[start : start + step])
             values = standardised(part, start)
             total = total + values.sum(0, dtype=torch.int64)
-        self.reference_ = total // len(frames)
+        self.reference_ = (total // len(frames)).to(torch.int32)
         return self
 
-    def encode(
-        self,
-        frames: Tensor,
-        first: int = 0,
-        backend: str = "numpy",
-        out: Tensor | None = None,
-    ) -> Tensor:
+    def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the differences."""
-        if backends.kernels(backend, frames.device) and frames.dtype == torch.uint8:
+        kernels = backends.in_use.get()
+        if kernels and frames.dtype in (torch.uint8, torch.uint16):
             check_frames(frames)
             if self.is_compiled and frames.shape[1:].numel() > 1:
-                return self._encode_compiled(frames, first, out)
-        reference = self.reference_.to(frames.device, torch.int32)
+                return self._encode_compiled(frames, first, kernels)
+        reference = self._in_range(frames[:1].numel()).to(frames.device)
         constant: list[int] = []
         words = []
         step = _frames_at_a_time(frames)
@@ -127,40 +124,57 @@ class RelativeEncoder(Encoder):
             constant += (start + flat).tolist()
             words.append(self.of_differences(values - reference, first + start))
         warn_of_constant(constant, first)
-        return into(out, torch.cat(words))
+        return torch.cat(words)
 
-    def _encode_compiled(
-        self, frames: Tensor, first: int, out: Tensor | None
-    ) -> Tensor:
-        """:meth:`encode` of 8-bit frames by :mod:`hdc.compiled.relative`."""
-        from hdc import compiled
-
+    def _encode_compiled(self, frames: Tensor, first: int, kernels: Any) -> Tensor:
+        """:meth:`encode` of frames of 8 or 16 bits by :mod:`hdc.compiled.relative`."""
         images = frames.flatten(1).numpy()
         n, n_pixels = images.shape
-        counts = torch.from_numpy(compiled.histograms(images))
-        tables = values_of_greys(counts).numpy()
-        if out is None:
-            width = bits.words_for(self.dimension(n_pixels))
-            out = torch.empty(n, width, dtype=torch.int64)
-        reference = self.reference_.to(torch.int32).numpy()
-        self.compiled_words((images, tables, reference), out[:n].numpy(), first)
-        constant = (counts == n_pixels).any(1).nonzero().flatten()
-        warn_of_constant(constant.tolist(), first)
-        return out[:n]
+        width = bits.words_for(self.dimension(n_pixels))
+        words = torch.empty(n, width, dtype=torch.int64)
+        reference = self._in_range(n_pixels).numpy()
+        constant: list[int] = []
+        step = _frames_at_a_time(frames)
+        for start in range(0, n, step):
+            part = images[start : start + step]
+            counts = torch.from_numpy(kernels.histograms(part))
+            tables = values_of_greys(counts).numpy()
+            into = words[start : start + step].numpy()
+            self.compiled_words((part, tables, reference), into, first + start)
+            flat = (counts == n_pixels).any(1).nonzero().flatten()
+            constant += (start + flat).tolist()
+        warn_of_constant(constant, first)
+        return words
+
+    def _in_range(self, n_pixels: int) -> Tensor:
+        """The reference, with zeros for values that no mean of standardised frames has.
+
+        They come from flipped bits of a damaged memory.
+        """
+        values = self.reference_
+        if len(values) == 0:
+            return values
+        most = _largest(n_pixels)
+        return torch.where((values >= -most) & (values <= most), values, 0)
 
     def state(self) -> dict[str, Tensor]:
         return {"reference": self.reference_}
 
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
-        device = tensors["reference"].device
-        found = checked(tensors, {"reference": "int64 D"}, D=n_pixels)
-        reference = found["reference"].to(device)
-        largest = max(int(reference.max()), -int(reference.min()))
-        if largest > 2 * 2**FRACTION * (math.isqrt(n_pixels) + 1):
+        given = tensors["reference"]
+        kind = "int64 D" if given.dtype == torch.int64 else "int32 D"  # up to version 3
+        found = checked(tensors, {"reference": kind}, D=n_pixels)["reference"]
+        most = max(int(found.max()), -int(found.min()))
+        if most > _largest(n_pixels):
             raise ValueError(
-                f"reference: expected a mean of standardised frames, found {largest}"
+                f"reference: expected a mean of standardised frames, found {most}"
             )
-        self.reference_ = reference
+        self.reference_ = found.to(given.device, torch.int32)
+
+
+def _largest(n_pixels: int) -> int:
+    """A bound of standardised pixels, and so of their means, in steps of 2⁻¹⁶ deviations."""
+    return 2**FRACTION * (math.isqrt(n_pixels) + 1)
 
 
 def _frames_at_a_time(frames: Any) -> int:

@@ -11,10 +11,9 @@ import torch
 from torch import Tensor
 
 from hdc import inputs
-from hdc.encoders.base import into
-from hdc.encoders.named import Around, encode_with
+from hdc.encoders.named import Around
 from hdc.encoders.ranks import check_frames
-from hdc.encoders.standardised import LARGEST, integers
+from hdc.encoders.standardised import EXACT, LARGEST, integers
 from hdc.parameters import check_integer
 from hdc.tensors import checked
 
@@ -22,7 +21,7 @@ _MOST = 16  # pixels of deviation
 _REACH = 3  # deviations up to which pixels count
 _WEIGHT = 12  # the weights along an axis have the sum 2¹²
 _STEP = 2**20  # pixels of several frames at a time; 8 bytes each, several times
-_BITS = {torch.uint8: 8, torch.int8: 8, torch.int16: 16, torch.uint16: 16}
+_EXACT_BITS = 8 + 2 * _WEIGHT - LARGEST  # dropped of sums of whole grey levels
 
 
 class Smoothed(Around):
@@ -30,8 +29,9 @@ class Smoothed(Around):
 
     A pixel becomes the weighted mean of those around it, along columns and then along rows, with
     the weights of a Gaussian up to three deviations away, in whole numbers of 1/4096; beyond an
-    edge the image is mirrored at its outermost pixels. The mean is rounded to 18 bits, so that all
-    arithmetic is in integers, and every machine has the same bits. Rounding of single grey levels,
+    edge the image is mirrored at its outermost pixels. The mean is rounded to 1/1024 of a grey
+    level, or of floating point to 18 bits, so that all arithmetic is in integers, and every machine
+    has the same bits. Rounding of single grey levels,
     by a codec or a conversion, then decides few bits; so do details of about a pixel.
 
     Args:
@@ -50,6 +50,7 @@ class Smoothed(Around):
         tensor([False])
     """
 
+    revision: ClassVar[int] = 2
     learns: ClassVar[bool] = True
 
     shape_: Tensor
@@ -78,26 +79,22 @@ class Smoothed(Around):
             self.base_.fit(_Frames(self, frames))
         return self
 
-    def encode(
-        self,
-        frames: Tensor,
-        first: int = 0,
-        backend: str = "numpy",
-        out: Tensor | None = None,
-    ) -> Tensor:
+    def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the smoothed frames."""
-        found = encode_with(self.base_, self.images(frames, first), first, "numpy")
-        return into(out, found)
+        return self.encode_by_base(self.images(frames, first), first)
 
     def images(self, frames: Tensor, first: int = 0) -> Tensor:
-        """Smoothed images int32 [N, H, W] of frames [N, H, W] or [N, D], of 18 bits."""
+        """Smoothed images int32 [N, H, W] of frames [N, H, W] or [N, D].
+
+        In 1/1024 of a grey level for types of at most 16 bits, else of 18 bits.
+        """
         check_frames(frames)
         flat = frames.flatten(1)
         height, width = self.shape_.tolist()
         found = torch.empty(flat.shape, dtype=torch.int32, device=frames.device)
         step = max(1, _STEP // flat.shape[1])
         weights = gaussian(self.smooth)
-        surplus = _BITS.get(frames.dtype, LARGEST) + 2 * _WEIGHT - LARGEST
+        surplus = _EXACT_BITS if frames.dtype in EXACT else 2 * _WEIGHT
         half = 1 << (surplus - 1)
         for start in range(0, len(flat), step):
             part = integers(flat[start : start + step], first + start)

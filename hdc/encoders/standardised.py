@@ -13,7 +13,7 @@ FRACTION = 16  # bits after the point of a standardised pixel
 LARGEST = 18  # bits that floating-point pixels are scaled to
 # A pixel below the first is rounded to 0.
 _POWERS = [2.0**k for k in range(-2, LARGEST + 1)]
-_EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
+EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
 
 
 def standardised(frames: Tensor, first: int = 0) -> Tensor:
@@ -21,10 +21,11 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
 
     With S = Σ x and Q = Σ x² it is (D·x − S)·2¹⁶ over the integer square root of D·Q − S²: whole
     numbers below 2⁵³, whose one division rounds alike on every machine. Floating point and types of
-    more than 16 bits are first scaled to integers of 18 bits, frame by frame.
+    more than 16 bits first lose the middle of their range, so that no offset takes bits from what
+    differs, and are scaled to integers of 18 bits, frame by frame.
     """
     check_frames(frames)
-    flat = frames.reshape(len(frames), -1)
+    flat = frames.flatten(1)
     if flat.dtype == torch.uint8:
         values = torch.empty(flat.shape, dtype=torch.int32, device=flat.device)
         for frame, row in zip(flat, values, strict=True):
@@ -38,8 +39,8 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
 
 
 def values_of_greys(counts: Tensor) -> Tensor:
-    """Values of the greys 0 to 255 in frames of such histograms: int64 to int32 [N, 256]."""
-    greys = torch.arange(256, device=counts.device)
+    """Values of the greys 0 to G − 1 in frames of such histograms: int64 to int32 [N, G]."""
+    greys = torch.arange(counts.shape[1], device=counts.device)
     totals = (counts * greys).sum(1)
     squares = (counts * greys * greys).sum(1)
     n_pixels = int(counts[:1].sum())
@@ -60,12 +61,16 @@ def _in_steps(pixels: Tensor, sums: Tensor, squares: Tensor, n_pixels: int) -> T
 
 
 def integers(pixels: Tensor, first: int) -> Tensor:
-    """Pixels [N, D] as int64 of at most 18 bits; those of more are scaled, frame by frame."""
-    if pixels.dtype in _EXACT:
+    """Pixels [N, D] as int64 of at most 18 bits; those of more are centred and scaled, frame by
+    frame."""
+    if pixels.dtype in EXACT:
         return pixels.to(torch.int64)
     values = pixels.double()
     if len(values):
         check_finite(values, first)
+    # The middle and not the mean: sums in floating point are rounded otherwise elsewhere.
+    halves = values.amin(1, keepdim=True) / 2, values.amax(1, keepdim=True) / 2
+    values = values - (halves[0] + halves[1])
     mantissas, exponents = torch.frexp(values)
     _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
     # Powers of two from a table: those that torch computes are of 32 bits, and end at 2¹²⁷.

@@ -1,17 +1,17 @@
-"""The threshold of a frame, and the pixels that become ones: three implementations, equal bits.
+"""The threshold of a large frame, and the pixels that become ones, one frame after another.
 
-Small frames and floats are partially ordered, many at once. Large frames of integers are compared
-with single values: one pass over a frame counts the pixels above a value, which shows on which side
-the threshold lies. The threshold of the frame before is tried first, then a sample says
-about where to look (Floyd and Rivest, Commun. ACM 18, 165 (1975)). Two or three passes leave the
-pixels of one grey level of 8 bits. The counts of all pixels decide, so neither changes a bit.
+Integers are compared with single values: one pass over a frame counts the pixels above a value,
+which shows on which side the threshold lies. The threshold of the frame before is tried first, then
+a sample says about where to look (Floyd and Rivest, Commun. ACM 18, 165 (1975)). Two or three
+passes leave the pixels of one grey level of 8 bits. The counts of all pixels decide, so neither
+changes a bit.
 """
 
 from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,13 +19,8 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.encoders.ties import count_ones, first_ties, in_order
+from hdc.encoders.ties import count_ones, first_ties
 
-# Pixels of several frames ordered at once, at up to 30 bytes each. A GPU is idle with fewer.
-_STEP, _STEP_ON_GPU = 2**20, 2**25
-_SMALL = 4096
-"""Pixels per frame up to which that is faster than one frame after another."""
-_BLOCK = 16  # frames that are counted one after another, the bits of each being kept
 _SAMPLE = 4096  # pixels of a frame that are sorted, at most
 
 
@@ -35,121 +30,6 @@ class Level(NamedTuple):
     words: Tensor  # int64 [B, W], the ones
     n_equal: Tensor  # int64 [B], pixels that equal the threshold
     split: Tensor  # bool [B], whether some of these became ones and others did not
-
-
-Route = Callable[[Tensor, Sequence[int], str], list[Level]]
-
-
-def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
-    """How many such frames to take at once, and the function that does it in the least time.
-
-    It makes levels of pixels [B, D], numbers of ones, and a rule of ties.
-    """
-    if frames.device.type != "cpu":
-        return max(1, _STEP_ON_GPU // n_pixels), by_torch
-    if n_pixels > _SMALL:
-        return _BLOCK, one_by_one
-    return max(1, _STEP // n_pixels), by_partition
-
-
-# Many frames at once -----------------------------------------------------------------------------
-
-
-def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
-    """Levels of pixels [B, D] on any device, one per number of ones."""
-    if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
-        pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
-    elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
-        pixels = pixels.long()  # torch compares and selects few other unsigned types
-    n_pixels = pixels.shape[1]
-    order = _order_on(pixels.device, n_pixels, rule)
-    levels = []
-    for wanted in ones:
-        threshold = _kth(pixels, _place(n_pixels, wanted))
-        mask, n_equal, split = _ones_of(pixels, threshold, wanted, rule, order)
-        levels.append(Level(bits.pack(mask), n_equal, split))
-    return levels
-
-
-def by_partition(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
-    """:func:`by_torch` on the CPU, by numpy."""
-    images = pixels.numpy()
-    if images.dtype.kind in "iu" and images.itemsize < 4:
-        images = images.astype(np.int32)  # which numpy orders in less time
-    n_pixels = images.shape[1]
-    order = in_order(n_pixels, rule)
-    at = [_place(n_pixels, wanted) for wanted in ones]
-    ordered = np.partition(images, sorted(set(at)), axis=1)
-    levels = []
-    for wanted, place in zip(ones, at, strict=True):
-        threshold = ordered[:, place, None]
-        found = _ones_of(images, threshold, wanted, rule, order)
-        mask, n_equal, split = map(torch.from_numpy, found)
-        levels.append(Level(bits.pack(mask), n_equal, split))
-    return levels
-
-
-def _ones_of(
-    pixels: Any, threshold: Any, wanted: int, rule: str, order: Any
-) -> tuple[Any, Any, Any]:
-    """Mask [B, D] of the pixels that become ones, and the counts of :class:`Level`.
-
-    Args:
-        pixels, threshold: [B, D] and [B, 1], tensors or arrays.
-        wanted: ones of a frame.
-        rule, order: of ties, and the pixels :func:`hdc.encoders.ties.in_order` of it.
-    """
-    above = pixels > threshold
-    equal = pixels == threshold
-    n_equal = equal.sum(1)
-    missing = wanted - above.sum(1)
-    split = (missing > 0) & (missing < n_equal)
-    if wanted == 0:
-        return above, n_equal, split
-    if rule == "below":
-        return above | (equal & ~split[:, None]), n_equal, split
-    if not split.any():
-        return above | equal, n_equal, split
-    pixels_in_order, places = order
-    ties = _first(_taken(equal, pixels_in_order), missing)
-    return above | _taken(ties, places), n_equal, split
-
-
-def _first(rows: Any, n: Any) -> Any:
-    """The first n [B] ones of each row of bool [B, D]."""
-    if isinstance(rows, np.ndarray):
-        counted = rows.cumsum(1, dtype=np.int32)  # int64 takes twice as long
-        return rows & (counted <= n.astype(np.int32)[:, None])
-    return rows & (rows.cumsum(1, dtype=torch.int32) <= n[:, None])
-
-
-def _taken(rows: Any, columns: Any) -> Any:
-    """Some columns of rows [B, D]."""
-    if isinstance(rows, np.ndarray):
-        return rows.take(columns, 1)  # indexing takes ten times as long
-    return rows.index_select(1, columns)
-
-
-@functools.lru_cache(maxsize=4)
-def _order_on(device: torch.device, n_pixels: int, rule: str) -> tuple[Tensor, ...]:
-    """:func:`hdc.encoders.ties.in_order` in the memory of a device."""
-    arrays = in_order(n_pixels, rule)
-    return tuple(torch.from_numpy(array).to(device) for array in arrays)
-
-
-def _place(n_pixels: int, wanted: int) -> int:
-    """Which pixel in rising order is the threshold."""
-    return min(n_pixels - wanted, n_pixels - 1)
-
-
-def _kth(rows: Any, k: int) -> Any:
-    """The value at place k of each row [B, D] in rising order, [B, 1]."""
-    if isinstance(rows, np.ndarray):
-        return np.partition(rows, k, axis=1)[:, k, None]
-    return rows.kthvalue(k + 1, dim=1, keepdim=True).values
-
-
-# One frame after another -------------------------------------------------------------------------
 
 
 class _Selected(NamedTuple):
@@ -207,7 +87,7 @@ class _Frame:
 def _by_order(frame: _Frame, ones: Sequence[int], _: Any) -> list[_Selected]:
     """The frame at its thresholds, for numbers of ones, by partial order."""
     n_pixels = len(frame.pixels)
-    at = [_place(n_pixels, wanted) for wanted in ones]
+    at = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
     ordered = np.partition(frame.pixels, sorted(set(at)))
     selected = []
     for place in at:

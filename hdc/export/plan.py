@@ -45,7 +45,7 @@ class Plan:
 
     Attributes:
         name: beginning of all names in the header.
-        encoder, readout: the parts of the model.
+        encoder, readout, state: the parts of the model, and what the read-out has learned.
         classes: names of the L classes that have training frames, in the order of the model.
         rows: their rows in the model.
         left_out: names of the others, which no frame can be of.
@@ -60,6 +60,7 @@ class Plan:
     name: str
     encoder: RankEncoder | Deviation
     readout: Majority | Trained | LDA
+    state: Any
     classes: tuple[str, ...]
     rows: tuple[int, ...]
     left_out: tuple[str, ...]
@@ -111,7 +112,7 @@ class Plan:
         if relative:
             _check_size(model.n_features_in_, pixel_bits)
         tables = _encoding(encoder, model.n_features_in_)
-        tables |= _classes(readout, rows, model.dimension_)
+        tables |= _classes(readout, model.state_, rows, model.dimension_)
         if share is not None:
             tables |= _rejection(model, rows, share)
         sizes = Sizes(
@@ -130,6 +131,7 @@ class Plan:
             name=name,
             encoder=encoder,
             readout=readout,
+            state=model.state_,
             classes=tuple(names[known].tolist()),
             rows=tuple(rows),
             left_out=tuple(names[~known].tolist()),
@@ -206,7 +208,7 @@ def _encoding(encoder: RankEncoder | Deviation, n_pixels: int) -> dict[str, np.n
     if isinstance(encoder, Deviation):
         thresholds = encoder.fractions()
         return {
-            "reference": encoder.reference_.numpy(force=True),
+            "reference": encoder.reference_.long().numpy(force=True),
             "numerators": np.array([t.numerator for t in thresholds]),
             "denominators": np.array([t.denominator for t in thresholds]),
         }
@@ -218,27 +220,27 @@ def _encoding(encoder: RankEncoder | Deviation, n_pixels: int) -> dict[str, np.n
 
 
 def _classes(
-    readout: Majority | Trained | LDA, rows: list[int], dimension: int
+    readout: Majority | Trained | LDA, state: Any, rows: list[int], dimension: int
 ) -> dict[str, np.ndarray]:
     """Tables of the read-out."""
     if isinstance(readout, LDA):
-        return _weights(readout, rows, dimension)
-    return {"prototypes": _unsigned(readout.prototypes_[rows])}
+        return _weights(state, rows, dimension)
+    return {"prototypes": _unsigned(state.prototypes[rows])}
 
 
 def _unsigned(words: Tensor) -> np.ndarray:
     return words.numpy(force=True).view(np.uint64)
 
 
-def _weights(readout: LDA, rows: list[int], dimension: int) -> dict[str, np.ndarray]:
+def _weights(state: Any, rows: list[int], dimension: int) -> dict[str, np.ndarray]:
     """Weights, and the scales and biases of the sum Σ (q + 8)·v − 8·|v| over the bits v.
 
     With bits of ±1, q·x = 2·(Σ (q + 8)·v − 8·|v|) − Σ (q + 8) + 8·D.
     """
-    weights = readout.weights_[rows]
+    weights = state.weights[rows]
     ones = bits.count_ones(weights).tolist()
-    scales = readout.scales_[rows].tolist()
-    offsets = readout.offsets_[rows].tolist()
+    scales = state.scales[rows].tolist()
+    offsets = state.offsets[rows].tolist()
     biases = []
     for of_planes, scale, offset in zip(ones, scales, offsets, strict=True):
         total = sum(n << plane for plane, n in enumerate(of_planes))
@@ -254,16 +256,21 @@ def _rejection(
     model: HDCClassifier, rows: list[int], share: Fraction
 ) -> dict[str, np.ndarray]:
     """Thresholds, and the prototypes that they are of where the scores are of others."""
-    deciding = model._learned.majority.deciding()[rows]
+    readout: Any = model.readout_
+    if not isinstance(readout, Majority):
+        raise ValueError(
+            "alpha: expected the read-out majority, whose file has frames to compare with, found "
+            f"{readout!r}; export it without a rejection"
+        )
+    deciding = readout.deciding(model.state_)[rows]
     labels = model.classes_.tolist()
     peers = []
     for row, prototypes in zip(rows, deciding, strict=True):
-        peers.append(Peers.of(model._learned.sample.of(labels[row]), prototypes))
+        peers.append(Peers.of(model._head.sample.kept[labels[row]], prototypes))
     thresholds = distance_thresholds(peers, share, model.dimension_)
     tables = {"thresholds": np.array(thresholds, np.int64)}
     # Those of classes of unequal size are thinned for the scores, and whole for rejection.
     whole = deciding[:, EXTRAS.index(0)]
-    readout = model.readout_
-    if not isinstance(readout, Majority) or not whole.equal(readout.prototypes_[rows]):
+    if not whole.equal(model.prototypes_[rows]):
         tables["majority"] = _unsigned(whole)
     return tables

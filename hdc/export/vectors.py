@@ -10,6 +10,7 @@ import torch
 from hdc.classifier import HDCClassifier
 from hdc.export.header import filled
 from hdc.export.plan import Plan
+from hdc.hypervectors import Hypervectors
 
 _START, _PRIME = 0xCBF29CE484222325, 0x100000001B3  # of FNV-1a with 64 bits
 
@@ -74,7 +75,8 @@ def answer(
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # of constant frames and ties, which are wanted
         words = plan.encoder.encode(torch.from_numpy(pixels).to(model.device))
-    scores = plan.readout.scores(words)[0, list(plan.rows)]
+    asked = Hypervectors(words, plan.encoder.dimension(pixels.shape[1]))
+    scores = plan.readout.scores(plan.state, asked)[0, list(plan.rows)]
     return words.numpy(force=True).view(np.uint64)[0], scores.numpy(force=True)
 
 

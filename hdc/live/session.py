@@ -129,15 +129,17 @@ class Session:
             return Answer(values=tuple(zip(value, low, high, strict=True)))
         if self.model is None:
             return None
-        frames = frame[None]
-        shares = self.model.distances(frames)[0] / self.model.dimension_
+        frames = self.model.encode(frame[None])
         names = [str(c) for c in self.model.classes_]
+        shares = np.zeros(0)
+        if hasattr(self.model, "distances"):
+            shares = self.model.distances(frames)[0] / self.model.dimension_
         (label,) = self.model.predict(frames).tolist()
         (likely,) = self.model.predict_set(frames, ALPHA)
         return Answer(
             label=str(label) if len(likely) else None,
             likely=tuple(str(c) for c in likely),
-            distances=dict(zip(names, shares.tolist(), strict=True)),
+            distances=dict(zip(names, shares.tolist(), strict=False)),
         )
 
     def count(self, samples: Sequence[Sample]) -> None:

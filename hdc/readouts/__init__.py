@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from hdc.parameters import Named, make_part
-from hdc.readouts.base import Readout, Updatable
+from hdc.readouts.base import HeldOut, Readout, State, Updatable
 from hdc.readouts.majority import Counting
-from hdc.readouts.values import ValueReadout
+from hdc.readouts.values import ValueReadout, ValueState
 
 if TYPE_CHECKING:
     from hdc.readouts.counts import Counts
@@ -25,6 +27,7 @@ __all__ = [
     "VALUE_READOUTS",
     "Counting",
     "Counts",
+    "HeldOut",
     "Kernel",
     "Majority",
     "NeighbourValues",
@@ -32,9 +35,11 @@ __all__ = [
     "Readout",
     "Ridge",
     "RidgeValues",
+    "State",
     "Trained",
     "Updatable",
     "ValueReadout",
+    "ValueState",
     "make_readout",
     "make_value_readout",
 ]
@@ -67,15 +72,18 @@ def __getattr__(name: str) -> Any:
     return of.attribute(__name__, name)
 
 
-def make_readout(part: Any) -> Readout:
-    """A read-out of classes of a name, a dotted name ``"module.Class"``, or an object.
-
-    Raises:
-        ValueError, TypeError: as of :func:`hdc.parameters.make_part`.
-    """
-    return make_part(part, "readout", READOUTS, Readout)  # type: ignore[type-abstract]
-
-
-def make_value_readout(part: Any) -> ValueReadout:
-    """A read-out of numbers, as :func:`make_readout`."""
-    return make_part(part, "readout", VALUE_READOUTS, ValueReadout)  # type: ignore[type-abstract]
+make_readout: Callable[..., Readout] = functools.partial(
+    make_part,
+    what="readout",
+    known=READOUTS,
+    base=Readout,  # type: ignore[type-abstract]
+)
+"""A read-out of classes of a name, a dotted name ``"module.Class"``, or an object, as of
+:func:`hdc.parameters.make_part`."""
+make_value_readout: Callable[..., ValueReadout] = functools.partial(
+    make_part,
+    what="readout",
+    known=VALUE_READOUTS,
+    base=ValueReadout,  # type: ignore[type-abstract]
+)
+"""A read-out of numbers, as :func:`make_readout`."""

@@ -32,9 +32,7 @@ def check_memory(readout: str, n: int, matrices: int) -> None:
         )
 
 
-def dot(
-    planes: Tensor, n: Tensor, words: Tensor, dimension: int, backend: str = "numpy"
-) -> Tensor:
+def dot(planes: Tensor, n: Tensor, words: Tensor, dimension: int) -> Tensor:
     """(2v − 1)·(2c − n) of queries v, int64 [Q, L], from bit-sliced c, int64 [L, P, W].
 
     A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ b_p| of the planes b_p, and 2|v ∧ b| = |v| + |b| −
@@ -44,14 +42,14 @@ def dot(
     largest = 2 ** planes.shape[1] - 1
     n = n.to(words.device)
     ones = bits.count_ones(words)[:, None]
-    distances = _weighted_hamming(words, planes, backend)
+    distances = _weighted_hamming(words, planes)
     return 2 * ((largest - n) * ones - distances) + n * dimension
 
 
-def _weighted_hamming(words: Tensor, planes: Tensor, backend: str) -> Tensor:
+def _weighted_hamming(words: Tensor, planes: Tensor) -> Tensor:
     """Σ_p 2^p Ham(v, b_p) of queries [Q, W] and planes [L, P, W]: int64 [Q, L]."""
     n_classes, n_planes, width = planes.shape
-    kernels = backends.kernels(backend, words.device)
+    kernels = backends.in_use.get()
     if kernels:
         asked = words.contiguous().numpy()
         known = planes.contiguous().numpy()
@@ -61,21 +59,21 @@ def _weighted_hamming(words: Tensor, planes: Tensor, backend: str) -> Tensor:
     return (distances.view(-1, n_classes, n_planes) * weights).sum(2)
 
 
-def gram(a: Tensor, b: Tensor, dimension: int, backend: str = "numpy") -> Tensor:
+def gram(a: Tensor, b: Tensor, dimension: int) -> Tensor:
     """Products of hypervectors in ±1, [N, W] × [M, W] → float64 [N, M] (CPU)."""
     if a is not b:
-        distances = bits.hamming(a, b, backend)
+        distances = bits.hamming(a, b)
         return (dimension - 2 * distances).double().cpu()
     products = torch.empty(len(a), len(a), dtype=torch.float64)
 
     def fill(start: int) -> None:  # one half; the other is its mirror image
         stop = start + _ROWS
-        block = gram(a[start:stop], a[:stop], dimension, backend)
+        block = gram(a[start:stop], a[:stop], dimension)
         products[start:stop, :stop] = block
         products[:start, start:stop] = block[:, :start].T
 
     starts = reversed(range(0, len(a), _ROWS))  # the longest first
-    if backend == "numpy" and a.device.type == "cpu":
+    if backends.in_use.get() is None and a.device.type == "cpu":
         # The kernels have threads of their own, and so has a GPU; numpy has none.
         with ThreadPoolExecutor(torch.get_num_threads()) as pool:
             list(pool.map(fill, starts))
@@ -85,7 +83,7 @@ def gram(a: Tensor, b: Tensor, dimension: int, backend: str = "numpy") -> Tensor
     return products
 
 
-def combinations(coefficients: Tensor, words: Tensor, backend: str = "numpy") -> Tensor:
+def combinations(coefficients: Tensor, words: Tensor) -> Tensor:
     """Σ_i a_ik·x_i of hypervectors int64 [N, W] in ±1, a [N, K]: float32 [K, 64·W] (CPU).
 
     Bits beyond D count as −1. Sums of whole numbers are exact below 2²⁴; others are rounded in an
@@ -93,7 +91,7 @@ def combinations(coefficients: Tensor, words: Tensor, backend: str = "numpy") ->
     """
     factors = coefficients.float()
     here = words.cpu()
-    kernels = backends.kernels(backend, "cpu")
+    kernels = backends.in_use.get()
     if kernels:
         sums = torch.from_numpy(kernels.combine(here.numpy(), factors.numpy()))
     else:

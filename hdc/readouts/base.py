@@ -1,17 +1,18 @@
-"""The base class of read-outs: hypervectors of known classes to scores of queries."""
+"""The base classes of read-outs, which score classes, and of what they learn."""
 
 from __future__ import annotations
 
-import copy
 from abc import ABC, abstractmethod
-from collections.abc import Mapping, Sequence
-from typing import ClassVar, NamedTuple, Protocol, Self, TypeVar
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, NamedTuple, Self
 
 import torch
 from torch import Tensor
 
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import Parametrised
-from hdc.tensors import Kinds, take, tensors_of
+from hdc.tensors import Kinds, checked, compact
 
 NOWHERE = torch.iinfo(torch.int64).min
 """Score of a class without samples, in whole numbers."""
@@ -24,26 +25,58 @@ class HeldOut(NamedTuple):
     rows: Tensor  # int64 [m] (CPU)
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class State:
+    """What a read-out has learned: tensors that nobody changes, int64 or float64."""
+
+    kinds: ClassVar[Kinds] = {}
+    """Types and axes of the tensors in a file, of :mod:`hdc.tensors`; by default any."""
+    held_out: HeldOut | None = None
+    """Scores of left-out training frames, where training finds them."""
+
+    def tensors(self) -> dict[str, Tensor]:
+        """The tensors of a file."""
+        names = [field.name for field in fields(self)]
+        found = {name: getattr(self, name) for name in names}
+        return {name: x for name, x in found.items() if isinstance(x, Tensor)}
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Tensors without the rest of the memory that they are views of."""
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        return found | {name: compact(x) for name, x in self.tensors().items()}
+
+    def to(self, device: torch.device | str) -> Self:
+        """The same with its hypervectors in the memory of a device."""
+        moved: dict[str, Any] = {}
+        for name, tensor in self.tensors().items():
+            if "W" in self.kinds.get(name, "W").split():
+                moved[name] = tensor.to(device)
+        return replace(self, **moved)
+
+
 class Readout(Parametrised, ABC):
     """Scores of classes from packed hypervectors; an idea is a subclass in a file of its own.
 
-    A subclass writes :meth:`fit` and :meth:`scores`. Learned tensors are int64 or float64, in
-    attributes that end in an underscore: they are what is saved, sized and flipped, unless it
-    writes :meth:`state` and :meth:`restore`. Classes are rows 0 … L − 1; which labels they have is
-    the model's business. One that can follow a drift also has a method ``adapt(words, rows, p,
-    seed, method)``, which is given new hypervectors of known classes and those arguments of
-    :meth:`hdc.HDCClassifier.recalibrate` that `adapts_by` names; it changes no tensor in place, and
-    may return the factor by which the scores of classes without new frames change.
+    A subclass names its kind of `State`, and writes :meth:`fit` and :meth:`scores`. Classes are
+    rows 0 … L − 1; which labels they have is the model's business. One that can follow a drift also
+    has a method ``adapt(state, words, rows, p, seed, method)``, which returns a state for
+    new hypervectors of known classes. It is given those arguments of
+    :meth:`hdc.HDCClassifier.recalibrate` that `adapts_by` names.
 
     Example:
         >>> import torch
+        >>> from dataclasses import dataclass
         >>> from hdc import HDCClassifier, bits
+        >>> @dataclass(frozen=True, kw_only=True, eq=False)
+        ... class Firsts(State):
+        ...     first: Tensor
         >>> class First(Readout):
-        ...     def fit(self, words, rows, n_classes, dimension):
-        ...         self.first_ = torch.stack([words[rows == c][0] for c in range(n_classes)])
-        ...         return self
-        ...     def scores(self, words):
-        ...         return -bits.hamming(words, self.first_)
+        ...     State = Firsts
+        ...     def fit(self, words, rows, n_classes):
+        ...         packed = [words.packed[rows == c][0] for c in range(n_classes)]
+        ...         return Firsts(first=torch.stack(packed))
+        ...     def scores(self, state, words):
+        ...         return -bits.hamming(words.packed, state.first)
         >>> frames = torch.tensor([[9, 8, 1, 0], [0, 1, 9, 8]], dtype=torch.uint8)
         >>> HDCClassifier(readout=First()).fit(frames, ["a", "b"]).predict(frames).tolist()
         ['a', 'b']
@@ -51,130 +84,90 @@ class Readout(Parametrised, ABC):
 
     revision: ClassVar[int] = 1
     """Raised by hand in the commit that changes the scores of some query."""
-    backend: str = "numpy"
-    """Set by the model: ``"numpy"`` or ``"compiled"``, for :func:`hdc.bits.hamming` and others."""
-    kept: ClassVar[Kinds] = {}
-    """The tensors of a file, of :mod:`hdc.tensors`; by default all that are learned."""
-    predicts: ClassVar[tuple[str, ...]] = ()
-    """Those of them that :meth:`state` has; by default all."""
+    State: ClassVar[Any]
+    """The class of its states."""
+    needs: ClassVar[tuple[str, ...]] = ()
+    """Names of the tensors that a prediction needs; by default all of a state."""
     adapts_by: ClassVar[tuple[str, ...]] = ("p", "seed", "method")
     """Arguments of :meth:`hdc.HDCClassifier.recalibrate` that ``adapt`` is given."""
-    _dimension: int
 
     def check(self) -> None:
         """Raise ValueError, naming it, for a parameter that is not allowed."""
 
     @abstractmethod
-    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
-        """Start anew and learn.
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Any:
+        """Learn.
 
         Args:
-            words: hypervectors int64 [N, ⌈D/64⌉].
+            words: N hypervectors.
             rows: their classes int64 [N] (CPU), in [0, L).
             n_classes: L; a class without samples is never to be the best.
-            dimension: D, bits of a hypervector.
         """
 
     @abstractmethod
-    def scores(self, words: Tensor) -> Tensor:
-        """A score for each class, the largest wins, the first of equal ones: [Q, W] → [Q, L]."""
+    def scores(self, state: Any, words: Hypervectors) -> Tensor:
+        """A score for each class, the largest wins, the first of equal ones: [Q, L]."""
 
-    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+    def held_out(
+        self, state: Any, words: Hypervectors | None, rows: Tensor
+    ) -> HeldOut | None:
         """Scores of training frames as if each had not been learnt, where they have a closed form.
 
         Args:
-            words: hypervectors int64 [m, W] of some of the training frames.
+            state: what was learned.
+            words: some of the training frames, of a read-out that goes on learning.
             rows: their classes int64 [m] (CPU).
 
         Returns:
             For these, or for others that were kept in training; None without a closed form.
         """
-        return None
+        found: HeldOut | None = state.held_out
+        return found
 
-    def state(self) -> dict[str, Tensor]:
-        """The tensors that a prediction needs; they share memory with the read-out."""
-        stored = self.stored()
-        return {name: stored[name] for name in self.predicts or stored}
+    def needed(self, state: Any) -> dict[str, Tensor]:
+        """The tensors that a prediction needs; they share memory with the state."""
+        tensors = state.tensors()
+        return {name: tensors[name] for name in self.needs or tensors}
 
-    def stored(self) -> dict[str, Tensor]:
-        """The tensors of a file: :meth:`state`, and what further training needs."""
-        return tensors_of(self, self.kept) if self.kept else learned_tensors(self)
-
-    def restore(
+    def restored(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> None:
-        """Learn :meth:`stored` of a file.
+    ) -> Any:
+        """The state of the tensors of a file.
 
         Raises:
             ValueError: for tensors that do not fit.
         """
-        self._dimension = dimension
-        if self.kept:
-            take(self, tensors, self.kept, L=n_classes, D=dimension)
-        else:
-            vars(self).update(tensors)
-
-
-class Whole(Readout):
-    """A read-out that learns all frames at once, and keeps their scores without themselves.
-
-    They are in no file.
-    """
-
-    _held_out: HeldOut | None = None
-
-    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
-        """Scores of frames of the last training, in closed form; None once loaded."""
-        return self._held_out
+        kinds = self.State.kinds
+        if kinds:
+            return self.State(**checked(tensors, kinds, L=n_classes, D=dimension))
+        return self.State(**tensors)
 
 
 class Updatable(Readout):
     """A read-out that goes on learning, batch by batch, and new classes on the way."""
 
-    @abstractmethod
-    def add(self, words: Tensor, rows: Tensor) -> None:
-        """Learn further hypervectors int64 [N, W] of classes rows int64 [N]."""
-
-    def settle(self) -> None:
-        """Called once after several :meth:`add`, before scores are asked for."""
+    held_out: Any = None
+    """A method as of :class:`Readout`, of a read-out that scores left-out frames of a sample."""
 
     @abstractmethod
-    def arrange(self, places: Sequence[int], n_classes: int) -> None:
-        """Make room for new classes: class k becomes class places[k] of n_classes."""
+    def empty(self, n_classes: int, dimension: int, device: torch.device | str) -> Any:
+        """The state before the first hypervector."""
 
     @abstractmethod
-    def merge(self, other: Self, places: Sequence[int]) -> None:
-        """Learn what another one has learned, whose class k is class places[k] here."""
+    def add(self, state: Any, batches: Iterable[tuple[Hypervectors, Tensor]]) -> Any:
+        """The state after further batches: hypervectors, and their classes int64 [N]."""
 
+    @abstractmethod
+    def arrange(self, state: Any, places: Sequence[int], n_classes: int) -> Any:
+        """The state with room for new classes: class k becomes class places[k] of n_classes."""
 
-Part = TypeVar("Part", bound="HasBackend")
+    @abstractmethod
+    def merge(self, state: Any, other: Any, places: Sequence[int]) -> Any:
+        """The state of both trainings; class k of the other is class places[k] here."""
 
-
-class HasBackend(Protocol):
-    """A read-out of classes or of numbers."""
-
-    backend: str
-
-
-def with_backend(readout: Part, backend: str) -> Part:
-    """A read-out that computes by this backend: itself, or a copy that shares all it has learned.
-
-    Nothing of a read-out that several threads may be asking is changed.
-    """
-    if readout.backend == backend:
-        return readout
-    changed = copy.copy(readout)
-    changed.backend = backend
-    return changed
-
-
-def learned_tensors(readout: object) -> dict[str, Tensor]:
-    """The tensors among the attributes that end in an underscore."""
-    return {
-        name: value
-        for name, value in vars(readout).items()
-        if name.endswith("_") and isinstance(value, Tensor)
-    }
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Any:
+        start = self.empty(n_classes, words.dimension, words.packed.device)
+        return self.add(start, [(words, rows)])
 
 
 def without_empty(scores: Tensor, empty: Tensor) -> Tensor:

@@ -9,10 +9,11 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.hypervectors import Hypervectors
 from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import dot
 from hdc.readouts.base import HeldOut, without_empty
-from hdc.readouts.majority import Counting, smallest
+from hdc.readouts.majority import Counted, Counting, smallest
 
 
 class Counts(Counting):
@@ -22,36 +23,37 @@ class Counts(Counting):
         ties, balance, seed: as of :class:`hdc.readouts.Majority`. Ties and seed decide only
             the binary prototypes, that is, distances and what is known. With `balance`, a larger
             class is compared as a random subset of the size of the smallest is expected to be.
-
-    Attributes: as of :class:`hdc.readouts.majority.Counting`.
     """
 
     methods = ("merge",)  # counts have no bits to replace
-    predicts = ("planes",)
+    needs = ("planes",)
 
-    def scores(self, words: Tensor) -> Tensor:
+    def scores(self, state: Counted, words: Hypervectors) -> Tensor:
         """The cosines, float64 [Q, L]."""
-        counters = self.counters_
-        found = cosines(counters, words, self._thinned_to())
-        return without_empty(found / math.sqrt(counters.dimension), counters.n == 0)
+        found = cosines(state.counters(), words.packed, self._thinned_to(state))
+        return without_empty(found / math.sqrt(state.dimension), state.n == 0)
 
-    def _thinned_to(self) -> int | None:
+    def _thinned_to(self, state: Counted) -> int | None:
         """Frames that larger classes are compared as; None: classes are compared as they are."""
-        if self.balance and not self.recalibrated_:
-            return smallest(self.counters_)
+        if self.balance and not state.recalibrated:
+            return smallest(state.n)
         return None
 
-    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut | None:
+    def held_out(
+        self, state: Counted, words: Hypervectors | None, rows: Tensor
+    ) -> HeldOut | None:
         """The cosines, that of the own class with its counts minus the frame.
 
         None after a recalibration: how many votes a frame has is not kept.
         """
-        if self.recalibrated_:
+        if state.recalibrated:
             return None
-        scores = self.scores(words).cpu()
-        own = cosines_without(self.counters_, words, rows, self._thinned_to())
+        assert words is not None
+        scores = self.scores(state, words).cpu()
+        size = self._thinned_to(state)
+        own = cosines_without(state.counters(), words.packed, rows, size)
         places = torch.arange(len(rows))
-        scores[places, rows] = own / math.sqrt(self.counters_.dimension)
+        scores[places, rows] = own / math.sqrt(state.dimension)
         return HeldOut(scores, rows)
 
 

@@ -16,44 +16,30 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Mapping, Sequence
-from typing import Any, ClassVar, NamedTuple, Self
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
 from hdc.readouts.arithmetic import check_memory
-from hdc.readouts.base import HeldOut, Whole
+from hdc.readouts.base import HeldOut, Readout, State
 from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
 from hdc.readouts.leave_one_out import discriminants, evenly
+from hdc.tensors import checked
 
 _LOWEST = -1e300  # offset of a class without frames
 
 
-class Kernel(Whole):
-    """Discriminant analysis with a kernel; it keeps the hypervectors of all training frames.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Likenesses(State):
+    """What the likeness to each training frame counts for each class."""
 
-    Args:
-        scales: values of s to choose from, above zero; of equally good ones the first.
-        penalties: values of λ to choose from, as `scales`.
-
-    Attributes:
-        frames_: int64 [N, W], the hypervectors of all training frames.
-        dual_: float64 [N, L], what the likeness to each frame counts for each class.
-        offsets_: float64 [L].
-        reach_: float64 [], s·m: the distance in bits at which a likeness is 1/e.
-        scale_, penalty_: float64 [], s and λ.
-    """
-
-    frames_: Tensor
-    dual_: Tensor
-    offsets_: Tensor
-    reach_: Tensor
-    scale_: Tensor
-    penalty_: Tensor
-    kept: ClassVar = {
+    kinds = {  # noqa: RUF012
         "frames": "int64 N W",
         "dual": "float64 N L",
         "offsets": "float64 L",
@@ -61,7 +47,30 @@ class Kernel(Whole):
         "scale": "float64",
         "penalty": "float64",
     }
-    predicts = ("frames", "dual", "offsets", "reach")
+    frames: Tensor
+    """int64 [N, W], the hypervectors of all training frames."""
+    dual: Tensor
+    """float64 [N, L] (CPU)."""
+    offsets: Tensor
+    """float64 [L] (CPU)."""
+    reach: Tensor
+    """float64 [], s·m: the distance in bits at which a likeness is 1/e."""
+    scale: Tensor
+    """float64 [], s."""
+    penalty: Tensor
+    """float64 [], λ."""
+
+
+class Kernel(Readout):
+    """Discriminant analysis with a kernel; it keeps the hypervectors of all training frames.
+
+    Args:
+        scales: values of s to choose from, above zero; of equally good ones the first.
+        penalties: values of λ to choose from, as `scales`.
+    """
+
+    State = Likenesses
+    needs = ("frames", "dual", "offsets", "reach")
     adapts_by = ("p",)
 
     def __init__(
@@ -76,79 +85,90 @@ class Kernel(Whole):
         _check_positive("scales", self.scales)
         _check_positive("penalties", self.penalties)
 
-    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Likenesses:
         """See :meth:`hdc.readouts.base.Readout.fit`.
 
         Raises:
             ValueError: for more than 8000 frames, of which the matrices fill the memory.
         """
-        n = len(words)
+        n = len(rows)
         check_memory("kernel", n, matrices=3)
         known, place = rows.unique(return_inverse=True)
-        distances = bits.hamming(words, words, self.backend).cpu()
+        distances = bits.hamming(words.packed, words.packed).cpu()
         best = fewest_errors(distances, place, self.scales, self.penalties)
-        if best.solution.products.penalty is None:
+        products = best.solution.products
+        if products.penalty is None:
             warnings.warn(
                 "kernel: no class has two different frames, so the nearest mean is learned",
                 stacklevel=3,
             )
-        self.frames_ = words.clone()
-        self.dual_ = torch.zeros(n, n_classes, dtype=torch.float64)
-        self.offsets_ = torch.full((n_classes,), _LOWEST, dtype=torch.float64)
-        self.dual_[:, known] = best.solution.dual
-        self.offsets_[known] = best.solution.offsets
-        self.reach_ = _number(best.reach)
-        self.scale_ = _number(best.scale)
-        self.penalty_ = _number(best.penalty)
-        self._held_out = held_out_of(best.solution.products, place, known, n_classes)
-        return self
+        dual = torch.zeros(n, n_classes, dtype=torch.float64)
+        offsets = torch.full((n_classes,), _LOWEST, dtype=torch.float64)
+        dual[:, known] = best.solution.dual
+        offsets[known] = best.solution.offsets
+        return Likenesses(
+            frames=words.packed,
+            dual=dual,
+            offsets=offsets,
+            reach=_number(best.reach),
+            scale=_number(best.scale),
+            penalty=_number(best.penalty),
+            held_out=held_out_of(products, place, known, n_classes),
+        )
 
-    def adapt(self, words: Tensor, rows: Tensor, share: float) -> float:
+    def adapt(
+        self, state: Likenesses, words: Hypervectors, rows: Tensor, share: float
+    ) -> Likenesses:
         """Mix the discriminants of before with those of new frames.
 
         Each in units of its length in the space of the kernel, whose factors stay; `share` is that
         of the new ones. A class without new frames has those of before alone.
 
-        Returns, raises: as :meth:`hdc.readouts.LDA.adapt`.
+        Raises: as :meth:`hdc.readouts.LDA.adapt`.
         """
         check_mixed(share, rows)
-        n_classes = self.dual_.shape[1]
+        n_classes = state.dual.shape[1]
         known, place = rows.unique(return_inverse=True)
-        distances = bits.hamming(words, words, self.backend).cpu()
-        reach = float(self.reach_)
-        factors = [float(self.penalty_)]
-        (tried,) = _tries(distances, place, reach, float(self.scale_), factors)
+        distances = bits.hamming(words.packed, words.packed).cpu()
+        reach = float(state.reach)
+        factors = [float(state.penalty)]
+        (tried,) = _tries(distances, place, reach, float(state.scale), factors)
         dual = torch.zeros(len(words), n_classes, dtype=torch.float64)
         dual[:, known] = tried.solution.dual
         offsets = torch.zeros(n_classes, dtype=torch.float64)
         offsets[known] = tried.solution.offsets
-        within = bits.hamming(self.frames_, self.frames_, self.backend).cpu()
-        before = (1 - share) / _length(within, reach, self.dual_)
+        within = bits.hamming(state.frames, state.frames).cpu()
+        before = (1 - share) / _length(within, reach, state.dual)
         after = share / _length(distances, reach, dual)
         found, places = discriminants(tried.solution.products, place)
-        held_out = before * self.scores(words[places.to(words.device)]).cpu()
+        held_out = before * self.scores(state, words[places]).cpu()
         held_out[:, known] += after * found
-        self._held_out = HeldOut(held_out, rows[places])
-        self.frames_ = torch.cat((self.frames_, words))
-        self.dual_ = torch.cat((before * self.dual_, after * dual))
-        learnt = self.offsets_ > _LOWEST
-        mixed = before * self.offsets_ + after * offsets
-        self.offsets_ = torch.where(learnt, mixed, self.offsets_)
-        return before
+        learnt = state.offsets > _LOWEST
+        mixed = before * state.offsets + after * offsets
+        return replace(
+            state,
+            frames=torch.cat((state.frames, words.packed)),
+            dual=torch.cat((before * state.dual, after * dual)),
+            offsets=torch.where(learnt, mixed, state.offsets),
+            held_out=HeldOut(held_out, rows[places]),
+        )
 
-    def scores(self, words: Tensor) -> Tensor:
+    def scores(self, state: Likenesses, words: Hypervectors) -> Tensor:
         """The discriminants, float64 [Q, L]."""
-        distances = bits.hamming(words, self.frames_, self.backend)
-        near = likeness(distances, float(self.reach_))
-        dual = self.dual_.to(words.device)
-        return near @ dual + self.offsets_.to(words.device)
+        distances = bits.hamming(words.packed, state.frames)
+        near = likeness(distances, float(state.reach))
+        dual = state.dual.to(near.device)
+        return near @ dual + state.offsets.to(near.device)
 
-    def restore(
+    def restored(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> None:
-        super().restore(tensors, n_classes, dimension)
-        if float(self.reach_) <= 0:
-            raise ValueError(f"reach: expected one above zero, found {self.reach_}")
+    ) -> Likenesses:
+        found: dict[str, Any] = dict(
+            checked(tensors, Likenesses.kinds, L=n_classes, D=dimension)
+        )
+        if float(found["reach"]) <= 0:
+            raise ValueError(f"reach: expected one above zero, found {found['reach']}")
+        return Likenesses(**found)
 
 
 class Tried(NamedTuple):

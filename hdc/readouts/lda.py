@@ -20,16 +20,18 @@ last digits, and now and then a weight by one.
 from __future__ import annotations
 
 import warnings
-from typing import Any, ClassVar, Self
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.prototypes import Counters
 from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
-from hdc.readouts.base import NOWHERE, HeldOut, Whole
+from hdc.readouts.base import NOWHERE, HeldOut, Readout, State
 from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
 from hdc.readouts.leave_one_out import spread_over
 
@@ -40,30 +42,52 @@ _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
 _UNIT_BITS = 20  # of the largest scale
 
 
-class LDA(Whole):
-    """Shrinkage discriminant analysis; classes count alike, however many frames they have.
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Discriminants(State):
+    """The score of a query x for a class is scale·(q·x) + offset."""
 
-    Args:
-        shrinkage: α in [0, 1], or in closed form ``"ledoit_wolf"`` (J. Multivar. Anal. 88, 365
-            (2004)) or ``"oas"`` (Chen et al., IEEE TSP 58, 5016 (2010)).
-
-    Attributes:
-        weights_: int64 [L, 4, W], q + 8 bit-sliced.
-        scales_, offsets_: int64 [L], the score of a query x is scale·(q·x) + offset.
-        shrinkage_: float64 [], α.
-    """
-
-    weights_: Tensor
-    scales_: Tensor
-    offsets_: Tensor
-    shrinkage_: Tensor
-    kept: ClassVar = {
+    kinds = {  # noqa: RUF012
         "weights": "int64 L 4 W",
         "scales": "int64 L",
         "offsets": "int64 L",
         "shrinkage": "float64",
     }
-    predicts = ("weights", "scales", "offsets")
+    weights: Tensor
+    """int64 [L, 4, W], q + 8 bit-sliced."""
+    scales: Tensor
+    """int64 [L] (CPU)."""
+    offsets: Tensor
+    """int64 [L] (CPU)."""
+    shrinkage: Tensor
+    """float64 [], α."""
+
+    def floats(self, dimension: int) -> Tensor:
+        """The weights of the classes in the unit of the scores, float32 [L, D] (CPU)."""
+        sliced = bits.unpack(self.weights.cpu(), dimension)
+        weights = torch.zeros(len(sliced), dimension)
+        for p in range(_PLANES):
+            weights += 2.0**p * sliced[:, p]
+        return (weights - _OFFSET) * self.scales[:, None].float()
+
+    def known_offsets(self) -> Tensor:
+        """Offsets float64 [L]; 0 of a class without frames."""
+        known = self.offsets > NOWHERE // 2
+        return torch.where(known, self.offsets, 0).double()
+
+
+class LDA(Readout):
+    """Shrinkage discriminant analysis; classes count alike, however many frames they have.
+
+    Unlike scikit-learn's ``LinearDiscriminantAnalysis(shrinkage="auto")`` it does not standardise
+    features, has one covariance of the frames within all classes, and equal priors.
+
+    Args:
+        shrinkage: α in [0, 1], or in closed form ``"ledoit_wolf"`` (J. Multivar. Anal. 88, 365
+            (2004)) or ``"oas"`` (Chen et al., IEEE TSP 58, 5016 (2010)).
+    """
+
+    State = Discriminants
+    needs = ("weights", "scales", "offsets")
     adapts_by = ("p",)
 
     def __init__(self, shrinkage: float | str = "ledoit_wolf"):
@@ -77,15 +101,16 @@ class LDA(Whole):
             expected = f"one of {', '.join(SHRINKAGES)}, or a share in [0, 1]"
             raise ValueError(f"shrinkage: expected {expected}, found {given!r}")
 
-    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Discriminants:
         """See :meth:`hdc.readouts.base.Readout.fit`.
 
         Raises:
             ValueError: for more than 8000 frames, of which the Gram matrices fill the memory.
         """
-        check_memory("lda", len(words), matrices=2)
+        check_memory("lda", len(rows), matrices=2)
         known, place = rows.unique(return_inverse=True)
-        problem = Problem.of(gram(words, words, dimension, self.backend), place)
+        packed, dimension = words.packed, words.dimension
+        problem = Problem.of(gram(packed, packed, dimension), place)
         if problem.is_empty:
             warnings.warn(
                 "lda: no class has two different frames, so the nearest mean is learned",
@@ -93,107 +118,84 @@ class LDA(Whole):
             )
         alpha, solution = shrunken(problem, dimension, self.shrinkage)
         dual, offsets, products = solution
-        weights = combinations(dual, words, self.backend)[:, :dimension]
-        means = class_means(words, place, len(known), dimension, self.backend)
-        planes, scales, offsets = _quantised(weights, means, offsets)
-        planes = planes.to(words.device)
-        unit = self._take(planes, scales, offsets, known, n_classes, dimension)
-        self.shrinkage_ = torch.tensor(alpha, dtype=torch.float64)
-        self._held_out = held_out_of(products, place, known, n_classes, unit)
-        return self
+        weights = combinations(dual, packed)[:, :dimension]
+        means = class_means(packed, place, len(known), dimension)
+        planes, *rest = _quantised(weights, means, offsets)
+        quantised = planes.to(packed.device), *rest
+        state, unit = _in_whole_numbers(quantised, known, n_classes, alpha)
+        held_out = held_out_of(products, place, known, n_classes, unit)
+        return replace(state, held_out=held_out)
 
-    def adapt(self, words: Tensor, rows: Tensor, share: float) -> float:
+    def adapt(
+        self, state: Discriminants, words: Hypervectors, rows: Tensor, share: float
+    ) -> Discriminants:
         """Mix the discriminants of before with those of new frames.
 
         Each in units of the length of its weights; `share` is that of the new ones. A class without
         new frames has those of before alone.
 
-        Returns:
-            The factor by which the scores of such a class change.
-
         Raises:
             ValueError: for a share outside [0, 1], or 1 with new frames of a single class.
         """
         check_mixed(share, rows)
-        n_classes, dimension = len(self.weights_), self._dimension
-        new = LDA(self.shrinkage)
-        new.backend = self.backend
-        new.fit(words, rows, n_classes, dimension)
-        parts = (1 - share) / self._length(), share / new._length()
-        weights = parts[0] * self._floats() + parts[1] * new._floats()
-        before, after = (
-            parts[k] * f._known_offsets() for k, f in enumerate((self, new))
-        )
+        n_classes, dimension = len(state.weights), words.dimension
+        new = self.fit(words, rows, n_classes)
+        floats = state.floats(dimension), new.floats(dimension)
+        lengths = [float(weights.norm()) or 1.0 for weights in floats]
+        before, after = (1 - share) / lengths[0], share / lengths[1]
+        weights = before * floats[0] + after * floats[1]
+        offsets = before * state.known_offsets() + after * new.known_offsets()
         known, place = rows.unique(return_inverse=True)
-        means = class_means(words, place, len(known), dimension, self.backend)
+        means = class_means(words.packed, place, len(known), dimension)
         full = means.mean(0).repeat(n_classes, 1)
         full[known] = means
-        planes, scales, offsets = _quantised(weights, full, before + after)
-        held_out = new._held_out
+        every = (state.offsets > NOWHERE // 2).nonzero().flatten()
+        planes, *rest = (part[every] for part in _quantised(weights, full, offsets))
+        quantised = planes.to(words.packed.device), *rest
+        alpha = float(new.shrinkage)
+        mixed, unit = _in_whole_numbers(quantised, every, n_classes, alpha)
+        held_out = new.held_out
         assert held_out is not None
         # Those of before have not learnt the new frames: their scores are as they are.
         several = torch.bincount(rows, minlength=n_classes)[rows] > 1
         chosen = spread_over(rows)
         chosen = chosen[several[chosen]]
-        old = parts[0] * self.scores(words[chosen.to(words.device)]).double().cpu()
-        found = old + parts[1] * held_out.scores
-        every = (self.offsets_ > NOWHERE // 2).nonzero().flatten()
-        unit = self._take(
-            planes.to(words.device)[every.to(words.device)],
-            scales[every],
-            offsets[every],
-            every,
-            n_classes,
-            dimension,
-        )
-        self._held_out = HeldOut(unit * found, held_out.rows)
-        self.shrinkage_ = new.shrinkage_
-        return unit * parts[0]
+        old = before * self.scores(state, words[chosen]).double().cpu()
+        found = HeldOut(unit * (old + after * held_out.scores), held_out.rows)
+        return replace(mixed, held_out=found)
 
-    def _floats(self) -> Tensor:
-        """The weights of the classes in the unit of the scores, float32 [L, D] (CPU)."""
-        sliced = bits.unpack(self.weights_.cpu(), self._dimension)
-        weights = torch.zeros(len(sliced), self._dimension)
-        for p in range(_PLANES):
-            weights += 2.0**p * sliced[:, p]
-        return (weights - _OFFSET) * self.scales_[:, None].float()
-
-    def _length(self) -> float:
-        """Length of all weights together; 1 of none."""
-        return float(self._floats().norm()) or 1.0
-
-    def _known_offsets(self) -> Tensor:
-        """Offsets float64 [L]; 0 of a class without frames."""
-        known = self.offsets_ > NOWHERE // 2
-        return torch.where(known, self.offsets_, 0).double()
-
-    def _take(
-        self,
-        planes: Tensor,
-        scales: Tensor,
-        offsets: Tensor,
-        known: Tensor,
-        n_classes: int,
-        dimension: int,
-    ) -> float:
-        """Scores in whole numbers, of which the unit follows; none but `known` classes win."""
-        unit = 2**_UNIT_BITS / float(scales.max())
-        self.weights_ = planes.new_zeros(n_classes, *planes.shape[1:])
-        self.scales_ = torch.zeros(n_classes, dtype=torch.int64)
-        self.offsets_ = torch.full((n_classes,), NOWHERE // 2)
-        self.weights_[known.to(planes.device)] = planes
-        self.scales_[known] = (scales * unit).round().long()
-        self.offsets_[known] = (offsets * unit).round().long()
-        self._dimension = dimension
-        return unit
-
-    def scores(self, words: Tensor) -> Tensor:
+    def scores(self, state: Discriminants, words: Hypervectors) -> Tensor:
         """The discriminants, int64 [Q, L]."""
-        n = torch.full((len(self.weights_),), 2 * _OFFSET)
-        twice = dot(self.weights_, n, words, self._dimension, self.backend)
-        scales = self.scales_.to(words.device)
-        offsets = self.offsets_.to(words.device)
+        n = torch.full((len(state.weights),), 2 * _OFFSET)
+        twice = dot(state.weights, n, words.packed, words.dimension)
+        scales = state.scales.to(twice.device)
+        offsets = state.offsets.to(twice.device)
         return twice // 2 * scales + offsets
+
+
+def _in_whole_numbers(
+    quantised: Sequence[Tensor], known: Tensor, n_classes: int, alpha: float
+) -> tuple[Discriminants, float]:
+    """A state of whole numbers, and their unit; none but the `known` classes win.
+
+    Args:
+        quantised: planes, scales and offsets of the known classes, of :func:`_quantised`.
+        known: rows int64 [K].
+        n_classes: L.
+        alpha: of the training.
+    """
+    planes, scales, offsets = quantised
+    unit = 2**_UNIT_BITS / float(scales.max())
+    state = Discriminants(
+        weights=planes.new_zeros(n_classes, *planes.shape[1:]),
+        scales=torch.zeros(n_classes, dtype=torch.int64),
+        offsets=torch.full((n_classes,), NOWHERE // 2),
+        shrinkage=torch.tensor(alpha, dtype=torch.float64),
+    )
+    state.weights[known.to(planes.device)] = planes
+    state.scales[known] = (scales * unit).round().long()
+    state.offsets[known] = (offsets * unit).round().long()
+    return state, unit
 
 
 def closed_form(
@@ -250,17 +252,11 @@ def _penalty(problem: Problem, dimension: int, alpha: float) -> float | None:
     return alpha / (1 - alpha) * problem.trace / dimension
 
 
-def class_means(
-    words: Tensor, rows: Tensor, n_classes: int, dimension: int, backend: str
-) -> Tensor:
+def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:
     """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
-    counters = Counters(n_classes, dimension, "cpu", backend)
-    counters.add(words.cpu(), rows)
-    means = torch.empty(n_classes, dimension)
-    for c, n in enumerate(counters.n.tolist()):  # one by one, to stay in the cache
-        means[c] = counters.counts([c])[0]
-        means[c].mul_(2).sub_(n).div_(n)
-    return means
+    onehot = torch.nn.functional.one_hot(rows, n_classes)
+    sums = combinations(onehot, words)[:, :dimension]
+    return sums / onehot.sum(0)[:, None]
 
 
 def _quantised(
@@ -279,7 +275,7 @@ def _quantised(
     for c, w in enumerate(weights):
         steps = _LEVELS / _unit(w.abs())
         q = (w * steps).round_().clamp_(-_LEVELS, _LEVELS)
-        planes.append(_packed(q))
+        planes.append(_planes_of(q))
         if not q.any():
             continue
         away = (means[c] - centre).double()
@@ -291,7 +287,7 @@ def _quantised(
             scales[c] = float(exact @ rounded) / float(rounded @ rounded)
         lost = w - scales[c].float() * q
         offsets[c] += float(lost.double() @ in_doubles)
-    return torch.stack(planes), scales.clamp(min=1e-300), offsets
+    return bits.pack(torch.stack(planes)), scales.clamp(min=1e-300), offsets
 
 
 def _unit(sizes: Tensor) -> float:
@@ -306,11 +302,7 @@ def _unit(sizes: Tensor) -> float:
     return float(live[place])
 
 
-def _packed(q: Tensor) -> Tensor:
-    """q + 8 of the bits [D] as planes int64 [4, W]; zeros beyond D."""
+def _planes_of(q: Tensor) -> Tensor:
+    """q + 8 of the bits [D] as planes bool [4, D]."""
     shifted = (q + _OFFSET).to(torch.uint8)
-    planes = []
-    for p in range(_PLANES):
-        has_bit = shifted & (1 << p)
-        planes.append(bits.pack(has_bit.bool()))
-    return torch.stack(planes)
+    return torch.stack([(shifted >> p & 1).bool() for p in range(_PLANES)])

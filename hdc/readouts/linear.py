@@ -35,10 +35,10 @@ class Linear:
     penalty: float  # λ
     dimension: int
 
-    def values(self, words: Tensor, backend: str = "numpy") -> Tensor:
+    def values(self, words: Tensor) -> Tensor:
         """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
         n = torch.full((len(self.planes),), 2 * _OFFSET)
-        twice = dot(self.planes, n, words, self.dimension, backend)
+        twice = dot(self.planes, n, words, self.dimension)
         scales = self.scales.to(words.device)
         intercepts = self.intercepts.to(words.device)
         return twice // 2 * scales + intercepts

@@ -2,52 +2,61 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from numbers import Integral
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
 
 from hdc import bits, planes
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_choice, check_share
-from hdc.prototypes import Counters, merged, replaced_bits
-from hdc.readouts.base import HeldOut, Updatable
+from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
+from hdc.readouts.base import HeldOut, State, Updatable
 from hdc.tensors import checked
 
 METHODS = ("replace", "merge")
 EXTRAS = (-2, -1, 0, 1, 2)
-"""Hypervectors more or less that :mod:`hdc.conformal` asks for, as `extra` of
-:meth:`hdc.prototypes.Counters.prototype`."""
+"""Hypervectors more or less that :mod:`hdc.conformal` asks for."""
 
-KINDS = {
-    "planes": "int64 L P W",
-    "n": "int64 L",
-    "prototypes": "int64 L W",
-    "recalibrated": "int64",
-    "deciding": "int64 L 5 W",
-}
-"""What is kept in a file; `deciding` after a recalibration only."""
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Counted(State):
+    """Counts of ones per class and their majority."""
+
+    kinds = {  # noqa: RUF012
+        "planes": "int64 L P W",
+        "n": "int64 L",
+        "prototypes": "int64 L W",
+        "recalibrated": "int64",
+        "deciding": "int64 L 5 W",
+    }
+    planes: Tensor
+    """int64 [L, P, W], the counts, bit-sliced (:mod:`hdc.planes`)."""
+    n: Tensor
+    """int64 [L] (CPU), hypervectors of each class, or votes after a recalibration by votes."""
+    prototypes: Tensor
+    """int64 [L, W]; zeros for a class without samples."""
+    recalibrated: Tensor
+    """int64 [], how often; prototypes are then not those of the counted hypervectors."""
+    deciding: Tensor | None = None
+    """int64 [L, 5, W], see :data:`EXTRAS`, where the counts do not tell them."""
+
+    dimension: int
+
+    def counters(self) -> Counters:
+        """The counts."""
+        return Counters.of(self.planes, self.n, self.dimension)
 
 
 class Counting(Updatable):
-    """Counters of ones per class and their majority; what Majority and Counts share.
+    """Counters of ones per class and their majority; what Majority and Counts share."""
 
-    Attributes:
-        counters_: the counts, :class:`hdc.prototypes.Counters`.
-        prototypes_: int64 [L, W], the packed prototypes; zeros for a class without samples.
-        recalibrated_: whether prototypes are no longer those of the counted hypervectors.
-    """
-
+    State = Counted
     methods: ClassVar[tuple[str, ...]] = METHODS
     """Ways to adapt, the first by default."""
-    counters_: Counters
-    prototypes_: Tensor
-    recalibrated_: bool
-    _size: int | None
-    """Samples per class that prototypes count as; −1: none are made yet."""
-    _changed: set[int]  # classes that have samples that their prototypes have not
-    _deciding: Tensor | None  # [L, 5, W], see EXTRAS, where counters do not tell them
 
     def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
         self.ties = ties
@@ -55,77 +64,99 @@ class Counting(Updatable):
         self.seed = seed
 
     def check(self) -> None:
-        check_choice("ties", self.ties, bits.TIES)
+        check_choice("ties", self.ties, planes.TIES)
         check_choice("balance", self.balance, (True, False))
         if isinstance(self.seed, bool) or not isinstance(self.seed, Integral):
             raise ValueError(f"seed: expected an integer, found {self.seed!r}")
 
-    def start(self, n_classes: int, dimension: int, device: torch.device | str) -> Self:
-        """Be ready to count for so many classes."""
-        self.counters_ = Counters(n_classes, dimension, device)
-        self.recalibrated_ = False
-        self._deciding = None
-        self._reset()
-        return self
+    # Counting ------------------------------------------------------------------------------------
 
-    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
-        self.start(n_classes, dimension, words.device)
-        self.add(words, rows)
-        self.settle()
-        return self
+    def empty(
+        self, n_classes: int, dimension: int, device: torch.device | str
+    ) -> Counted:
+        width = bits.words_for(dimension)
+        return Counted(
+            planes=planes.zeros((n_classes, 1, width), device),
+            n=torch.zeros(n_classes, dtype=torch.int64),
+            prototypes=planes.zeros((n_classes, width), device),
+            recalibrated=torch.tensor(0),
+            dimension=dimension,
+        )
 
-    def add(self, words: Tensor, rows: Tensor) -> None:
-        self.counters_.backend = self.backend
-        self.counters_.add(words, rows)
-        self._changed |= set(rows.tolist())
+    def add(
+        self, state: Counted, batches: Iterable[tuple[Hypervectors, Tensor]]
+    ) -> Counted:
+        counts, n = state.planes.clone(), state.n
+        for words, rows in batches:
+            counts, n = planes.count_classes(counts, n, words.packed, rows)
+        counted = replace(state, planes=counts, n=n)
+        if self._size(n) == self._size(state.n):
+            return self._with_prototypes(counted, n != state.n)
+        return self._with_prototypes(counted, n > 0)
 
-    def add_frames(
-        self,
-        frames: Tensor,
-        rows: Tensor,
-        chosen: Sequence[int],
-        n_ones: int,
-        ties: str,
-    ) -> tuple[Tensor, Any, Any]:
-        """:meth:`hdc.prototypes.Counters.add_frames`."""
-        self._changed |= set(rows.tolist())
-        return self.counters_.add_frames(frames, rows, chosen, n_ones, ties)
+    def arrange(self, state: Counted, places: Sequence[int], n_classes: int) -> Counted:
+        return self._merged(n_classes, (state, places))
 
-    def settle(self) -> None:
-        """Make the prototypes of classes that have more samples, or all where that changes them."""
-        counters = self.counters_
-        size = self._common_size()
-        # Others may be reading the ones of before.
-        prototypes = torch.empty_like(self.prototypes_)
-        planes.plain(prototypes)[:] = planes.plain(self.prototypes_)
-        changed = self._changed
-        if size != self._size:
-            changed = set(range(len(counters.n)))
-        for c in changed:
-            if counters.n[c]:
-                made = counters.prototype(c, self.ties, self.seed, size=size)
-                prototypes[c] = made
-        self.prototypes_ = prototypes
-        self._size = size
-        self._changed = set()
+    def merge(self, state: Counted, other: Counted, places: Sequence[int]) -> Counted:
+        n_classes = len(state.n)
+        return self._merged(n_classes, (state, range(n_classes)), (other, places))
 
-    def arrange(self, places: Sequence[int], n_classes: int) -> None:
-        old = self.counters_
-        self.counters_ = Counters(n_classes, old.dimension, old.device)
-        self.counters_.merge(old, places)
-        self._reset()
+    def _merged(self, n_classes: int, *parts: tuple[Counted, Sequence[int]]) -> Counted:
+        """All counts together, each part with the rows of its classes; prototypes made anew."""
+        first, _ = parts[0]
+        counters = Counters(n_classes, first.dimension, first.planes.device)
+        for state, places in parts:
+            counters.merge(state.counters(), places)
+        merged_ = replace(
+            self.empty(n_classes, first.dimension, first.planes.device),
+            planes=counters.planes,
+            n=counters.n,
+        )
+        return self._with_prototypes(merged_, counters.n > 0)
 
-    def merge(self, other: Self, places: Sequence[int]) -> None:
-        self.counters_.merge(other.counters_, places)
-        self._changed |= set(places)
+    def _with_prototypes(self, state: Counted, changed: Tensor) -> Counted:
+        """A state with prototypes of its counts, for the classes bool [L] that have changed."""
+        made = state.prototypes.clone()
+        counts, n = state.planes, state.n
+        size = self._size(n)
+        if size is not None:
+            thinned = state.counters().thinned(size, self.seed)
+            counts, n = thinned.planes, thinned.n
+        breaker = None
+        for c in changed.nonzero().flatten().tolist():
+            if self.ties == "random":
+                breaker = self._tie_breaker(c, state)
+            made[c] = planes.majority(counts[c], int(n[c]), self.ties, breaker)
+        return replace(state, prototypes=made)
+
+    def _size(self, n: Tensor) -> int | None:
+        """Samples a class that prototypes count as, where some of n [L] are thinned."""
+        if not self.balance:
+            return None
+        least = smallest(n)
+        return least if (n > least).any() else None
+
+    def _tie_breaker(self, c: int, state: Counted) -> Tensor | None:
+        if self.ties != "random":
+            return None
+        return tie_breaker(state.dimension, self.seed, c).to(state.planes.device)
+
+    # Adapting ------------------------------------------------------------------------------------
 
     def adapt(
-        self, words: Tensor, rows: Tensor, share: float, seed: int, method: str | None
-    ) -> None:
+        self,
+        state: Counted,
+        words: Hypervectors,
+        rows: Tensor,
+        share: float,
+        seed: int,
+        method: str | None,
+    ) -> Counted:
         """Move the prototypes of some classes to new hypervectors.
 
         Args:
-            words, rows: the new hypervectors int64 [N, W] and their classes int64 [N].
+            state: what was learned.
+            words, rows: the new hypervectors and their classes int64 [N].
             share: probability with which a bit is replaced, or share of the new in the votes.
             seed: of the choice of bits that are replaced.
             method: ``"replace"``, as published, or ``"merge"`` (:func:`hdc.prototypes.merged`);
@@ -139,136 +170,124 @@ class Counting(Updatable):
         method = self.methods[0] if method is None else method
         check_choice("method", method, self.methods)
         classes = rows.unique().tolist()
-        if method == "replace" and (self.counters_.n[classes] == 0).any():
+        if method == "replace" and (state.n[classes] == 0).any():
             raise ValueError(
                 "recalibrate: expected classes with training frames, found new frames of one "
                 "without; method='merge' or partial_fit learns it"
             )
-        dimension = self.counters_.dimension
-        new = Counters(len(classes), dimension, words.device, self.backend)
-        places = torch.searchsorted(torch.tensor(classes), rows)
-        new.add(words, places)
-        size = smallest(new) if self.balance else None
+        new = Counters(len(classes), state.dimension, words.packed.device)
+        new.add(words.packed, torch.searchsorted(torch.tensor(classes), rows))
+        state = replace(state, deciding=self.deciding(state))
         if method == "merge":
-            self._merge_votes(new, classes, share, seed, size)
+            moved = self._merge_votes(state, new, classes, share, seed)
         else:
-            self._replace_bits(new, classes, share, seed, size)
-        self.recalibrated_ = True
+            moved = self._replace_bits(state, new, classes, share, seed)
+        return replace(moved, recalibrated=state.recalibrated + 1)
 
     def _merge_votes(
         self,
+        state: Counted,
         new: Counters,
         classes: list[int],
         share: float,
         seed: int,
-        size: int | None,
-    ) -> None:
+    ) -> Counted:
         """Prototypes of the votes of old and new hypervectors."""
-        old = self.counters_
-        deciding = self.deciding()
-        if self.balance and not self.recalibrated_:
-            old = old.thinned(smallest(old), self.seed)
-        if size:
-            new = new.thinned(size, seed)
+        old = state.counters()
+        if self.balance:
+            new = new.thinned(smallest(new.n), seed)
+            if not state.recalibrated:
+                old = old.thinned(smallest(old.n), self.seed)
         placed = Counters(len(old.n), old.dimension, old.device)
         placed.merge(new, classes)
         votes, weights = merged(old, placed, share)
+        assert state.deciding is not None
+        deciding = state.deciding.clone()
+        voted = replace(state, planes=votes.planes, n=votes.n)
         for c in classes:
-            deciding[c] = deciding_prototypes(
-                votes, c, self.ties, self.seed, weights[c]
-            )
-        self.counters_ = votes
-        self._deciding = deciding
-        self.prototypes_ = votes.majority(self.ties, self.seed)
+            deciding[c] = self._deciding_of(voted, c, weights[c])
+        prototypes = votes.majority(self.ties, self.seed)
+        return replace(voted, prototypes=prototypes, deciding=deciding)
 
     def _replace_bits(
         self,
+        state: Counted,
         new: Counters,
         classes: list[int],
         share: float,
         seed: int,
-        size: int | None,
-    ) -> None:
+    ) -> Counted:
         """Prototypes of which each bit is the new one's with a probability (paper, Fig. 8(a))."""
-        before = self.prototypes_
-        deciding = self.deciding()
-        mask = replaced_bits(len(before), new.dimension, share, seed)
+        before = state.prototypes
+        assert state.deciding is not None
+        deciding = state.deciding.clone()
+        number = int(state.recalibrated)
+        mask = replaced_bits(len(before), new.dimension, share, seed, number)
         mask = mask.to(before.device)
         after = before.clone()
+        size = smallest(new.n) if self.balance else None
         fresh = new.majority(self.ties, self.seed, size)
+        counted = replace(state, planes=new.planes, n=new.n)
         for i, c in enumerate(classes):
             after[c] ^= (before[c] ^ fresh[i]) & mask[c]
-            near = deciding_prototypes(new, i, self.ties, self.seed)
+            near = self._deciding_of(counted, i)
             replaced = (before[c] ^ near) & mask[c]
             deciding[c] = before[c] ^ replaced
-        self.prototypes_ = after
-        self._deciding = deciding
+        return replace(state, prototypes=after, deciding=deciding)
 
-    def deciding(self) -> Tensor:
+    # Left out ------------------------------------------------------------------------------------
+
+    def deciding(self, state: Counted) -> Tensor:
         """Prototypes [L, 5, W] with :data:`EXTRAS` hypervectors more, for :mod:`hdc.conformal`."""
-        if self._deciding is not None:
-            return self._deciding.clone()
-        n_classes, width = self.prototypes_.shape
-        decided = self.prototypes_.new_zeros(n_classes, len(EXTRAS), width)
-        counters = self.counters_
-        for c in counters.n.nonzero().flatten().tolist():
-            decided[c] = deciding_prototypes(counters, c, self.ties, self.seed)
+        if state.deciding is not None:
+            return state.deciding
+        n_classes, width = state.prototypes.shape
+        decided = state.prototypes.new_zeros(n_classes, len(EXTRAS), width)
+        for c in state.n.nonzero().flatten().tolist():
+            decided[c] = self._deciding_of(state, c)
         return decided
 
-    def distances(self, words: Tensor) -> Tensor:
+    def _deciding_of(self, state: Counted, c: int, weight: int = 1) -> Tensor:
+        """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W].
+
+        A bit needs more than (n + extra)/2 ones. Without one hypervector of the class it is that of
+        ``extra=1`` where the hypervector has a one, of ``extra=-1`` where it has a zero: 2·(count −
+        1) > n − 1 if and only if 2·count > n + 1, and 2·count > n − 1. With another in its place it
+        is that of ``extra=2`` where a one becomes a zero, of ``extra=-2`` where a zero becomes a
+        one.
+        """
+        counts, n = state.planes[c], int(state.n[c])
+        breaker = self._tie_breaker(c, state)
+        made = []
+        for extra in EXTRAS:
+            n_with = n + weight * extra
+            made.append(planes.majority(counts, n_with, self.ties, breaker))
+        # With fewer than no hypervectors every count is a majority, beyond bit D, too.
+        all_ones = torch.ones(state.dimension, dtype=torch.bool)
+        inside = bits.pack(all_ones).to(counts.device)
+        return torch.stack(made) & inside
+
+    def distances(self, state: Counted, words: Hypervectors) -> Tensor:
         """Hamming distances int64 [Q, L] to the prototypes; D + 1 of a class without samples."""
-        distances = bits.hamming(words, self.prototypes_, self.backend)
-        counts = self.counters_.n
-        if 0 in counts.tolist():
-            distances[:, counts == 0] = self.counters_.dimension + 1
+        distances = bits.hamming(words.packed, state.prototypes)
+        if 0 in state.n.tolist():
+            distances[:, state.n == 0] = words.dimension + 1
         return distances
 
-    def stored(self) -> dict[str, Tensor]:
-        tensors = {
-            "planes": self.counters_.planes,
-            "n": self.counters_.n,
-            "prototypes": self.prototypes_,
-            "recalibrated": torch.tensor(int(self.recalibrated_)),
-        }
-        if self._deciding is not None:
-            tensors["deciding"] = self._deciding
-        return tensors
+    # Files ---------------------------------------------------------------------------------------
 
-    def restore(
+    def restored(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> None:
-        kinds = dict(KINDS)
+    ) -> Counted:
+        kinds = dict(Counted.kinds)
         if "deciding" not in tensors:
             del kinds["deciding"]
-        found = checked(tensors, kinds, L=n_classes, D=dimension)
+        found: dict[str, Any] = dict(checked(tensors, kinds, L=n_classes, D=dimension))
         n = found["n"]
         out_of_range = (n < 0) | (n >= 2**53)
         if out_of_range.any() or not n.any():
             raise ValueError(f"sample counts {n.tolist()}")
-        counts = found["planes"]
-        self.start(n_classes, dimension, counts.device)
-        self.counters_.planes = counts
-        self.counters_.n = n
-        self.prototypes_ = found["prototypes"]
-        self._deciding = found.get("deciding")
-        self.recalibrated_ = bool(found["recalibrated"])
-        self._size = self._common_size()
-        self._changed = set()
-
-    def _common_size(self) -> int | None:
-        """Samples a class that prototypes count as, where some classes are thinned."""
-        if not self.balance:
-            return None
-        least = smallest(self.counters_)
-        return least if (self.counters_.n > least).any() else None
-
-    def _reset(self) -> None:
-        """Have all prototypes made anew: random ties and thinned counts go by rows."""
-        counters = self.counters_
-        shape = len(counters.n), bits.words_for(counters.dimension)
-        self.prototypes_ = planes.zeros(shape, counters.device)
-        self._size = -1
-        self._changed = set()
+        return Counted(dimension=dimension, **found)
 
 
 class Majority(Counting):
@@ -287,46 +306,36 @@ class Majority(Counting):
             smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as published.
         seed: of the random vectors for ``ties="random"``, and of `balance`.
 
-    Attributes: as of :class:`Counting`.
     """
 
-    predicts = ("prototypes",)
+    needs = ("prototypes",)
 
-    def scores(self, words: Tensor) -> Tensor:
+    def scores(self, state: Counted, words: Hypervectors) -> Tensor:
         """Minus the Hamming distances, int64 [Q, L]."""
-        return -self.distances(words)
+        return -self.distances(state, words)
 
-    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut:
+    def held_out(
+        self, state: Counted, words: Hypervectors | None, rows: Tensor
+    ) -> HeldOut:
         """Minus the distances, that of the own class to its prototype without the frame.
 
         The own distance changes as it does with the prototype of all frames of the class, thinned
         or not.
         """
-        scores = self.scores(words).double().cpu()
-        deciding = self.deciding()
+        assert words is not None
+        scores = self.scores(state, words).double().cpu()
+        deciding = self.deciding(state)
         for c in rows.unique().tolist():
             _, if_zero, whole, if_one, _ = deciding[c]
             places = (rows == c).nonzero().flatten()
-            own = words[places.to(words.device)]
+            own = words[places].packed
             without = (own & if_one) | (~own & if_zero)
             farther = bits.count_ones(own ^ without) - bits.count_ones(own ^ whole)
             scores[places, c] -= farther.cpu()
         return HeldOut(scores, rows)
 
 
-def deciding_prototypes(
-    counters: Counters, c: int, ties: str, seed: int, weight: int = 1
-) -> Tensor:
-    """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W]."""
-    extras = [weight * extra for extra in EXTRAS]
-    made = [counters.prototype(c, ties, seed, extra) for extra in extras]
-    # With fewer than no hypervectors every count is a majority, beyond bit D, too.
-    all_ones = torch.ones(counters.dimension, dtype=torch.bool)
-    inside = bits.pack(all_ones).to(counters.device)
-    return torch.stack(made) & inside
-
-
-def smallest(counters: Counters) -> int:
-    """Samples of the smallest class that has any."""
-    found = counters.n[counters.n > 0]
+def smallest(n: Tensor) -> int:
+    """Samples of the smallest class of n [L] that has any."""
+    found = n[n > 0]
     return int(found.min()) if len(found) else 0

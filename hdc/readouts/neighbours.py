@@ -2,15 +2,30 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from typing import ClassVar, Self
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
 
 import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_integer
-from hdc.readouts.base import HeldOut, Updatable
+from hdc.readouts.base import HeldOut, State, Updatable
+from hdc.tensors import checked
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Kept(State):
+    """All training frames."""
+
+    kinds = {"frames": "int64 N W", "rows": "int64 N"}  # noqa: RUF012
+    frames: Tensor
+    """int64 [N, W], their hypervectors."""
+    rows: Tensor
+    """int64 [N] (CPU), their classes."""
+    n_classes: int
 
 
 class Neighbours(Updatable):
@@ -21,18 +36,11 @@ class Neighbours(Updatable):
 
     Args:
         n_neighbours: k.
-
-    Attributes:
-        frames_: int64 [N, W], the hypervectors of all training frames.
-        rows_: int64 [N] (CPU), their classes.
     """
 
-    frames_: Tensor
-    rows_: Tensor
-    kept: ClassVar = {"frames": "int64 N W", "rows": "int64 N"}
-    predicts = ("frames",)
+    State = Kept
+    needs = ("frames",)
     adapts_by = ()
-    _n_classes: int
 
     def __init__(self, n_neighbours: int = 1):
         self.n_neighbours = n_neighbours
@@ -40,71 +48,84 @@ class Neighbours(Updatable):
     def check(self) -> None:
         check_integer("n_neighbours", self.n_neighbours, 1)
 
-    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
-        self._n_classes = n_classes
-        self._dimension = dimension
-        self.frames_ = words.clone()
-        self.rows_ = rows
-        return self
+    def empty(self, n_classes: int, dimension: int, device: torch.device | str) -> Kept:
+        shape = 0, bits.words_for(dimension)
+        return Kept(
+            frames=torch.empty(shape, dtype=torch.int64, device=device),
+            rows=torch.empty(0, dtype=torch.int64),
+            n_classes=n_classes,
+        )
 
-    def add(self, words: Tensor, rows: Tensor) -> None:
-        self.frames_ = torch.cat((self.frames_, words))
-        self.rows_ = torch.cat((self.rows_, rows))
+    def add(self, state: Kept, batches: Iterable[tuple[Hypervectors, Tensor]]) -> Kept:
+        frames, rows = [state.frames], [state.rows]
+        for words, of_words in batches:
+            frames.append(words.packed)
+            rows.append(of_words)
+        return replace(state, frames=torch.cat(frames), rows=torch.cat(rows))
 
-    def arrange(self, places: Sequence[int], n_classes: int) -> None:
-        self._n_classes = n_classes
+    def arrange(self, state: Kept, places: Sequence[int], n_classes: int) -> Kept:
         new_row = torch.tensor(list(places), dtype=torch.int64)
-        self.rows_ = new_row[self.rows_]
+        return replace(state, rows=new_row[state.rows], n_classes=n_classes)
 
-    def merge(self, other: Self, places: Sequence[int]) -> None:
-        new_row = torch.tensor(list(places), dtype=torch.int64)
-        self.add(other.frames_, new_row[other.rows_])
+    def merge(self, state: Kept, other: Kept, places: Sequence[int]) -> Kept:
+        moved = self.arrange(other, places, state.n_classes)
+        frames = torch.cat((state.frames, moved.frames.to(state.frames.device)))
+        return replace(state, frames=frames, rows=torch.cat((state.rows, moved.rows)))
 
-    def adapt(self, words: Tensor, rows: Tensor) -> None:
+    def adapt(self, state: Kept, words: Hypervectors, rows: Tensor) -> Kept:
         """Take the new hypervectors in place of the kept ones of their classes."""
-        others = ~torch.isin(self.rows_, rows)
-        kept = self.frames_[others.to(self.frames_.device)]
-        self.frames_ = torch.cat((kept, words))
-        self.rows_ = torch.cat((self.rows_[others], rows))
+        others = ~torch.isin(state.rows, rows)
+        kept = state.frames[others.to(state.frames.device)]
+        frames = torch.cat((kept, words.packed))
+        return replace(state, frames=frames, rows=torch.cat((state.rows[others], rows)))
 
-    def scores(self, words: Tensor) -> Tensor:
+    def scores(self, state: Kept, words: Hypervectors) -> Tensor:
         """Minus the distance of the nearest frame of each class, and far more for one with votes.
 
         int64 [Q, L]; a class without frames is one farther than the farthest.
         """
-        return self._scores_at(bits.hamming(words, self.frames_, self.backend))
+        distances = bits.hamming(words.packed, state.frames)
+        return self._scores_at(distances, state, words.dimension)
 
-    def held_out(self, words: Tensor, rows: Tensor) -> HeldOut:
+    def held_out(
+        self, state: Kept, words: Hypervectors | None, rows: Tensor
+    ) -> HeldOut:
         """The scores with all training frames but one that is equal and of the same class."""
-        distances = bits.hamming(words, self.frames_, self.backend)
-        own = self.rows_ == rows[:, None]
+        assert words is not None
+        distances = bits.hamming(words.packed, state.frames)
+        own = state.rows == rows[:, None]
         equal = own.to(distances.device) & (distances == 0)
         places = equal.any(1).nonzero().flatten()
         first = equal[places].int().argmax(1)
-        distances[places, first] = self._dimension + 1
-        return HeldOut(self._scores_at(distances).double().cpu(), rows)
+        distances[places, first] = words.dimension + 1
+        scores = self._scores_at(distances, state, words.dimension)
+        return HeldOut(scores.double().cpu(), rows)
 
-    def _scores_at(self, distances: Tensor) -> Tensor:
-        """Scores int64 [Q, L] at distances int64 [Q, N] from the training frames."""
-        rows = self.rows_.to(distances.device).expand_as(distances)
-        far = self._dimension + 1
-        farthest = distances.new_full((len(distances), self._n_classes), far)
+    def _scores_at(self, distances: Tensor, state: Kept, dimension: int) -> Tensor:
+        """Scores int64 [Q, L] at distances int64 [Q, N] from the training frames of D bits."""
+        n_classes = state.n_classes
+        rows = state.rows.to(distances.device).expand_as(distances)
+        far = dimension + 1
+        farthest = distances.new_full((len(distances), n_classes), far)
         scores = -farthest.scatter_reduce(1, rows, distances, "amin")
         if self.n_neighbours > 1:
-            by_distance_and_class = distances * self._n_classes + rows
-            k = min(self.n_neighbours, len(self.frames_))
+            by_distance_and_class = distances * n_classes + rows
+            k = min(self.n_neighbours, len(state.frames))
             nearest = by_distance_and_class.topk(k, dim=1, largest=False)
-            voting = nearest.values % self._n_classes
-            is_there = nearest.values // self._n_classes <= self._dimension
+            voting = nearest.values % n_classes
+            is_there = nearest.values // n_classes <= dimension
             votes = torch.zeros_like(scores)
             votes.scatter_add_(1, voting, is_there.to(votes.dtype))
             scores += (far + 1) * votes
         return scores
 
-    def restore(
+    def restored(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> None:
-        super().restore(tensors, n_classes, dimension)
-        if self.rows_.min() < 0 or self.rows_.max() >= n_classes:
+    ) -> Kept:
+        found: dict[str, Any] = dict(
+            checked(tensors, Kept.kinds, L=n_classes, D=dimension)
+        )
+        rows = found["rows"]
+        if rows.min() < 0 or rows.max() >= n_classes:
             raise ValueError(f"rows: expected classes in [0, {n_classes})")
-        self._n_classes = n_classes
+        return Kept(n_classes=n_classes, **found)

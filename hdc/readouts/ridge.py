@@ -12,17 +12,20 @@ with the least Σ r_i² is taken.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple, Self
 
 import torch
 from torch import Tensor
 
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
 from hdc.readouts.arithmetic import check_memory, gram
-from hdc.readouts.base import HeldOut, Whole
+from hdc.readouts.base import HeldOut, Readout, State
 from hdc.readouts.linear import Linear, quantised
-from hdc.readouts.values import RESIDUALS, ValueReadout
+from hdc.readouts.values import RESIDUALS, ValueReadout, ValueState
 from hdc.tensors import checked
 
 PENALTIES = tuple(10.0**k for k in range(-4, 5))
@@ -30,19 +33,33 @@ PENALTIES = tuple(10.0**k for k in range(-4, 5))
 _LOWEST = -1e300  # intercept of a class without frames
 
 
-class Ridge(Whole):
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Functions(State):
+    """A linear function of each class, or of each number."""
+
+    linear: Linear
+
+    def tensors(self) -> dict[str, Tensor]:
+        return self.linear.tensors()
+
+    def __getstate__(self) -> dict[str, Any]:
+        return dict(vars(self))
+
+    def to(self, device: torch.device | str) -> Self:
+        moved = replace(self.linear, planes=self.linear.planes.to(device))
+        return replace(self, linear=moved)
+
+
+class Ridge(Readout):
     """Ridge regression of 1 for the class of a frame and −1 for the others.
 
     Args:
         penalty: λ in units of the mean of K's diagonal; None takes the one of :data:`PENALTIES`
             with the least leave-one-out error.
-
-    Attributes:
-        linear_: the weights, :class:`Linear`.
     """
 
-    linear_: Linear
-    predicts = ("weights", "scales")
+    State = Functions
+    needs = ("weights", "scales")
     adapts_by = ()
 
     def __init__(self, penalty: float | None = None):
@@ -51,34 +68,48 @@ class Ridge(Whole):
     def check(self) -> None:
         check_penalty(self.penalty)
 
-    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Functions:
         targets = _signs(rows, n_classes)
-        fitted = solve(words, targets, dimension, self.penalty, self.backend)
+        linear, residuals = solve(words.packed, targets, words.dimension, self.penalty)
         empty = torch.bincount(rows, minlength=n_classes) == 0
-        fitted.linear.intercepts[empty] = _LOWEST
-        self.linear_ = fitted.linear
-        self._held_out = HeldOut(targets - fitted.residuals, rows)
-        return self
+        linear.intercepts[empty] = _LOWEST
+        return Functions(linear=linear, held_out=HeldOut(targets - residuals, rows))
 
-    def adapt(self, words: Tensor, rows: Tensor) -> None:
+    def adapt(self, state: Functions, words: Hypervectors, rows: Tensor) -> Functions:
         """Go to the weights near those of before that fit new frames."""
-        targets = _signs(rows, len(self.linear_.planes))
-        prior = self.linear_
-        fitted = solve(words, targets, prior.dimension, None, self.backend, prior)
-        self.linear_ = fitted.linear
-        self._held_out = HeldOut(targets - fitted.residuals, rows)
+        targets = _signs(rows, len(state.linear.planes))
+        prior = state.linear
+        linear, residuals = solve(words.packed, targets, words.dimension, prior=prior)
+        return Functions(linear=linear, held_out=HeldOut(targets - residuals, rows))
 
-    def scores(self, words: Tensor) -> Tensor:
+    def scores(self, state: Functions, words: Hypervectors) -> Tensor:
         """The linear functions, float64 [Q, L]."""
-        return self.linear_.values(words, self.backend)
+        return state.linear.values(words.packed)
 
-    def stored(self) -> dict[str, Tensor]:
-        return self.linear_.tensors()
-
-    def restore(
+    def restored(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> None:
-        self.linear_ = Linear.of(tensors, n_classes, dimension)
+    ) -> Functions:
+        return Functions(linear=Linear.of(tensors, n_classes, dimension))
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class ValueFunctions(ValueState):
+    """A linear function of each number."""
+
+    linear: Linear
+
+    def tensors(self) -> dict[str, Tensor]:
+        return {**self.linear.tensors(), **super().tensors()}
+
+    def to(self, device: torch.device | str) -> Self:
+        moved = replace(self.linear, planes=self.linear.planes.to(device))
+        return replace(super().to(device), linear=moved)
+
+    @functools.cached_property
+    def dual(self) -> Dual:
+        """For intervals, made when they are asked for."""
+        words = self.words
+        return Dual.of(words.packed, words.dimension, self.linear.penalty)
 
 
 class RidgeValues(ValueReadout):
@@ -86,16 +117,7 @@ class RidgeValues(ValueReadout):
 
     Args:
         penalty: as of :class:`Ridge`.
-
-    Attributes:
-        linear_: the weights, :class:`Linear`.
-        residuals_: exact leave-one-out errors of the training frames, float64 [N, T].
     """
-
-    linear_: Linear
-    residuals_: Tensor
-    _words: Tensor
-    _dual: list[Dual]  # one, made when intervals are asked for; copies share it
 
     def __init__(self, penalty: float | None = None):
         self.penalty = penalty
@@ -103,53 +125,46 @@ class RidgeValues(ValueReadout):
     def check(self) -> None:
         check_penalty(self.penalty)
 
-    def fit(self, words: Tensor, values: Tensor, dimension: int) -> Self:
-        fitted = solve(words, values, dimension, self.penalty, self.backend)
-        return self._learn(fitted, words)
+    def fit(self, words: Hypervectors, values: Tensor) -> ValueFunctions:
+        fitted = solve(words.packed, values, words.dimension, self.penalty)
+        return _learned(fitted, words, values)
 
-    def adapt(self, words: Tensor, values: Tensor) -> Self:
+    def adapt(
+        self, state: ValueFunctions, words: Hypervectors, values: Tensor
+    ) -> ValueFunctions:
         """Go to the weights near those of before that fit new frames, with their penalty."""
-        prior = self.linear_
-        fitted = solve(words, values, prior.dimension, None, self.backend, prior)
-        return self._learn(fitted, words)
+        fitted = solve(words.packed, values, words.dimension, prior=state.linear)
+        return _learned(fitted, words, values)
 
-    def _learn(self, fitted: Fit, words: Tensor) -> Self:
-        self.linear_ = fitted.linear
-        self.residuals_ = fitted.residuals
-        self._words = words
-        self._dual = []
-        return self
+    def values(self, state: ValueFunctions, words: Hypervectors) -> Tensor:
+        return state.linear.values(words.packed).cpu()
 
-    def values(self, words: Tensor) -> Tensor:
-        return self.linear_.values(words, self.backend).cpu()
-
-    def without(self, words: Tensor) -> tuple[Tensor, Tensor]:
+    def without(
+        self, state: ValueFunctions, words: Hypervectors
+    ) -> tuple[Tensor, Tensor]:
         """f₋ᵢ is the fit to targets of which f₋ᵢ(x_i) replaces y_i: f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
-        dimension, penalty = self.linear_.dimension, self.linear_.penalty
-        if not self._dual:
-            self._dual.append(Dual.of(self._words, dimension, penalty, self.backend))
-        centre = self.values(words)
-        products = gram(words, self._words, dimension, self.backend)
-        smoother = self._dual[0].smoother(products)
-        moved = smoother[..., None] * self.residuals_
+        centre = self.values(state, words)
+        products = gram(words.packed, state.words.packed, words.dimension)
+        smoother = state.dual.smoother(products)
+        assert state.residuals is not None
+        moved = smoother[..., None] * state.residuals
         return centre, centre[:, None] - moved
 
-    def stored(self) -> dict[str, Tensor]:
-        return {**self.linear_.tensors(), "residuals": self.residuals_}
-
-    def restore(
-        self,
-        tensors: Mapping[str, Tensor],
-        words: Tensor,
-        values: Tensor,
-        dimension: int,
-    ) -> None:
+    def restored(
+        self, tensors: Mapping[str, Tensor], words: Hypervectors, values: Tensor
+    ) -> ValueFunctions:
         parts = dict(tensors)
         n, n_targets = values.shape
         residuals = {"residuals": parts.pop("residuals")}
         found = checked(residuals, RESIDUALS, N=n, T=n_targets)
-        linear = Linear.of(parts, n_targets, dimension)
-        self._learn(Fit(linear, found["residuals"]), words)
+        linear = Linear.of(parts, n_targets, words.dimension)
+        return _learned(Fit(linear, found["residuals"]), words, values)
+
+
+def _learned(fitted: Fit, words: Hypervectors, values: Tensor) -> ValueFunctions:
+    return ValueFunctions(
+        linear=fitted.linear, residuals=fitted.residuals, words=words, targets=values
+    )
 
 
 def check_penalty(penalty: Any) -> None:
@@ -178,9 +193,9 @@ class Dual(NamedTuple):
     means: Tensor  # of each row of the Gram matrix, [N]
 
     @classmethod
-    def of(cls, words: Tensor, dimension: int, penalty: float, backend: str) -> Dual:
+    def of(cls, words: Tensor, dimension: int, penalty: float) -> Dual:
         """Make it from training frames int64 [N, W] and the penalty λ of their fit."""
-        products = gram(words, words, dimension, backend)
+        products = gram(words, words, dimension)
         means = products.mean(1)
         products -= means
         products -= means[:, None] - means.mean()
@@ -208,7 +223,6 @@ def solve(
     targets: Tensor,
     dimension: int,
     penalty: float | None = None,
-    backend: str = "numpy",
     prior: Linear | None = None,
 ) -> Fit:
     """Fit float64 targets [N, T] to hypervectors int64 [N, W] of D bits.
@@ -216,17 +230,16 @@ def solve(
     Args:
         words, targets, dimension: as above.
         penalty: in units of the mean of K's diagonal; None tries :data:`PENALTIES`.
-        backend: of :func:`hdc.bits.hamming`.
         prior: weights to stay near, with their penalty.
 
     Raises:
         ValueError: for more than 8000 frames, of which the matrices fill the memory.
     """
     check_memory("ridge", len(words), matrices=4)
-    products = gram(words, words, dimension, backend)
+    products = gram(words, words, dimension)
     left = targets
     if prior is not None:
-        left = targets - prior.values(words, backend).cpu()
+        left = targets - prior.values(words).cpu()
     mean = left.mean(0)
     # Squares of numbers near 1e155 or 1e-165 are none: errors are compared in units of the largest.
     unit = (left - mean).abs().amax(0)

@@ -2,17 +2,29 @@
 
 from __future__ import annotations
 
-from typing import ClassVar, Self
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_integer, check_share
 from hdc.readouts.arithmetic import combinations
-from hdc.readouts.base import Readout
+from hdc.readouts.base import Readout, State
 
 _FAR = 2**62
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Corrected(State):
+    """Prototypes."""
+
+    kinds = {"prototypes": "int64 L W", "empty": "int64 L"}  # noqa: RUF012
+    prototypes: Tensor
+    """int64 [L, W]."""
+    empty: Tensor
+    """int64 [L] (CPU), 1 of a class without frames."""
 
 
 class Trained(Readout):
@@ -28,16 +40,10 @@ class Trained(Readout):
     Args:
         margin: share of the D bits.
         passes: over the training frames, at most; they end when nothing is to be corrected.
-
-    Attributes:
-        prototypes_: int64 [L, W].
-        empty_: int64 [L] (CPU), 1 of a class without frames.
     """
 
-    prototypes_: Tensor
-    empty_: Tensor
-    kept: ClassVar = {"prototypes": "int64 L W", "empty": "int64 L"}
-    predicts = ("prototypes",)
+    State = Corrected
+    needs = ("prototypes",)
 
     def __init__(self, margin: float = 0.02, passes: int = 20):
         self.margin = margin
@@ -47,45 +53,47 @@ class Trained(Readout):
         check_share("margin", self.margin, "[0, 1)")
         check_integer("passes", self.passes, 0)
 
-    def fit(self, words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Self:
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Corrected:
         """See :meth:`hdc.readouts.base.Readout.fit`; 16·L·D bytes are needed meanwhile."""
-        self._dimension = dimension
         is_empty = torch.bincount(rows, minlength=n_classes) == 0
-        self.empty_ = is_empty.long()
         everyone = torch.nn.functional.one_hot(rows, n_classes)
-        counters = combinations(everyone, words, self.backend).double()
+        counters = combinations(everyone, words.packed).double()
+        state = _binarised(counters, words, is_empty)
         for number in range(1, self.passes + 1):
-            self._binarise(counters, words)
-            votes = self._corrections(words, rows)
+            votes = self._corrections(state, words, rows)
             if not votes.any():
                 break
             wrong = votes.any(1)
-            corrected = words[wrong.to(words.device)]
-            step = combinations(votes[wrong], corrected, self.backend).double()
+            step = combinations(votes[wrong], words[wrong].packed).double()
             counters += step / number
-        self._binarise(counters, words)
-        return self
+            state = _binarised(counters, words, is_empty)
+        return state
 
-    def _binarise(self, counters: Tensor, words: Tensor) -> None:
-        signs = counters[:, : self._dimension] > 0
-        self.prototypes_ = bits.pack(signs).to(words.device)
-
-    def _corrections(self, words: Tensor, rows: Tensor) -> Tensor:
+    def _corrections(
+        self, state: Corrected, words: Hypervectors, rows: Tensor
+    ) -> Tensor:
         """Weight of each frame, [N, L]: 1 for its class, −1 for the nearest other one."""
-        distances = -self.scores(words).cpu()
+        distances = -self.scores(state, words).cpu()
         places = torch.arange(len(rows))
         own = distances[places, rows]
         distances[places, rows] = _FAR
         nearest, rival = distances.min(1)
-        wrong = nearest - own < self.margin * self._dimension
+        wrong = nearest - own < self.margin * words.dimension
         votes = torch.zeros(len(rows), distances.shape[1])
         votes[places[wrong], rows[wrong]] = 1
         votes[places[wrong], rival[wrong]] = -1
         return votes
 
-    def scores(self, words: Tensor) -> Tensor:
+    def scores(self, state: Corrected, words: Hypervectors) -> Tensor:
         """Minus the Hamming distances, int64 [Q, L]; far below all for a class without frames."""
-        scores = -bits.hamming(words, self.prototypes_, self.backend)
-        if self.empty_.any():
-            scores[:, self.empty_.to(scores.device) != 0] = 1 - _FAR
+        scores = -bits.hamming(words.packed, state.prototypes)
+        if state.empty.any():
+            scores[:, state.empty.to(scores.device) != 0] = 1 - _FAR
         return scores
+
+
+def _binarised(counters: Tensor, words: Hypervectors, is_empty: Tensor) -> Corrected:
+    """The signs of counters [L, 64·W]."""
+    signs = counters[:, : words.dimension] > 0
+    packed = bits.pack(signs).to(words.packed.device)
+    return Corrected(prototypes=packed, empty=is_empty.long())

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from baselines.libraries import multisets, opencv_median
 from experiments.protocol.clock import synchronise
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, backends, bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
 from hdc.readers import open_recording
@@ -41,7 +41,7 @@ class Route(NamedTuple):
 def encode_routes(case: Case) -> Iterator[Route]:
     """Frames to hypervectors."""
     frames = case.pixels
-    yield from ours(lambda backend: partial(Median().encode, frames, backend=backend))
+    yield from ours(by(partial(Median().encode, frames)))
     yield from on_gpu(case, lambda gpu: partial(Median().encode, frames.to(gpu)))
     yield from on_gpu(
         case, lambda gpu: partial(torch_bits, frames.to(gpu)), names.ENCODE_GPU
@@ -56,10 +56,8 @@ def bundle_routes(case: Case) -> Iterator[Route]:
     """Hypervectors to prototypes."""
     # As torchhd has them, a byte per bit.
     classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
-    yield from ours(lambda backend: partial(count, case, case.words, backend))
-    yield from on_gpu(
-        case, lambda gpu: partial(count, case, case.words.to(gpu), "numpy")
-    )
+    yield from ours(by(partial(count, case, case.words)))
+    yield from on_gpu(case, lambda gpu: partial(count, case, case.words.to(gpu)))
     yield Route(names.TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
 
 
@@ -77,7 +75,7 @@ def hamming_routes(case: Case) -> Iterator[Route]:
         numkong = load("numkong")
         return numkong.cdist(queries, prototypes, metric="hamming", dtype="uint1")
 
-    yield from ours(lambda backend: partial(bits.hamming, *pair, backend))
+    yield from ours(by(partial(bits.hamming, *pair)))
     yield from on_gpu(
         case, lambda gpu: partial(bits.hamming, pair[0].to(gpu), pair[1].to(gpu))
     )
@@ -243,9 +241,22 @@ def on_gpu(
     yield Route(name, "torch", finished)
 
 
-def count(case: Case, words: Tensor, backend: str) -> Tensor:
+def by(call: Callable[[], Any]) -> Callable[[str], Callable[[], Any]]:
+    """A function that makes the call by a backend."""
+
+    def build(backend: str) -> Callable[[], Any]:
+        def computed() -> Any:
+            with backends.computing(backend):
+                return call()
+
+        return computed
+
+    return build
+
+
+def count(case: Case, words: Tensor) -> Tensor:
     """Prototypes int64 [L, W] of the case's hypervectors by our counters, on their device."""
-    counters = Counters(case.l, case.d, words.device, backend)
+    counters = Counters(case.l, case.d, words.device)
     counters.add(words, torch.from_numpy(case.labels))
     return counters.majority()
 

@@ -190,17 +190,11 @@ def hdc_numbers(
     model = instantiate(OmegaConf.create(dict(config)), "model").fit(frames, labels)
     found = {
         "labels": digest(model.predict(frames)),
-        "words": digest(words_of(model, frames)),
+        "words": digest(model.encode(frames).packed),
     }
-    distances = np.asarray(model.distances(frames[:40]))
-    if np.issubdtype(distances.dtype, np.integer):
-        found["distances"] = digest(distances)
+    if hasattr(model, "distances"):
+        found["distances"] = digest(model.distances(frames[:40]))
     return found
-
-
-def words_of(model: Any, frames: torch.Tensor) -> torch.Tensor:
-    """Hypervectors of a model's encoder."""
-    return model.encoder_.encode(frames, backend=model.backend)
 
 
 _NEEDS = {"torchhd": "torchhd", "scattering": "kymatio"}  # models of the extra peers

@@ -162,5 +162,6 @@ def variance_below_one():
     variance is 8/9, so that σ is 0."""
     frame = torch.tensor([[0, 50, 200]], dtype=torch.uint8)
     encoder = Deviation([-1, 1]).fit(frame)
-    encoder.reference_ = standardised(frame)[0].long() - torch.tensor([1, 1, -1])
+    away = torch.tensor([1, 1, -1], dtype=torch.int32)
+    encoder.reference_ = standardised(frame)[0] - away
     return encoder, frame

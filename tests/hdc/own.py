@@ -1,19 +1,83 @@
-"""A read-out of one's own, without scores in closed form."""
+"""For tests: read-outs on bare words, one backend or the other, and a read-out of one's own."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
 
 import torch
+from torch import Tensor
 
-from hdc import bits
-from hdc.readouts import Readout
+from hdc import backends, bits
+from hdc.hypervectors import Hypervectors
+from hdc.readouts import Readout, State
+
+
+def by(backend: str, call: Any, *arguments: Any) -> Any:
+    """A call by a backend."""
+    with backends.computing(backend):
+        return call(*arguments)
+
+
+@dataclass
+class Learned:
+    """A read-out with its state, asked with packed words of D bits."""
+
+    readout: Any
+    state: Any
+    dimension: int
+
+    def scores(self, packed: Tensor) -> Tensor:
+        return self.readout.scores(self.state, Hypervectors(packed, self.dimension))
+
+    def held_out(self, packed: Any = None, rows: Any = None) -> Any:
+        words = None if packed is None else Hypervectors(packed, self.dimension)
+        return self.readout.held_out(self.state, words, rows)
+
+    def adapted(self, packed: Tensor, *given: Any) -> Learned:
+        words = Hypervectors(packed, self.dimension)
+        state = self.readout.adapt(self.state, words, *given)
+        return Learned(self.readout, state, self.dimension)
+
+    def added(self, packed: Tensor, rows: Tensor) -> Learned:
+        words = Hypervectors(packed, self.dimension)
+        state = self.readout.add(self.state, [(words, rows)])
+        return Learned(self.readout, state, self.dimension)
+
+    def arranged(self, places: Any, n_classes: int) -> Learned:
+        state = self.readout.arrange(self.state, places, n_classes)
+        return Learned(self.readout, state, self.dimension)
+
+    def merged(self, other: Learned, places: Any) -> Learned:
+        state = self.readout.merge(self.state, other.state, places)
+        return Learned(self.readout, state, self.dimension)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.state, name.removesuffix("_"))
+
+
+def fitted(readout: Any, packed: Tensor, *given: Any) -> Learned:
+    """A read-out that has learned packed words of rows, or values; D stands last."""
+    *others, dimension = given
+    state = readout.fit(Hypervectors(packed, dimension), *others)
+    return Learned(readout, state, dimension)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Means(State):
+    means: Tensor
 
 
 class Nearest(Readout):
-    """The nearest mean hypervector of a class."""
+    """The nearest mean hypervector of a class, without scores in closed form."""
 
-    def fit(self, words, rows, n_classes, dimension):
-        ones = bits.unpack(words, dimension).double()
-        self.means_ = torch.stack([ones[rows == c].mean(0) for c in range(n_classes)])
-        return self
+    State = Means
 
-    def scores(self, words):
-        ones = bits.unpack(words, self.means_.shape[1]).double()
-        return -(torch.cdist(ones, self.means_) ** 2)
+    def fit(self, words, rows, n_classes):
+        ones = bits.unpack(words.packed, words.dimension).double()
+        means = [ones[rows == c].mean(0) for c in range(n_classes)]
+        return Means(means=torch.stack(means))
+
+    def scores(self, state, words):
+        ones = bits.unpack(words.packed, words.dimension).double()
+        return -(torch.cdist(ones, state.means) ** 2)

@@ -102,7 +102,7 @@ def test_bits_beyond_the_last_stay_zero(d):
     ones = bits.pack(torch.ones(4, d, dtype=torch.bool))
     breaker = bits.random_hypervector(d, 1)
     for words in (ones, torch.zeros_like(ones)):
-        for ties in bits.TIES:
+        for ties in planes.TIES:
             for n in (1, 2, 3, 4):
                 bundle = bits.majority(words[:n], ties, breaker)
                 assert not (bundle & ~ones[0]).any()
@@ -133,7 +133,7 @@ def test_same_bits_on_cuda():
 
 
 @pytest.mark.parametrize("n", [1, 2, 3, 80, 255, 256, 65_537])
-@pytest.mark.parametrize("ties", bits.TIES)
+@pytest.mark.parametrize("ties", planes.TIES)
 def test_majority_is_the_count_compared_with_half(n, ties):
     d = 65 if n > 1000 else 1000
     vectors, breaker = mask_of((n, d)), mask_of((1, d), 9)[0]

@@ -42,10 +42,9 @@ def test_a_fit_that_raises_leaves_the_model_of_before():
     before = model.distances(frames)
     bad = frames.astype(float)
     bad[500] = np.nan  # in the third chunk
-    for call in (model.fit, lambda f, y: list(model.train(f[500:], y[500:]))):
-        with pytest.raises(ValueError, match="expected finite pixels"):
-            call(bad, labels[::-1])
-        assert (model.distances(frames) == before).all()
+    with pytest.raises(ValueError, match="expected finite pixels"):
+        model.fit(bad, labels[::-1])
+    assert (model.distances(frames) == before).all()
     assert not hasattr(HDCClassifier(), "prototypes_")
 
 
@@ -73,20 +72,6 @@ def test_errors_and_warnings_number_frames_from_the_first_of_all():
     frames[290] = 7
     with pytest.warns(UserWarning, match="at index 290:"):
         model.predict(frames)
-
-
-def test_training_yields_once_all_classes_have_been_seen():
-    frames, labels = touches(900)
-    order = np.argsort(labels == 2, kind="stable")  # the third class comes last
-    model = HDCClassifier()
-    seen = []
-    for report in model.train(frames[order], labels[order]):
-        seen.append(report["samples_seen"])
-        first = order[: seen[-1]]
-        expected = HDCClassifier().fit(frames[first], labels[first])
-        assert torch.equal(model.prototypes_, expected.prototypes_)
-        assert model.counts_.sum() == seen[-1]
-    assert seen == [768, 900]
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
@@ -271,13 +256,3 @@ def test_methods_that_always_raise_are_absent(readout, learns, adapts):
         for kind in (AttributeError, ValueError):
             with pytest.raises(kind, match=r"^merge: .*one of majority, "):
                 _ = model.merge
-
-
-@pytest.mark.parametrize("readout", ["ridge", "lda", "trained"])
-def test_a_read_out_that_wants_all_frames_has_them_once(readout):
-    frames, labels = touches(600)
-    model = HDCClassifier(readout=readout)
-    assert [r["samples_seen"] for r in model.train(frames, labels)] == [600]
-    whole = HDCClassifier(readout=readout).fit(frames, labels)
-    found, expected = model.decision_function(frames), whole.decision_function(frames)
-    assert np.array_equal(found, expected)

@@ -111,9 +111,9 @@ def trained_on(d, encoder="median", readout="majority", dtype="uint8", classes=4
 
 
 def assert_equal_to_python(answers, model, frames):
-    words = model.encoder_.encode(torch.from_numpy(frames))
-    scores = model.readout_.scores(words).numpy()
-    assert np.array_equal(answers.words, words.numpy().view(np.uint64))
+    words = model.encode(frames)
+    scores = model._head.scores(words).numpy()
+    assert np.array_equal(answers.words, words.packed.numpy().view(np.uint64))
     assert np.array_equal(answers.scores, scores)
     assert np.array_equal(model.classes_[answers.classes], model.predict(frames))
 
@@ -146,15 +146,14 @@ def test_any_frame_with_any_ties(encoder, d, dtype, gcc, tmp_path, kinds_of_fram
     assert len(np.unique(answers.classes)) > 1
 
 
-@pytest.mark.parametrize("readout", ["majority", "lda"])
 @pytest.mark.parametrize(
     "encoder", [Median("below"), Levels(2, lit=0.9), Deviation()], ids=repr
 )
-def test_compilers_of_cpp_have_nothing_to_say(encoder, readout, tmp_path):
+def test_compilers_of_cpp_have_nothing_to_say(encoder, tmp_path):
     gpp = shutil.which("g++")
     if gpp is None:
         pytest.skip("no C++ compiler here: looked for g++")
-    model, _ = trained_on(100, encoder, readout)
+    model, _ = trained_on(100, encoder)
     plan = Plan.of(model, "touch", alpha=0.2)
     (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a test"))
     (tmp_path / "sketch.cpp").write_text(ANSWER)
@@ -284,9 +283,8 @@ def leave_one_out(words, index):
     return int((majority != words[index]).sum())
 
 
-@pytest.mark.parametrize("readout", ["majority", "trained", "lda"])
 @pytest.mark.parametrize("unequal", [False, True])
-def test_rejection_by_distances_of_left_out_frames(readout, unequal, gcc, tmp_path):
+def test_rejection_by_distances_of_left_out_frames(unequal, gcc, tmp_path):
     d, rng = 2000, np.random.default_rng(1)
     labels = np.arange(57) % 3
     if unequal:
@@ -299,8 +297,7 @@ def test_rejection_by_distances_of_left_out_frames(readout, unequal, gcc, tmp_pa
 
     frames = of(labels)
     balanced = Majority(balance=True)  # thinned, where classes are unequal
-    part = balanced if readout == "majority" else readout
-    model = HDCClassifier(readout=part).fit(frames, labels)
+    model = HDCClassifier(readout=balanced).fit(frames, labels)
     plan = Plan.of(model, "touch", alpha=0.2)
     junk = rng.integers(0, 256, (20, d), np.uint8)
     queries = np.concatenate([of(np.arange(60) % 3), junk])
@@ -311,7 +308,7 @@ def test_rejection_by_distances_of_left_out_frames(readout, unequal, gcc, tmp_pa
     expected = np.zeros(len(queries), bool)
     for c in range(3):
         own, n = masks[labels == c], (labels == c).sum()
-        kept = model._learned.sample.of(c)
+        kept = model._head.sample.kept[c]
         places = [
             next(
                 i for i in range(n) if (bits.pack(torch.from_numpy(own[i])) == k).all()
@@ -325,12 +322,17 @@ def test_rejection_by_distances_of_left_out_frames(readout, unequal, gcc, tmp_pa
         expected |= (asked != majority).sum(1) <= threshold
     assert np.array_equal(answers.known.astype(bool), expected)
     assert not answers.known[60:].any()
-    # The header compares with the majority of each class, whatever scores decide.
-    counting = HDCClassifier(readout=balanced).fit(frames, labels)
-    agreement = answers.known.astype(bool) == counting.is_known(queries, 0.2)
+    agreement = answers.known.astype(bool) == model.is_known(queries, 0.2)
     assert agreement.mean() >= 0.9
-    whole_is_scored = readout == "majority" and not unequal
-    assert ("majority" in plan.tables) != whole_is_scored
+    assert ("majority" in plan.tables) == unequal
+
+
+@pytest.mark.parametrize("readout", ["trained", "lda"])
+def test_a_rejection_of_other_read_outs_is_refused(readout):
+    """Their files have no frames to compare with."""
+    model, _ = trained_on(100, "median", readout)
+    with pytest.raises(ValueError, match=r"^alpha: expected the read-out majority, wh"):
+        Plan.of(model, "touch", alpha=0.2)
 
 
 def test_few_frames_of_a_class_are_judged_with_those_of_others():
@@ -363,8 +365,8 @@ def test_too_few_frames_refuse_none_and_say_so():
 
 def sample_plans():
     for encoder in ENCODERS:
-        for readout, pixel_bits in (("majority", 8), ("lda", 16)):
-            model, _ = trained_on(130, encoder, readout)
+        for pixel_bits in (8, 16):
+            model, _ = trained_on(130, encoder)
             yield Plan.of(model, "touch", pixel_bits, alpha=0.2)
 
 
@@ -579,7 +581,7 @@ def test_a_regressor_and_an_untrained_model_are_refused():
 @pytest.fixture
 def model(tmp_path):
     path = tmp_path / "m.safetensors"
-    trained_on(130, readout="trained")[0].save(path, {"crop": None, "subsample": 2})
+    trained_on(130)[0].save(path, {"crop": None, "subsample": 2})
     return path
 
 
@@ -602,10 +604,10 @@ def test_test_vectors_agree_and_notice_a_change(
     assert (status, err) == (0, [])
     assert out == [
         f"classes: 4, frames of 130 pixels of {pixel_bits} bits, 130 bits compared",
-        f"tables: {8 * 3 * 4 * 2 + 4 + 8 * 4} bytes",
+        f"tables: {8 * 3 * 4 + 4 + 8 * 4} bytes",
         f"memory: {8 * 3 + 8 * 4 + (pixel_bits // 8) * 1024 + 256} bytes, and "
         f"{130 * pixel_bits // 8} of the frame",
-        f"operations a frame: {130 * (2 + pixel_bits // 8)} of a pixel, 24 of a word of 64 bits",
+        f"operations a frame: {130 * (2 + pixel_bits // 8)} of a pixel, 12 of a word of 64 bits",
         f"{target}: written",
         f"{tmp_path / 'my-touch_test.c'}: written, 9 frames",
     ]

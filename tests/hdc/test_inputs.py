@@ -37,7 +37,6 @@ def test_integer_labels_in_any_container(kind):
 @pytest.mark.parametrize(
     ("labels", "message"),
     [
-        (None, "expected 3, one a frame, found None"),
         ([0, 1], "expected 3, one a frame, found 2"),
         (["a", float("nan"), "b"], r"labels\[1\]: expected a str, .* found nan"),
         (np.array([0, 1, np.nan]), r"labels\[2\]: expected a str, .* found nan"),

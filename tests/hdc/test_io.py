@@ -153,7 +153,7 @@ def test_flipped_bits_are_refused_or_harmless(tmp_path):
             assert "bad.safetensors" in str(error)  # noqa: PT017
             continue
         assert torch.equal(model.prototypes_, good.prototypes_)
-        assert torch.equal(model.counters_.planes, good.counters_.planes)
+        assert torch.equal(model.state_.planes, good.state_.planes)
         assert repr(model.readout) == repr(good.readout_)
         assert model.metadata_ == good.metadata_
 
@@ -389,7 +389,7 @@ def test_folders_pipes_and_missing_files(tmp_path):
 @pytest.mark.skipif(torch.cuda.is_available(), reason="for machines without CUDA")
 def test_a_model_from_an_accelerator_loads_without_one(tmp_path):
     rewrite(tmp_path / "m", parameters=PARAMETERS | {"device": "cuda"})
-    with pytest.warns(UserWarning, match="trained on a GPU, not here"):
+    with pytest.warns(UserWarning, match="trained on 'cuda', which is not here"):
         model = HDCClassifier.load(tmp_path / "m")
     assert model.device == "cpu"
     assert np.array_equal(model.predict(QUERIES), trained().predict(QUERIES))

@@ -9,7 +9,7 @@ import pytest
 from sklearn.base import clone
 
 from hdc import HDCClassifier
-from hdc.availability import UnavailableError, available_unless
+from hdc.availability import UnavailableError
 from hdc.encoders import ENCODERS, Deviation, Levels, Median, Quantile, Reference
 from hdc.parameters import (
     Named,
@@ -98,29 +98,22 @@ def test_a_class_without_a_constructor_has_no_parameters():
     assert make_part(Plain(), "part", {}, Plain).get_params() == {}
 
 
-class Switch:
-    def __init__(self, on: bool):
-        self.on = on
-
-    @available_unless(
-        lambda self: None if self.on else "expected it to be on, found off"
-    )
-    def shine(self, times: int) -> str:
-        """Shine so often."""
-        return "*" * times
-
-
 def test_methods_that_are_there_for_some():
-    assert Switch(True).shine(3) == "***"
-    assert Switch.shine(Switch(True), 2) == "**"
-    assert Switch.shine.__doc__ == "Shine so often."
-    assert hasattr(Switch(True), "shine")
-    assert not hasattr(Switch(False), "shine")
-    assert getattr(Switch(False), "shine", 7) == 7
-    with pytest.raises(
-        UnavailableError, match=r"^shine: expected it to be on, found off$"
-    ):
-        Switch(False).shine(3)
+    """Where a part of the model has what they need."""
+    model = HDCClassifier()
+    assert callable(model.partial_fit)
+    assert HDCClassifier.partial_fit.__doc__.startswith("Learn a further batch")
+    model.readout = "lda"
+    assert not hasattr(model, "partial_fit")
+    assert getattr(model, "partial_fit", 7) == 7
+    message = (
+        r"^partial_fit: expected a read-out that learns batch by batch, found LDA\("
+    )
+    with pytest.raises(UnavailableError, match=message):
+        model.partial_fit(None, None)
+    model.readout = "ldda"
+    with pytest.raises(UnavailableError, match=r"^partial_fit: readout: .* mean 'lda'"):
+        model.partial_fit(None, None)
     assert issubclass(UnavailableError, AttributeError)
     assert issubclass(UnavailableError, ValueError)  # commands print these as one line
 

@@ -10,6 +10,7 @@ import torch
 from torch import Tensor
 
 from hdc import HDCClassifier, bits
+from hdc.hypervectors import Hypervectors
 from hdc.probability import Temperature, cross_validated, sharpness
 from hdc.readouts import (
     LDA,
@@ -24,7 +25,7 @@ from hdc.readouts import (
 )
 from hdc.readouts.base import HeldOut
 from hdc.readouts.counts import cosines
-from tests.hdc.own import Nearest
+from tests.hdc.own import Nearest, fitted
 
 D, L = 300, 3
 CLOSED = [
@@ -37,12 +38,13 @@ CLOSED = [
 
 
 class Batchwise(Updatable, Nearest):
-    def add(self, words, rows):
-        self.fit(words, rows, L, D)
+    def empty(self, n_classes, dimension, device): ...
 
-    def arrange(self, places, n_classes): ...
+    def add(self, state, batches): ...
 
-    def merge(self, other, places): ...
+    def arrange(self, state, places, n_classes): ...
+
+    def merge(self, state, other, places): ...
 
 
 def drawn(sizes: list[int], seed: int = 0, flips: float = 0.4) -> tuple[Tensor, Tensor]:
@@ -60,7 +62,7 @@ def without_each(readout: Readout, words: Tensor, rows: Tensor) -> Tensor:
     found = []
     for i in range(len(rows)):
         others = torch.arange(len(rows)) != i
-        trained = readout.unlearned().fit(words[others], rows[others], L, D)
+        trained = fitted(readout.unlearned(), words[others], rows[others], L, D)
         found.append(trained.scores(words[i : i + 1])[0].double())
     return torch.stack(found)
 
@@ -71,7 +73,7 @@ def test_held_out_scores_are_those_without_the_frame(readout, sizes):
     if hasattr(readout, "balance"):
         readout = readout.unlearned().set_params(balance=False)
     words, rows = drawn(sizes)
-    trained = readout.unlearned().fit(words, rows, L, D)
+    trained = fitted(readout.unlearned(), words, rows, L, D)
     scores, of = trained.held_out(words, rows)
     torch.testing.assert_close(scores, without_each(readout, words, rows))
     assert torch.equal(of, rows)
@@ -79,7 +81,7 @@ def test_held_out_scores_are_those_without_the_frame(readout, sizes):
 
 def test_a_larger_class_is_held_out_as_it_is_compared():
     words, rows = drawn([3, 3, 12])
-    trained = Counts().fit(words, rows, L, D)
+    trained = fitted(Counts(), words, rows, L, D)
     found = trained.held_out(words, rows).scores
     expected = without_each(Counts(), words, rows)
     large = rows == 2  # its size goes down to that of the smallest before and after
@@ -90,20 +92,20 @@ def test_a_larger_class_is_held_out_as_it_is_compared():
 def test_a_frame_is_held_out_of_counts_of_a_larger_class(balance):
     """The class without it is compared as a random subset of the size of the smallest."""
     words, rows = drawn([4, 4, 12])
-    trained = Counts(balance=balance).fit(words, rows, L, D)
+    trained = fitted(Counts(balance=balance), words, rows, L, D)
     found = trained.held_out(words, rows).scores
     size = 4 if balance else None
     for i in range(len(rows)):
         others = torch.arange(len(rows)) != i
-        without = Counts(balance=False).fit(words[others], rows[others], L, D)
-        expected = cosines(without.counters_, words[i : i + 1], size)[0, rows[i]]
+        without = fitted(Counts(balance=False), words[others], rows[others], L, D)
+        expected = cosines(without.counters(), words[i : i + 1], size)[0, rows[i]]
         torch.testing.assert_close(found[i, rows[i]], expected / D**0.5)
 
 
 def test_ridge_has_its_exact_residuals():
     """Up to the rounding of weights to 8 bits, and of a penalty chosen anew."""
     words, rows = drawn([9, 9, 9])
-    scores, of = Ridge(0.1).fit(words, rows, L, D).held_out(words, rows)
+    scores, of = fitted(Ridge(0.1), words, rows, L, D).held_out(words, rows)
     expected = without_each(Ridge(0.1), words, rows)
     assert (scores - expected).abs().max() < 0.05
     assert torch.equal(of, rows)
@@ -113,7 +115,7 @@ def test_ridge_has_its_exact_residuals():
 def test_lda_is_held_out_as_by_definition(alpha):
     """Against means and an inverse of D × D without the frame; one unit for all scores."""
     words, rows = drawn([10, 8, 6])
-    found = LDA(alpha).fit(words, rows, L, D).held_out(words, rows)
+    found = fitted(LDA(alpha), words, rows, L, D).held_out(words, rows)
     x = 2.0 * bits.unpack(words, D).double().numpy() - 1
     y = rows.numpy()
     within = x - np.stack([x[y == c].mean(0) for c in range(L)])[y]
@@ -141,10 +143,10 @@ def primal(x, y, query, penalty) -> np.ndarray:
 
 def test_lda_scores_some_of_many_frames(monkeypatch):
     words, rows = drawn([10, 10, 10])
-    all_of_them = LDA(0.5).fit(words, rows, L, D).held_out(words, rows)
+    all_of_them = fitted(LDA(0.5), words, rows, L, D).held_out(words, rows)
     monkeypatch.setattr(leave_one_out, "MOST", 7)
     monkeypatch.setattr(leave_one_out, "OF_CLASS", 3)
-    some = LDA(0.5).fit(words, rows, L, D).held_out(words, rows)
+    some = fitted(LDA(0.5), words, rows, L, D).held_out(words, rows)
     places = leave_one_out.spread_over(rows)
     # 0, 5, 10, 14, 19, 24 and 29 are spread over all; two of the first class are too few.
     assert set(places.tolist()) >= {0, 5, 10, 14, 19, 24, 29}
@@ -164,10 +166,10 @@ def test_each_fold_is_scored_by_what_the_four_others_teach():
     for i, own in enumerate(fold):
         if own is not None:
             others = [k for k, other in enumerate(fold) if other != own]
-            trained = Nearest().fit(words[others], rows[others], L, D)
+            trained = fitted(Nearest(), words[others], rows[others], L, D)
             expected.append(trained.scores(words[i : i + 1])[0])
             classes.append(int(rows[i]))
-    found = cross_validated(Nearest(), words, rows, L, D)
+    found = cross_validated(Nearest(), Hypervectors(words, D), rows, L)
     torch.testing.assert_close(found.scores, torch.stack(expected))
     assert found.rows.tolist() == classes
 
@@ -193,12 +195,12 @@ def test_the_likelihood_is_greatest_at_the_sharpness():
 def test_all_right_is_not_certain_and_all_wrong_is_no_guess_upside_down():
     rows = torch.arange(20) % 2
     right = torch.nn.functional.one_hot(rows, 2).double()
-    fitted = Temperature.fit(HeldOut(right, rows))
-    found = fitted.probabilities(right, torch.ones(2, dtype=torch.bool))
-    torch.testing.assert_close(found.amax(1), torch.full((20,), 21 / 22).double())
-    fitted = Temperature.fit(HeldOut(1 - right, rows))
-    wrong = fitted.probabilities(1 - right, torch.ones(2, dtype=torch.bool))
-    assert fitted.sharpness > 0
+    found = Temperature.fit(HeldOut(right, rows))
+    shares = found.probabilities(right, torch.ones(2, dtype=torch.bool))
+    torch.testing.assert_close(shares.amax(1), torch.full((20,), 21 / 22).double())
+    found = Temperature.fit(HeldOut(1 - right, rows))
+    wrong = found.probabilities(1 - right, torch.ones(2, dtype=torch.bool))
+    assert found.sharpness > 0
     assert wrong.max() < 0.5001
     constant = HeldOut(torch.ones(20, 2).double(), rows)
     assert sharpness(constant) > 0
@@ -312,10 +314,10 @@ def test_a_class_of_one_frame_and_one_of_none():
             assert found.max(1).mean() > 0.3
     # Its own frame is not scored without itself, but the others are asked about its class, too.
     model = HDCClassifier().fit(frames, labels)
-    scores, rows = model._learned.held_out()
+    scores, rows = model._head.held_out
     kept = rows != 4
     expected = Temperature.fit(HeldOut(scores[kept], rows[kept]))
-    assert model._learned.temperature() == expected
+    assert model._head.temperature == expected
     model = HDCClassifier().partial_fit(frames[:40], labels[:40], classes=range(6))
     found = model.predict_proba(frames)
     assert found.shape == (41, 6)

@@ -9,8 +9,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdc import bits
-from hdc.prototypes import Counters, merged, replaced_bits
+from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
 from hdc.readouts import Majority
+from tests.hdc.own import fitted
 
 
 def vectors(n: int, d: int, seed: int = 0) -> torch.Tensor:
@@ -51,7 +52,7 @@ def test_random_ties_are_an_added_hypervector_from_the_seed():
     prototypes = counters.majority("random", seed=7)
     added = Counters(2, 300)
     added.add(words, labels)
-    breakers = torch.stack([counters._tie_breaker(7, c) for c in range(2)])
+    breakers = torch.stack([tie_breaker(300, 7, c) for c in range(2)])
     added.add(breakers, torch.arange(2))
     assert torch.equal(prototypes, added.majority())
     assert torch.equal(prototypes, counters.majority("random", seed=7))
@@ -105,21 +106,21 @@ def test_recalibrated_bits_come_from_either_side():
     """What :meth:`hdc.readouts.Majority.adapt` makes of old and new prototypes."""
     rows = torch.arange(6) % 3
     old, new = bits.pack(vectors(6, 10_001)), bits.pack(vectors(6, 10_001, 1))
-    model = Majority().fit(old, rows, 3, 10_001)
+    model = fitted(Majority(), old, rows, 3, 10_001)
     stored = model.prototypes_.clone()
-    fresh = Majority().fit(new, rows, 3, 10_001).prototypes_
-    model.adapt(new, rows, 0.5, 2, "replace")
+    fresh = fitted(Majority(), new, rows, 3, 10_001).prototypes_
+    model = model.adapted(new, rows, 0.5, 2, "replace")
     mixed = model.prototypes_
     assert not ((mixed ^ stored) & (mixed ^ fresh)).any()
     changed = (
         bits.hamming(stored, mixed).diagonal() / bits.hamming(stored, fresh).diagonal()
     )
     assert ((changed - 0.5).abs() < 0.05).all()
-    again = Majority().fit(old, rows, 3, 10_001)
-    again.adapt(new, rows, 0.5, 3, "replace")
+    again = fitted(Majority(), old, rows, 3, 10_001)
+    again = again.adapted(new, rows, 0.5, 3, "replace")
     assert not torch.equal(again.prototypes_, mixed)
-    again = Majority().fit(old, rows, 3, 10_001)
-    again.adapt(new, rows, 1, 3, "replace")
+    again = fitted(Majority(), old, rows, 3, 10_001)
+    again = again.adapted(new, rows, 1, 3, "replace")
     assert torch.equal(again.prototypes_, fresh)
 
 
@@ -166,16 +167,9 @@ def test_prototypes_of_a_size_are_those_of_thinned_counters(ties):
 def test_what_is_drawn_from_one_seed_is_drawn_apart():
     """Seed 0 broke the ties of class 1,000,003 as seed 1 those of class 0, and so on."""
     d = 64 * 40
-    counters = Counters(1, d)
     drawn = [
-        *(
-            counters._tie_breaker(*pair)
-            for pair in ((0, 0), (0, 1), (0, 1_000_003), (1, 0))
-        ),
-        *(
-            counters._tie_breaker(seed, 0)
-            for seed in (-1, -5, 2**32 + 5, 2**62, 2**64 - 5)
-        ),
+        *(tie_breaker(d, *pair) for pair in ((0, 0), (0, 1), (0, 1_000_003), (1, 0))),
+        *(tie_breaker(d, seed, 0) for seed in (-1, -5, 2**32 + 5, 2**62, 2**64 - 5)),
         *replaced_bits(3, d, 0.5, seed=0),
         *replaced_bits(3, d, 0.5, seed=1),
         bits.random_hypervector(d, 0),

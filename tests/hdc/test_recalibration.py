@@ -10,12 +10,13 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, bits, planes
 from hdc.encoders import Reference
 from hdc.prototypes import Counters, merged
 from hdc.readouts import Kernel, Majority, make_readout
 from hdc.readouts.kernel import median_of_pairs
 from hdc.readouts.majority import METHODS
+from tests.hdc.own import fitted
 
 
 def sessions(n: int = 60, classes: int = 3, side: int = 24, seed: int = 1):
@@ -100,7 +101,7 @@ def test_votes_above_their_bits_are_halved_and_so_are_those_of_a_new_frame():
     assert votes.planes.shape[1] == 24
 
 
-@pytest.mark.parametrize("ties", bits.TIES)
+@pytest.mark.parametrize("ties", planes.TIES)
 def test_votes_of_unequal_classes_are_of_as_many_as_the_smallest(ties):
     """Old ones are drawn by the seed of the read-out, new ones by that of the recalibration."""
     rng = np.random.default_rng(0)
@@ -115,16 +116,16 @@ def test_votes_of_unequal_classes_are_of_as_many_as_the_smallest(ties):
 
     words, rows, old = drawn([9, 4, 6])
     new_words, new_rows, new = drawn([7, 5, 3])
-    readout = Majority(ties, balance=True, seed=11).fit(words, rows, 3, d)
-    readout.adapt(new_words, new_rows, 0.6, 5, "merge")
+    readout = fitted(Majority(ties, balance=True, seed=11), words, rows, 3, d)
+    readout = readout.adapted(new_words, new_rows, 0.6, 5, "merge")
     votes, _ = merged(old.thinned(4, seed=11), new.thinned(3, seed=5), 0.6)
-    assert torch.equal(readout.counters_.n, votes.n)
-    assert torch.equal(readout.counters_.counts(), votes.counts())
+    assert torch.equal(readout.n, votes.n)
+    assert torch.equal(readout.counters().counts(), votes.counts())
     assert torch.equal(readout.prototypes_, votes.majority(ties, 11))
-    published = Majority(ties, balance=False, seed=11).fit(words, rows, 3, d)
-    published.adapt(new_words, new_rows, 0.6, 5, "merge")
+    published = fitted(Majority(ties, balance=False, seed=11), words, rows, 3, d)
+    published = published.adapted(new_words, new_rows, 0.6, 5, "merge")
     votes, _ = merged(old, new, 0.6)
-    assert torch.equal(published.counters_.counts(), votes.counts())
+    assert torch.equal(published.counters().counts(), votes.counts())
     assert torch.equal(published.prototypes_, votes.majority(ties, 11))
 
 
@@ -185,7 +186,7 @@ def test_what_cannot_be_recalibrated_is_named():
         model.recalibrate(new[:2], [9, 9])
 
 
-@pytest.mark.parametrize("ties", bits.TIES)
+@pytest.mark.parametrize("ties", planes.TIES)
 @pytest.mark.parametrize("method", METHODS)
 def test_a_model_recalibrated_by_single_frames_comes_back(method, ties, tmp_path):
     """Of a class of one frame, none are left without it: bits beyond D stay zeros."""
@@ -222,16 +223,14 @@ def drifted(n: int = 90) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 def test_a_reference_is_zeroed_again_without_labels(base, readout):
     old, new, labels = drifted()
     model = HDCClassifier(Reference(base), readout).fit(old, labels)
-    before = {k: v.clone() for k, v in model.readout_.state().items()}
-    prototypes = model.prototypes_.clone()
+    before = {k: v.clone() for k, v in model.state_.tensors().items()}
     assert model.score(new, labels) < 0.6
     assert model.rezero(new[::2]) is model
     assert model.score(new[1::2], labels[1::2]) > 0.95
     fresh = Reference().fit(new[::2])
     assert torch.equal(model.encoder_.reference_, fresh.reference_)
-    for name, tensor in model.readout_.state().items():
+    for name, tensor in model.state_.tensors().items():
         assert torch.equal(tensor, before[name])
-    assert torch.equal(model.prototypes_, prototypes)
     assert model.is_known(new[1::2], 0.2).mean() > 0.5
 
 
@@ -307,11 +306,11 @@ def test_discriminants_of_both_sessions_are_mixed(encoder, readout, tmp_path):
     words = bank_words(new_alone, second)
     fresh = make_readout(readout)
     if readout == "kernel":  # whose factors stay
-        fresh = Kernel([1.0], [float(new_alone.readout_.penalty_)])
+        fresh = Kernel([1.0], [float(new_alone.state_.penalty)])
         median = median_of_pairs(bits.hamming(words[few], words[few]))
-        fresh.scales = [float(new_alone.readout_.reach_) / median]
+        fresh.scales = [float(new_alone.state_.reach) / median]
     rows = torch.from_numpy(np.unique(labels, return_inverse=True)[1])
-    fresh.fit(words[few], rows[few], 3, model.dimension_)
+    fresh = fitted(fresh, words[few], rows[few], 3, model.dimension_)
     expected = model.classes_[fresh.scores(words).argmax(1).numpy()]
     assert (new_alone.predict(second) == expected).mean() > 0.95
     both = model.recalibrate(second[few], labels[few], p=0.5)
@@ -377,3 +376,18 @@ def test_an_argument_that_a_readout_ignores_is_refused(readout, argument, defaul
     assert (model.decision_function(new) == before).all()
     model.recalibrate(new, labels, p=0.5, seed=0, method=None)
     assert model.score(new, labels) == 1
+
+
+def test_each_recalibration_replaces_bits_of_its_own(tmp_path):
+    """By p = ½ a quarter of what differs stays after two, an eighth after three; in a file, too."""
+    (old, new), labels = sessions()
+    model = HDCClassifier().fit(old, labels)
+    aim = HDCClassifier().fit(new, labels).prototypes_
+    path = tmp_path / "model"
+    away = [int(bits.count_ones(model.prototypes_ ^ aim).sum())]
+    for _ in range(3):
+        model.recalibrate(new, labels).save(path)
+        model = HDCClassifier.load(path)
+        away.append(int(bits.count_ones(model.prototypes_ ^ aim).sum()))
+    shares = np.array(away) / away[0]
+    assert shares == pytest.approx([1, 1 / 2, 1 / 4, 1 / 8], abs=0.06)

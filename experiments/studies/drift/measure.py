@@ -27,6 +27,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from baselines import library
 from baselines.bank import Bank
 from baselines.linear import PenalisedClassifier
 from experiments.protocol import splits
@@ -242,7 +243,7 @@ def recalibrated(
     seed: int,
 ) -> Iterator[Update]:
     """Recalibrations of HDC; those that its prototypes or read-out do not have are left out."""
-    stored = model.unlearned().fit(bank.at(old), bank.labels[old])
+    stored = library.trained_on(model, bank, old)
     readout = stored.readout_
     updates: list[tuple[str, float | None, str]] = []
     updates += [("replace", float(share), "replace") for share in p]
@@ -257,5 +258,7 @@ def recalibrated(
             "method": method,
         }
         used: Any = {name: given[name] for name in readout.adapts_by}
-        updated.recalibrate(bank.at(new), bank.labels[new], **used)
-        yield name, share, updated.predict(bank.at(asked))
+        updated.recalibrate(
+            library.words_of(model, bank, new, old), bank.labels[new], **used
+        )
+        yield name, share, updated.predict(library.words_of(model, bank, asked, old))

@@ -23,10 +23,9 @@ from typing import Any
 
 import numpy as np
 
-from baselines.bank import Bank
+from baselines.bank import Bank, Rows
 from experiments.records.rows import Row
 from hdc import HDCClassifier
-from hdc.bank import Selection
 from hdc.encoders import RelativeEncoder, make_encoder
 
 
@@ -186,7 +185,7 @@ def _of_hdc(
         yield updated.predict(bank.at(asked))
 
 
-def _zero(model: HDCClassifier, frames: Selection) -> None:
+def _zero(model: HDCClassifier, frames: Rows) -> None:
     with warnings.catch_warnings():
         # What frames of one class do to a model is measured here; a single frame minus
         # itself is constant.

@@ -39,6 +39,7 @@ def main(scene_name: str, model_name: str, frames: str, *modules: str) -> None:
     import numpy as np
     from hydra import compose, initialize_config_dir
 
+    from baselines import library
     from experiments.protocol.machine import peak_bytes
     from experiments.protocol.model import instantiate
     from experiments.protocol.settings import resolved
@@ -56,7 +57,7 @@ def main(scene_name: str, model_name: str, frames: str, *modules: str) -> None:
     # Spread over all sessions and classes.
     indices = np.linspace(0, len(scene.labels) - 1, int(frames)).astype(int)
     images = scene.frames(indices)
-    next(iter(model.train(images, scene.labels[indices])))
+    next(iter(library.train(model, images, scene.labels[indices])))
     model.predict(images[:1])
     row = {
         "torch_s": torch_s,

@@ -21,6 +21,7 @@ import msgspec
 import numpy as np
 from torch import Tensor
 
+from baselines import library
 from baselines.bank import Bank
 from baselines.chosen import Chosen
 from experiments.protocol.data import at_seed
@@ -303,4 +304,6 @@ def _by_backend(model: Any) -> dict[str, Timed]:
 
 def _size(model: Any) -> int:
     """Bytes of what a prediction needs."""
-    return sum(tensor.nbytes for tensor in (model.state_tensors() or {}).values())
+    return sum(
+        tensor.nbytes for tensor in (library.state_tensors(model) or {}).values()
+    )

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import HDCClassifier, bits
-from hdc.encoders import Encoder, encode_with
+from hdc import bits
+from hdc.hypervectors import Hypervectors
 
 _BLOCK = 2**18  # bytes of a tensor whose flips are drawn at a time
+_FRAMES = 256  # hypervectors whose flips are drawn together
 
 
 def power(
@@ -121,42 +123,15 @@ def flipped_bits_of_int8(
                 tensor.copy_(exact)
 
 
-class FlippedQueries(Encoder):
-    """An encoder whose hypervectors have every bit flipped with probability `rate`.
-
-    Args:
-        base: the encoder of the model, trained.
-        dimension: bits of a hypervector.
-        rate: share of flipped bits.
-        seed: of the choice of bits, which goes on from call to call.
-    """
-
-    def __init__(self, base: Encoder, dimension: int, rate: float, seed: Sequence[int]):
-        self.base = base
-        self.rate = rate
-        self._used = bits.pack(torch.ones(1, dimension, dtype=torch.bool))
-        self._random = np.random.default_rng(list(seed))
-
-    def encode(self, frames: Tensor) -> Tensor:
-        """Hypervectors int64 [N, W] of frames, flipped; bits beyond the last stay zero."""
-        words = encode_with(self.base, frames, 0, "numpy").clone()
-        _flip_block_by_block(
-            words.view(-1).view(torch.uint8).numpy(), self.rate, self._random
-        )
-        return words & self._used
-
-
-@contextmanager
 def flipped_queries(
-    model: HDCClassifier, rate: float, seed: Sequence[int]
-) -> Iterator[None]:
-    """A model that is asked hypervectors with flipped bits; as it was at the end."""
-    encoder = model.encoder_
-    model.encoder_ = FlippedQueries(encoder, model.dimension_, rate, seed)
-    try:
-        yield
-    finally:
-        model.encoder_ = encoder
+    words: Hypervectors, rate: float, random: np.random.Generator
+) -> Hypervectors:
+    """Hypervectors with every bit flipped with probability `rate`; bits beyond D stay zero."""
+    used = bits.pack(torch.ones(1, words.dimension, dtype=torch.bool))
+    packed = words.packed.clone()
+    for part in packed.split(_FRAMES):
+        _flip_block_by_block(part.view(-1).view(torch.uint8).numpy(), rate, random)
+    return replace(words, packed=packed & used)
 
 
 def flipped_pixels(

@@ -14,6 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
+from baselines import library
 from experiments.protocol import data
 from experiments.protocol.clock import Clock
 from experiments.protocol.data import at_seed
@@ -85,7 +86,7 @@ def rows_of(
     """The rows of one trained model, which is left as it was; the first is undisturbed."""
     labels = scene.labels[test]
     frames = data.take(scene, test, Clock())[:]
-    state = model.state_tensors() or {}
+    state = library.state_tensors(model) or {}
     same = {
         "n_test": len(labels),
         "n_classes": len(scene.classes),
@@ -136,11 +137,14 @@ def _asked_with_flips(
 ) -> np.ndarray:
     """Labels of frames by bits of which some are flipped."""
     key = (seed, round(1e9 * rate), 1)
+    random = np.random.default_rng(key)
+    chosen: Any = model
     classifier = getattr(model, "model_", model)  # of a model that chooses its form
     if isinstance(classifier, HDCClassifier):
-        with faults.flipped_queries(classifier, rate, key):
-            return model.predict(frames)
-    random = np.random.default_rng(key)
+        words = classifier.encode(frames)
+        asked = faults.flipped_queries(words, rate, random)
+        labels = classifier.predict(asked)
+        return labels if classifier is model else chosen.classes_[labels]
     pixels = faults.flipped_pixels(frames.numpy(), rate, random)
     return model.predict(torch.from_numpy(pixels))
 

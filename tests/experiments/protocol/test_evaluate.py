@@ -8,6 +8,7 @@ import pandas as pd
 import pytest
 import torch
 
+from baselines import library
 from baselines.softmax import SoftmaxRegression
 from experiments.protocol.evaluate import bank_of, evaluate, train_until
 from experiments.protocol.experiment import Run
@@ -68,7 +69,7 @@ def test_a_bank_knows_what_frames_belong_together(scene):
 
 def plain(model, scene, train, test):
     """Right answers of a new model trained on the frames themselves."""
-    for _ in model.train(scene.frames(train), scene.labels[train]):
+    for _ in library.train(model, scene.frames(train), scene.labels[train]):
         pass
     return int((model.predict(scene.frames(test)) == scene.labels[test]).sum())
 

@@ -145,17 +145,16 @@ def scene():
 def test_queries_have_flips_of_their_rate_and_of_no_other_bits(encoder, scene):
     images = scene.images[:, :, :23]  # 552 pixels do not fill their words
     model = HDCClassifier(encoder=encoder).fit(images[:80], scene.labels[:80])
-    frames = images[80:]
-    before = model.encoder_.encode(frames)
+    words = model.encode(images[80:])
+    before = words.packed.clone()
     for rate in (0.0, 0.1, 1.0):
-        with flipped_queries(model, rate, (0,)):
-            after = model.encoder_.encode(frames)
+        after = flipped_queries(words, rate, random()).packed
         flips = int(bits.count_ones(before ^ after).sum())
-        assert flips == near(rate, model.dimension_ * len(frames))
+        assert flips == near(rate, model.dimension_ * len(words))
         # Nothing beyond the last bit, which would count in a distance.
         unpacked = bits.unpack(after, after.shape[1] * 64)
         assert not unpacked[:, model.dimension_ :].any()
-    assert torch.equal(model.encoder_.encode(frames), before)
+    assert torch.equal(words.packed, before)
 
 
 # Models -------------------------------------------------------------------------------------------

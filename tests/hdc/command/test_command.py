@@ -112,7 +112,6 @@ def test_arrays_of_several_batches_are_learnt_as_a_whole(hdc, tmp_path, readout)
     assert hdc("train", tmp_path / "x.npz", *words)[0] == 0
     whole = HDCClassifier(readout=readout).fit(frames, labels)
     found = HDCClassifier.load(tmp_path / "n.safetensors")
-    assert (found.prototypes_ == whole.prototypes_).all()
     assert (found.predict(frames[::7]) == whole.predict(frames[::7])).all()
 
 

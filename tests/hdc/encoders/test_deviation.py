@@ -13,6 +13,7 @@ from hdc import backends, bits
 from hdc.encoders import Deviation
 from hdc.encoders.deviation import deviations_of
 from hdc.encoders.standardised import standardised
+from tests.hdc.own import by
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame")
 
@@ -77,19 +78,16 @@ def test_bits_by_floats(camera_frames):
     ],
     ids=repr,
 )
-def test_kernels_make_the_same_bits(d, thresholds, threads, kinds_of_frames):
+@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
+def test_kernels_make_the_same_bits(d, thresholds, threads, dtype, kinds_of_frames):
     pytest.importorskip("numba")
-    frames = torch.from_numpy(kinds_of_frames(d))
+    frames = torch.from_numpy(kinds_of_frames(d, dtype))
     encoder = Deviation(thresholds).fit(frames[:9])
     before = torch.get_num_threads()
     torch.set_num_threads(threads)
     try:
         words = encoder.encode(frames)
-        assert torch.equal(encoder.encode(frames, backend="compiled"), words)
-        room = torch.full((len(frames) + 3, words.shape[1]), -1)
-        found = encoder.encode(frames, backend="compiled", out=room)
-        assert found.data_ptr() == room.data_ptr()
-        assert torch.equal(found, words)
+        assert torch.equal(by("compiled", encoder.encode, frames), words)
     finally:
         torch.set_num_threads(before)
 
@@ -103,7 +101,7 @@ def test_no_sum_overflows_at_many_pixels(backend):
     frames = torch.zeros(2, d, dtype=torch.uint8)
     frames[0, 5], frames[1, d - 1] = 255, 255
     encoder = Deviation([-1, 0, 4000]).fit(frames)
-    words = encoder.encode(frames, backend=backend)
+    words = by(backend, encoder.encode, frames)
     # x is √D at one pixel, so d is ±√D/2 at two, and σ is 1/√2: √D/√2 = 2896 σ.
     ones = bits.unpack(words[0], 3 * d).nonzero().flatten()
     levels = torch.bincount(ones // d, minlength=3).tolist()
@@ -127,7 +125,7 @@ def test_every_backend_rounds_variances_down(backend, variance_below_one):
     if backend == "compiled":
         pytest.importorskip("numba")
     encoder, frame = variance_below_one
-    words = encoder.encode(frame, backend=backend)
+    words = by(backend, encoder.encode, frame)
     assert unpacked(words, 6).astype(int).tolist() == [[1, 1, 0, 1, 1, 0]]
 
 
@@ -139,12 +137,28 @@ def test_frames_that_say_nothing_are_named():
         if backend == "compiled":
             pytest.importorskip("numba")
         with pytest.warns(UserWarning, match="1 constant frame") as caught:
-            encoder.encode(torch.from_numpy(frames), 200, backend)
+            by(backend, encoder.encode, torch.from_numpy(frames), 200)
         numbers = [str(w.message).partition(":")[0] for w in caught]
         assert sorted(numbers) == [
             "1 constant frame(s), at index 207",
             "1 constant frame(s), at index 233",
         ]
+
+
+@pytest.mark.parametrize("backend", backends.BACKENDS)
+def test_a_flipped_bit_of_the_reference_changes_few_bits(backend, camera_frames):
+    """One of the 32 of a pixel, beyond what a mean can be; and nothing raises with all flipped."""
+    if backend == "compiled":
+        pytest.importorskip("numba")
+    frames = torch.from_numpy(camera_frames(6, side=40))
+    encoder = Deviation().fit(frames)
+    words = by(backend, encoder.encode, frames)
+    encoder.reference_[7] ^= 1 << 30
+    found = by(backend, encoder.encode, frames)
+    assert bits.count_ones(found ^ words).max() < 0.01 * 7 * 1600
+    random = np.random.default_rng(0).integers(-(2**31), 2**31, 1600)
+    encoder.reference_[:] = torch.from_numpy(random)
+    by(backend, encoder.encode, frames)
 
 
 @pytest.mark.parametrize(

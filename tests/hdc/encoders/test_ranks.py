@@ -12,6 +12,7 @@ import torch
 from hdc import bits
 from hdc.encoders import Levels, Median, Quantile, ranks, thresholds
 from hdc.encoders.ties import TIES
+from tests.hdc.own import by
 
 pytestmark = [
     pytest.mark.filterwarnings("ignore:.*constant frame"),
@@ -32,7 +33,7 @@ def by_torch(
     words = torch.empty(
         len(pixels), bits.words_for(len(ones) * pixels.shape[1]), dtype=torch.int64
     )
-    levels = thresholds.by_torch(pixels, ones, ties)
+    levels = ranks.by_torch(pixels, ones, ties)
     ranks._encode_block(levels, pixels.shape[1], words)
     return words
 
@@ -56,7 +57,7 @@ def test_any_frame_by_any_route_and_sample(
     frames = kinds_of_frames(d, dtype)
     expected = brightest(frames)
     for small in (2**30, 1):  # many at once, and frame by frame
-        monkeypatch.setattr(thresholds, "_SMALL", small)
+        monkeypatch.setattr(ranks, "_SMALL", small)
         for places in (thresholds._sampled(d), np.zeros(1, int), np.full(5, d - 1)):
             monkeypatch.setattr(thresholds, "_sampled", lambda n, places=places: places)
             words = encode(torch.from_numpy(frames))
@@ -103,7 +104,7 @@ def test_extreme_numbers_keep_their_order(dtype, brightest, monkeypatch):
         one = np.ones(130, dtype)
         frames[2] = np.nextafter(one, 2 * one * (frames[0] > 0))
     for small in (2**30, 1):
-        monkeypatch.setattr(thresholds, "_SMALL", small)
+        monkeypatch.setattr(ranks, "_SMALL", small)
         words = encode(torch.from_numpy(frames))
         found = bits.unpack(words, frames[0].size).numpy()
         assert np.array_equal(found, brightest(frames))
@@ -138,7 +139,7 @@ def test_quantiles_and_levels_by_every_route(
         assert encoder.dimension(d) == len(quantiles) * d
         found = bits.unpack(words, len(quantiles) * d).numpy()
         assert np.array_equal(found, np.concatenate(masks, 1))
-        assert torch.equal(encoder.encode(images, backend="compiled"), words)
+        assert torch.equal(by("compiled", encoder.encode, images), words)
         assert torch.equal(by_torch(images, quantiles, ties), words)
 
 
@@ -151,9 +152,7 @@ def test_chunks_and_threads_change_no_bit(ties, brightest):
     try:
         for encoder in (Median(ties), Levels(3, ties=ties)):
             words = encoder.encode(images)
-            assert torch.equal(encoder.encode(images, backend="compiled"), words)
-            room = torch.full((800, words.shape[1]), -1)
-            assert torch.equal(encoder.encode(images, out=room), words)
+            assert torch.equal(by("compiled", encoder.encode, images), words)
             assert torch.equal(encoder.encode(images[650:], 650), words[650:])
     finally:
         torch.set_num_threads(before)
@@ -200,7 +199,7 @@ def test_frames_of_two_values_are_warned_of_once():
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
             for _ in range(3):
-                encoder.encode(two, backend=backend)
+                by(backend, encoder.encode, two)
         (warning,) = caught
         assert "7" in str(warning.message).split("%")[0]  # of 70 % zeros
         assert f"(ties={encoder.ties!r})" in str(warning.message)
@@ -229,11 +228,9 @@ def test_routes_count_the_same_ties(kinds_of_frames):
     frames = torch.from_numpy(kinds_of_frames(4200))
     for quantiles in ([Fraction(1, 2)], SEVEN):
         _, here = ranks.encode_ranks(frames, quantiles)
-        _, there = ranks.encode_ranks(frames, quantiles, backend="compiled")
+        _, there = by("compiled", ranks.encode_ranks, frames, quantiles)
         assert here == there
-        levels = thresholds.by_torch(
-            frames, ranks.count_ones(quantiles, 4200), "spread"
-        )
+        levels = ranks.by_torch(frames, ranks.count_ones(quantiles, 4200), "spread")
         by_other_routes = torch.stack([level.n_equal for level in levels], 1)
         split = torch.stack([level.split for level in levels], 1)
         counted = by_other_routes.numpy(), split.numpy()

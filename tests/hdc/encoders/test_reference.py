@@ -14,13 +14,17 @@ from hdc import HDCClassifier, bits
 from hdc.backends import BACKENDS
 from hdc.encoders import Levels, Median, Quantile, Reference
 from hdc.encoders.standardised import standardised
+from tests.hdc.own import by
 
 
 def as_integers(frame: np.ndarray) -> list[int]:
-    """Pixels as integers; those of floats scaled to 18 bits by the largest."""
+    """Pixels as integers; those of floats less the middle, scaled to 18 bits by the largest."""
     values = [Fraction(x) for x in frame.ravel().tolist()]
     if frame.dtype.kind in "iu" and frame.dtype.itemsize <= 2:
         return [int(value) for value in values]
+    low, high = min(frame.ravel().tolist()), max(frame.ravel().tolist())
+    middle = low / 2 + high / 2
+    values = [Fraction(x - middle) for x in frame.ravel().tolist()]
     _, exponent = np.frexp(max(abs(float(value)) for value in values))
     scale = Fraction(2) ** (18 - int(exponent))
     return [round(value * scale) for value in values]  # halves to even, as IEEE rounds
@@ -83,6 +87,14 @@ def test_the_largest_numbers_stay_whole():
     assert min(expected) < 0 < max(expected)
 
 
+@pytest.mark.parametrize("dtype", ["int32", "float64"])
+@pytest.mark.parametrize("offset", [-(10**9), 10**7])
+def test_an_offset_takes_no_bits_from_what_differs(offset, dtype, kinds_of_frames):
+    frames = kinds_of_frames(65).astype(dtype)
+    found = standardised(torch.from_numpy(frames + offset).to(getattr(torch, dtype)))
+    assert torch.equal(found, standardised(torch.from_numpy(frames)))
+
+
 def test_constant_frames_are_zero_and_named():
     frames = torch.full((3, 8), 5, dtype=torch.uint8)
     assert not standardised(frames).any()
@@ -109,9 +121,7 @@ def test_words_are_those_of_the_differences(base, brightest):
     if base == "median":
         found = bits.unpack(words, 91).numpy()
         assert np.array_equal(found, brightest(differences))
-    room = torch.full((50, words.shape[1]), -1)
-    assert torch.equal(encoder.encode(torch.from_numpy(frames), out=room), words)
-    compiled = encoder.encode(torch.from_numpy(frames), backend="compiled")
+    compiled = by("compiled", encoder.encode, torch.from_numpy(frames))
     assert torch.equal(compiled, words)
 
 
@@ -125,17 +135,14 @@ def test_words_are_those_of_the_differences(base, brightest):
         (Levels(3, ties="raster"), 4161),
     ],
 )
-def test_kernels_make_the_same_bits(d, base, kinds_of_frames):
+@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
+def test_kernels_make_the_same_bits(d, base, dtype, kinds_of_frames):
     """Constant frames, saturated ones and such of two grey levels among them."""
     pytest.importorskip("numba")
-    frames = torch.from_numpy(kinds_of_frames(d))
+    frames = torch.from_numpy(kinds_of_frames(d, dtype))
     encoder = Reference(base).fit(frames[:9])
     words = encoder.encode(frames)
-    assert torch.equal(encoder.encode(frames, backend="compiled"), words)
-    room = torch.full((len(frames) + 3, words.shape[1]), -1)
-    found = encoder.encode(frames, backend="compiled", out=room)
-    assert found.data_ptr() == room.data_ptr()
-    assert torch.equal(found, words)
+    assert torch.equal(by("compiled", encoder.encode, frames), words)
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
@@ -146,7 +153,7 @@ def test_many_ties_of_differences_are_warned_of_once(backend):
     frames[0, :9] = frames[1, 9:20] = frames[2, 30:39] = 1
     encoder = Reference().fit(frames)
     with pytest.warns(UserWarning, match="of the pixels of a frame equal") as caught:
-        encoder.encode(frames, backend=backend)
+        by(backend, encoder.encode, frames)
     assert len(caught) == 1
 
 

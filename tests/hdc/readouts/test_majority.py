@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, bits
+from hdc import HDCClassifier, bits, planes
 from hdc.prototypes import Counters
 from hdc.readouts import READOUTS, Counts, Majority
+from tests.hdc.own import Learned, fitted
 
 
 def frames_of(numbers: list[int], seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -57,7 +58,7 @@ def test_larger_classes_are_warned_of_unless_they_are_meant(name):
 
 
 @pytest.mark.parametrize("readout", [Majority, Counts])
-@pytest.mark.parametrize("ties", bits.TIES)
+@pytest.mark.parametrize("ties", planes.TIES)
 def test_equal_classes_are_as_published(ties, readout):
     frames, labels = frames_of([6] * 5, 0)
     models = [
@@ -94,9 +95,8 @@ def test_thinned_counts_are_those_of_random_subsets():
     torch.testing.assert_close(drawn.var(0), variance, rtol=0.15, atol=1e-12)
     assert torch.equal(counters.thinned(size, seed=3).planes, thinned.planes)
     assert not torch.equal(counters.thinned(size, seed=4).planes, thinned.planes)
-    for c in range(2):
-        expected = thinned.prototype(c, "one")
-        assert torch.equal(counters.prototype(c, "one", seed=3, size=size), expected)
+    made = counters.majority("one", seed=3, size=size)
+    assert torch.equal(made, thinned.majority("one"))
 
 
 def test_parameters_that_do_not_fit_are_named():
@@ -121,22 +121,17 @@ def test_what_is_added_merged_and_arranged_before_settling_is_all_learnt(readout
     rng = np.random.default_rng(0)
     words = bits.pack(torch.from_numpy(rng.random((24, 130)) < 0.5))
     rows = torch.arange(24) % 3
-    whole = readout("random", seed=4).fit(words, rows, 3, 130)
+    whole = fitted(readout("random", seed=4), words, rows, 3, 130)
     first, last = rows == 0, rows == 2
-    model = readout("random", seed=4).start(1, 130, "cpu")
-    model.add(words[first][:2], rows[first][:2])
-    model.settle()
-    model.arrange([0], 2)
-    other = readout("random", seed=4).fit(words[last], rows[last] - 2, 1, 130)
-    model.add(words[first][2:5], rows[first][2:5])
-    model.merge(other, [1])
-    model.settle()
-    model.add(words[first][5:], rows[first][5:])
-    model.merge(readout("random").start(1, 130, "cpu"), [1])  # of no samples
-    model.settle()
-    model.arrange([0, 2], 3)
-    model.add(words[rows == 1], rows[rows == 1])
-    model.settle()
-    assert torch.equal(model.counters_.counts(), whole.counters_.counts())
+    part = readout("random", seed=4)
+    model = Learned(part, part.empty(1, 130, "cpu"), 130)
+    model = model.added(words[first][:2], rows[first][:2]).arranged([0], 2)
+    other = fitted(readout("random", seed=4), words[last], rows[last] - 2, 1, 130)
+    model = model.added(words[first][2:5], rows[first][2:5]).merged(other, [1])
+    model = model.added(words[first][5:], rows[first][5:])
+    of_no_samples = Learned(part, part.empty(1, 130, "cpu"), 130)
+    model = model.merged(of_no_samples, [1]).arranged([0, 2], 3)
+    model = model.added(words[rows == 1], rows[rows == 1])
+    assert torch.equal(model.counters().counts(), whole.counters().counts())
     assert torch.equal(model.prototypes_, whole.prototypes_)
     assert torch.equal(model.scores(words), whole.scores(words))

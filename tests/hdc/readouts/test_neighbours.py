@@ -8,6 +8,7 @@ import torch
 
 from hdc import HDCClassifier, bits
 from hdc.readouts import Neighbours
+from tests.hdc.own import by, fitted
 
 
 def plain_winner(distances: list[int], rows: list[int], k: int) -> int:
@@ -35,12 +36,11 @@ def test_the_vote_by_plain_loops_in_any_order_of_training(k, backend):
     expected = [plain_winner(row, rows.tolist(), k) for row in distances]
     for _ in range(4):
         order = torch.from_numpy(rng.permutation(40))
-        model = Neighbours(k)
-        model.backend = backend
-        model.fit(words[order], rows[order], 4, 7)
-        assert model.scores(queries).argmax(1).tolist() == expected
-        parts = Neighbours(k).fit(words[order[:9]], rows[order[:9]], 4, 7)
-        parts.add(words[order[9:]], rows[order[9:]])
+        model = fitted(Neighbours(k), words[order], rows[order], 4, 7)
+        found = by(backend, model.scores, queries)
+        assert found.argmax(1).tolist() == expected
+        parts = fitted(Neighbours(k), words[order[:9]], rows[order[:9]], 4, 7)
+        parts = parts.added(words[order[9:]], rows[order[9:]])
         assert torch.equal(parts.scores(queries), model.scores(queries))
 
 
@@ -53,7 +53,8 @@ def test_neighbours_of_a_class_are_replaced(frames_and_labels):
         whole.merge(HDCClassifier().fit(frames, labels))
     new = labels[:20] == 2
     whole.recalibrate(queries[:20][new], labels[:20][new])
-    assert whole.state_tensors()["frames"].shape[0] == 30 + 5
+    assert len(whole.state_.frames) == 30 + 5
+    assert whole.counts_.tolist() == [10, 10, 5, 10]
     assert (whole.predict(queries[:20][new]) == 2).all()
 
 
@@ -67,12 +68,11 @@ def test_numbers_of_neighbours_that_are_none_are_named(k):
 
 def test_rows_follow_their_classes_of_which_there_may_be_none():
     none = torch.empty(0, 1, dtype=torch.int64), torch.empty(0, dtype=torch.int64)
-    model = Neighbours().fit(*none, 0, 7)
-    model.arrange([], 2)
-    model.merge(Neighbours().fit(*none, 0, 7), [])
-    model.add(torch.tensor([[1], [127]]), torch.tensor([1, 0]))
-    model.arrange([2, 0], 3)
-    model.merge(Neighbours().fit(torch.tensor([[6]]), torch.tensor([0]), 1, 7), [1])
+    model = fitted(Neighbours(), *none, 0, 7)
+    model = model.arranged([], 2).merged(fitted(Neighbours(), *none, 0, 7), [])
+    model = model.added(torch.tensor([[1], [127]]), torch.tensor([1, 0]))
+    other = fitted(Neighbours(), torch.tensor([[6]]), torch.tensor([0]), 1, 7)
+    model = model.arranged([2, 0], 3).merged(other, [1])
     assert model.rows_.tolist() == [0, 2, 1]
     assert model.frames_.tolist() == [[1], [127], [6]]
     # Of 3 bits and 7 bits: distances to 1, to 6 and to 127.
@@ -84,5 +84,5 @@ def test_rows_follow_their_classes_of_which_there_may_be_none():
 
 def test_a_frame_that_differs_in_every_bit_votes_like_any_other():
     words = torch.tensor([[0b0111111], [0b1111111], [0b1111111], [0b1111111]])
-    model = Neighbours(4).fit(words, torch.tensor([0, 1, 1, 1]), 2, 7)
+    model = fitted(Neighbours(4), words, torch.tensor([0, 1, 1, 1]), 2, 7)
     assert model.scores(torch.zeros(1, 1, dtype=torch.int64)).argmax(1).tolist() == [1]

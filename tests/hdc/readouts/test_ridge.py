@@ -10,10 +10,12 @@ from hypothesis import strategies as st
 from sklearn.linear_model import Ridge as PlainRidge
 
 from hdc import HDCClassifier, bits
+from hdc.hypervectors import Hypervectors
 from hdc.readouts import Ridge, RidgeValues, linear
 from hdc.readouts.arithmetic import gram
 from hdc.readouts.linear import Linear
 from hdc.readouts.ridge import PENALTIES, Dual, solve
+from tests.hdc.own import fitted
 
 
 def plain(x: np.ndarray, y: np.ndarray, penalty: float) -> PlainRidge:
@@ -39,7 +41,7 @@ def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(n, d, t, seed
     x, words, y = problem(n, d, t, seed)
     queries, asked, _ = problem(5, d, t, seed + 1)
     model, residuals = solve(words, y, d)
-    dual = Dual.of(words, d, model.penalty, "numpy")
+    dual = Dual.of(words, d, model.penalty)
     whole = plain(x, y.numpy(), model.penalty)
     weights = np.atleast_2d(whole.coef_)
     rounding = np.abs(weights).max(1) / 254 * d  # half a step of 8 bits, at every pixel
@@ -123,11 +125,12 @@ def test_recalibrated_numbers_are_held_out_as_by_retraining():
     """
     _, words, y = problem(30, 200, 2, 0)
     x, new, new_y = problem(7, 200, 2, 1)
-    readout = RidgeValues(0.1).fit(words, y, 200)
+    readout = fitted(RidgeValues(0.1), words, y, 200)
     old = readout.linear_
-    readout.adapt(new, new_y)
-    centre, without = readout.without(new)
-    assert torch.equal(centre, readout.values(new))
+    readout = readout.adapted(new, new_y)
+    asked = Hypervectors(new, 200)
+    centre, without = readout.readout.without(readout.state, asked)
+    assert torch.equal(centre, readout.readout.values(readout.state, asked))
     assert readout.linear_.penalty == old.penalty
     assert without.shape == (7, 7, 2)
     whole = adapted_without(old, x, new, new_y.numpy(), -1)
@@ -144,10 +147,10 @@ def test_recalibrated_classes_are_held_out_as_by_retraining():
     """Targets are 1 for the class of a frame and −1 for the others, of one without frames, too."""
     _, words, _ = problem(30, 200, 1, 0)
     x, new, _ = problem(8, 200, 1, 1)
-    readout = Ridge(0.1).fit(words, torch.arange(30) % 3, 3, 200)
+    readout = fitted(Ridge(0.1), words, torch.arange(30) % 3, 3, 200)
     old = readout.linear_
     rows = torch.tensor([0, 2, 2, 0, 2, 0, 0, 2])
-    readout.adapt(new, rows)
+    readout = readout.adapted(new, rows)
     found, of = readout.held_out(words, torch.arange(30) % 3)
     assert torch.equal(of, rows)
     targets = np.where(rows.numpy()[:, None] == np.arange(3), 1.0, -1.0)
@@ -168,7 +171,7 @@ def test_a_given_penalty_is_used():
             products - products.mean(0) - products.mean(1)[:, None] + products.mean()
         )
         unit = float(centred.diagonal().mean())
-        assert model.readout_.linear_.penalty == pytest.approx(unit * float(penalty))
+        assert model.state_.linear.penalty == pytest.approx(unit * float(penalty))
     for penalty in (0, -1, "x", float("nan"), float("inf"), True):
         message = "penalty: expected a number above zero or None, found"
         with pytest.raises(ValueError, match=message):

@@ -8,6 +8,7 @@ import torch
 
 from hdc import HDCClassifier, bits
 from hdc.readouts import Trained
+from tests.hdc.own import by, fitted
 
 
 def plain_prototypes(
@@ -62,9 +63,8 @@ def test_the_rule_by_plain_loops(margin, passes, backend):
     if backend == "compiled":
         pytest.importorskip("numba")
     x, words, rows = problem(17, 90, passes)
-    model = Trained(margin, passes)
-    model.backend = backend
-    model.fit(words, rows, 4, 90)  # the last class has no frames
+    # The last class has no frames.
+    model = by(backend, fitted, Trained(margin, passes), words, rows, 4, 90)
     expected = plain_prototypes(x.tolist(), rows.tolist(), 4, margin, passes)
     found = 2 * bits.unpack(model.prototypes_, 90).long() - 1
     assert found[:3].tolist() == expected[:3]

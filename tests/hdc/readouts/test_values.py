@@ -7,7 +7,9 @@ import pytest
 import torch
 
 from hdc import HDCRegressor, bits
-from hdc.readouts import NeighbourValues, ValueReadout
+from hdc.hypervectors import Hypervectors
+from hdc.readouts import NeighbourValues, ValueReadout, ValueState
+from tests.hdc.own import fitted
 
 
 def plain_means(distances: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
@@ -25,11 +27,12 @@ def test_means_and_left_out_means_by_plain_loops(k):
     words = torch.from_numpy(rng.integers(0, 2**40, (12, 1)))
     queries = torch.from_numpy(rng.integers(0, 2**40, (30, 1)))
     values = rng.normal(size=(12, 2))
-    model = NeighbourValues(k).fit(words, torch.from_numpy(values), 40)
+    model = fitted(NeighbourValues(k), words, torch.from_numpy(values), 40)
     distances = bits.hamming(queries, words).numpy()
     expected = plain_means(distances, values, k)
-    np.testing.assert_allclose(model.values(queries), expected)
-    centre, without = model.without(queries)
+    asked = Hypervectors(queries, 40)
+    np.testing.assert_allclose(model.readout.values(model.state, asked), expected)
+    centre, without = model.readout.without(model.state, asked)
     np.testing.assert_allclose(centre, expected)
     own = bits.hamming(words, words).numpy()
     for i in range(12):
@@ -43,12 +46,11 @@ def test_means_and_left_out_means_by_plain_loops(k):
 class Brightness(ValueReadout):
     """The mean of the numbers of training, whatever the frame."""
 
-    def fit(self, words, values, dimension):
-        self.mean_ = values.mean(0)
-        return self
+    def fit(self, words, values):
+        return ValueState(words=words, targets=values)
 
-    def values(self, words):
-        return self.mean_.expand(len(words), -1)
+    def values(self, state, words):
+        return state.targets.mean(0).expand(len(words), -1)
 
 
 def test_a_read_out_of_ones_own_has_no_intervals_unless_it_says():

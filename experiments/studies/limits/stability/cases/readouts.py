@@ -20,6 +20,7 @@ import torch
 
 from experiments.studies.limits.stability.case import case
 from hdc import bits
+from hdc.hypervectors import Hypervectors
 from hdc.readouts import LDA, Kernel, Readout, Ridge
 
 Array = np.ndarray[Any, Any]
@@ -49,10 +50,12 @@ def frames_of(shape: str) -> tuple[Array, Array, Array]:
 
 def learned(readout: Readout, frames: Array, labels: Array, queries: Array) -> Array:
     """Scores [Q, L] of a read-out."""
-    words, asked = (bits.pack(torch.from_numpy(part)) for part in (frames, queries))
+    words, asked = (
+        Hypervectors(bits.pack(torch.from_numpy(part)), D) for part in (frames, queries)
+    )
     rows = torch.from_numpy(labels)
-    model = readout.fit(words, rows, int(labels.max()) + 1, D)
-    return np.asarray(model.scores(asked).double())
+    state = readout.fit(words, rows, int(labels.max()) + 1)
+    return np.asarray(readout.scores(state, asked).double())
 
 
 def unit(scores: Array) -> Array:

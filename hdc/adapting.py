@@ -1,0 +1,114 @@
+"""A trained classifier that follows a drift of its environment."""
+
+from __future__ import annotations
+
+import copy
+import inspect
+import warnings
+from collections.abc import Mapping
+from typing import Any, Self
+
+from hdc import inputs
+from hdc.answers import Answering
+from hdc.availability import needs
+from hdc.hypervectors import joined
+
+
+class Adapting(Answering):
+    """Recalibration by frames with labels, and re-referencing by frames without."""
+
+    @needs("adapt")
+    def recalibrate(
+        self,
+        frames: Any,
+        y: Any = None,
+        p: float = 0.5,
+        seed: int = 0,
+        method: str | None = None,
+    ) -> Self:
+        """Adapt to a changed environment by new frames with labels.
+
+        Classes without new frames keep their prototypes, and a warning lists them: a drift that all
+        classes share costs them accuracy. :meth:`is_known` compares with the new frames.
+        ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression moves its
+        weights to fit the new frames; neighbours exchange the kept frames for the new ones of their
+        classes. Neither depends on p. The read-outs lda and kernel mix their old discriminants with
+        those of the new frames. :meth:`rezero` needs no labels.
+
+        Args:
+            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
+            y: their labels.
+            p: probability that a bit is replaced, or share of the new votes or discriminants.
+            seed: of the choice of bits that are replaced. Each recalibration of a model draws its
+                own; the model and its file count them.
+            method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
+                votes (:func:`hdc.prototypes.merged`), which recovers more. By default the former,
+                or for counts the latter.
+
+        Raises:
+            ValueError: if p is outside [0, 1], or 1 with new frames of a single class for lda and
+                kernel; if a label is not among ``classes_``, bits are to be replaced of a class
+                that has no training frames, or the read-out does not use an argument.
+            AttributeError: for a read-out that does not adapt; ``hasattr`` is False.
+        """
+        self._check_is_trained()
+        if y is None:
+            raise ValueError(
+                "recalibrate: expected labels y, found None; without labels: rezero(frames)"
+            )
+        options = {"p": p, "seed": seed, "method": method}
+        self._check_used(options)
+        frames, _ = self._given(frames)
+        labels = inputs.label_array(y, len(frames)).tolist()
+        inputs.check_among(labels, self._head.index)
+        with self._computing():
+            words = joined(self._encoded(frames))
+            self._head = self._head.adapted(words, labels, options)
+        return self
+
+    def _check_used(self, given: Mapping[str, Any]) -> None:
+        """Raise ValueError for an argument of :meth:`recalibrate` that the read-out ignores."""
+        defaults = inspect.signature(Adapting.recalibrate).parameters
+        for name, value in given.items():
+            default = defaults[name].default
+            if name not in self.readout_.adapts_by and value != default:
+                raise ValueError(
+                    f"{name}: expected {default!r} with the read-out {self.readout_!r}, which "
+                    f"does not use it, found {value!r}"
+                )
+
+    @needs("zero")
+    def rezero(self, frames: Any) -> Self:
+        """Adapt a model with a reference to a changed environment by new frames without labels.
+
+        The reference becomes the mean of the new standardised frames. The new frames have to show
+        all classes about as often as the frames of the old reference. Frames of one class can spoil
+        the model; a warning appears if the model puts them into few classes. Frames without a touch
+        do not help: ten of them improved no model in the study of drift.
+
+        Args:
+            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
+
+        Raises:
+            ValueError: for no frames, or frames of another shape; the model stays as it was.
+            AttributeError: for an encoder without a reference; ``hasattr`` is False.
+        """
+        self._check_is_trained()
+        self._check_columns(inputs.columns_of(frames))
+        frames = inputs.indexable(frames, self.frame_shape_)
+        if len(frames) == 0:
+            raise ValueError("frames: expected at least one frame, found none")
+        inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
+        moved = copy.copy(self)
+        encoder: Any = copy.copy(self.encoder_)
+        moved.encoder_ = encoder.zero(frames)
+        found = len(set(moved.predict(frames).tolist()))
+        if 2 * found < len(self.classes_):
+            warnings.warn(
+                f"rezero: the {len(frames)} frames are put into {found} of {len(self.classes_)} "
+                "classes; they have to show the classes as the training frames did, or the model "
+                "is spoilt",
+                stacklevel=2,
+            )
+        self.encoder_ = moved.encoder_
+        return self

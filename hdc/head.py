@@ -1,0 +1,329 @@
+"""What a classifier has learned of labelled hypervectors: a value, of which others are made."""
+
+from __future__ import annotations
+
+import functools
+import warnings
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, fields, replace
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+
+from hdc import inputs
+from hdc.conformal import Conformal
+from hdc.hypervectors import Hypervectors
+from hdc.inputs import Label
+from hdc.parameters import is_number
+from hdc.probability import Temperature, cross_validated, of_several
+from hdc.readouts.base import HeldOut, Readout, Updatable
+from hdc.readouts.majority import Counting
+from hdc.sample import KEPT, Reservoir, Sample
+from hdc.tensors import check_parts, checked, prefixed, without_prefix
+
+_ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
+
+
+@dataclass(frozen=True, eq=False)
+class Head:
+    """A read-out with what it has learned; :meth:`extended` and the like make others."""
+
+    readout: Readout
+    state: Any
+    """Of the read-out."""
+    sample: Sample
+    labels: np.ndarray
+    """[L], of the rows."""
+    dimension: int
+    """D, bits of a hypervector."""
+    recalibrated: bool = False
+    """Whether prototypes are no longer those of the counted hypervectors."""
+    training: tuple[Hypervectors, Tensor] | None = None
+    """Hypervectors of training and their rows, of a read-out whose left-out scores take folds."""
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without what is made when it is asked for; scores of folds in place of the frames."""
+        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        if self.training is not None:
+            found["state"] = replace(self.state, held_out=self._held_out_to_keep())
+            found["training"] = None
+        return found
+
+    def __deepcopy__(self, _: Any) -> Head:
+        """Itself: nobody changes it."""
+        return self
+
+    @functools.cached_property
+    def index(self) -> dict[Label, int]:
+        """Row of each label."""
+        return {label: row for row, label in enumerate(self.labels.tolist())}
+
+    @property
+    def counts(self) -> Tensor:
+        """Training frames of each class, int64 [L] (CPU); votes after a recalibration by votes."""
+        if isinstance(self.readout, Counting):
+            counts: Tensor = self.state.n
+            return counts
+        return torch.tensor([self.sample.seen.get(label, 0) for label in self.index])
+
+    def rows_of(self, labels: Iterable[Label]) -> Tensor:
+        """Rows int64 [N] of N labels."""
+        return torch.tensor([self.index[label] for label in labels])
+
+    # Learning ------------------------------------------------------------------------------------
+
+    def extended(self, words: Hypervectors, labels: Sequence[Label]) -> Head:
+        """With further hypervectors of N labels, of which some may be new."""
+        readout: Any = self.readout
+        new = [label for label in labels if label not in self.index]
+        head = self._with_room(new) if new else self
+        reservoir = Reservoir(self.sample)
+        reservoir.add(words.packed, labels)
+        state = readout.add(head.state, [(words, head.rows_of(labels))])
+        sample = reservoir.sample()
+        return Head(readout, state, sample, head.labels, self.dimension)
+
+    def with_classes(self, labels: Iterable[Label]) -> Head:
+        """With rows for these labels."""
+        new = [label for label in labels if label not in self.index]
+        return self._with_room(new) if new else self
+
+    def _with_room(self, new: Sequence[Label]) -> Head:
+        before = self.labels.tolist()
+        labels = inputs.classes_of([*before, *new])
+        rows = {label: row for row, label in enumerate(labels.tolist())}
+        readout: Any = self.readout
+        places = [rows[label] for label in before]
+        state = readout.arrange(self.state, places, len(labels))
+        return Head(readout, state, self.sample, labels, self.dimension)
+
+    def merged(self, other: Head) -> Head:
+        """Of the training frames of both, for read-outs that go on learning."""
+        labels = other.labels.tolist()
+        head = self.with_classes(labels)
+        readout: Any = self.readout
+        places = [head.index[label] for label in labels]
+        state = readout.merge(head.state, other.state, places)
+        sample = self.sample.merged(other.sample)
+        return Head(readout, state, sample, head.labels, self.dimension)
+
+    def adapted(
+        self, words: Hypervectors, labels: Sequence[Label], options: Mapping[str, Any]
+    ) -> Head:
+        """Moved to hypervectors of N of its labels by the options of ``recalibrate``."""
+        rows = self.rows_of(labels)
+        missing = [name for name in self.index if name not in set(labels)]
+        _warn_of_missing(missing)
+        readout: Any = self.readout
+        used = [options[name] for name in readout.adapts_by]
+        state = readout.adapt(self.state, words, rows, *used)
+        if missing and state.held_out is not None:
+            # Scores of before and of now are in two units.
+            state = replace(state, held_out=None)
+        sample = _counted(self.sample, labels)
+        if isinstance(readout, Updatable):
+            sample = self.sample.replaced(words.packed, labels)
+        return replace(
+            self, state=state, sample=sample, recalibrated=True, training=None
+        )
+
+    def to(self, device: torch.device | str) -> Head:
+        """The same in the memory of a device."""
+        training = self.training
+        if training is not None:
+            training = training[0].to(device), training[1]
+        state, sample = self.state.to(device), self.sample.to(device)
+        return replace(self, state=state, sample=sample, training=training)
+
+    # Answers -------------------------------------------------------------------------------------
+
+    def scores(self, words: Hypervectors) -> Tensor:
+        """Scores [Q, L] of the read-out."""
+        return self.readout.scores(self.state, words)
+
+    def p_values(self, words: Hypervectors, alpha: float) -> np.ndarray:
+        """p [Q, L], of :meth:`hdc.conformal.Conformal.p_values`."""
+        return self.conformal.p_values(words.packed, self.scores(words), alpha)
+
+    def possible(self, words: Hypervectors, alpha: float) -> np.ndarray:
+        """Which classes each frame may be of, bool [Q, L]."""
+        return self.conformal.possible(words.packed, self.scores(words), alpha)
+
+    def probabilities(self, words: Hypervectors) -> Tensor:
+        """float64 [Q, L]."""
+        return self.temperature.probabilities(self.scores(words), self.counts > 0)
+
+    @functools.cached_property
+    def held_out(self) -> HeldOut | None:
+        """Scores of training frames as if not learnt, in closed form, of a file, or by folds.
+
+        None for a model that has none of these.
+        """
+        readout = self.readout
+        if isinstance(readout, Updatable):
+            words, rows = self._kept()
+            return readout.held_out(self.state, words, rows)
+        found = readout.held_out(self.state, None, torch.empty(0))
+        if found is None and self.training is not None:
+            found = cross_validated(readout, *self.training, len(self.labels))
+        return found
+
+    def _kept(self) -> tuple[Hypervectors, Tensor]:
+        """The hypervectors of the sample, and their rows."""
+        words, rows = [], []
+        for label, row in self.index.items():
+            if self.sample.seen.get(label):
+                kept = self.sample.kept[label]
+                words.append(kept)
+                rows += [row] * len(kept)
+        return Hypervectors(torch.cat(words), self.dimension), torch.tensor(rows)
+
+    @functools.cached_property
+    def conformal(self) -> Conformal:
+        """Samples that new frames are compared with, made when first asked for.
+
+        Raises:
+            ValueError: where no training frames can be scored as if they had not been learnt.
+        """
+        if isinstance(self.readout, Counting):
+            labels = self.labels.tolist()
+            return Conformal.of_counting(self.readout, self.state, self.sample, labels)
+        return Conformal.of_scores(self._needed("predict_set"), self.counts)
+
+    @functools.cached_property
+    def temperature(self) -> Temperature:
+        """The temperature of probabilities, fitted when first asked for; errors as above."""
+        return Temperature.fit(of_several(self._needed("predict_proba"), self.counts))
+
+    def _needed(self, method: str) -> HeldOut:
+        if self.held_out is None:
+            raise ValueError(
+                f"{method}: {_ANEW}, of {self.readout!r}; fit anew, "
+                "or recalibrate by frames of all classes"
+            )
+        return self.held_out
+
+    # Files ---------------------------------------------------------------------------------------
+
+    def stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+        """Header and tensors of a file."""
+        classes = self.labels.tolist()
+        seen = self.sample.seen
+        tensors = {}
+        if self.sample.kept:
+            kept = [self.sample.kept[label] for label in classes if label in seen]
+            tensors["sample"] = torch.cat(kept)
+        tensors |= prefixed("readout", self.state.tensors())
+        held_out = self._held_out_to_keep()
+        if held_out is not None:
+            tensors |= prefixed("held_out", held_out._asdict())
+        header = {
+            "classes": classes,
+            "seen": [seen.get(label, 0) for label in classes],
+            "recalibrated": self.recalibrated,
+        }
+        return header, tensors
+
+    def _held_out_to_keep(self) -> HeldOut | None:
+        """Scores that a loaded read-out cannot make again."""
+        if isinstance(self.readout, Updatable):
+            return None
+        try:
+            return self.held_out
+        # A read-out of one's own may not learn four fifths of the frames.
+        except Exception as error:
+            warnings.warn(
+                f"save: the loaded model will have no sets and probabilities: {error}",
+                stacklevel=5,
+            )
+            return None
+
+    @classmethod
+    def restored(
+        cls,
+        readout: Readout,
+        header: Mapping[str, Any],
+        tensors: Mapping[str, Tensor],
+        dimension: int,
+    ) -> Head:
+        """What :meth:`stored` describes; both may be anything.
+
+        Raises:
+            ValueError: for what does not fit.
+        """
+        classes = header["classes"]
+        if not classes or inputs.classes_of(classes).tolist() != classes:
+            raise ValueError(f"classes {classes!r}")
+        # Up to version 3, whole read-outs had a sample, and all that do not count a majority.
+        parts = ["readout", "sample", "held_out"]
+        if not isinstance(readout, Counting):
+            parts.append("majority")
+        check_parts(tensors, parts)
+        n_classes = len(classes)
+        own = without_prefix("readout", tensors)
+        state = readout.restored(own, n_classes, dimension)
+        held_out = _held_out_of(without_prefix("held_out", tensors), n_classes)
+        if held_out is not None:
+            state = replace(state, held_out=held_out)
+        words = tensors["sample"] if isinstance(readout, Updatable) else None
+        sample = _sample_of(classes, header["seen"], words, dimension)
+        labels = inputs.label_array(classes, n_classes)
+        recalibrated = bool(header["recalibrated"])
+        head = cls(readout, state, sample, labels, dimension, recalibrated)
+        sharpness = header.get("sharpness")  # of version 2.0
+        if sharpness is not None:
+            if not is_number(sharpness) or sharpness <= 0:
+                raise ValueError(f"sharpness {sharpness!r}")
+            vars(head)["temperature"] = Temperature(sharpness)
+        return head
+
+
+def _counted(sample: Sample, labels: Sequence[Label]) -> Sample:
+    """A sample without hypervectors, of whose classes these labels came instead."""
+    counts: dict[Label, int] = {}
+    for label in labels:
+        counts[label] = counts.get(label, 0) + 1
+    return Sample({**sample.seen, **counts})
+
+
+def _warn_of_missing(missing: Sequence[Label]) -> None:
+    """Warn where classes have no new frames: they keep what they had before the change."""
+    if not missing:
+        return
+    named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
+    warnings.warn(
+        f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
+        "alike, frames of these classes will be taken for the others",
+        stacklevel=4,
+    )
+
+
+def _sample_of(
+    classes: Sequence[Label], seen: Any, words: Tensor | None, dimension: int
+) -> Sample:
+    """The sample of a file: hypervectors of so many frames that each class has seen."""
+    kept = [min(count, KEPT) for count in seen]
+    if min(kept) < 0 or len(kept) != len(classes):
+        raise ValueError(f"seen {seen!r}")
+    counts = {label: n for label, n in zip(classes, seen, strict=True) if n}
+    if words is None:
+        return Sample(counts)
+    n = sum(kept)
+    checked({"sample": words}, {"sample": "int64 N W"}, N=n, D=dimension)
+    parts = zip(classes, words.split(kept), strict=True)
+    found = {label: part.clone() for label, part in parts if len(part)}
+    return Sample(counts, found)
+
+
+def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | None:
+    """The scores that a file has, if it has any."""
+    if not tensors:
+        return None
+    kinds = {"scores": "float64 N L", "rows": "int64 N"}
+    n = len(tensors.get("rows", ()))  # none where each class has a single frame
+    found = HeldOut(**checked(tensors, kinds, N=n, L=n_classes))
+    if ((found.rows < 0) | (found.rows >= n_classes)).any():
+        raise ValueError(f"held_out.rows: expected classes in [0, {n_classes})")
+    return found

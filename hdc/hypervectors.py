@@ -1,0 +1,60 @@
+"""Encoded frames, which every method of a model takes in place of the frames."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Any, Self
+
+import numpy as np
+import torch
+from torch import Tensor
+
+
+@dataclass(frozen=True)
+class Hypervectors:
+    """N packed hypervectors (:mod:`hdc.bits`) of one dimension.
+
+    Example:
+        >>> from hdc import HDCClassifier
+        >>> frames = torch.tensor([[9, 8, 1, 0], [0, 1, 9, 8]], dtype=torch.uint8)
+        >>> model = HDCClassifier().fit(frames, ["a", "b"])
+        >>> words = model.encode(frames)
+        >>> words.packed.tolist(), words.dimension
+        ([[3], [12]], 4)
+        >>> model.predict(words[1:]).tolist()
+        ['b']
+    """
+
+    packed: Tensor
+    """int64 [N, ⌈D/64⌉]."""
+    dimension: int
+    """D, bits of each."""
+    encoder: Any = None
+    """The trained encoder that made them, where that is known."""
+    frame_shape: tuple[int, ...] = ()
+    """(H, W) or (pixels,) of the frames that they were made of."""
+
+    def __len__(self) -> int:
+        return len(self.packed)
+
+    def __getitem__(self, rows: Any) -> Self:
+        """Those of some rows: a slice, a mask, or whole numbers."""
+        if isinstance(rows, np.ndarray):
+            rows = torch.from_numpy(rows)
+        if isinstance(rows, Tensor):
+            rows = rows.to(self.packed.device)
+        return replace(self, packed=self.packed[rows])
+
+    def to(self, device: torch.device | str) -> Self:
+        """The same in the memory of a device."""
+        return replace(self, packed=self.packed.to(device))
+
+
+def joined(parts: Iterable[Hypervectors]) -> Hypervectors:
+    """Hypervectors of one encoder, one after another; at least one part."""
+    first, *others = parts
+    if not others:
+        return first
+    packed = torch.cat([first.packed, *(part.packed for part in others)])
+    return replace(first, packed=packed)

@@ -1,0 +1,212 @@
+"""Models in files: what a header says, and how a model is made of it."""
+
+from __future__ import annotations
+
+import warnings
+from abc import ABC, abstractmethod
+from collections.abc import Collection, Mapping, Sequence
+from contextlib import AbstractContextManager
+from math import prod
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import torch
+from torch import Tensor
+
+from hdc import backends, io
+from hdc.encoders import Encoder
+from hdc.parameters import Named, describe, rebuild
+from hdc.tensors import prefixed, without_prefix
+
+
+class Saved(ABC):
+    """Saves a trained model to a file and loads it."""
+
+    parts: ClassVar[Any]
+    _known: ClassVar[Mapping[str, Named]]  # our own classes of each part
+    device: str
+    backend: str
+    encoder_: Encoder
+    frame_shape_: tuple[int, ...]
+    metadata_: dict[str, Any]
+    _columns: list[str | int] | None = None
+    """Columns of the data frame that the model learned from."""
+
+    def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
+        """Write the model to a safetensors file, whole or not at all.
+
+        Args:
+            path: file name, in a folder that exists; an older model of that name is replaced.
+            metadata: JSON values to keep with the model, such as how frames are cropped. By default
+                those of the file the model was read from.
+
+        Raises:
+            TypeError: for metadata that are no JSON.
+            FileNotFoundError: for a folder that does not exist.
+            FileExistsError: where something other than a saved model has the name.
+            ValueError: for a model that could not be loaded again, such as one with a read-out of a
+                class that is not at the top of a module, or with a parameter that is no JSON;
+                nothing is written.
+        """
+        self._check_is_trained()
+        if metadata is None:
+            metadata = getattr(self, "metadata_", {})
+        metadata = dict(metadata)
+        # Not the backend: the best one depends on the machine, and the model does not.
+        parameters: dict[str, Any] = {"device": str(self.device)}
+        revisions = {}
+        for name in self.parts:
+            # The trained part: the object that was given may have been changed since.
+            trained = getattr(self, f"{name}_")
+            parameters[name] = describe(trained, self._known[name])
+            revisions[name] = trained.revision
+        with self._computing():
+            header, tensors = self._stored()
+        tensors |= prefixed("encoder", self.encoder_.state())
+        header = {"kind": type(self).__name__, **header}
+        header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
+        header |= {"revisions": revisions}
+        header |= {"columns": self._columns, "metadata": metadata}
+        io.write_model(Path(path), header, tensors, self._check_loads)
+        self.metadata_ = metadata
+
+    def _check_loads(
+        self, header: Mapping[str, Any], tensors: dict[str, Tensor]
+    ) -> None:
+        """Raise ValueError for what :meth:`load` would refuse."""
+        try:
+            self._rebuilt(header, tensors, trusted=None)
+        except Exception as error:
+            kind = type(self).__name__
+            raise ValueError(
+                f"a {kind} that could not be loaded again: {error}"
+            ) from error
+
+    @classmethod
+    def load(
+        cls,
+        path: str | Path,
+        trusted: str | Collection[str] = (),
+        device: str | None = None,
+    ) -> Self:
+        """Read a model that :meth:`save` wrote.
+
+        Args:
+            path: file name.
+            trusted: dotted name or names of encoders and read-outs of one's own. The module of such
+                a class is imported, which runs its code; a file that names one that is not trusted
+                is refused before that.
+            device: where to compute; by default the device of training, or the CPU with a warning
+                where this machine has no such device.
+
+        Raises:
+            ValueError: if the file is not such a model, of another class, or damaged; it is named.
+        """
+        if isinstance(trusted, str):  # of which parts are no names
+            trusted = (trusted,)
+        if device is not None:
+            backends.check_device(device)
+        try:
+            header, tensors = io.read_model(Path(path))
+            kind = header["kind"]
+            if kind != cls.__name__:
+                raise ValueError(f"a saved {kind}; load it with {kind}.load")
+            parameters = header["parameters"]
+            parameters["device"] = device or _available(parameters["device"], path)
+            model = cls._rebuilt(header, tensors, trusted)
+        except FileNotFoundError:
+            raise
+        # A hostile header reaches numpy and torch in many ways.
+        except Exception as error:
+            raise ValueError(
+                f"{path}: expected a saved {cls.__name__}, found {error}"
+            ) from error
+        model._warn_of_revisions(header.get("revisions"), path)
+        return model
+
+    @classmethod
+    def _rebuilt(
+        cls,
+        header: Mapping[str, Any],
+        tensors: dict[str, Tensor],
+        trusted: Collection[str] | None,
+    ) -> Self:
+        """The model of a header and tensors, which may be anything; errors of any kind.
+
+        `trusted` as of :func:`hdc.parameters.rebuild`.
+        """
+        parameters = dict(header["parameters"])
+        for name in cls.parts:
+            part = rebuild(parameters[name], name, cls._known[name], trusted)
+            parameters[name] = part
+        model = cls(**parameters)
+        model._check_parameters()
+        shape = header["frame_shape"]
+        whole = all(type(n) is int and n > 0 for n in shape)
+        if not whole or not 1 <= len(shape) <= 2:
+            raise ValueError(f"frame_shape {shape!r}")
+        own = {name: tensor.to(model.device) for name, tensor in tensors.items()}
+        encoder: Encoder = model.fresh("encoder")
+        encoder.restore(without_prefix("encoder", own), prod(shape))
+        model._begin(
+            encoder, shape, backends.choose_backend(model.backend, model.device)
+        )
+        others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
+        model._restore(header, others)
+        model._columns = header.get("columns")
+        model.metadata_ = dict(header["metadata"])
+        return model
+
+    def _warn_of_revisions(self, made_by: Any, path: str | Path) -> None:
+        """Warn of a file whose encoder or read-out gave other numbers; files to 3.0 do not say."""
+        for name in self.parts if isinstance(made_by, Mapping) else ():
+            now = getattr(self, f"{name}_").revision
+            if made_by.get(name, now) != now:
+                warnings.warn(
+                    f"{path}: made by revision {made_by[name]} of the {name}, now {now}, which "
+                    "gives other numbers; fit anew",
+                    stacklevel=3,
+                )
+
+    @abstractmethod
+    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+        """Header and tensors of the estimator itself."""
+
+    @abstractmethod
+    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
+        """Become the model of :meth:`_stored`."""
+
+    @abstractmethod
+    def _check_is_trained(self) -> None:
+        """Raise for a model that has learned nothing."""
+
+    @abstractmethod
+    def _check_parameters(self) -> None:
+        """Raise for a parameter that is not allowed."""
+
+    @abstractmethod
+    def fresh(self, name: str) -> Any:
+        """The part of a parameter, checked and untrained."""
+
+    @abstractmethod
+    def _computing(self) -> AbstractContextManager[None]:
+        """By the backend of this model."""
+
+    @abstractmethod
+    def _begin(self, encoder: Encoder, shape: Sequence[int], backend: str) -> None:
+        """Encode frames of a shape by a trained encoder from now on."""
+
+
+def _available(device: str, path: str | Path) -> str:
+    """The device of a file, or the CPU where this machine has none of its kind."""
+    try:
+        backends.check_device(device)
+    except ValueError:
+        if torch.device(device).type not in ("cuda", "mps", "xpu"):
+            raise
+        warnings.warn(
+            f"{path}: trained on {device!r}, which is not here: on the CPU",
+            stacklevel=3,
+        )
+        return "cpu"
+    return device
