@@ -28,6 +28,7 @@ from experiments.reporting.study import studies as studies_of
 from experiments.reproduction import make
 from experiments.reproduction.steps import cost_text, steps
 from experiments.studies.claims import findings
+from experiments.studies.claims.view import current
 from hdc.io import write_atomically
 
 README, DOCS = ROOT / "README.md", ROOT / "docs"
@@ -126,13 +127,17 @@ def parts(answers: Answers) -> dict[str, Callable[[], str]]:
         table = answers.table(name)
         return table.rows() if table is not None else documents.NOT_MEASURED
 
+    def claims() -> str:
+        table = answers.table("claims")
+        return current(table).rows() if table is not None else documents.NOT_MEASURED
+
     return {
         "findings": lambda: _findings(answers),
         "costs": lambda: documents.costs(answers.table("recording_costs")),
         "table1": lambda: rows("table1"),
         "results": lambda: documents.results_page(answers),
         "scenes": lambda: documents.scene_list(answers.results),
-        "claims": lambda: rows("claims"),
+        "claims": claims,
         "reproduction": _reproduction,
     }
 

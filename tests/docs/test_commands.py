@@ -103,7 +103,7 @@ def test_runs_are_of_configs_that_there_are(command, monkeypatch):
     if "--config-dir" in words:  # a folder of the reader's
         at = words.index("--config-dir")
         del words[at : at + 2]
-        words = [w for w in words if not w.startswith("model=")]
+        words = [w for w in words if not w.startswith(("model=", "experiment="))]
     parsed = OverridesParser.create().parse_overrides(words)
     firsts = [
         f"{o.key_or_group}={next(iter(o.sweep_string_iterator()))}"

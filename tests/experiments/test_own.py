@@ -135,11 +135,13 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
 
 
 PARTS = """
+from dataclasses import dataclass
+
 import torch
 
 from hdc import bits
 from hdc.encoders import Encoder
-from hdc.readouts import Readout
+from hdc.readouts import Readout, State
 
 
 class Bright(Encoder):
@@ -147,13 +149,20 @@ class Bright(Encoder):
         return bits.pack(frames.flatten(1) > 127)
 
 
-class First(Readout):
-    def fit(self, words, rows, n_classes, dimension):
-        self.first_ = torch.stack([words[rows == c][0] for c in range(n_classes)])
-        return self
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Firsts(State):
+    first: torch.Tensor
 
-    def scores(self, words):
-        return -bits.hamming(words, self.first_)
+
+class First(Readout):
+    State = Firsts
+
+    def fit(self, words, rows, n_classes):
+        packed = [words.packed[rows == c][0] for c in range(n_classes)]
+        return Firsts(first=torch.stack(packed))
+
+    def scores(self, state, words):
+        return -bits.hamming(words.packed, state.first)
 """
 OWN_HDC = """# @package _global_
 model:
@@ -213,4 +222,4 @@ def test_a_readout_of_ones_own_is_compared_by_the_command(own, capsys):
     parts = ["own_parts.Bright", "own_parts.First"]
     loaded = HDCClassifier.load(own / "model", trusted=parts)
     assert (loaded.predict(frames) == model.predict(frames)).all()
-    assert loaded.readout_.first_.shape == (2, 1)
+    assert loaded.state_.first.shape == (2, 1)

@@ -5,6 +5,7 @@ import os
 import shutil
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -54,10 +55,13 @@ def words(one_thread, monkeypatch, tmp_path):
 def test_a_changed_constant_fails_until_the_revision_is_raised(words, monkeypatch):
     assert words() == ""
     before = golden.FILE.read_text()
-    real = golden.words_of
-    monkeypatch.setattr(
-        golden, "words_of", lambda model, frames: real(model, frames) ^ 1
-    )
+    real = hdc.HDCClassifier.encode
+
+    def other(model, frames):
+        words = real(model, frames)
+        return replace(words, packed=words.packed ^ 1)
+
+    monkeypatch.setattr(hdc.HDCClassifier, "encode", other)
     told = words()
     assert told.startswith("words: a number moved and no revision did (words ")
     assert "Raise the revision of what you changed, one of " in told

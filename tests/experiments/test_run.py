@@ -270,7 +270,7 @@ from experiments.run import entry_point
 
 class Stuck(hdc.HDCClassifier):
     def train(self, frames, labels):
-        yield from super().train(frames, labels)
+        yield {"samples_seen": len(self.fit(frames, labels).counts_)}
         if labels.max() > 1:  # not the warm-up
             Path("stuck").touch()
             time.sleep(100)

@@ -8,6 +8,7 @@ the words of rules 1, earlier.yaml are what that code read.
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -114,6 +115,12 @@ def _note(data: pd.DataFrame) -> str:
             f"code of commit {row.judged[:12]}."
         )
     return " ".join(parts)
+
+
+def current(table: Table) -> Table:
+    """The verdicts across recordings, without those of rules that others replaced."""
+    data = table.data
+    return replace(table, data=data[data.recording.isna() & (data.rules > 1)])
 
 
 CLAIMS = Table(

@@ -117,10 +117,10 @@ def test_updates_of_hdc_are_its_own_recalibrations(scene):
 class OwnCounts(Counts):
     """Refuses a method in words of its own."""
 
-    def adapt(self, words, rows, share, seed, method):
+    def adapt(self, state, words, rows, share, seed, method):
         if method not in self.methods:
             raise ValueError(f"I only know {self.methods}")
-        super().adapt(words, rows, share, seed, method)
+        return super().adapt(state, words, rows, share, seed, method)
 
 
 def own_counts():
