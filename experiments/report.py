@@ -187,18 +187,22 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
 def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
     """Tables and figures of each study besides those shown already, and those of no study."""
     for study in answers.studies:
-        tables = [t for t in answers.tables(study) if t.name not in shown]
-        figures = [f for f, _ in answers.figures(study) if f.name not in shown]
-        failures = [str(one) for one in answers.failures if one.study == study.name]
-        if tables or figures or failures:
-            about = study.name, study.title, study.question
-            yield Section(*about, tables, figures, failures)
+        section = _section(answers, study, shown)
+        if section.tables or section.figures or section.failures:
+            yield section
     beside = answers.comparison()
     if beside is not None and beside.name not in shown:
         yield Section(beside.name, "Every published number", "", [beside])
     results = answers.results
     if answers.name == MINE and (results.runs or results.unfinished):
         yield Section("runs", "Every run", "", [runs_table(results)])
+
+
+def _section(answers: Answers, study: Study, shown: set[str]) -> Section:
+    tables = [t for t in answers.tables(study) if t.name not in shown]
+    figures = [f for f, _ in answers.figures(study) if f.name not in shown]
+    failures = [str(one) for one in answers.failures if one.study == study.name]
+    return Section(study.name, study.title, study.question, tables, figures, failures)
 
 
 def _about(answers: Answers) -> str:

@@ -8,7 +8,7 @@ belongs to a machine, as seconds do, is not compared at all.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 import pandas as pd
@@ -60,24 +60,39 @@ def _compared(
 ) -> Iterator[dict[str, Any]]:
     """A number and its verdict, if both sides have it."""
     value = line.get(name)
-    low, high = (line.get(f"{name}{end}", value) for end in ENDS[1:])
+    ours: list[Any] = [line.get(f"{name}{end}") for end in ENDS[1:]]
     theirs: list[Any] = [line.get(f"{name}{end}{REFERENCE}") for end in ENDS]
     if value is None or None in theirs:
         return
-    low, high = (value if bound is None else bound for bound in (low, high))
+    if None in ours:
+        ours = [value, value]
+    show = _two if name == UNTIL_90 else own.column(name).show
+    bounds = " to ".join(map(show, theirs[1:]))
+    sentence = f"{_who(own, line)}: {own.column(name).head}: {show(value)} (reference: {bounds})"
+    if name == UNTIL_90 and line.get("seeds") == 1:
+        sentence += ONE_SEED
+    values = (
+        own.name,
+        row,
+        name,
+        _verdict(value, ours, theirs),
+        bounds,
+        f"{sentence}.",
+    )
+    yield dict(zip(COLUMNS, values, strict=True))
+
+
+def _two(value: float) -> str:
+    return number(value, 2)
+
+
+def _verdict(value: float, ours: Sequence[float], theirs: Sequence[float]) -> str:
+    """Whether a number with its bounds is that of the reference, or overlaps its interval."""
     known, lowest, highest = theirs
     if math.isclose(value, known, rel_tol=SAME, abs_tol=1e-12):
-        verdict = EQUAL
-    else:
-        verdict = WITHIN if low <= highest and high >= lowest else OUTSIDE
-    column = own.column(name)
-    shown = [number(x, 2) if name == UNTIL_90 else column.show(x) for x in theirs[1:]]
-    bounds = " to ".join(shown)
-    text = number(value, 2) if name == UNTIL_90 else column.show(value)
-    hint = ONE_SEED if name == UNTIL_90 and line.get("seeds") == 1 else ""
-    sentence = f"{_who(own, line)}: {column.head}: {text} (reference: {bounds}){hint}."
-    values = (own.name, row, name, verdict, bounds, sentence)
-    yield dict(zip(COLUMNS, values, strict=True))
+        return EQUAL
+    low, high = ours
+    return WITHIN if low <= highest and high >= lowest else OUTSIDE
 
 
 def _who(own: Table, line: dict[str, Any]) -> str:

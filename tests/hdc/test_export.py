@@ -428,10 +428,6 @@ CASES = [
         "100 × 100 × 8 bits, 10 classes, median, lda",
         Sizes(10_000, 10_000, 8, 1, 10, planes=4),
     ),
-    (
-        "the same with `--reject`",
-        Sizes(10_000, 10_000, 8, 1, 10, planes=4, extra=1, rejects=True),
-    ),
 ]
 
 

@@ -119,5 +119,5 @@ def test_frames_of_one_kind_need_no_labels(tmp_path):
         assert found.classes_.tolist() == ["known"]
         assert found.is_known(own[30:], 0.1).mean() > 0.5
         assert not found.is_known(others, 0.1).any()
-    with pytest.raises(ValueError, match="expected at least two classes for LDA"):
+    with pytest.raises(ValueError, match="requires y to be passed"):
         HDCClassifier(readout="lda").fit(own)

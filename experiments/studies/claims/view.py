@@ -20,7 +20,7 @@ from experiments.reporting.table import Table
 from experiments.reporting.text import two_digits
 
 HISTORY = Path(__file__).with_name("history.csv")
-COMMAND = "python -m experiments.reproduce --full --claim"
+COMMAND = "python -m experiments.reproduce --full --claim NAME"
 Row = Mapping[str, Any]
 
 
