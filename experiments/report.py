@@ -81,9 +81,10 @@ def show_tables(
     """
     questions = [*studies_of(studies), *own]
     known = [table.name for study in questions for table in study.tables]
+    known.append(COMPARISON)
     sets = _sets(folder, questions)
     for name in names:
-        if name not in (*known, COMPARISON):
+        if name not in known:
             raise ValueError(f"expected one of {', '.join(known)}, found {name}")
         for answers in sets:
             table = answers.table(name)

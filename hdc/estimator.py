@@ -30,12 +30,8 @@ class Estimator(Parametrised, Saved):
     _estimator_type: str
     encoder: Any
     readout: Any
-    device: str
-    backend: str
-    encoder_: Encoder
     backend_: str
     """``"numpy"`` or ``"compiled"``, as was decided at fit or load."""
-    frame_shape_: tuple[int, ...]
     n_features_in_: int
     dimension_: int
     _used: dict[str, Any]
@@ -200,9 +196,6 @@ class Estimator(Parametrised, Saved):
         self.encoder_, self.backend_ = encoder, backend
         self.device = self._used["device"] = device
         return self
-
-    def __getstate__(self) -> dict[str, Any]:
-        return dict(vars(self))
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
         """From a pickle, as from a file: the backend is decided for on the machine that reads."""

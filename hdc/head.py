@@ -122,9 +122,10 @@ class Head:
         if missing and state.held_out is not None:
             # Scores of before and of now are in two units.
             state = replace(state, held_out=None)
-        sample = _counted(self.sample, labels)
         if isinstance(readout, Updatable):
             sample = self.sample.replaced(words.packed, labels)
+        else:
+            sample = _counted(self.sample, labels)
         return replace(
             self, state=state, sample=sample, recalibrated=True, training=None
         )

@@ -12,13 +12,13 @@ from experiments.records.results import RUNS, Results
 from experiments.records.run import Finished, Unfinished
 from experiments.reporting import comparison
 from experiments.reporting.columns import Column
-from experiments.reporting.study import Figure, Quantity, Study, text_of_figure
-from experiments.reporting.table import Table, frame
+from experiments.reporting.study import Figure, Quantity, Study
+from experiments.reporting.table import Table, frame, text_for
 from experiments.reporting.text import number
 from hdc.io import write_atomically
 
 MINE = "mine"
-COMPARISON = "comparison"
+COMPARISON = comparison.NAME
 _SHOWN_OF_RUNS = (
     *("id", "scene", "model", "overrides", "seed", "status"),
     *("test_accuracy_final", "training_s"),
@@ -75,7 +75,7 @@ class Answers:
         for figure in study.figures:
             made = self._of(study, figure.table)
             if made is not None:
-                caption = text_of_figure(figure.caption, made.data)
+                caption = text_for(figure.caption, made.data)
                 commands = tuple(figure.commands) or made.commands
                 yield replace(figure, caption=caption, commands=commands), made
 

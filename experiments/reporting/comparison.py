@@ -17,7 +17,7 @@ from experiments.reporting.study import RUN, Quantity
 from experiments.reporting.table import Table, frame
 from experiments.reporting.text import interval, number
 
-TITLE = "Published numbers and ours"
+NAME, TITLE = "comparison", "Published numbers and ours"
 HOW = (
     "The paper has one sensor. A number of it is judged by the interval in which the "
     "number of one more sensor of ours lies with 95 %: Student's, over sensors. A ratio "
@@ -68,7 +68,7 @@ def compare(
         rows = [row for row in rows if row["verdict"] != MISSING]
     data = frame(rows, COLUMNS)
     return Table(
-        "comparison",
+        NAME,
         lambda _: data,
         of=tuple(dict.fromkeys(experiments)),
         title=TITLE,

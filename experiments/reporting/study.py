@@ -34,7 +34,7 @@ import pandas as pd
 from experiments.records import configs
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.table import Table, Text
+from experiments.reporting.table import Table, Text, text_for
 from experiments.reporting.text import frames_of
 
 if TYPE_CHECKING:  # matplotlib is slow to load
@@ -102,15 +102,10 @@ class Figure:
             figure = plt.figure(figsize=self.size, layout="constrained")
             self.draws(figure, data)
             texts = (self.title, self.details)
-            title, details = (text_of_figure(text, data) for text in texts)
+            title, details = (text_for(text, data) for text in texts)
             if title:
                 head(figure, title, literal(details))
         return figure
-
-
-def text_of_figure(text: Text, data: pd.DataFrame) -> str:
-    """A title or a caption for some values."""
-    return text(data) if callable(text) else text
 
 
 @dataclass(frozen=True)

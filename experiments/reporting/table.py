@@ -148,6 +148,11 @@ class Table:
         return "\n\n".join(filter(None, parts)) + "\n"
 
 
+def text_for(text: Text, data: pd.DataFrame) -> str:
+    """A text as it is, or as a function of the values gives it."""
+    return text(data) if callable(text) else text
+
+
 def text_of(text: Text, data: pd.DataFrame, frame: pd.DataFrame) -> str:
     """A text with the frames and the machine of the records put in.
 
@@ -156,7 +161,7 @@ def text_of(text: Text, data: pd.DataFrame, frame: pd.DataFrame) -> str:
         data: the values.
         frame: the lines of the records that they follow from.
     """
-    filled = text(data) if callable(text) else text
+    filled = text_for(text, data)
     if "{frames}" in filled:
         filled = filled.replace("{frames}", frames_of(frame.origin.dropna()))
     if "{machine}" in filled:

@@ -204,7 +204,7 @@ def learning(frame: pd.DataFrame) -> pd.DataFrame:
     accuracy = table.filter(like="test_accuracy_final").astype(float)
     ends = table.assign(
         at="end",
-        seconds=runs.groupby(ROW).total_time_s.median().to_numpy(),
+        seconds=runs.groupby(ROW, sort=False).total_time_s.median().to_numpy(),
         error=1 - accuracy.test_accuracy_final,
         error_low=1 - accuracy.test_accuracy_final_high,
         error_high=1 - accuracy.test_accuracy_final_low,

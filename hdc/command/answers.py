@@ -57,6 +57,10 @@ def columns(model: Any, batch: np.ndarray, wanted: Wanted) -> dict[str, Any]:
     n = len(batch)
     if wanted.interval is None:
         return {"values": model.predict(batch).reshape(n, -1)}
+    if model.period is not None:
+        raise ValueError(
+            "--interval: expected a model of numbers without a period; leave it out"
+        )
     alpha = outside(wanted.interval)
     parts = model.predict(batch, return_interval=True, alpha=alpha)
     named = zip(("values", "low", "high"), parts, strict=True)

@@ -59,7 +59,7 @@ def recalibrate(
     frames = frames_for(found, window, source, fewest_classes=0)
     given = {"p": p, "method": method, "seed": seed}
     options = {name: value for name, value in given.items() if value is not None}
-    if frames.labels is None and frames.values is None:
+    if hasattr(found, "classes_") and frames.labels is None:
         _refuse(options, (), "frames without labels")
         if not hasattr(found, "rezero"):
             raise ValueError(

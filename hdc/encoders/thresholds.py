@@ -43,7 +43,7 @@ class _Selected(NamedTuple):
 
 
 def one_by_one(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
-    """:func:`by_torch` on the CPU, of large frames, one after another."""
+    """:func:`hdc.encoders.ranks.by_torch` on the CPU, of large frames, one after another."""
     images = pixels.numpy()
     n_images, n_pixels = images.shape
     words = np.empty((len(ones), n_images, bits.words_for(n_pixels)), np.int64)

@@ -29,7 +29,7 @@ ENCODERS = (Median, Quantile, Levels, Deviation)
 READOUTS = (Majority, Trained, LDA)
 PLANES = 4
 """Hypervectors that hold the weights of a class of LDA."""
-_WEIGHT_OFFSET = 8  # LDA.weights_ are q + 8
+_WEIGHT_OFFSET = 8  # the weights of a state of LDA are q + 8
 _MOST_LIGHT = 2**37  # pixels times grey values: sums that 64 bits hold 65536 times
 _WHY_NOT: dict[type, str] = {
     Counts: "the cosines of which need roots",

@@ -7,6 +7,7 @@ import contextlib
 import secrets
 from collections.abc import Callable, Sequence
 from functools import partial
+from itertools import starmap
 from pathlib import Path
 from typing import Any
 
@@ -165,9 +166,10 @@ class Page:
         """A model that was trained before: its classes, which are not taught here."""
         ui.label("2. What it was trained on").classes("heading")
         self._classes = div("flex flex-col gap-3")
-        if self.session.counts:
+        if hasattr(self.session.model, "distances"):
             small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
-        else:
+        regressor = self.session.regressor
+        if regressor is not None and regressor.period is None:
             small("Numbers; each is shown with the interval it is expected in.")
 
     def _teach(self) -> None:
@@ -310,11 +312,17 @@ def _accuracy(tests: Sequence[bool]) -> str:
     return f"{right} of the latest {n} right ({right / n:.0%})"
 
 
+def _with_interval(value: float, *ends: float) -> str:
+    shown = ", ".join(f"{end:.1f}" for end in ends)
+    return f"{value:.1f} [{shown}]" if ends else f"{value:.1f}"
+
+
 def _in_words(answer: Answer) -> tuple[str, str]:
     """The predicted class, or the values, and the rest of the answer."""
-    if not answer.distances:
-        values = [f"{v:.1f} [{low:.1f}, {high:.1f}]" for v, low, high in answer.values]
-        return ", ".join(values), ""
+    if answer.values:
+        return ", ".join(starmap(_with_interval, answer.values)), ""
+    if answer.likely is None:
+        return str(answer.label), "No prediction set after this recalibration."
     likely = ", ".join(answer.likely) or "none"
     text = "none of these" if answer.label is None else answer.label
     return text, f"{1 - ALPHA:.0%} prediction set: {likely}."

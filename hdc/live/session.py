@@ -31,8 +31,8 @@ ALPHA = 0.05
 """Error rate of prediction sets: they miss the true class in one of twenty frames.
 
 A frame whose set is empty is none of the classes."""
-Interval = tuple[float, float, float]
-"""A value, and the lower and upper end of its interval."""
+Interval = tuple[float, ...]
+"""A value, and the lower and upper end of its interval; one with a period has no interval."""
 
 
 @dataclass(frozen=True)
@@ -40,7 +40,8 @@ class Answer:
     """The model's prediction for a frame."""
 
     label: str | None = None  # None: none of these, or values only
-    likely: tuple[str, ...] = ()  # prediction set
+    likely: tuple[str, ...] | None = ()
+    """Prediction set; None of a model that was recalibrated for some classes alone."""
     distances: Mapping[str, float] = field(default_factory=dict)
     """Hamming, to each prototype, as a share of the bits."""
     values: tuple[Interval, ...] = ()
@@ -124,9 +125,13 @@ class Session:
     def ask(self, frame: np.ndarray) -> Answer | None:
         """The model's answer for a frame [H, W]; None while it can give none."""
         if self.regressor is not None:
-            found = self.regressor.predict(frame[None], return_interval=True)
-            value, low, high = (np.ravel(part).tolist() for part in found)
-            return Answer(values=tuple(zip(value, low, high, strict=True)))
+            parts: tuple[np.ndarray, ...]
+            if self.regressor.period is None:
+                parts = self.regressor.predict(frame[None], return_interval=True)
+            else:
+                parts = (self.regressor.predict(frame[None]),)
+            columns = [np.ravel(part).tolist() for part in parts]
+            return Answer(values=tuple(zip(*columns, strict=True)))
         if self.model is None:
             return None
         frames = self.model.encode(frame[None])
@@ -135,10 +140,14 @@ class Session:
         if hasattr(self.model, "distances"):
             shares = self.model.distances(frames)[0] / self.model.dimension_
         (label,) = self.model.predict(frames).tolist()
-        (likely,) = self.model.predict_set(frames, ALPHA)
+        likely: tuple[str, ...] | None
+        try:
+            likely = tuple(map(str, self.model.predict_set(frames, ALPHA)[0]))
+        except ValueError:  # it was recalibrated, and has no scores of training frames
+            likely = None
         return Answer(
-            label=str(label) if len(likely) else None,
-            likely=tuple(str(c) for c in likely),
+            label=None if likely == () else str(label),
+            likely=likely,
             distances=dict(zip(names, shares.tolist(), strict=False)),
         )
 

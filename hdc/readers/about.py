@@ -270,15 +270,16 @@ def _is_mostly_numbers(column: np.ndarray) -> bool:
 def class_indices(
     names: Sequence[str],
     where: object,
-    fewest: int = 2,
-    order: Sequence[str] | None = None,
+    fewest: int,
+    order: Sequence[str] | None,
 ) -> tuple[tuple[str, ...], np.ndarray]:
     """Class names in natural order (or the given one), and the index of each sample's [N].
+
+    The names are normalised already.
 
     Raises:
         ValueError: fewer classes than are needed, a name that is none of those given, or is empty.
     """
-    names = normalised(names)
     if "" in names:
         wanted = "a label of each frame"
         raise ValueError(

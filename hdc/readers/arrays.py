@@ -35,7 +35,8 @@ def open_arrays(
         path: of the file.
         dataset: name of the array of frames; "" where the file has one that can be.
         window: pixels that are kept.
-        axes: names among :data:`ALONG` and :data:`INSIDE`; by default one of :data:`READINGS`.
+        axes: names among :data:`~hdc.readers.axes.ALONG` and :data:`~hdc.readers.axes.INSIDE`; by
+            default one of :data:`~hdc.readers.axes.READINGS`.
         asked: the table is beside the file by default, its suffix replaced by .csv, where the file
             has no labels of its own.
 

@@ -122,10 +122,8 @@ class Counting(Updatable):
         if size is not None:
             thinned = state.counters().thinned(size, self.seed)
             counts, n = thinned.planes, thinned.n
-        breaker = None
         for c in changed.nonzero().flatten().tolist():
-            if self.ties == "random":
-                breaker = self._tie_breaker(c, state)
+            breaker = self._tie_breaker(c, state)
             made[c] = planes.majority(counts[c], int(n[c]), self.ties, breaker)
         return replace(state, prototypes=made)
 

@@ -7,17 +7,7 @@ import torch
 from baselines import library
 from baselines.bank import Bank
 from hdc import HDCClassifier
-
-
-def touches(
-    n: int = 60, classes: int = 3, side: int = 12
-) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(1)
-    labels = np.arange(n) % classes
-    base = rng.integers(0, 200, (classes, side, side))
-    return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(
-        np.uint8
-    ), labels
+from tests.hdc.test_classifier import touches
 
 
 def test_training_yields_once_all_classes_have_been_seen():

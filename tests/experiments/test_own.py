@@ -214,7 +214,7 @@ def test_a_question_of_ones_own_is_one_file_with_a_table_and_a_figure(
     assert "Speckle contrast of each class" in capsys.readouterr().out
 
 
-def test_a_readout_of_ones_own_is_compared_by_the_command(own, capsys):
+def test_own_parts_are_saved_and_are_loaded_where_trusted(own):
     (own / "own_parts.py").write_text(PARTS)
     model = HDCClassifier("own_parts.Bright", "own_parts.First")
     frames = np.random.default_rng(0).integers(0, 256, (20, 6, 6), dtype=np.uint8)

@@ -119,9 +119,7 @@ def test_records_of_older_code_and_their_tables_are_named(
     assert "numerics" not in line
 
 
-def test_it_adopts_writes_the_tables_and_fills_readme_and_docs(
-    target, tmp_path, write_run
-):
+def test_it_adopts_writes_the_tables_and_fills_readme_and_docs(target, write_run):
     begin, end = "# A title\n<!-- begin table1 -->\n", "\n<!-- end table1 -->\nend\n"
     reference.README.write_text(f"{begin}old{end}")
     reference.DOCS.mkdir()

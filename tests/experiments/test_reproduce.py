@@ -22,9 +22,12 @@ from experiments.reproduction.steps import WHAT, Step, claims, cost, steps
 WORK = """
 import pathlib, sys, time
 name, seconds, *status = sys.argv[1:]
-with pathlib.Path("{folder}", "begun").open("a") as file:
-    file.write(f"{{name}}\\n")
+for noted in ("begun", "order"):
+    with pathlib.Path("{folder}", noted).open("a") as file:
+        file.write(f"{{name}}\\n")
 time.sleep(float(seconds))
+with pathlib.Path("{folder}", "order").open("a") as file:
+    file.write(f"-{{name}}\\n")
 with pathlib.Path("{folder}", "done").open("a") as file:
     file.write(f"{{name}}\\n")
 sys.exit(int(status[0]) if status else 0)
@@ -144,17 +147,17 @@ def test_other_code_and_the_other_mode_begin_anew(step, tmp_path, monkeypatch):
 
 
 def test_timed_steps_run_first_and_alone_the_others_side_by_side(step, tmp_path):
-    untimed = [step(name, 0.5, timed=False) for name in "ab"]
+    untimed = [step(name, 1, timed=False) for name in "ab"]
     timed = [step(name, 0.2) for name in "cd"]
     assert make.run([*untimed, *timed], "full", tmp_path, console()) == 0
-    begun, done = lines(tmp_path / "begun"), lines(tmp_path / "done")
-    assert done[:2] == begun[:2] == ["c", "d"]
+    order = lines(tmp_path / "order")
+    assert order[:4] == ["c", "-c", "d", "-d"]
+    assert {*order[4:6]} == {"a", "b"}
     seconds = [
         int((make.folder_of_stamps(tmp_path, "full") / name).read_text())
         for name in "ab"
     ]
-    assert all(0 <= each <= 30 for each in seconds)
-    assert sorted(begun[2:]) == ["a", "b"]
+    assert all(1 <= each <= 30 for each in seconds)
 
 
 def call(folder, *names, seconds):

@@ -1,12 +1,10 @@
 """A number moves only with a revision, and a revision is all that outdates a record."""
 
-import importlib.util
 import os
 import shutil
 import subprocess
 import sys
 from dataclasses import replace
-from pathlib import Path
 
 import pytest
 
@@ -14,18 +12,7 @@ import hdc
 from experiments.records import revision, store
 from experiments.records.files import ROOT
 from experiments.records.run import Finished
-
-
-def loaded():
-    """The module of golden numbers; tests are no package."""
-    path = Path(__file__).with_name("golden_numbers.py")
-    spec = importlib.util.spec_from_file_location("golden_numbers", path)
-    module = sys.modules["golden_numbers"] = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
-
-
-golden = loaded()
+from tests.experiments import golden_numbers as golden
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -244,7 +244,7 @@ def test_results_that_cannot_be_written_are_one_line_a_run(tmp_path, recording, 
     assert all(str(place) in line for line in lines)
 
 
-def test_a_reader_that_has_read_enough_sees_no_traceback(tmp_path):
+def test_a_reader_that_has_read_enough_sees_no_traceback():
     """`--help | head -1` ended with a broken pipe."""
     read, write = os.pipe()
     os.close(read)

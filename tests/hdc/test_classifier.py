@@ -222,7 +222,7 @@ def test_parts_that_were_set_after_training_are_named(change):
     assert model.fit(frames, labels).score(frames, labels) > 0.9
 
 
-def test_numpy_numbers_are_taken_for_plain_ones(tmp_path):
+def test_numpy_numbers_are_taken_for_plain_ones():
     frames, labels = touches()
     model = HDCClassifier().fit(frames, labels)
     mixed = np.concatenate([frames, 255 - frames])

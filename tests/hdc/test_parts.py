@@ -345,7 +345,7 @@ def test_what_is_no_part_is_named(own, given, kind, message):
         assert "\n" not in str(caught.value)
 
 
-def test_a_subclass_of_ours_is_asked_through_its_own_methods(tmp_path):
+def test_a_subclass_of_ours_is_asked_through_its_own_methods():
     """Kernels that do several steps at once are for our own classes alone."""
     pytest.importorskip("numba")
     frames, labels = touches(80)

@@ -115,6 +115,14 @@ def test_each_readout_is_trained_on_the_same_frames_and_saved(
     assert (saved.predict(frames) == taught.model.predict(frames)).all()
 
 
+def test_ridge_recalibrated_for_one_class_answers_without_a_set(taught):
+    taught.use("ridge")
+    taught.recalibrate("left", 10, 0.5)
+    answer = taught.ask(touch(taught, "left", 1)[0])
+    assert answer.label in taught.counts
+    assert answer.likely is None
+
+
 def test_prediction_sets_have_the_true_class(taught):
     frames = touch(taught, "left", 20)
     assert sum("left" in taught.ask(frame).likely for frame in frames) >= 14

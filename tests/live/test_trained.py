@@ -96,9 +96,19 @@ def test_values_of_a_trained_regressor_are_shown(film, regressor):
     assert value == pytest.approx(1.05, abs=0.3)
     assert pages._in_words(answer) == (f"{value:.1f} [{low:.1f}, {high:.1f}]", "")
     assert pages._in_numbers(answer, 0.0123) == "12.3 ms"
+    assert pages._in_words(Answer("a", ("a",))) == ("a", "95% prediction set: a.")
     answer = Answer("a", ("a",), {"a": 0.25, "b": 0.4})
     assert pages._in_numbers(answer, 0.002) == "distance 0.250 · margin 0.150 · 2.0 ms"
     assert Answer("a", ("a",), {"a": 0.25}).margin is None
+
+
+def test_angles_are_shown_without_an_interval(film, frames):
+    angles = np.repeat([10.0, 200.0], N)
+    session = Session(
+        Film(film, Window()), HDCRegressor(period=360).fit(frames, angles)
+    )
+    ((angle,),) = session.look()[2].values
+    assert pages._in_words(Answer(values=((angle,),))) == (f"{angle:.1f}", "")
 
 
 def shown(session, words, page=pages.Page):

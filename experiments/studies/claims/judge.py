@@ -78,11 +78,11 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         margin: the loss of accuracy that counts as none.
         sure: probability of a yes; its complement is that of a no.
         sizes: training frames of a class, each of which gets a word.
-        draws: of a recording, as many as count.
+        draws: of a recording, as many as count; later ones do not.
         shared: test frames over training frames of a draw. Draws share frames, so that the variance
             of their mean is that of one times 1/draws + shared (Nadeau and Bengio, Mach. Learn. 52,
             239 (2003)).
-        candidates: models from which each family chooses its form.
+        candidates: models from which each family chooses its form, for those who train them.
         recordings, claims: by name.
     """
 
@@ -125,9 +125,10 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
             "says": claim.says,
             "by": claim.by,
         }
+        lines = of_experiment(frame, claim.experiment)
         for size in rules.sizes:
             at_size = {"rival": claim.rival, "size": size}
-            rows.append(about | at_size | _judged(rules, claim, size, frame))
+            rows.append(about | at_size | _judged(rules, claim, size, lines))
     return pd.DataFrame(rows)
 
 
@@ -180,10 +181,9 @@ class Difference(NamedTuple):
 
 
 def _lines(
-    claim: Claim, recording: str, size: Size, frame: pd.DataFrame
+    claim: Claim, recording: str, size: Size, lines: pd.DataFrame
 ) -> pd.DataFrame:
     """The lines of both models on a recording at a size."""
-    lines = of_experiment(frame, claim.experiment)
     for column, value in {"scene": recording, **claim.lines}.items():
         if len(lines):
             lines = lines[lines[column] == value]
@@ -196,7 +196,7 @@ def _lines(
 def difference(
     rules: Rules, recording: Recording, claim: Claim, lines: pd.DataFrame
 ) -> Difference | str:
-    """The mean over the draws in which both models were asked, or why there is none.
+    """The mean over the first draws in which both models were asked, or why there is none.
 
     Args:
         rules: how many draws count, and what they share.
@@ -214,9 +214,10 @@ def difference(
     )
     both = shares.reindex(columns=[claim.form, claim.rival]).dropna()
     less = (both[claim.form] - both[claim.rival]).to_numpy(float)
-    k, wanted = len(less), recording.groups or rules.draws
-    if k < wanted:
-        return f"{k} of {wanted} draws measured"
+    k = recording.groups or rules.draws
+    if len(less) < k:
+        return f"{len(less)} of {k} draws measured"
+    less = less[:k]  # a further draw moves no word
     n, mean = float(asked.mean()), float(less.mean())
     least = least_variance_of_difference(n * abs(mean), n, n)
     of_one = max(float(less.var(ddof=1)) if k > 1 else 0.0, least)

@@ -38,7 +38,7 @@ def test_a_curve_has_more_than_one_place(write_run, figures, drawn):
         assert text in words
 
 
-def test_where_hdc_crosses_90_percent(write_run, number, answers):
+def test_where_hdc_crosses_90_percent(write_run, number):
     for seed in range(3):
         for n, wrong in ((5, 20 + 10 * seed), (50, 0)):
             write_run("hdc", seed=seed, n_train=n, wrong=range(wrong))

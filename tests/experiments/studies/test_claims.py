@@ -168,6 +168,13 @@ def lines(right, scenes="abc", draws=4):
 EVEN = {(5, "bits"): 300, (5, "greys"): 380, (50, "bits"): 380, (50, "greys"): 380}
 
 
+def test_a_draw_beyond_those_of_the_rules_moves_nothing():
+    worse = lines({**EVEN, (50, "bits"): 100}, draws=6)
+    later = pd.concat([lines(EVEN), worse[worse.draw >= 4]])
+    asked = judge.judge(rules(), lines(EVEN))
+    pd.testing.assert_frame_equal(judge.judge(rules(), later), asked)
+
+
 def test_each_size_has_a_word_of_its_own():
     few, many = records(judge.judge(rules(), lines(EVEN)))
     assert (few["word"], many["word"]) == ("no", "yes")

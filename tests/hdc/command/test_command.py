@@ -364,10 +364,11 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(hdc, frames, tmp_path
     before = HDCClassifier.load(path).encoder_.reference_
     assert (found.encoder_.reference_ != before).any()
     assert (found.prototypes_ == HDCClassifier.load(path).prototypes_).all()
-    np.savez(tmp_path / "today.npz", frames=later)
-    assert hdc("recalibrate", path, tmp_path / "today.npz", "-o", new)[0] == 0
-    again = HDCClassifier.load(new).encoder_.reference_
-    assert (again == expected.encoder_.reference_).all()
+    for beside in ({}, {"values": np.arange(36.0)}):
+        np.savez(tmp_path / "today.npz", frames=later, **beside)
+        assert hdc("recalibrate", path, tmp_path / "today.npz", "-o", new)[0] == 0
+        again = HDCClassifier.load(new).encoder_.reference_
+        assert (again == expected.encoder_.reference_).all()
     words = ("recalibrate", path, tmp_path / "today", "-o", new)
     assert hdc(*words, "--p", 0.3)[2] == [
         "error: expected no --p for frames without labels"

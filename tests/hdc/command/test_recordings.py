@@ -115,7 +115,7 @@ def test_a_column_of_images_is_asked_for_by_its_option(hdc, tmp_path):
     assert "with image, found ['picture', 'force'] (--image-column names" in line
 
 
-def test_a_column_of_images_is_named_to_predict_as_well(hdc, tmp_path):
+def test_a_column_of_images_is_named_to_predict_as_well(hdc):
     """Its error named an option that it did not have."""
     cells = [cv2.imencode(".png", image(k % 2))[1].tobytes() for k in range(6)]
     table = pa.table({"left": cells, "right": cells[::-1], "label": [*"ababab"]})
@@ -347,7 +347,7 @@ def test_a_video_that_is_cut_off_is_refused_by_predict(
     assert f"{name}: {said}" in line
 
 
-def test_axes_that_two_readings_fit_are_named_on_the_command_line(hdc, tmp_path):
+def test_axes_that_two_readings_fit_are_named_on_the_command_line(hdc):
     """cracks: a MATLAB cube [H, W, N] with H = N was taken as [N, H, W]."""
     cube = RNG.integers(0, 256, (12, 9, 12)).astype(np.uint8)
     np.savez("r.npz", frames=cube, labels=np.array([0, 1] * 6))
@@ -407,7 +407,7 @@ def test_damaged_and_missing_images_are_counted_and_left_out_when_asked(hdc, tmp
 
 
 @pytest.mark.parametrize("words", [(), ("--choose",), ("--subsample", 2)])
-def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path, words):
+def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, words):
     """cracks: columns that were permuted, or had other names, were taken as they came."""
     frames = RNG.integers(0, 200, (2, 1, 30)) + RNG.integers(0, 90, (2, 12, 30))
     frames = frames.reshape(24, 30)

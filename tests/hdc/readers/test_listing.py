@@ -98,9 +98,17 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
             "table: expected a table with the columns z, found None",
         ),
         ({"table": "t.csv"}, r"t.csv: expected a readable file, found none"),
+        (
+            {"crop": [0, 0, 31, 20]},
+            "crop: expected a window inside frames 30 px wide and 20",
+        ),
+        ({"crop": [0, 0, 5]}, r"crop: expected null or \[x, y, width, height\]"),
+        ({"crop": [-1, 0, 5, 5]}, "crop: expected null or"),
+        ({"crop": [0, 0, 5.0, 5]}, "crop: expected null or"),
+        ({"axes": ("frame",)}, "axes: expected null unless path is a file of arrays"),
     ],
 )
-def test_templates_and_tables_that_cannot_be_are_named(folder, settings, message):
+def test_settings_that_cannot_be_are_named(folder, settings, message):
     with pytest.raises(ValueError, match=message):
         open_recording(folder, **settings)
 
@@ -216,26 +224,6 @@ def test_folders_without_a_recording_are_named(tmp_path, pixels, folder):
     ):
         with pytest.raises(SettingError, match=message):
             open_recording(path)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        (
-            {"crop": [0, 0, 31, 20]},
-            "crop: expected a window inside frames 30 px wide and 20",
-        ),
-        ({"crop": [0, 0, 5]}, r"crop: expected null or \[x, y, width, height\]"),
-        ({"crop": [-1, 0, 5, 5]}, "crop: expected null or"),
-        ({"crop": [0, 0, 5.0, 5]}, "crop: expected null or"),
-        ({"axes": ("frame",)}, "axes: expected null unless path is a file of arrays"),
-    ],
-)
-def test_settings_of_the_wrong_type_or_out_of_range_are_named(
-    folder, settings, message
-):
-    with pytest.raises(ValueError, match=message):
-        open_recording(folder, **settings)
 
 
 class Connected:
