@@ -85,6 +85,36 @@ def split(
     return train[in_order], np.sort(np.concatenate(tested))
 
 
+def leave_group_out(
+    labels: np.ndarray, groups: np.ndarray, draw: int = 0, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
+    """Training and test indices: one group of each class tests, all others train.
+
+    Every class draws for itself: draw k takes the k-th group in a random order of the class's
+    groups, and starts again after the last one. A group that has samples of two classes may
+    therefore train one of them and test the other.
+
+    Args:
+        labels: int64 [N].
+        groups: group of each sample [N], numbers or strings.
+        draw: number of the draw, from 0; the first so many draws test every group once.
+        seed: of the orders, and of the order of the training indices.
+
+    Raises:
+        ValueError: a class has a single group, and no sample to train on without it.
+    """
+    classes, class_of, _ = _classes(labels)
+    rng = np.random.default_rng(seed)
+    tested = np.zeros(len(class_of), bool)
+    for c, name in enumerate(classes):
+        members = class_of == c
+        names = rng.permutation(np.unique(np.asarray(groups)[members]))
+        expected = f"two or more groups of class {name}"
+        require(len(names) > 1, "split.group", f"{len(names)}", expected)
+        tested |= members & (groups == names[draw % len(names)])
+    return rng.permutation(np.flatnonzero(~tested)), np.flatnonzero(tested)
+
+
 def neighbours_leak(
     labels: np.ndarray,
     order: np.ndarray,

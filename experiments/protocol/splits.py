@@ -14,6 +14,7 @@ from scenes.split import (
     KINDS,
     by_session,
     learning_curve_subsets,
+    leave_group_out,
     neighbours_leak,
     split,
 )
@@ -26,8 +27,11 @@ def choose(
     scene: Scene,
     wanted: Split,
     seed: int,
+    draw: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Training and test indices, int64, as ``split`` of a config says.
+
+    Which groups test by ``leave_group_out`` goes by the number of the draw.
 
     Warns:
         UserWarning: if most test frames of a recording stand next to a training frame of their
@@ -36,14 +40,14 @@ def choose(
     Raises:
         ValueError: naming the key of a value that does not fit.
     """
-    kinds, kind = (*KINDS, "grouped", "session"), wanted.kind
+    kinds, kind = (*KINDS, "grouped", "leave_group_out", "session"), wanted.kind
     if kind not in kinds:
         expected = ", ".join(kinds)
         raise ValueError(f"split.kind: expected one of {expected}, found {kind!r}")
     if kind == "session":
         train, test = _across_sessions(scene, wanted, seed)
     else:
-        train, test = _within_first_session(scene, wanted, seed)
+        train, test = _within_first_session(scene, wanted, seed, draw)
     if scene.origin == "recorded" and kind == "random":
         _warn_of_neighbours(scene, train, test)
     _warn_of_untrained(scene, kind, train, test)
@@ -69,10 +73,12 @@ def resample_split(
     """
     random = np.random.default_rng(seed)
     of_resample = int(random.integers(2**31))
+    # The draws of this kind go through the groups in one order.
+    of_split = seed[0] if wanted.kind == "leave_group_out" else of_resample
     whole = msgspec.structs.replace(wanted, n_train=None)
     # A random split of a recording leaks on purpose.
     with warnings.catch_warnings(action="ignore"):
-        pool, test = choose(scene, whole, of_resample)
+        pool, test = choose(scene, whole, of_split, seed[1])
     if len(test) > most_test:
         shuffled = np.random.default_rng(of_resample).permutation(test)
         test = np.sort(shuffled[:most_test])
@@ -118,23 +124,30 @@ def _across_sessions(
 
 
 def _within_first_session(
-    scene: Scene, wanted: Split, seed: int
+    scene: Scene, wanted: Split, seed: int, draw: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """A scene of several sessions trains and tests within the first, unless the split crosses
     them."""
     kind, group = wanted.kind, wanted.group
-    if kind == "grouped" and group not in scene.samples:
+    by_group = kind in ("grouped", "leave_group_out")
+    if by_group and group not in scene.samples:
         expected = ", ".join(scene.samples)
         raise ValueError(f"split.group: expected one of {expected}, found {group!r}")
     sessions = _sessions(scene)
     first = np.flatnonzero(sessions == sessions.min())
+    labels = scene.labels[first]
+    groups = scene.samples[group or ""][first] if by_group else None
+    if kind == "leave_group_out":
+        assert groups is not None
+        train, test = leave_group_out(labels, groups, draw, seed)
+        return first[train], first[test]
     train, test = split(
-        scene.labels[first],
+        labels,
         test_fraction=wanted.test_fraction,
         kind=kind,
         seed=seed,
         order=scene.samples["order"][first],
-        groups=scene.samples[group or ""][first] if kind == "grouped" else None,
+        groups=groups,
     )
     return first[train], first[test]
 

@@ -32,8 +32,9 @@ def test_a_scene_says_how_it_is_split_and_shown(name):
     assert shown["kind"] in ("captured", "computed", "simulated")
     assert (shown["kind"] == "computed") == name.startswith("fibre")
     assert shown.get("fitted", False) == (name in ("drift", "finger", "spatial"))
-    assert config.split.kind in (*KINDS, "grouped", "session")
-    assert (config.split.kind == "grouped") == (config.split.group is not None)
+    by_group = ("grouped", "leave_group_out")
+    assert config.split.kind in (*KINDS, *by_group, "session")
+    assert (config.split.kind in by_group) == (config.split.group is not None)
     assert "_target_" in config.scene
 
 

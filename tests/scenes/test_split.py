@@ -5,7 +5,13 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from scenes.split import by_session, learning_curve_subsets, neighbours_leak, split
+from scenes.split import (
+    by_session,
+    learning_curve_subsets,
+    leave_group_out,
+    neighbours_leak,
+    split,
+)
 
 seeds = st.integers(0, 2**32)
 
@@ -242,3 +248,34 @@ def test_a_class_that_would_only_test_or_only_train_is_refused():
     for n_test in (0, 4):
         with pytest.raises(ValueError, match=r"^split: expected samples of class"):
             split(labels, n_test=n_test)
+
+
+# Leave one group out ------------------------------------------------------------------------------
+
+
+def test_the_draws_hold_out_every_group_of_every_class_once():
+    """Two classes of three groups and one of two, whose numbers they share."""
+    groups = np.array([0, 0, 1, 1, 2, 2] * 2 + [0, 0, 1, 1])
+    labels = np.repeat([0, 1, 2], [6, 6, 4])
+    held = []
+    for draw in range(3):
+        train, test = leave_group_out(labels, groups, draw, seed=5)
+        assert sorted([*train, *test]) == list(range(16))
+        pairs = set(zip(labels[test].tolist(), groups[test].tolist(), strict=True))
+        assert [label for label, _ in sorted(pairs)] == [0, 1, 2]
+        assert not pairs & set(
+            zip(labels[train].tolist(), groups[train].tolist(), strict=True)
+        )
+        held += sorted(pairs)
+    assert {pair for pair in held if pair[0] < 2} == {
+        (label, group) for label in (0, 1) for group in range(3)
+    }
+    assert {group for label, group in held if label == 2} == {0, 1}
+
+
+def test_classes_draw_their_groups_apart():
+    labels, groups = np.repeat(np.arange(8), 6), np.tile(np.arange(6), 8)
+    _, test = leave_group_out(labels, groups)
+    assert len(set(groups[test].tolist())) > 1
+    with pytest.raises(ValueError, match=r"split\.group: expected two .* of class 1"):
+        leave_group_out(np.array([0, 0, 1]), np.array([0, 1, 0]))

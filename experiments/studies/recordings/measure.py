@@ -140,7 +140,7 @@ def _asked(
 def _group(splits: Mapping[str, Split]) -> str | None:
     """Property shared by frames that a split keeps together, if one of them does."""
     for wanted in splits.values():
-        if wanted.kind == "grouped":
+        if wanted.kind in ("grouped", "leave_group_out"):
             return wanted.group
     return None
 

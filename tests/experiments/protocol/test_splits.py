@@ -32,7 +32,8 @@ def test_two_sessions(make_scene):
     [
         (
             split("sorted"),
-            r"split\.kind: expected one of random, ordered, grouped, session, found 'sorted'",
+            r"split\.kind: expected one of random, ordered, grouped, "
+            r"leave_group_out, session, found 'sorted'",
         ),
         (split("session"), r"split\.test: expected a session other than 0"),
         (split(test_fraction=1.5), r"split\.test_fraction: expected"),
