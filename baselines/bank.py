@@ -18,6 +18,7 @@ from torch import Tensor
 import hdc.bank
 from baselines import products
 from baselines.products import Moments
+from baselines.smoothing import smoothed
 from hdc import backends
 from hdc.parameters import check_choice
 from hdc.readouts.arithmetic import gram
@@ -50,10 +51,24 @@ class Bank(hdc.bank.Bank):
         super().__init__(frames, labels, n_classes)
         self.groups = groups
         self.white = _WHITE[frames.dtype]
+        self._smoothed: dict[int, Bank] = {}
 
     def groups_of(self, rows: np.ndarray) -> np.ndarray | None:
         """Groups [n] of some of the frames."""
         return None if self.groups is None else self.groups[rows]
+
+    def smoothed(self, deviation: int) -> Bank:
+        """The bank of the smoothed frames (:mod:`.smoothing`), made once; without a deviation this
+        one."""
+        if deviation == 0:
+            return self
+        if deviation not in self._smoothed:
+            images = self.frames.reshape(len(self), -1, self.frames.shape[-1])
+            frames = smoothed(images, deviation).reshape(self.frames.shape)
+            self._smoothed[deviation] = Bank(
+                frames, self.labels, self.n_classes, self.groups
+            )
+        return self._smoothed[deviation]
 
     @functools.cached_property
     def greys(self) -> Tensor:

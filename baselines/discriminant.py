@@ -19,7 +19,7 @@ from baselines.bank import Bank, deviations, standardised
 from baselines.base import Classifier, FrameSource
 from baselines.linear import DualLinearClassifier
 from baselines.products import Moments
-from baselines.smoothing import smoothed, smoothed_part
+from baselines.smoothing import smoothed
 from hdc.parameters import check_choice
 from hdc.readouts.discriminant import Problem
 from hdc.readouts.kernel import fewest_errors, likeness
@@ -56,8 +56,7 @@ class GreysLDA(DualLinearClassifier):
         self, bank: Bank, train: np.ndarray, queries: np.ndarray
     ) -> np.ndarray:
         """See :func:`experiments.protocol.evaluate.evaluate`."""
-        part, places = smoothed_part(bank, self.smooth, train, queries)
-        return super().predict_from(part, *places)
+        return super().predict_from(bank.smoothed(self.smooth), train, queries)
 
     def predict_zeroed(
         self,
@@ -68,9 +67,8 @@ class GreysLDA(DualLinearClassifier):
         after: np.ndarray,
     ) -> np.ndarray:
         """See :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`."""
-        rows = train, queries, before, after
-        part, places = smoothed_part(bank, self.smooth, *rows)
-        return super().predict_zeroed(part, *places)
+        part = bank.smoothed(self.smooth)
+        return super().predict_zeroed(part, train, queries, before, after)
 
     def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
         """A [N, L], b [L]; there is no loss, and its place has a zero."""
@@ -130,7 +128,7 @@ class GreysKernel(Classifier):
         self, bank: Bank, train: np.ndarray, queries: np.ndarray
     ) -> np.ndarray:
         """See :func:`experiments.protocol.evaluate.evaluate`."""
-        bank, (train, queries) = smoothed_part(bank, self.smooth, train, queries)
+        bank = bank.smoothed(self.smooth)
         model = replace(self)
         targets = model.start(bank.at(train), bank.labels[train])
         known, asked = bank.moments.of(train), bank.moments.of(queries)

@@ -12,7 +12,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.bank import Bank
 from hdc.encoders.smoothed import gaussian
 from hdc.parameters import check_integer
 
@@ -43,24 +42,3 @@ def smoothed(frames: Tensor, deviation: int) -> Tensor:
         )
         found[k] = np.rint(mean).clip(0, 65535)
     return torch.from_numpy(found).to(frames.device)
-
-
-def smoothed_part(
-    bank: Bank, deviation: int, *rows: np.ndarray
-) -> tuple[Bank, list[np.ndarray]]:
-    """A bank of the smoothed frames `rows`, and where they are in it; without a deviation all
-    frames as they are."""
-    if deviation == 0:
-        return bank, list(rows)
-    chosen, places = np.unique(np.concatenate(rows), return_inverse=True)
-    images = bank.frames.reshape(len(bank), -1, bank.frames.shape[-1])
-    frames = smoothed(images[chosen], deviation)
-    groups = bank.groups_of(chosen)
-    part = Bank(
-        frames.reshape(len(chosen), *bank.frames.shape[1:]),
-        bank.labels[chosen],
-        bank.n_classes,
-        groups,
-    )
-    ends = np.cumsum([len(each) for each in rows])
-    return part, np.split(places, ends[:-1])

@@ -5,7 +5,7 @@ import pytest
 import torch
 
 from baselines.bank import Bank
-from baselines.chosen import BitsChosen, GreysChosen, SoftmaxChosen, simplest
+from baselines.chosen import Chosen, simplest
 from baselines.discriminant import GreysKernel, GreysLDA
 from baselines.folds import folds
 from baselines.smoothing import smoothed
@@ -14,22 +14,18 @@ from hdc import HDCClassifier
 from hdc.encoders import Deviation, Smoothed
 from hdc.encoders.smoothed import gaussian
 
-FAMILIES = {"bits": BitsChosen, "greys": GreysChosen}
 
-
-def family(name, **fields):
-    if name == "bits":
-        fields = {"encoder": Deviation(), "backend": "numpy", **fields}
-    return FAMILIES[name](**fields)
-
-
-def plain(name, readout, smooth):
-    """A form without a family, as its parts are written."""
-    if name == "greys":
-        kind = GreysLDA if readout == "lda" else GreysKernel
-        return kind(smooth=smooth)
-    encoder = Smoothed(Deviation(), smooth) if smooth else Deviation()
-    return HDCClassifier(encoder, readout, backend="numpy")
+def forms():
+    """Forms of three kinds, which train alone and from a bank."""
+    return {
+        "greys": GreysLDA(),
+        "smoothed greys": GreysLDA(smooth=2),
+        "softmax": DualSoftmaxRegression(C=1e-5),
+        "bits": HDCClassifier(Deviation(), "lda", backend="numpy"),
+        "smoothed bits": HDCClassifier(
+            Smoothed(Deviation(), 2), "lda", backend="numpy"
+        ),
+    }
 
 
 def blurred(n=60, seed=2, grain=4):
@@ -67,59 +63,47 @@ def test_of_three_the_first_within_the_margin_is_taken():
     assert simplest(losses, 0.0) == "c"
 
 
-# Both families ------------------------------------------------------------------------------------
+# The choice ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", FAMILIES)
-def test_forms_have_the_same_names_in_the_same_order(name):
-    expected = ["lda", "lda, smooth 1", "lda, smooth 2", "lda, smooth 4"]
-    expected += [text.replace("lda", "kernel") for text in expected]
-    assert list(family(name).forms()) == expected
-
-
-@pytest.mark.parametrize("name", FAMILIES)
-def test_the_choice_is_that_of_the_folds_and_the_model_that_of_the_form(name):
+@pytest.mark.parametrize(
+    "names", [("greys", "smoothed greys", "softmax"), ("bits", "smoothed bits")]
+)
+def test_the_choice_is_that_of_the_folds_and_the_model_that_of_the_form(names):
     frames, labels = blurred()
     bank = Bank(frames, labels, 2)
     train, test = np.arange(40), np.arange(40, 60)
-    chosen = family(name, smooth=(0, 2), folds=4)
+    here = {name: forms()[name] for name in names}
+    chosen = Chosen(forms=here, fixed=names[0], folds=4)
     form, _ = chosen.choose(bank, train)
     made, _ = folds(bank.labels, train, 4)
     assert len(made) == 4
     losses = {}
-    for readout in ("lda", "kernel"):
-        for smooth in (0, 2):
-            wrong = []
-            for learnt, held in made:
-                model = plain(name, readout, smooth)
-                model.fit(frames[learnt], labels[learnt])
-                wrong.append(model.predict(frames[held]) != labels[held])
-            key = f"{readout}, smooth {smooth}" if smooth else readout
-            losses[key] = np.concatenate(wrong).astype(float)
+    for name in names:
+        wrong = []
+        for learnt, held in made:
+            model = forms()[name].fit(frames[learnt], labels[learnt])
+            wrong.append(model.predict(frames[held]) != labels[held])
+        losses[name] = np.concatenate(wrong).astype(float)
     assert form == simplest(losses, 1.0)
-    assert form != "lda"
-    readout, _, smooth = form.partition(", smooth ")
-    expected = plain(name, readout, int(smooth or 0)).fit(frames[train], labels[train])
-    expected = expected.predict(frames[test])
+    assert form != names[0]
+    expected = forms()[form].fit(frames[train], labels[train]).predict(frames[test])
     assert (chosen.predict_from(bank, train, test) == expected).all()
     chosen.fit(frames[train], labels[train])
     assert chosen.form_ == form
     assert (chosen.predict(frames[test]) == expected).all()
 
 
-@pytest.mark.parametrize("name", FAMILIES)
 @pytest.mark.parametrize("of_one", ["frame", "group"])
-def test_one_frame_or_one_group_a_class_leaves_the_fixed_form(name, of_one):
+def test_one_frame_or_one_group_a_class_leaves_the_fixed_form(of_one):
     frames, labels = blurred()
     groups = labels if of_one == "group" else np.arange(60)
     train = np.arange(40) if of_one == "group" else np.arange(2)
-    bank = Bank(frames, labels, 2, groups)
-    chosen = family(name, fixed="lda, smooth 1")
-    assert chosen.choose(bank, train)[0] == "lda, smooth 1"
+    chosen = Chosen(forms=forms(), fixed="softmax")
+    assert chosen.choose(Bank(frames, labels, 2, groups), train)[0] == "softmax"
 
 
-@pytest.mark.parametrize("name", FAMILIES)
-def test_frames_of_one_group_are_in_one_fold(name, monkeypatch):
+def test_frames_of_one_group_are_in_one_fold():
     frames, labels = blurred()
     groups = np.arange(60) // 10
     seen = []
@@ -129,12 +113,9 @@ def test_frames_of_one_group_are_in_one_fold(name, monkeypatch):
             seen.append(set(groups[train]) & set(groups[test]))
             return bank.labels[test]
 
-    def watching(_, bank, smooth):
-        return bank, lambda readout: Watching()
-
-    monkeypatch.setattr(FAMILIES[name], "prepared", watching)
-    family(name).choose(Bank(frames, labels, 2, groups), np.arange(60))
-    assert len(seen) == 8 * 5
+    chosen = Chosen(forms={"a": Watching(), "b": Watching()}, fixed="a")
+    chosen.choose(Bank(frames, labels, 2, groups), np.arange(60))
+    assert len(seen) == 2 * 5
     assert not any(seen)
 
 
@@ -142,16 +123,15 @@ def test_frames_of_one_group_are_in_one_fold(name, monkeypatch):
     ("fields", "said"),
     [
         ({"fixed": "ridge"}, "fixed: expected .* found 'ridge'"),
-        ({"readouts": ("ridge",)}, "readouts: expected .* found 'ridge'"),
         ({"margin": -1}, "margin: expected 0 or more, found -1"),
-        ({"pixels": "bits"}, "pixels: expected .* found 'bits'"),
-        ({"smooth": (0, 17)}, "smooth: expected .* found 17"),
+        ({"forms": {"softmax": GreysLDA(pixels="bits")}}, "pixels: .* found 'bits'"),
+        ({"forms": {"softmax": GreysLDA(smooth=17)}}, "smooth: .* found 17"),
     ],
 )
 def test_wrong_fields_are_named(fields, said):
     frames, labels = blurred(12)
     with pytest.raises(ValueError, match=said):
-        GreysChosen(**fields).fit(frames, labels)
+        Chosen(**{"forms": forms(), "fixed": "softmax", **fields}).fit(frames, labels)
 
 
 # What both see ------------------------------------------------------------------------------------
@@ -193,43 +173,3 @@ def test_the_kernel_is_that_of_the_euclidean_distances(pixels):
     expected += model.offsets_.numpy()
     found = model.scores(frames).numpy()
     assert np.allclose(found, expected, atol=1e-6 * np.abs(expected).max())
-
-
-# Softmax regression -------------------------------------------------------------------------------
-
-
-def test_softmax_has_the_penalty_and_the_scaling_of_least_error_in_the_folds():
-    frames, labels = blurred(40, grain=2)
-    bank = Bank(frames, labels, 2)
-    model = SoftmaxChosen(strengths=[1.0, 1e-5, 100.0])
-    assert list(model.forms())[:4] == [
-        *("standardised, C = 1", "standardised, C = 1e-05", "standardised, C = 100"),
-        "unit, C = 1",
-    ]
-    made, _ = folds(bank.labels, np.arange(40), 5)
-    errors = {}
-    for name, (pixels, c) in model.forms().items():
-        errors[name] = 0
-        for train, test in made:
-            one = DualSoftmaxRegression(pixels=pixels, C=c)
-            one.fit(frames[train], labels[train])
-            errors[name] += int((one.predict(frames[test]) != labels[test]).sum())
-    best = min(errors, key=lambda name: errors[name])
-    name, chosen = model.choose(bank, np.arange(40))
-    assert len(set(errors.values())) > 1
-    assert name == best
-    assert (chosen.pixels, chosen.C) == model.forms()[best]
-    model.fit(frames, labels)
-    alone = DualSoftmaxRegression(pixels=chosen.pixels, C=chosen.C).fit(frames, labels)
-    assert (model.predict(frames) == alone.predict(frames)).all()
-    assert model.form_ == best
-
-
-def test_softmax_of_one_frame_of_each_class_has_the_fixed_form():
-    frames, labels = blurred(2)
-    name, _ = SoftmaxChosen().choose(Bank(frames, labels, 2), np.arange(2))
-    assert name == "standardised, C = 1"
-    with pytest.raises(ValueError, match="fixed: expected one of unit, C = 1, found"):
-        SoftmaxChosen(pixels=["unit"], strengths=[1]).choose(
-            Bank(frames, labels, 2), np.arange(2)
-        )
