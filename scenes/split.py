@@ -160,13 +160,15 @@ def learning_curve_subsets(
     Args:
         train: training indices [M].
         labels: int64 [N], of all samples.
-        sizes: each in [L, M], where L is the number of classes among the training samples.
+        sizes: each in [L, M], where L is the number of classes among the training samples; where
+            all classes have as many, a multiple of L: HDC that counts would favour a class by one
+            frame more.
         seed: of the choice within each class.
 
     Returns:
         {n: indices [n]} in increasing n.
     """
-    classes, class_of, _ = _classes(labels[train])
+    classes, class_of, counts = _classes(labels[train])
     low, high = len(classes), len(train)
     expected = (
         f"integers from {low} (one sample a class) to {high} (all training samples)"
@@ -174,6 +176,10 @@ def learning_curve_subsets(
     for size in sizes:
         inside = is_integer(size) and low <= size <= high
         require(inside, "split.n_train", size, expected)
+        less = size // low * low
+        fair = f"a multiple of the {low} classes, such as {less} or {less + low}"
+        alike = bool((counts == counts[0]).all())
+        require(not alike or size == less, "split.n_train", size, fair)
     rank = np.random.default_rng(seed).permutation(len(train))
     # The k-th sample of a class of n is due at the share (k + 1/2)/n of the whole; the first of
     # each class is due at once.
@@ -185,6 +191,28 @@ def learning_curve_subsets(
     ordered = train[np.lexsort((rank, due))]
     wanted = sorted({int(size) for size in sizes})
     return {size: ordered[:size] for size in wanted}
+
+
+TRAIN, VALIDATION, TEST = (
+    ("train", "training"),
+    ("val", "valid", "validation"),
+    ("test", "testing"),
+)
+"""Names of sessions that say what their frames are for."""
+
+
+def sessions_by_name(names: Sequence[str]) -> tuple[list[str], list[str]] | None:
+    """Sessions that train and that test, by their names; None where the names do not say.
+
+    ``test`` tests if there is one, otherwise ``val``; frames of ``val`` never train.
+    """
+    lower = {name: name.lower() for name in names}
+    train = [name for name, known in lower.items() if known in TRAIN]
+    for kind in (TEST, VALIDATION):
+        test = [name for name, known in lower.items() if known in kind]
+        if train and test:
+            return train, test
+    return None
 
 
 def by_session(

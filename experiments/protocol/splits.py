@@ -16,6 +16,7 @@ from scenes.split import (
     learning_curve_subsets,
     leave_group_out,
     neighbours_leak,
+    sessions_by_name,
     split,
 )
 
@@ -115,12 +116,44 @@ def _sessions(scene: Scene) -> np.ndarray:
 def _across_sessions(
     scene: Scene, wanted: Split, seed: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Training samples of the first session, as a random split has them; the last one tests."""
-    sessions = _sessions(scene)
-    first, test = by_session(sessions, *np.unique(sessions)[[0, -1]].tolist())
+    """Training samples of the first session, as a random split has them; the last one tests.
+
+    Where sessions are named train, val and test, the names say which of them train and test.
+
+    Warns:
+        UserWarning: of sessions that are not used.
+
+    Raises:
+        ValueError: more than half of the samples are of sessions that are not used.
+    """
+    names = scene.samples.get("session_name")
+    named = None if names is None else sessions_by_name(np.unique(names).tolist())
+    if names is None or named is None:
+        sessions = _sessions(scene)
+        first, test = by_session(sessions, *np.unique(sessions)[[0, -1]].tolist())
+    else:
+        first, test = (np.flatnonzero(np.isin(names, each)) for each in named)
+        _tell_unused(names, named)
     labels = scene.labels[first]
     train, _ = split(labels, test_fraction=wanted.test_fraction, seed=seed)
     return first[train], test
+
+
+def _tell_unused(names: np.ndarray, named: tuple[list[str], list[str]]) -> None:
+    train, test = named
+    unused = names[~np.isin(names, [*train, *test])]
+    if not len(unused):
+        return
+    others = ", ".join(np.unique(unused))
+    text = (
+        f"split.kind=session: {', '.join(train)} trains, {', '.join(test)} tests, "
+        f"{others} ({len(unused)} of {len(names)} frames) is not used"
+    )
+    if 2 * len(unused) > len(names):
+        raise ValueError(
+            f"{text}: expected at most half; move what shall train into the session {train[0]}"
+        )
+    warnings.warn(text, stacklevel=4)
 
 
 def _within_first_session(

@@ -38,6 +38,10 @@ def test_two_sessions(make_scene):
         (split("session"), r"split\.test: expected a session other than 0"),
         (split(test_fraction=1.5), r"split\.test_fraction: expected"),
         (split(n_train=2), r"split\.n_train: expected integers from 3 .* found 2"),
+        (
+            split(n_train=19),
+            r"split\.n_train: .* of the 3 classes, such as 18 or 21, found 19",
+        ),
         (split(n_train=49), r"split\.n_train: expected .* 48 .* found 49"),
     ],
 )
@@ -119,3 +123,40 @@ def test_a_draw_is_that_of_its_seed_and_its_order_has_a_stream_of_its_own(make_s
             is_of_class = scene.labels[shuffled] == label
             np.testing.assert_array_equal(of_class, shuffled[is_of_class])
         assert sizes == [2, 16]  # 48 samples of three classes train
+
+
+def sessions_named(make_scene, names):
+    scene = make_scene(sessions=len(names))
+    numbers = scene.samples["session"]
+    samples = {**scene.samples, "session_name": np.array(names)[numbers]}
+    return Frames(scene.images, scene.labels, scene.classes, samples)
+
+
+@pytest.mark.parametrize(
+    ("names", "trains", "tests"),
+    [
+        (("test", "train"), "train", "test"),
+        (("Test", "Training", "val"), "Training", "Test"),
+        (("train", "valid"), "train", "valid"),
+        (("a", "b", "train"), "a", "train"),  # these names do not say
+    ],
+)
+def test_sessions_named_by_their_use_are_used_so(make_scene, names, trains, tests):
+    scene = sessions_named(make_scene, names)
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        train, test = choose(scene, split("session"), 0)
+    assert set(scene.samples["session_name"][train]) == {trains}
+    assert set(scene.samples["session_name"][test]) == {tests}
+    assert [
+        "val (20 of 60 frames) is not used" in str(each.message) for each in said
+    ] == ([True] if "val" in names else [])
+
+
+def test_most_frames_are_used(make_scene):
+    scene = sessions_named(make_scene, ("test", "train", "x1", "x2", "x3"))
+    expected = (
+        r"test tests, x1, x2, x3 \(36 of 60 frames\) is not used: expected at most"
+    )
+    with pytest.raises(ValueError, match=expected):
+        choose(scene, split("session"), 0)
