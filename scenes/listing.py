@@ -53,29 +53,53 @@ def sources(scene: Any) -> list[Source]:
 
 def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
     """A table of these recordings, and the commands that get the missing repositories."""
-    table = Table("Recording", "Present", "Frames", "Pixels", "MB", "Licence")
+    table = Table(padding=(0, 0, 0, 1))
+    for heading in ("Recording", "Present"):
+        table.add_column(heading, no_wrap=True)
+    for heading in ("Frames", "Pixels", "MB", "Classes", "Split", "Sessions", "Groups"):
+        table.add_column(heading)
+    table.add_column("Licence")
     commands: dict[str, None] = {}  # in order, each once
     for name in names:
-        wanted = sources(composed([f"scene={name}"]).scene)
+        config = composed([f"scene={name}"])
+        wanted = sources(config.scene)
         absent = [source for source in wanted if source.find() is None]
         licences = ", ".join(source.licence for source in wanted)
         if absent:
-            table.add_row(name, "no", "", "", "", licences)
+            table.add_row(name, "no", *[""] * 7, licences)
         else:
-            table.add_row(name, *_present(name), licences)
+            table.add_row(name, *_present(name, config.split), licences)
         commands |= dict.fromkeys(source.command() for source in absent)
     return table, list(commands)
 
 
-def _present(name: str) -> tuple[str, str, str, str]:
-    """Whether the files can be read, the number of frames, their shape, and their size (MB)."""
+SPLITS = {"random": "random", "ordered": "in time", "session": "in time"}
+"""Kinds of splits in the words of TabArena; those by group are grouped."""
+
+
+def _present(name: str, split: Any) -> tuple[str, ...]:
+    """Whether the files can be read; number, shape and size of the frames; classes; how they are
+    split; and numbers of sessions and groups, where they are known."""
     try:
         scene = compose([f"scene={name}"])
     except InstantiationException:
-        return "unreadable", "", "", ""  # details say what was found
+        return "unreadable", *[""] * 7  # details say what was found
     height, width = scene.shape
     megabytes = scene.frames([0]).nbytes * len(scene) / 1e6
-    return "yes", str(len(scene)), f"{height} × {width}", f"{megabytes:.0f}"
+    return (
+        *("yes", str(len(scene)), f"{height} × {width}", f"{megabytes:.0f}"),
+        *(str(len(scene.classes)), SPLITS.get(split.kind, "grouped")),
+        _count(scene, "session"),
+        _count(scene, split.group or "group"),
+    )
+
+
+def _count(scene: Any, name: str) -> str:
+    """How many sessions, or pairs of a class and a group, there are; nothing where unknown."""
+    if name not in scene.samples:
+        return ""
+    of = scene.labels if name != "session" else np.zeros_like(scene.labels)
+    return str(len(set(zip(of.tolist(), scene.samples[name].tolist(), strict=True))))
 
 
 def details(name: str) -> str:

@@ -196,9 +196,9 @@ def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, ca
     table, script = capsys.readouterr().out.split("This script gets")
     for name in ("gelsight", "diffuser", "tactip", "spr"):
         (line,) = (line for line in table.splitlines() if f" {name} " in line)
-        assert "│ no " in line
+        assert "│ no" in line
     (line,) = (line for line in table.splitlines() if " fibre " in line)
-    assert "│ unreadable " in line
+    assert "│ unreadable" in line
     # Two scenes read the second fibre's repository: it is cloned once. The first one's is there.
     assert (
         script.count("git clone https://github.com/wavefrontshaping/article_RME_2023")
