@@ -56,7 +56,7 @@ def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
     table = Table(padding=(0, 0, 0, 1))
     for heading in ("Recording", "Present"):
         table.add_column(heading, no_wrap=True)
-    for heading in ("Frames", "Pixels", "MB", "Classes", "Split", "Sessions", "Groups"):
+    for heading in ("Frames", "Pixels", "Classes", "Split", "Sessions", "Groups"):
         table.add_column(heading)
     table.add_column("Licence")
     commands: dict[str, None] = {}  # in order, each once
@@ -66,7 +66,7 @@ def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
         absent = [source for source in wanted if source.find() is None]
         licences = ", ".join(source.licence for source in wanted)
         if absent:
-            table.add_row(name, "no", *[""] * 7, licences)
+            table.add_row(name, "no", *[""] * 6, licences)
         else:
             table.add_row(name, *_present(name, config.split), licences)
         commands |= dict.fromkeys(source.command() for source in absent)
@@ -78,16 +78,15 @@ SPLITS = {"random": "random", "ordered": "in time", "session": "in time"}
 
 
 def _present(name: str, split: Any) -> tuple[str, ...]:
-    """Whether the files can be read; number, shape and size of the frames; classes; how they are
-    split; and numbers of sessions and groups, where they are known."""
+    """Whether the files can be read; number and shape of the frames; classes; how they are split;
+    and numbers of sessions and groups, where they are known."""
     try:
         scene = compose([f"scene={name}"])
     except InstantiationException:
-        return "unreadable", *[""] * 7  # details say what was found
+        return "unreadable", *[""] * 6  # details say what was found
     height, width = scene.shape
-    megabytes = scene.frames([0]).nbytes * len(scene) / 1e6
     return (
-        *("yes", str(len(scene)), f"{height} × {width}", f"{megabytes:.0f}"),
+        *("yes", str(len(scene)), f"{height} × {width}"),
         *(str(len(scene.classes)), SPLITS.get(split.kind, "grouped")),
         _count(scene, "session"),
         _count(scene, split.group or "group"),
