@@ -1,4 +1,5 @@
-"""Verdicts by rules from version 4 on: a form of HDC minus its rival, from draws to a word.
+"""Verdicts by rules from version 4 on: accuracies of a form of HDC minus those of its rival, from
+draws to a word, and training times relative to HDC.
 
 Draws of a recording give a difference with its variance; recordings of one source give the number
 of the source, y_s with variance v_s, which few draws leave uncertain; so sources are joined by a
@@ -9,7 +10,8 @@ hierarchical model with Student's t:
 
 *Yes* where the loss is below the margin with a probability of 95 %, *no* where it is so with 5 %,
 otherwise *open*; open, too, where a recording of the rules was not measured, or was disturbed. The
-Student interval of sources of equal weight stands beside.
+Student interval of sources of equal weight stands beside. Recordings that no model had classified
+when the rules were written have a row of their own besides.
 """
 
 from __future__ import annotations
@@ -33,17 +35,27 @@ from experiments.reporting.estimates import (
 )
 
 YES, NO, OPEN = "yes", "no", "open"
-LARGEST = "largest"
+LARGEST, TRAINED = "largest", "as trained"
 FREEDOM, PRIOR_MEAN, PRIOR_BETWEEN = 4, 0.1, 0.05
-Size = int | Literal["largest"]
+Size = int | Literal["largest", "as trained"]
 Models = Annotated[tuple[str, ...], msgspec.Meta(max_length=6)]
 
 
 class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A recording that enters: its source, which is the unit; the sizes that its classes fill, all
-    if none are named; and how many groups it has if there are fewer of them than draws."""
+    """A recording that enters.
+
+    Attributes:
+        source: the unit of the number across recordings.
+        status: exploratory where numbers on it were known when the rules were written;
+            confirmatory where no model had classified its frames.
+        split: the kind of its split, for those who read the rules.
+        sizes: that its classes fill; all if none are named.
+        groups: how many there are of a class, if fewer than draws.
+    """
 
     source: str
+    status: Literal["exploratory", "confirmatory"]
+    split: Literal["grouped", "leave_group_out", "ordered", "session"]
     sizes: tuple[Size, ...] = ()
     groups: int | None = None
 
@@ -54,8 +66,15 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         says, by: what is claimed, by whom.
         experiment: whose lines are the evidence.
-        lines: values of columns that its lines have.
+        form, rival: models; the same where `of_form` and `of_rival` tell them apart.
+        lines, of_form, of_rival: values of columns that all lines have, those of the form, those of
+            the rival.
+        recordings: that enter; all if none are named.
+        sizes: training frames of a class; those of the rules if none are named. As trained: the
+            experiment has one size.
+        draws: of a recording, if fewer than those of the rules.
         right, asked: columns with right answers, and with test frames.
+        rival_right, rival_asked: those of the rival, if others.
         disturbed: column that is true where a line was disturbed; empty if nothing can be.
     """
 
@@ -65,9 +84,41 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     form: str
     rival: str
     lines: dict[str, Any] = {}
+    of_form: dict[str, Any] = {}
+    of_rival: dict[str, Any] = {}
+    recordings: tuple[str, ...] = ()
+    sizes: tuple[Size, ...] = ()
+    draws: int | None = None
     right: str = "right"
     asked: str = "n_test"
+    rival_right: str = ""
+    rival_asked: str = ""
     disturbed: str = ""
+
+
+class Times(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A claim: the training of `model` takes at least so many times as long as HDC's.
+
+    Attributes:
+        says, by: what is claimed, by whom.
+        experiment: whose lines are the evidence: a line per fit, with ``fit_s`` and with the reason
+            why it was ``disturbed``, or "".
+        model, over: models.
+        at_least: ratio of training times.
+        threads: of both.
+        fits: undisturbed ones of each model that a measurement needs.
+        measurements: records that count, the first so many; they were made hours apart.
+    """
+
+    says: str
+    by: str
+    experiment: str
+    model: str
+    over: str
+    at_least: float
+    threads: int
+    fits: int
+    measurements: int
 
 
 class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -83,7 +134,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             of their mean is that of one times 1/draws + shared (Nadeau and Bengio, Mach. Learn. 52,
             239 (2003)).
         candidates: models from which each family chooses its form, for those who train them.
-        recordings, claims: by name.
+        recordings, claims, times: by name.
     """
 
     version: int
@@ -96,6 +147,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     candidates: dict[str, Models]
     recordings: dict[str, Recording]
     claims: dict[str, Claim]
+    times: dict[str, Times] = {}
 
 
 def read(path: Path) -> Rules:
@@ -111,7 +163,9 @@ def read(path: Path) -> Rules:
 
 
 def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each claim and size, with numbers in points.
+    """A row for each claim, size and status of recordings, and for each claim of times.
+
+    Numbers of accuracies are in points; those of times are ratios.
 
     Args:
         rules: that judge.
@@ -119,27 +173,55 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
     for name, claim in rules.claims.items():
-        about = {
-            "rules": rules.version,
-            "claim": name,
-            "says": claim.says,
-            "by": claim.by,
-        }
         lines = of_experiment(frame, claim.experiment)
-        for size in rules.sizes:
-            at_size = {"rival": claim.rival, "size": size}
-            rows.append(about | at_size | _judged(rules, claim, size, lines))
+        about = {"rules": rules.version, "claim": name, "says": claim.says}
+        about |= {"by": claim.by, "rival": claim.rival}
+        for size in claim.sizes or rules.sizes:
+            for status in ("", "confirmatory"):
+                part = recordings_of(rules, claim, size, status)
+                if part:
+                    of = {"size": size, "status": status or "all"}
+                    rows.append(about | of | _judged(rules, claim, size, part, lines))
+    for name, times in rules.times.items():
+        lines = of_experiment(frame, times.experiment)
+        about = {"rules": rules.version, "claim": name, "says": times.says}
+        about |= {
+            "by": times.by,
+            "rival": times.model,
+            "size": TRAINED,
+            "status": "all",
+        }
+        rows.append(about | judge_times(times, lines))
     return pd.DataFrame(rows)
 
 
+def recordings_of(
+    rules: Rules, claim: Claim, size: Size, status: str
+) -> dict[str, Recording]:
+    """The recordings that enter a claim at a size, of one status or of all; none where those of
+    the status are all of them."""
+    named = claim.recordings or tuple(rules.recordings)
+    every = {
+        name: rules.recordings[name]
+        for name in named
+        if size in (rules.recordings[name].sizes or (size,))
+    }
+    if not status:
+        return every
+    part = {name: each for name, each in every.items() if each.status == status}
+    return part if len(part) < len(every) else {}
+
+
 def _judged(
-    rules: Rules, claim: Claim, size: Size, frame: pd.DataFrame
+    rules: Rules,
+    claim: Claim,
+    size: Size,
+    recordings: Mapping[str, Recording],
+    frame: pd.DataFrame,
 ) -> dict[str, Any]:
     found: dict[str, Difference] = {}
     reasons: dict[str, list[str]] = {}
-    for name, recording in rules.recordings.items():
-        if recording.sizes and size not in recording.sizes:
-            continue
+    for name, recording in recordings.items():
         lines = _lines(claim, name, size, frame)
         one = difference(rules, recording, claim, lines)
         if isinstance(one, str):
@@ -156,6 +238,47 @@ def _judged(
         row |= _points(mean_interval(values)).columns("equal")
         row["sources"] = len(values)
         row["word"] = OPEN if reasons else word_of(likely, rules.sure)
+    return row
+
+
+def judge_times(times: Times, lines: pd.DataFrame) -> dict[str, Any]:
+    """The word on a ratio of training times, and the ratios.
+
+    Each measurement gives the ratio of medians and that of minima over its undisturbed fits. *Yes*
+    where all ratios of all measurements are at least that of the claim, *no* where all are below,
+    otherwise *open*. The mean is the geometric one of the ratios of medians; its range that of all.
+    """
+    row: dict[str, Any] = {"word": OPEN, "unit": "×", "why": ""}
+    if len(lines):
+        lines = lines[lines.threads == times.threads]
+    records = list(dict.fromkeys(lines.record)) if len(lines) else []
+    if len(records) < times.measurements:
+        row["why"] = f"{len(records)} of {times.measurements} measurements"
+        return row
+    medians, every = [], []
+    for record in records[: times.measurements]:
+        fits = (
+            lines[(lines.record == record) & lines.disturbed.eq("")]
+            .groupby("model")
+            .fit_s
+        )
+        counts = fits.size().reindex([times.model, times.over], fill_value=0)
+        if counts.min() < times.fits:
+            row["why"] = (
+                f"disturbed: {counts.min()} of {times.fits} fits of {counts.idxmin()}"
+            )
+            return row
+        ratios = [
+            of[times.model] / of[times.over] for of in (fits.median(), fits.min())
+        ]
+        medians.append(ratios[0])
+        every += ratios
+    mean = float(np.exp(np.mean(np.log(medians))))
+    row |= Estimate(mean, min(every), max(every)).columns("mean")
+    if min(every) >= times.at_least:
+        row["word"] = YES
+    elif max(every) < times.at_least:
+        row["word"] = NO
     return row
 
 
@@ -183,14 +306,31 @@ class Difference(NamedTuple):
 def _lines(
     claim: Claim, recording: str, size: Size, lines: pd.DataFrame
 ) -> pd.DataFrame:
-    """The lines of both models on a recording at a size."""
-    for column, value in {"scene": recording, **claim.lines}.items():
-        if len(lines):
-            lines = lines[lines[column] == value]
+    """The lines of both sides on a recording at a size, with the columns ``form`` (or the
+    rival) and ``share``, of right answers."""
+    lines = _having(lines, {"scene": recording, **claim.lines})
     if not len(lines):
         return lines
-    lines = lines[lines.model.isin((claim.form, claim.rival))]
-    return lines[lines.n == (lines.n.max() if size == LARGEST else size)]
+    form = _having(lines, {"model": claim.form, **claim.of_form})
+    rival = _having(lines, {"model": claim.rival, **claim.of_rival})
+    right, asked = claim.rival_right or claim.right, claim.rival_asked or claim.asked
+    both = pd.concat(
+        [
+            form.assign(form=True, share=form[claim.right] / form[claim.asked]),
+            rival.assign(form=False, share=rival[right] / rival[asked]),
+        ]
+    )
+    if size == TRAINED:
+        return both
+    return both[both.n == (both.n.max() if size == LARGEST else size)]
+
+
+def _having(lines: pd.DataFrame, values: Mapping[str, Any]) -> pd.DataFrame:
+    """The lines that have these values in these columns."""
+    for column, value in values.items():
+        if len(lines):
+            lines = lines[lines[column] == value]
+    return lines
 
 
 def difference(
@@ -209,12 +349,11 @@ def difference(
     if claim.disturbed and lines[claim.disturbed].astype(bool).any():
         return "disturbed"
     asked = lines[claim.asked]
-    shares = lines.assign(accuracy=lines[claim.right] / asked).pivot_table(
-        "accuracy", ["seed", "draw"], "model"
-    )
-    both = shares.reindex(columns=[claim.form, claim.rival]).dropna()
-    less = (both[claim.form] - both[claim.rival]).to_numpy(float)
-    k = recording.groups or rules.draws
+    drawn = [name for name in ("seed", "draw") if name in lines]
+    shares = lines.pivot_table("share", drawn, "form")
+    both = shares.reindex(columns=[True, False]).dropna()
+    less = (both[True] - both[False]).to_numpy(float)
+    k = recording.groups or claim.draws or rules.draws
     if len(less) < k:
         return f"{len(less)} of {k} draws measured"
     less = less[:k]  # a further draw moves no word

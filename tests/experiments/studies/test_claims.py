@@ -125,7 +125,12 @@ def test_one_claim_says_its_words_its_verdicts_and_what_judged(capsys):
 
 # Rules from version 4 on --------------------------------------------------------------------------
 
-RECORDINGS = {"a": {"source": "one"}, "b": {"source": "one"}, "c": {"source": "two"}}
+OF = {"status": "exploratory", "split": "grouped"}
+RECORDINGS = {
+    "a": {"source": "one", **OF},
+    "b": {"source": "one", **OF},
+    "c": {"source": "two", **OF},
+}
 
 
 def rules(**changed):
@@ -202,7 +207,7 @@ def test_what_is_disturbed_or_not_measured_leaves_a_claim_open_and_says_why(made
 
 def test_a_recording_may_have_fewer_groups_than_draws_and_not_every_size():
     few_groups = {name: {**of, "groups": 3} for name, of in RECORDINGS.items()}
-    few_groups["d"] = {"source": "three", "sizes": ["largest"]}
+    few_groups["d"] = {"source": "three", "sizes": ["largest"], **OF}
     few, many = records(judge.judge(rules(recordings=few_groups), lines(EVEN, draws=3)))
     assert few["word"] == "no"
     assert many["why"] == "not measured: d"
@@ -217,8 +222,8 @@ def test_a_recording_may_have_fewer_groups_than_draws_and_not_every_size():
 )
 def test_the_variance_of_a_recording_is_that_of_draws_that_share_frames(right, of_one):
     made = [
-        {"seed": 0, "draw": draw, "model": model, "right": count, "n_test": 400}
-        for model, counts in (("bits", right), ("greys", [380] * 4))
+        {"seed": 0, "draw": draw, "form": form, "share": count / 400, "n_test": 400}
+        for form, counts in ((True, right), (False, [380] * 4))
         for draw, count in enumerate(counts)
     ]
     of = rules()
@@ -252,6 +257,134 @@ def test_a_file_of_rules_names_what_is_wrong(tmp_path):
     path.write_text(yaml.safe_dump(right | {"fudge": 1}))
     with pytest.raises(ValueError, match=r"rules\.yaml: .*fudge"):
         judge.read(path)
+
+
+def test_a_recording_that_was_unseen_has_a_row_of_its_own():
+    unseen = {**RECORDINGS, "c": {**RECORDINGS["c"], "status": "confirmatory"}}
+    good, bad = lines(EVEN, "ab"), lines({**EVEN, (50, "bits"): 100}, "c")
+    every, alone = records(
+        judge.judge(rules(recordings=unseen, sizes=["largest"]), pd.concat([good, bad]))
+    )
+    assert (every["status"], every["sources"]) == ("all", 2)
+    assert (alone["status"], alone["sources"]) == ("confirmatory", 1)
+    assert alone["equal"] == pytest.approx(-70)
+    assert alone["word"] == "no"
+
+
+def test_two_sides_of_one_model_are_told_apart_by_columns_of_their_own():
+    made = [
+        {"experiment": "some", "scene": "a", "seed": seed, "model": "bits", **side}
+        for seed in range(4)
+        for side in (
+            {"level": 0.0, "old": 90, "n_old": 100, "right": 1, "n_test": 50},
+            {"level": 0.1, "old": 2, "n_old": 100, "right": 30, "n_test": 50},
+        )
+    ]
+    one = {
+        "says": "it is restored",
+        "by": "the paper",
+        "experiment": "some",
+        "form": "bits",
+        "rival": "bits",
+        "of_form": {"level": 0.1},
+        "of_rival": {"level": 0.0},
+        "rival_right": "old",
+        "rival_asked": "n_old",
+        "recordings": ["a"],
+        "sizes": ["as trained"],
+    }
+    (row,) = records(judge.judge(rules(claims={"restored": one}), pd.DataFrame(made)))
+    assert row["equal"] == pytest.approx(60 - 90)
+    assert row["word"] == "open"  # one source says too little of others
+
+
+# Times --------------------------------------------------------------------------------------------
+
+
+def fits(slow, quick=(1.0, 1.1, 1.2), records=("r1", "r2"), disturbed=(), threads=1):
+    """A line per fit of two models, in each of some records."""
+    return pd.DataFrame(
+        {
+            "experiment": "times",
+            "record": record,
+            "model": model,
+            "threads": threads,
+            "fit_s": seconds,
+            "disturbed": "others took 9%" if (record, model) in disturbed else "",
+        }
+        for record in records
+        for model, every in (("slow", slow), ("quick", quick))
+        for seconds in every
+    )
+
+
+SLOW = (11.0, 12.1, 13.2)  # 11 times by the medians and by the minima
+
+
+@pytest.mark.parametrize(
+    ("made", "word", "why"),
+    [
+        (fits(SLOW), "yes", ""),
+        (fits((9.0, 9.9, 10.8)), "no", ""),
+        (fits((9.0, 12.1, 13.2)), "open", ""),  # 9 times by the minima
+        (
+            pd.concat([fits(SLOW, records=["r1"]), fits((5.0,) * 3, records=["r2"])]),
+            "open",
+            "",
+        ),
+        (fits(SLOW, records=["r1"]), "open", "1 of 2 measurements"),
+        (fits(SLOW, threads=2), "open", "0 of 2 measurements"),
+        (pd.DataFrame(), "open", "0 of 2 measurements"),
+        (
+            fits(SLOW, disturbed=[("r2", "slow")]),
+            "open",
+            "disturbed: 0 of 3 fits of slow",
+        ),
+        (fits(SLOW[:2]), "open", "disturbed: 2 of 3 fits of slow"),
+        # A third measurement moves nothing.
+        (
+            pd.concat([fits(SLOW), fits((1.0, 1.0, 1.0), records=["r3"])]),
+            "yes",
+            "",
+        ),
+    ],
+)
+def test_a_ratio_of_times_needs_both_statistics_of_both_measurements(made, word, why):
+    of = {
+        "says": "it is slow",
+        "by": "the paper",
+        "experiment": "times",
+        "model": "slow",
+        "over": "quick",
+        "at_least": 10,
+        "threads": 1,
+        "fits": 3,
+        "measurements": 2,
+    }
+    (row,) = records(judge.judge(rules(claims={}, times={"slow": of}), made))
+    assert (row["word"], row["why"]) == (word, why)
+    if word == "yes":
+        assert row["mean"] == pytest.approx(11)
+        assert row["mean_low"] == pytest.approx(row["mean_high"])
+
+
+def test_rules_4_are_of_models_and_recordings_that_there_are():
+    of = judge.read(FOLDER / "rules_4.yaml")
+    configs = FOLDER.parents[2] / "configs"
+    for name in of.recordings:
+        assert (configs / "scene" / f"{name}.yaml").is_file(), name
+    for each in of.claims.values():
+        assert set(each.recordings) <= set(of.recordings)
+    for family, candidates in of.candidates.items():
+        written = yaml.safe_load((configs / "model" / f"{family}.yaml").read_text())
+        assert tuple(written["model"]["forms"]) == candidates
+    named = {each.form for each in of.claims.values()} | {
+        each.rival for each in of.claims.values()
+    }
+    named |= {each.model for each in of.times.values()}
+    named |= {each.over for each in of.times.values()}
+    for model in named:
+        assert (configs / "model" / f"{model}.yaml").is_file(), model
 
 
 # The hierarchical model ---------------------------------------------------------------------------
