@@ -71,14 +71,9 @@ class Worker:
             self._stopped.wait(max(0.002, left))  # a moment in which a job may begin
 
     def _look(self) -> None:
-        session = self.session
-        frame, hypervector, answer, seconds = session.look()
-        grey = frame
-        if frame.dtype != np.uint8:
-            grey = (frame >> 8).astype(np.uint8)
-        black_or_white = hypervector * np.uint8(255)
-        drawn = np.hstack([grey, black_or_white])
-        quality = [cv2.IMWRITE_JPEG_QUALITY, 70]
-        _, picture = cv2.imencode(".jpg", drawn, quality)
-        label = session.source.label
+        frame, shares, answer, seconds = self.session.look()
+        grey = frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
+        drawn = np.hstack([grey, (255 * shares).astype(np.uint8)])
+        _, picture = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 70])
+        label = self.session.source.label
         self.view = View(picture.tobytes(), answer, label, seconds=seconds)
