@@ -99,16 +99,18 @@ class Session:
         words = self._encoded(frame)
         answer = self._answer(words)
         seconds = time.perf_counter() - begin
+        if words.dimension % frame.size:  # not so many bits of each pixel
+            words = _published(frame)
         planes = bits.unpack(words.packed[0], words.dimension).numpy()
         shares = planes.reshape(-1, *frame.shape).mean(axis=0)
         return frame, shares, answer, seconds
 
     def _encoded(self, frame: np.ndarray) -> Hypervectors:
         """The hypervector of a frame [H, W]; the published one while there is no model."""
-        if self.model is not None:
-            words: Hypervectors = self.model.encode(frame[None])
-            return words
-        return Hypervectors(Median().encode(tensor(frame[None])), frame.size)
+        if self.model is None:
+            return _published(frame)
+        words: Hypervectors = self.model.encode(frame[None])
+        return words
 
     def ask(self, frame: np.ndarray) -> Answer | None:
         """The model's answer for a frame [H, W]; None while it can give none."""
@@ -200,6 +202,11 @@ class Session:
             path = Path(folder) / "model.safetensors"
             self.model.save(path, self.source.metadata)
             return path.read_bytes()
+
+
+def _published(frame: np.ndarray) -> Hypervectors:
+    """The published hypervector of a frame [H, W], by its median."""
+    return Hypervectors(Median().encode(tensor(frame[None])), frame.size)
 
 
 def _classifier(samples: Sequence[Sample]) -> HDCClassifier | None:

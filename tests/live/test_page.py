@@ -160,7 +160,7 @@ def frames():
 def film(write_film, tmp_path, frames):
     """film(crop) → a source that plays the frames."""
     write_film(tmp_path / "v.mkv", frames)
-    return lambda window=Window(): open_source(window, None, tmp_path / "v.mkv", 0, {})
+    return lambda crop=None: open_source(Window(crop), None, tmp_path / "v.mkv", 0, {})
 
 
 def test_a_video_is_played_over_and_over(film, frames):
