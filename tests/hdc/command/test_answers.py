@@ -114,15 +114,6 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
     assert first == {"file": f"{classes}, frame 0", "label": "a"}
 
 
-def test_the_only_class_has_no_margin(tmp_path):
-    model = Nearest()
-    model.classes_ = np.array(["a"])
-    model.distances = lambda words: words[:, :1]
-    path = saved(tmp_path / "one.npz", [[10, 60, 90]])
-    (found,) = answers.ask(model, Window(), [path], PLAIN)
-    assert (found["margin"], found["distances"]) == (None, {"a": 0.1})
-
-
 def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp_path):
     path = saved(tmp_path / "v.npz", [[5, 7, 4], [6, 8, 255]])
     model = Read()

@@ -227,6 +227,8 @@ def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
         ("counts", (), 0, "at least 12 of each, merge, p = 0.5"),
         ("lda", ("--p", 0.2), 0, "at least 12 of each, p = 0.2"),
         ("ridge", (), 0, "36 new frames of 3 classes, at least 12 of each"),
+        ("neighbours", (), 0, "36 new frames of 3 classes, at least 12 of each"),
+        ("kernel", (), 0, "at least 12 of each, p = 0.5"),
         ("ridge", ("--p", 0.2), 2, "error: expected no --p for the read-out Ridge"),
         ("lda", ("--seed", 1), 2, "error: expected no --seed for the read-out LDA"),
         ("trained", (), 1, "hdc train on the new frames"),
