@@ -35,13 +35,6 @@ class Units:
     why: str = ""
 
 
-def truth_of(recording: Recording) -> np.ndarray:
-    """What a model learns: names of the classes [N], or values [N, T], labels or not."""
-    if recording.values is not None:
-        return recording.values
-    return np.array(recording.names)
-
-
 def _kinds(recording: Recording) -> np.ndarray:
     """The class of each frame [N]; one of frames of numbers."""
     if recording.values is not None:

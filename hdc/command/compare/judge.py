@@ -16,6 +16,7 @@ from hdc.bank import Bank
 from hdc.command import splits
 from hdc.command.compare.candidates import Candidate
 from hdc.command.splits import Units
+from hdc.command.train import truth_of
 from hdc.inputs import tensor
 from hdc.readers import Recording
 
@@ -97,13 +98,13 @@ def prepared(
     made, unit = splits.folds(recording, rows)
     folds = Test(made, unit)
     tests = [replace(folds, units=replace(unit, of=unit.of[folds.rows]))]
-    frames, truth = recording.frames(rows), splits.truth_of(recording)[rows]
+    frames, truth = recording.frames(rows), truth_of(recording)[rows]
     if other is not None:
         new = np.arange(len(other))
         split = np.arange(len(rows)), len(rows) + new
         tests.append(Test([split], splits.units(other, new)))
         frames = np.concatenate([frames, other[:]])
-        truth = np.concatenate([truth, splits.truth_of(other)])
+        truth = np.concatenate([truth, truth_of(other)])
     return Data(frames, truth, period), tests
 
 
