@@ -29,7 +29,7 @@ from hdc.live.page import (
     slider,
     small,
 )
-from hdc.live.session import Answer, Sample, Session
+from hdc.live.session import Sample, Session, View
 
 RECENT = 20
 """Tests behind the accuracy that is shown."""
@@ -88,7 +88,7 @@ class PressedSession(Session):
         self._tested = 0
         self._latest = -TEST_EVERY
 
-    def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None, float]:
+    def look(self) -> View:
         now = time.monotonic()
         if now - self._latest > TEST_EVERY:
             self._latest = now

@@ -45,6 +45,18 @@ class Answer:
     """Of a model of numbers."""
 
 
+@dataclass(frozen=True)
+class View:
+    """The latest frame and what the model says of it."""
+
+    drawn: np.ndarray | None = None
+    """uint8 [H, 2·W]: grey values, and beside them the share of each pixel's bits that are one."""
+    answer: Answer | None = None  # None where the model cannot predict yet
+    label: str | None = None  # class of the frame, if the source knows it
+    seconds: float = 0.0  # from the frame to the answer
+    error: str = ""  # why there is no newer frame
+
+
 class Lesson(NamedTuple):
     """Samples of lesson 0 train the model; those of a later one recalibrate it by p."""
 
@@ -89,11 +101,8 @@ class Session:
 
     # Prediction ----------------------------------------------------------------------------------
 
-    def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None, float]:
-        """The next frame [H, W], the share of each pixel's bits that are one, and the answer.
-
-        Last are the seconds that the answer took, from frame to label and values.
-        """
+    def look(self) -> View:
+        """The next frame, and the answer of the model."""
         frame = self.source.frame()
         begin = time.perf_counter()
         words = self._encoded(frame)
@@ -103,7 +112,9 @@ class Session:
             words = _published(frame)
         planes = bits.unpack(words.packed[0], words.dimension).numpy()
         shares = planes.reshape(-1, *frame.shape).mean(axis=0)
-        return frame, shares, answer, seconds
+        grey = frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
+        drawn = np.hstack([grey, (255 * shares).astype(np.uint8)])
+        return View(drawn, answer, self.source.label, seconds)
 
     def _encoded(self, frame: np.ndarray) -> Hypervectors:
         """The hypervector of a frame [H, W]; the published one while there is no model."""

@@ -177,15 +177,16 @@ def test_a_trained_model_answers_and_is_not_taught(film, frames, encoder):
     model = HDCClassifier(encoder).fit(frames, LABELS)
     session = Session(film(), model)
     for label in LABELS[1:]:
-        frame, shares, answer, seconds = session.look()
+        view = session.look()
+        answer, (frame, shares) = view.answer, np.hsplit(view.drawn, 2)
         assert answer.label in (label, None)
         assert min(answer.distances, key=answer.distances.get) == label
-        assert 0 < seconds < 10
+        assert 0 < view.seconds < 10
         # The bits of this model: those of the median were shown for any.
         rank = np.argsort(np.argsort(frame, axis=None, kind="stable"))
         steps = 8 if encoder == "levels" else 2
         expected = (rank * steps // frame.size).reshape(frame.shape) / (steps - 1)
-        assert np.abs(shares - expected).mean() < 0.02
+        assert np.abs(shares / 255 - expected).mean() < 0.02
     model.predict_set = lambda frames, alpha: [np.array([])]
     answer = session.ask(session.source.frame())
     assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
@@ -202,14 +203,14 @@ def test_a_trained_model_answers_and_is_not_taught(film, frames, encoder):
 
 def test_values_are_shown_with_intervals_unless_they_go_round(film, frames):
     values = np.repeat([1.0, 3.0], N) + np.tile([0, 0.1], N)
-    answer = Session(film(), HDCRegressor().fit(frames, values)).look()[2]
+    answer = Session(film(), HDCRegressor().fit(frames, values)).look().answer
     ((value, low, high),) = answer.values
     assert low <= value <= high
     assert value == pytest.approx(1.05, abs=0.3)
     words = pages._in_words(answer, 0.0123)
     assert words == (f"{value:.1f} [{low:.1f}, {high:.1f}]", "12.3 ms")
     model = HDCRegressor(period=360).fit(frames, np.repeat([10.0, 200.0], N))
-    ((angle,),) = Session(film(), model).look()[2].values
+    ((angle,),) = Session(film(), model).look().answer.values
     assert pages._in_words(Answer(values=((angle,),)), 0)[0] == f"{angle:.1f}"
 
 

@@ -135,7 +135,7 @@ def test_the_worker_survives_jobs_and_frames_that_fail(empty, monkeypatch):
     worker = Worker(empty)
     worker.start()
     worker.do(lambda session: teach(session, "left", 3))
-    assert worker.view.picture == b""  # no page asks for pictures
+    assert worker.view.drawn is None  # no page asks for pictures
     monkeypatch.setattr(empty.source, "frame", lambda: np.zeros(0).max())
     worker.picture()
     wait_for(lambda: "zero-size array" in worker.view.error)
@@ -145,10 +145,8 @@ def test_the_worker_survives_jobs_and_frames_that_fail(empty, monkeypatch):
         worker.do(lambda session: session.places["nobody"])
     seen = worker.view
     wait_for(lambda: worker.picture() and worker.view is not seen)
-    assert cv2.imdecode(np.frombuffer(worker.view.picture, np.uint8), 0).shape == (
-        100,
-        200,
-    )
+    picture = cv2.imdecode(np.frombuffer(worker.picture(), np.uint8), 0)
+    assert picture.shape == (100, 200)
     worker.stop()
 
 
@@ -163,12 +161,12 @@ def recorded(tmp_path, frames_and_labels):
 
 def test_a_recording_is_played_over_and_over_and_learnt(recorded):
     session = Session(recorded)
-    seen = [session.look()[0] for _ in range(41)]
+    seen = [session.look().drawn for _ in range(41)]
     assert (seen[40] == seen[0]).all()
     recorded.step(+1)
     while recorded.label != "1 mm":
         recorded.step(+1)
-    assert (session.look()[0] == session.look()[0]).all()  # it is paused
+    assert (session.look().drawn == session.look().drawn).all()  # it is paused
     session.learn("1 mm", 6, new=True)
     while recorded.label != "2 mm":
         recorded.step(-1)
