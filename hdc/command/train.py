@@ -11,7 +11,13 @@ import numpy as np
 
 import hdc
 from hdc.command import messages, options
-from hdc.command.source import Source, check_circular, pixels, recording
+from hdc.command.source import (
+    Source,
+    check_circular,
+    pixels,
+    recording,
+    truth_of,
+)
 from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
 from hdc.readers.recording import with_progress
@@ -130,13 +136,6 @@ def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
     metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
     metadata["version"] = hdc.__version__
     return metadata
-
-
-def truth_of(recording: Recording) -> np.ndarray:
-    """What a model learns: names of the classes [N], or values [N, T], labels or not."""
-    if recording.values is not None:
-        return recording.values
-    return np.array(recording.names)
 
 
 def _learnable(model: Any, recording: Recording, rows: np.ndarray) -> Any:

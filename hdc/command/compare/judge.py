@@ -15,8 +15,8 @@ from hdc import backends, circular
 from hdc.bank import Bank
 from hdc.command import splits
 from hdc.command.compare.candidates import Candidate
+from hdc.command.source import truth_of
 from hdc.command.splits import Units
-from hdc.command.train import truth_of
 from hdc.inputs import tensor
 from hdc.readers import Recording
 
