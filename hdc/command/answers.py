@@ -47,7 +47,7 @@ def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
     ``high`` [n, T].
 
     Raises:
-        ValueError: probabilities of a regressor, or of a model that has none.
+        ValueError: probabilities or rejection by a regressor, or by a model that has none.
     """
     words = model.encode(frames)
     if hasattr(model, "classes_"):
@@ -71,9 +71,10 @@ def _of_classes(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
 
 
 def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
-    if wanted.proba:
-        found = type(model).__name__
-        raise ValueError(f"--proba: expected a model of classes, found {found}")
+    for option, given in (("--proba", wanted.proba), ("--reject", wanted.reject)):
+        if given:
+            found = type(model).__name__
+            raise ValueError(f"{option}: expected a model of classes, found {found}")
     if wanted.interval is None:
         parts = [model.predict(words)]
     elif model.period is None:

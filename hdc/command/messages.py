@@ -48,16 +48,14 @@ def sizes(model: Any, path: Path) -> tuple[int, int]:
 def circular_lines(recording: Recording, period: float | None = None) -> list[str]:
     """A line on each value that looks like degrees of a whole turn, unless a period is given."""
     lines: list[str] = []
-    if period is not None:
+    if period is not None or recording.values is None:
         return lines
     units = recording.value_units or ("",) * len(recording.value_names)
-    for column, name in enumerate(recording.value_names):
-        assert recording.values is not None
-        numbers = recording.values[:, column]
+    columns = zip(recording.value_names, units, recording.values.T, strict=True)
+    for name, unit, numbers in columns:
         low, high = float(numbers.min()), float(numbers.max())
-        named = _DEGREES.search(f"{name} {units[column]}".lower())
         turns = low >= -TURN / 2 and high <= TURN and high - low >= _WHOLE * TURN
-        if named and turns:
+        if turns and _DEGREES.search(f"{name} {unit}".lower()):
             lines.append(
                 f"{printable(name)}: {low:.4g} to {high:.4g} looks like angles of a whole turn; "
                 "--circular 360 predicts them by sine and cosine"

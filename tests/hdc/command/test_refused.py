@@ -47,6 +47,8 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tm
         (("predict", model, tmp_path / "empty"), f"{tmp_path}/empty: expected images (.png"),
         (("predict", tmp_path / "n", folder, "--proba"),
          "--proba: expected a model of classes, found HDCRegressor"),
+        (("predict", tmp_path / "n", folder, "--reject"),
+         "--reject: expected a model of classes, found HDCRegressor"),
         (("evaluate", folder, model), "found a folder (the MODEL comes first)"),
         (("evaluate", model, other), unknown),
         (("evaluate", model, wide),
