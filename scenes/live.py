@@ -53,7 +53,7 @@ class SimulatedSensor:
         camera = Camera(grid=grid, crop=side, pupil=pupil)
         self._sensor = Sensor(seed, camera=camera)
         self.title = "Simulated sensor, not measured"
-        self.shape = (side, side)
+        self.shape: tuple[int, ...] = (side, side)
         self.metadata: dict[str, object] = {
             "crop": None,
             "subsample": 1,

@@ -9,6 +9,7 @@ from __future__ import annotations
 import html
 import math
 import time
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -28,8 +29,10 @@ from hdc.live.page import (
     slider,
     small,
 )
-from hdc.live.session import Answer, Lesson, Sample, Session
+from hdc.live.session import Sample, Session, View
 
+RECENT = 20
+"""Tests behind the accuracy that is shown."""
 TEST_EVERY = 0.25
 """Seconds between two fresh touches that test the model."""
 NEAR = 2e-3
@@ -73,6 +76,7 @@ class PressedSession(Session):
 
     Attributes:
         places: touches of each class.
+        tests: whether the latest tests were right.
     """
 
     source: Pressable
@@ -80,10 +84,11 @@ class PressedSession(Session):
     def __init__(self, source: Pressable) -> None:
         super().__init__(source)
         self.places: dict[str, tuple[Touch, ...]] = {}
+        self.tests: deque[bool] = deque(maxlen=RECENT)
         self._tested = 0
         self._latest = -TEST_EVERY
 
-    def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None, float]:
+    def look(self) -> View:
         now = time.monotonic()
         if now - self._latest > TEST_EVERY:
             self._latest = now
@@ -95,25 +100,28 @@ class PressedSession(Session):
         taught = [name for name in self.counts if name in self.places]
         if len(taught) > 1:
             name = taught[self._tested % len(taught)]
-            super().count(self._at(name, 1, Lesson()))
+            (frame,) = self.source.touched(1, self.places[name])
+            answer = self.ask(frame)
+            if answer is not None:
+                self.tests.append(answer.label == name)
             self._tested += 1
-
-    def count(self, samples: Sequence[Sample]) -> None:
-        """Count no sample that is learnt: fresh touches test the model."""
 
     def learn(self, name: str, n: int, new: bool = False) -> None:
         super().learn(name, n, new)
         self.places = self.places | {name.strip(): self.source.touches}
-        if new:
-            self.tests.clear()
 
     def recalibrate_all(self, n: int, p: float) -> None:
         """Recalibrate all classes, each touched where it was taught."""
         lesson = self.next_lesson(p)
         samples: list[Sample] = []
         for name in self.counts:
-            samples += self._at(name, n, lesson)
-        self.adapt(samples)
+            frames = self.source.touched(n, self.places[name])
+            samples += [Sample(frame, name, lesson) for frame in frames]
+        self.train(self.samples + samples)
+
+    def train(self, samples: list[Sample]) -> None:
+        super().train(samples)
+        self.tests.clear()
 
     def forget(self, name: str | None) -> None:
         super().forget(name)
@@ -128,17 +136,11 @@ class PressedSession(Session):
         self.source.offset = kelvin
         self.tests.clear()
 
-    def _at(self, name: str, n: int, lesson: Lesson) -> list[Sample]:
-        """Samples of a class, touched where it was taught."""
-        frames = self.source.touched(n, self.places[name])
-        return [Sample(frame, name, lesson) for frame in frames]
-
 
 class PressedPage(Page):
     """The page with a drawing of the surface in millimetres, and the controls to press it."""
 
     act = "Press somewhere"
-    tested = "new touches"
     session: PressedSession
     source: Pressable
 
@@ -154,6 +156,10 @@ class PressedPage(Page):
         self._depth = slider("depth in mm", 0.1, self.source.deepest * 1e3, 0.1, 1.8)
         lift = ui.button("Lift off", on_click=lambda: self._press())
         lift.props("no-caps outline dense")
+        self._accuracy = ui.label()
+        small(
+            f"Accuracy on the latest {RECENT} new touches; “none of these” counts as wrong."
+        )
 
     def adapting(self) -> None:
         days = self.source.sixteen_days
@@ -169,6 +175,9 @@ class PressedPage(Page):
 
     def refresh(self) -> None:
         super().refresh()
+        right, n = sum(self.session.tests), len(self.session.tests)
+        share = f"{right} of the latest {n} right ({right / n:.0%})" if n else ""
+        self._accuracy.set_text(share or "not tested yet")
         names = list(self.session.counts)
         drawn = []
         for name, touches in self.session.places.items():

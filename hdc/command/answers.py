@@ -39,47 +39,53 @@ class Wanted(NamedTuple):
     distances: bool = True
 
 
-def columns(model: Any, batch: np.ndarray, wanted: Wanted) -> dict[str, Any]:
-    """The answers for frames [n, …] by name.
+def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
+    """The answers for frames [n, …] by name; each frame is encoded once.
 
     Of a classifier ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
     arrays), ``proba`` and ``distances`` [n, L] in bits; of a regressor ``values``, ``low`` and
     ``high`` [n, T].
 
     Raises:
-        ValueError: probabilities of a regressor, or of a model that has none.
+        ValueError: probabilities or rejection by a regressor, or by a model that has none.
     """
+    words = model.encode(frames)
     if hasattr(model, "classes_"):
-        return _of_classes(model, batch, wanted)
+        return _of_classes(model, words, wanted)
+    return _of_values(model, words, wanted)
+
+
+def _of_classes(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
+    from hdc.readouts import Majority  # late: torch takes seconds
+
+    found = {"label": model.predict(words)}
+    if wanted.reject:
+        found["known"] = model.is_known(words, wanted.reject)
+    if wanted.interval is not None:
+        found["set"] = model.predict_set(words, outside(wanted.interval))
     if wanted.proba:
-        found = type(model).__name__
-        raise ValueError(f"--proba: expected a model of classes, found {found}")
-    n = len(batch)
+        found["proba"] = model.predict_proba(words)
+    if wanted.distances and isinstance(model.readout_, Majority):
+        found["distances"] = model.distances(words)
+    return found
+
+
+def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
+    for option, given in (("--proba", wanted.proba), ("--reject", wanted.reject)):
+        if given:
+            found = type(model).__name__
+            raise ValueError(f"{option}: expected a model of classes, found {found}")
     if wanted.interval is None:
-        return {"values": model.predict(batch).reshape(n, -1)}
-    if model.period is not None:
+        parts = [model.predict(words)]
+    elif model.period is None:
+        alpha = outside(wanted.interval)
+        parts = model.predict(words, return_interval=True, alpha=alpha)
+    else:
         raise ValueError(
             "--interval: expected a model of numbers without a period; leave it out"
         )
-    alpha = outside(wanted.interval)
-    parts = model.predict(batch, return_interval=True, alpha=alpha)
-    named = zip(("values", "low", "high"), parts, strict=True)
-    return {name: part.reshape(n, -1) for name, part in named}
-
-
-def _of_classes(model: Any, batch: np.ndarray, wanted: Wanted) -> dict[str, Any]:
-    from hdc.readouts import Majority  # late: torch takes seconds
-
-    found = {"label": model.predict(batch)}
-    if wanted.reject:
-        found["known"] = model.is_known(batch, wanted.reject)
-    if wanted.interval is not None:
-        found["set"] = model.predict_set(batch, outside(wanted.interval))
-    if wanted.proba:
-        found["proba"] = model.predict_proba(batch)
-    if wanted.distances and isinstance(model.readout_, Majority):
-        found["distances"] = model.distances(batch)
-    return found
+    tables = [part.reshape(len(words), -1) for part in parts]
+    return dict(zip(("values", "low", "high"), tables, strict=False))
 
 
 def outside(interval: float) -> float:
@@ -198,35 +204,24 @@ def table_row(answer: Mapping[str, Any], units: Sequence[str] = ()) -> dict[str,
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():
-        cells |= _cells(name, part, units)
+        match name:
+            case "values":
+                cells |= dict(
+                    zip(with_units([*part], units), part.values(), strict=True)
+                )
+            case "intervals":
+                for value, (low, high) in part.items():
+                    cells[f"{value} from"] = -np.inf if low is None else low
+                    cells[f"{value} to"] = np.inf if high is None else high
+            case "distances":
+                cells |= {f"distance {label}": share for label, share in part.items()}
+            case "set":
+                cells[name] = ", ".join(map(str, part)) or NONE
+            case "label":
+                cells[name] = NONE if part is None else part
+            case _ if name != "probabilities":  # the table has that of the best class
+                cells[name] = part
     return {printable(name): _cell(cell) for name, cell in cells.items()}
-
-
-def _cells(name: str, part: Any, units: Sequence[str]) -> dict[str, Any]:
-    """The cells of one part of an answer."""
-    match name:
-        case "values":
-            names = with_units([*part], units)
-            return dict(zip(names, part.values(), strict=True))
-        case "intervals":
-            return _ends(part)
-        case "distances":
-            return {f"distance {label}": share for label, share in part.items()}
-        case "probabilities":  # the table has that of the best class
-            return {}
-        case "set":
-            return {name: ", ".join(map(str, part)) or NONE}
-        case "label" if part is None:
-            return {name: NONE}
-    return {name: part}
-
-
-def _ends(intervals: Mapping[str, Sequence[float | None]]) -> dict[str, Any]:
-    found: dict[str, Any] = {}
-    for name, (low, high) in intervals.items():
-        found[f"{name} from"] = "-inf" if low is None else low
-        found[f"{name} to"] = "inf" if high is None else high
-    return found
 
 
 def _cell(item: Any) -> str:

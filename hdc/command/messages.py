@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,25 +22,40 @@ LISTED = 12
 """Names of classes or sessions that one line shows."""
 
 
-def class_line(recording: Recording, index: np.ndarray) -> str:
-    """The classes of some frames, and how many each has."""
-    names = np.array(recording.names)[index].tolist()
-    return f"classes: {_counted(names, recording.classes)}"
+def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
+    """The classes that are learnt, with the frames of each, and the sessions of a recording."""
+    lines = []
+    if recording.values is None:
+        names = np.array(recording.names)[learnt].tolist()
+        lines.append(f"classes: {_counted(names, recording.classes)}")
+        if len(recording.classes) == 1:
+            lines.append("one class: hdc predict --reject tells what is unlike it")
+    return [*lines, session_line(recording)]
+
+
+def form_line(model: Any, path: Path) -> str:
+    """The form and both sizes of a model that was saved."""
+    used, stored = sizes(model, path)
+    form = f"{model.encoder}, {model.readout}"
+    return f"form: {form}; {used:,} bytes to predict, {stored:,} in the file"
+
+
+def sizes(model: Any, path: Path) -> tuple[int, int]:
+    """Bytes that a prediction needs, and those of the file."""
+    return model.prediction_bytes_, path.stat().st_size
 
 
 def circular_lines(recording: Recording, period: float | None = None) -> list[str]:
     """A line on each value that looks like degrees of a whole turn, unless a period is given."""
     lines: list[str] = []
-    if period is not None:
+    if period is not None or recording.values is None:
         return lines
     units = recording.value_units or ("",) * len(recording.value_names)
-    for column, name in enumerate(recording.value_names):
-        assert recording.values is not None
-        numbers = recording.values[:, column]
+    columns = zip(recording.value_names, units, recording.values.T, strict=True)
+    for name, unit, numbers in columns:
         low, high = float(numbers.min()), float(numbers.max())
-        named = _DEGREES.search(f"{name} {units[column]}".lower())
         turns = low >= -TURN / 2 and high <= TURN and high - low >= _WHOLE * TURN
-        if named and turns:
+        if turns and _DEGREES.search(f"{name} {unit}".lower()):
             lines.append(
                 f"{printable(name)}: {low:.4g} to {high:.4g} looks like angles of a whole turn; "
                 "--circular 360 predicts them by sine and cosine"
@@ -105,10 +120,7 @@ def described(model: Any, path: Path) -> dict[str, Any]:
     """Description of a saved model; the last rows say what was trained."""
     classifies = hasattr(model, "classes_")
     n_outputs = len(model.classes_ if classifies else model.mean_)
-    n_file = path.stat().st_size
-    n_used = n_file  # of numbers: the training frames are kept, and all of it is needed
-    if classifies:
-        n_used = model.prediction_bytes_
+    n_used, n_file = sizes(model, path)
     unit = "class" if classifies else "value"
     rows: dict[str, Any] = {
         "kind": type(model).__name__,
@@ -135,3 +147,90 @@ def _in_words(part: object) -> str:
     text = type(part).__doc__ or ""
     first = " ".join(text.strip().partition("\n\n")[0].split())
     return _MARKUP.sub(r"\1", first)
+
+
+# Scores ------------------------------------------------------------------------------------------
+
+
+def score_lines(result: Mapping[str, Any]) -> list[str]:
+    """A score in lines for people."""
+    if "errors" in result:
+        errors = result["errors"].items()
+        found = [_error_line(name, own, result["frames"]) for name, own in errors]
+        widths = [_width_line(*one) for one in errors if "coverage" in one[1]]
+        return [*found, *widths]
+    n, share = result["frames"], result["accuracy"]
+    low, high = result["interval"]
+    guessed = printable(result["guessed"])
+    found = [
+        f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}), {round(share * n)} of {n} "
+        "frames",
+        f"a guess of {guessed}, the largest class: accuracy {result['guess']:.1%}",
+    ]
+    if "refused" in result:
+        found.append(refused_line(result["refused"], n, result["reject"]))
+    if "coverage" in result:
+        own = result["coverage"]
+        line = _coverage_line(own, "sets")
+        found.append(f"{line}; {own['mean_size']:.2f} classes a set")
+    return found
+
+
+def refused_line(refused: int, n: int, reject: float, known: bool = True) -> str:
+    """How many frames were refused as none of the classes, and how many known ones may be."""
+    frames, of = ("known frames", "") if known else ("frames", " of known ones")
+    return f"refused {refused} of {n} {frames}; expected at most {100 * reject:g} %{of}"
+
+
+def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:
+    error, guess = (_number(own[key], own) for key in ("mean_absolute_error", "guess"))
+    return (
+        f"{printable(name)}: mean absolute error {error} (a guess of the mean {guess}), R² "
+        f"{own['r_squared']:.3f}, {n} frames"
+    )
+
+
+def _width_line(name: str, own: Mapping[str, Any]) -> str:
+    width = own["coverage"]["mean_width"]
+    line = _coverage_line(own["coverage"], "intervals")
+    shown = _number(float("inf") if width is None else width, own)
+    return f"{printable(name)}: {line}; mean width {shown}"
+
+
+def _number(value: float, own: Mapping[str, Any]) -> str:
+    """A number with its unit, if it has one."""
+    return f"{value:.4g} {own.get('unit', '')}".rstrip()
+
+
+def _coverage_line(found: Mapping[str, Any], what: str) -> str:
+    low, high = found["interval"]
+    return (
+        f"{what} for {found['asked']:g} hold the truth for {found['share']:.1%} of these frames "
+        f"(95 % interval {low:.1%} to {high:.1%})"
+    )
+
+
+def confusions(result: Mapping[str, Any]) -> list[str]:
+    """Lines of the table of a score's confusions, a row a true class; none of values."""
+    if "classes" not in result:
+        return []
+    counts = np.array(result["confusion"])
+    names = [printable(name) for name in result["classes"]]
+    heads = _shortened(names)
+    numbers = [str(n) for n in counts.ravel()]
+    width = max(len(name) for name in names)
+    cell = max(len(text) for text in [*heads, *numbers])
+    found = ["rows are the true classes, columns the predicted ones"]
+    found.append(" ".join([" " * width, *(f"{head:>{cell}}" for head in heads)]))
+    for name, row in zip(names, counts, strict=True):
+        found.append(" ".join([f"{name:{width}}", *(f"{n:>{cell}}" for n in row)]))
+    return found
+
+
+def _shortened(names: Sequence[str], least: int = 12) -> list[str]:
+    """The beginnings of names, so long that they differ."""
+    for length in range(least, max(map(len, names))):
+        found = [name[:length] for name in names]
+        if len(set(found)) == len(names):
+            return found
+    return list(names)

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
+from contextlib import suppress
 from json import loads as json_of
 from pathlib import Path
 from typing import Any
@@ -15,9 +16,13 @@ FILE = click.Path(path_type=Path)
 SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 
-def _names(_: Any, __: Any, text: str | None) -> tuple[str, ...] | None:
+class _Names(click.ParamType):
     """Words between commas."""
-    return None if text is None else tuple(text.replace(" ", "").split(","))
+
+    name = "names"
+
+    def convert(self, value: Any, *_: Any) -> tuple[str, ...]:
+        return tuple(value.replace(" ", "").split(","))
 
 
 def _file(_: Any, __: Any, path: Path | None) -> Path | None:
@@ -29,8 +34,8 @@ def _file(_: Any, __: Any, path: Path | None) -> Path | None:
 
 axes = click.option(
     "--axes",
+    type=_Names(),
     metavar="NAMES",
-    callback=_names,
     help="Axes of an array, such as height,width,frame.",
 )
 image_column = click.option(
@@ -49,26 +54,26 @@ circular = click.option(
 )
 
 
-def _by_name(_: Any, __: Any, given: Sequence[str]) -> dict[str, Any]:
-    """Values of ``PART__NAME=VALUE`` by name: JSON, or else text."""
-    found = {}
-    for text in given:
-        name, equals, value = text.partition("=")
+class _Setting(click.ParamType):
+    """``PART__NAME=VALUE`` as a name and a value: JSON, or else text."""
+
+    name = "setting"
+
+    def convert(self, value: Any, *_: Any) -> tuple[str, Any]:
+        name, equals, text = value.partition("=")
         if not equals or "__" not in name:
             wanted = "PART__NAME=VALUE such as encoder__thresholds=15"
-            raise click.BadParameter(f"expected {wanted}, found {text}")
-        try:
-            found[name] = json_of(value)
-        except ValueError:
-            found[name] = value
-    return found
+            self.fail(f"expected {wanted}, found {value}")
+        with suppress(ValueError):
+            return name, json_of(text)
+        return name, text
 
 
 parameters = click.option(
     "--set",
     "parameters",
     multiple=True,
-    callback=_by_name,
+    type=_Setting(),
     metavar="PART__NAME=VALUE",
     help="Set a parameter of the encoder or the readout, such as encoder__thresholds=15; may be "
     "repeated.",

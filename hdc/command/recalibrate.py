@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,11 @@ from hdc.command.source import Source, recording
 from hdc.command.work import frames_for, load
 from hdc.io import check_replaceable
 from hdc.readers import Recording
+
+PUBLISHED = (
+    "recalibrate: replacing bits, as published, can lower the accuracy; test the new model on "
+    "other frames with hdc evaluate, or recalibrate a model of --readout lda"
+)
 
 
 @click.command(short_help="Adapt a model to a changed sensor.")
@@ -94,7 +100,10 @@ def _by_labels(model: Any, frames: Recording, options: dict[str, Any]) -> str:
     names, counts = np.unique(frames.names, return_counts=True)
     line = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
     if hasattr(readout, "methods"):
-        line += f", {options.get('method', readout.methods[0])}"
+        method = options.get("method", readout.methods[0])
+        line += f", {method}"
+        if method == "replace":
+            warnings.warn(PUBLISHED, stacklevel=2)
     return f"{line}, p = {options.get('p', 0.5):g}" if "p" in used else line
 
 

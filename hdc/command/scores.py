@@ -1,8 +1,9 @@
-"""How well a model does on a recording: numbers, and apart from them lines for people."""
+"""How well a model does on a recording, in numbers; :mod:`hdc.command.messages` says them."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -10,7 +11,6 @@ import numpy as np
 from hdc import circular
 from hdc.accuracy import accuracy, confusion, r_squared, wilson
 from hdc.command.answers import Wanted, batched, columns
-from hdc.command.messages import printable
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
 
@@ -30,88 +30,88 @@ def score(
     wanted = Wanted(reject, interval, distances=False)
     frames = with_progress(recording.stream(index), len(index), "Evaluating")
     parts = [columns(model, np.stack(some), wanted) for some in batched(frames)]
-    if not hasattr(model, "classes_"):
-        return _of_values(model, recording, index, parts, interval)
-    truth = np.array(recording.names)[index].tolist()
-    read = np.concatenate([part["label"] for part in parts])
-    result = _of_classes(model, recording, index, truth, read)
-    if reject:
-        result["refused"] = sum(int((~part["known"]).sum()) for part in parts)
-    if interval is not None:
-        sets = [possible for part in parts for possible in part["set"]]
-        inside = [name in map(str, own) for name, own in zip(truth, sets, strict=True)]
-        result["coverage"] = _coverage(sum(inside), len(inside), interval)
-        result["coverage"]["mean_size"] = float(np.mean([len(own) for own in sets]))
-    return result
+    found = {name: [*chain(*(part[name] for part in parts))] for name in parts[0]}
+    of = _of_classes if hasattr(model, "classes_") else _of_values
+    return {"frames": len(index), **of(model, recording, index, found, wanted)}
 
 
 def _of_classes(
     model: Any,
     recording: Recording,
     index: np.ndarray,
-    truth: list[str],
-    read: np.ndarray,
+    found: Mapping[str, Any],
+    wanted: Wanted,
 ) -> dict[str, Any]:
     """Accuracy with its interval and that of a guess, confusions, and the frames that are wrong."""
     names = [str(label) for label in model.classes_]
     row = {name: k for k, name in enumerate(names)}
-    found = [str(label) for label in read]
-    true = np.array([row[name] for name in truth])
-    answers = np.array([row[name] for name in found])
+    truth = np.array([row[name] for name in np.array(recording.names)[index].tolist()])
+    answers = np.array([row[str(label)] for label in found["label"]])
     largest = int(model.counts_.argmax())
-    wrong = [
-        {"file": recording.place(i), "label": a, "predicted": b}
-        for i, a, b in zip(index, truth, found, strict=True)
-        if a != b
-    ]
-    return {
-        "frames": len(index),
-        "accuracy": accuracy(answers, true),
-        "interval": [*wilson(int((answers == true).sum()), len(index))],
+    wrong = np.flatnonzero(answers != truth)
+    result: dict[str, Any] = {
+        "accuracy": accuracy(answers, truth),
+        "interval": [*wilson(len(index) - len(wrong), len(index))],
         "guessed": names[largest],
-        "guess": float((true == largest).mean()),
+        "guess": float((truth == largest).mean()),
         "classes": names,
-        "confusion": confusion(answers, true, len(names)).tolist(),
-        "wrong": wrong,
+        "confusion": confusion(answers, truth, len(names)).tolist(),
+        "wrong": [
+            {
+                "file": recording.place(index[k]),
+                "label": names[truth[k]],
+                "predicted": names[answers[k]],
+            }
+            for k in wrong
+        ],
     }
+    if wanted.reject:
+        result |= {"reject": wanted.reject, "refused": found["known"].count(False)}
+    if wanted.interval is not None:
+        sets = [[str(label) for label in own] for own in found["set"]]
+        inside = [names[k] in own for k, own in zip(truth, sets, strict=True)]
+        size = float(np.mean([len(own) for own in sets]))
+        result["coverage"] = _coverage(inside, wanted.interval) | {"mean_size": size}
+    return result
 
 
 def _of_values(
     model: Any,
     recording: Recording,
     index: np.ndarray,
-    parts: Sequence[Mapping[str, np.ndarray]],
-    interval: float | None,
+    found: Mapping[str, Any],
+    wanted: Wanted,
 ) -> dict[str, Any]:
     """Errors and R² of each value; coverage and width of its intervals, if asked for."""
     assert recording.values is not None
     truth = recording.values[index]
-    found = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    arrays = {name: np.array(rows) for name, rows in found.items()}
     period = model.period
-    errors = circular.errors(found["values"], truth, period).mean(axis=0)
+    errors = circular.errors(arrays["values"], truth, period).mean(axis=0)
     guesses = circular.errors(truth, model.mean_, period).mean(axis=0)
-    units = recording.value_units or ("",) * len(errors)
     rows: dict[str, Any] = {}
-    for k, (name, unit) in enumerate(zip(recording.value_names, units, strict=True)):
+    for k, name in enumerate(recording.value_names):
         rows[name] = {
             "mean_absolute_error": float(errors[k]),
             "guess": float(guesses[k]),
-            "r_squared": _explained(truth[:, k], found["values"][:, k], period),
+            "r_squared": _explained(truth[:, k], arrays["values"][:, k], period),
         }
-        if unit:
-            rows[name]["unit"] = unit
-        if interval is not None:
-            low, high = found["low"][:, k], found["high"][:, k]
-            inside = int(((low <= truth[:, k]) & (truth[:, k] <= high)).sum())
+        if any(recording.value_units[k : k + 1]):
+            rows[name]["unit"] = recording.value_units[k]
+        if wanted.interval is not None:
+            low, high = arrays["low"][:, k], arrays["high"][:, k]
+            inside = (low <= truth[:, k]) & (truth[:, k] <= high)
             width = float((high - low).mean())
-            coverage = _coverage(inside, len(index), interval)
-            coverage["mean_width"] = width if np.isfinite(width) else None
-            rows[name]["coverage"] = coverage
-    return {"frames": len(index), "errors": rows}
+            width_or_none = width if np.isfinite(width) else None
+            coverage = _coverage(inside, wanted.interval)
+            rows[name]["coverage"] = coverage | {"mean_width": width_or_none}
+    return {"errors": rows}
 
 
-def _coverage(inside: int, n: int, asked: float) -> dict[str, Any]:
-    return {"asked": asked, "share": inside / n, "interval": [*wilson(inside, n)]}
+def _coverage(inside: Any, asked: float) -> dict[str, Any]:
+    share = float(np.mean(inside))
+    interval = [*wilson(int(np.sum(inside)), len(inside))]
+    return {"asked": asked, "share": share, "interval": interval}
 
 
 def _explained(truth: np.ndarray, predicted: np.ndarray, period: float | None) -> float:
@@ -121,85 +121,3 @@ def _explained(truth: np.ndarray, predicted: np.ndarray, period: float | None) -
         planes = [circular.to_plane(v[:, None], period) for v in (truth, predicted)]
         pairs = list(zip(planes[0].T, planes[1].T, strict=True))
     return float(np.mean([r_squared(*pair) for pair in pairs]))
-
-
-# Lines -------------------------------------------------------------------------------------------
-
-
-def lines(result: Mapping[str, Any], reject: float | None = None) -> list[str]:
-    """A score in lines for people."""
-    if "errors" in result:
-        errors = result["errors"].items()
-        n = result["frames"]
-        found = [_error_line(name, own, n) for name, own in errors]
-        found += [_width_line(name, own) for name, own in errors if "coverage" in own]
-        return found
-    n, share = result["frames"], result["accuracy"]
-    low, high = result["interval"]
-    guessed = printable(result["guessed"])
-    found = [
-        f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}), {round(share * n)} of {n} "
-        "frames",
-        f"a guess of {guessed}, the largest class: accuracy {result['guess']:.1%}",
-    ]
-    if reject:
-        found.append(
-            f"--reject {reject:g} refuses {result['refused']} of them as none of the classes"
-        )
-    if "coverage" in result:
-        size = result["coverage"]["mean_size"]
-        line = _coverage_line(result["coverage"], "sets")
-        found.append(f"{line}; {size:.2f} classes a set")
-    return found
-
-
-def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:
-    unit = own.get("unit", "")
-    error = f"{own['mean_absolute_error']:.4g} {unit}".rstrip()
-    guess = f"{own['guess']:.4g} {unit}".rstrip()
-    return (
-        f"{printable(name)}: mean absolute error {error} (a guess of the mean {guess}), R² "
-        f"{own['r_squared']:.3f}, {n} frames"
-    )
-
-
-def _width_line(name: str, own: Mapping[str, Any]) -> str:
-    width = own["coverage"]["mean_width"]
-    amount = "inf" if width is None else f"{width:.4g}"
-    line = _coverage_line(own["coverage"], "intervals")
-    amount = f"{amount} {own.get('unit', '')}".rstrip()
-    return f"{printable(name)}: {line}; mean width {amount}"
-
-
-def _coverage_line(found: Mapping[str, Any], what: str) -> str:
-    low, high = found["interval"]
-    return (
-        f"{what} for {found['asked']:g} hold the truth for {found['share']:.1%} of these frames "
-        f"(95 % interval {low:.1%} to {high:.1%})"
-    )
-
-
-def confusions(result: Mapping[str, Any]) -> list[str]:
-    """Lines of the table of a score's confusions, a row a true class; none of values."""
-    if "classes" not in result:
-        return []
-    counts = np.array(result["confusion"])
-    names = [printable(name) for name in result["classes"]]
-    heads = _shortened(names)
-    numbers = [str(n) for n in counts.ravel()]
-    width = max(len(name) for name in names)
-    cell = max(len(text) for text in [*heads, *numbers])
-    found = ["rows are the true classes, columns the predicted ones"]
-    found.append(" ".join([" " * width, *(f"{head:>{cell}}" for head in heads)]))
-    for name, row in zip(names, counts, strict=True):
-        found.append(" ".join([f"{name:{width}}", *(f"{n:>{cell}}" for n in row)]))
-    return found
-
-
-def _shortened(names: Sequence[str], least: int = 12) -> list[str]:
-    """The beginnings of names, so long that they differ."""
-    for length in range(least, max(map(len, names))):
-        found = [name[:length] for name in names]
-        if len(set(found)) == len(names):
-            return found
-    return list(names)

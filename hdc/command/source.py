@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 
 from hdc import readers
 from hdc.command.options import FILE, axes, image_column
@@ -153,6 +154,13 @@ def check_circular(recording: Recording, period: float | None) -> None:
     """Raise a ValueError for a period of no values."""
     if period is not None and recording.values is None:
         raise ValueError("--circular: expected a table of numbers, found classes")
+
+
+def truth_of(recording: Recording) -> np.ndarray:
+    """What a model learns: names of the classes [N], or values [N, T], labels or not."""
+    if recording.values is not None:
+        return recording.values
+    return np.array(recording.names)
 
 
 def _typed(option: click.Option, value: Any) -> list[str]:

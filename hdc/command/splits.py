@@ -35,16 +35,16 @@ class Units:
     why: str = ""
 
 
-def targets(recording: Recording) -> np.ndarray:
-    """Labels [N] that a model learns; zeros where it learns numbers, labels or not."""
-    if recording.labels is None or recording.values is not None:
+def _kinds(recording: Recording) -> np.ndarray:
+    """The class of each frame [N]; one of frames of numbers."""
+    if recording.values is not None:
         return np.zeros(len(recording), np.int64)
-    return recording.labels
+    return np.asarray(recording.labels)
 
 
 def units(recording: Recording, rows: np.ndarray) -> Units:
-    """The largest units of which every class of the frames `rows` has two or more."""
-    labels = targets(recording)[rows]
+    """Sessions, if every class of the frames `rows` has two or more; else groups, if known."""
+    labels = _kinds(recording)[rows]
     session, group = (
         None if known is None else np.unique(known[rows], return_inverse=True)[1]
         for known in (recording.session, recording.group)
@@ -53,10 +53,6 @@ def units(recording: Recording, rows: np.ndarray) -> Units:
     if session is not None and not why:
         return Units("session", session)
     if group is not None:
-        if _fewest(labels, group) < 2:
-            raise ValueError(
-                "group: expected two groups or more of each class, found a class with one"
-            )
         return Units("group", group, why)
     return Units("frame", np.arange(len(rows)), why)
 
@@ -87,6 +83,15 @@ def _fewest(labels: np.ndarray, unit: np.ndarray) -> int:
     return int(np.unique(pairs[0], return_counts=True)[1].min())
 
 
+def _check_several(labels: np.ndarray, unit: Units, option: str) -> None:
+    """Raise a ValueError for a class of a single unit, which is either learnt or tested."""
+    if _fewest(labels, unit.of) < 2:
+        kinds = f"{unit.kind}s"
+        raise ValueError(
+            f"{option}: expected two {kinds} or more of each class, found one"
+        )
+
+
 # Held out ----------------------------------------------------------------------------------------
 
 HOW = {
@@ -107,11 +112,8 @@ def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
     """
     every = np.arange(len(recording))
     unit = units(recording, every)
-    labels = targets(recording)
-    if _fewest(labels, unit.of) < 2:
-        raise ValueError(
-            "--test-fraction: expected two frames or more of each class, found one"
-        )
+    labels = _kinds(recording)
+    _check_several(labels, unit, "--test-fraction")
     held = np.isin(unit.of, _held_units(labels, unit, fraction))
     return (every[~held], every[held]), unit
 
@@ -157,11 +159,8 @@ def folds(recording: Recording, rows: np.ndarray) -> tuple[list[Split], Units]:
         ValueError: a class has a single frame, or a single group.
     """
     unit = units(recording, rows)
-    labels = targets(recording)[rows]
-    if _fewest(labels, unit.of) < 2:
-        raise ValueError(
-            "cross-validation: expected two frames or more of each class, found one"
-        )
+    labels = _kinds(recording)[rows]
+    _check_several(labels, unit, "cross-validation")
     return list(_folds(labels, unit)), unit
 
 

@@ -2,23 +2,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
 
 import hdc
 from hdc.command import messages, options
-from hdc.command.source import Source, check_circular, pixels, recording
+from hdc.command.source import (
+    Source,
+    check_circular,
+    pixels,
+    recording,
+    truth_of,
+)
 from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
 from hdc.readers.recording import with_progress
-
-if TYPE_CHECKING:
-    from hdc.command.splits import Units
 
 
 @click.command(short_help="Train a model on labelled images.")
@@ -58,7 +60,7 @@ def train(
     test_fraction: float | None,
     encoder: str | None,
     readout: str | None,
-    parameters: dict[str, Any],
+    parameters: tuple[tuple[str, Any], ...],
     choose: bool,
     period: float | None,
 ) -> None:
@@ -77,46 +79,46 @@ def train(
 
         (learnt, tested), unit = splits.hold_out(frames, test_fraction)
         held_out = tested, unit
-    how = []
+    lines = []
     if choose:
-        encoder, readout, line = chosen(frames, learnt, period)
-        how.append(line)
-    model = untrained(frames, encoder, readout, period, parameters)
-    learn(model, frames, learnt)
+        model, given, line = chosen(frames, learnt, period)
+        lines.append(line)
+    else:
+        model = hdc.HDCClassifier(encoder or "median", readout or "majority")
+        if frames.values is not None:
+            parts = encoder or "median", readout or "ridge"
+            model = hdc.HDCRegressor(*parts, period=period)
+        model.set_params(**dict(parameters))
+        given = _learnable(model, frames, learnt)
+    model.fit(given, truth_of(frames)[learnt])
+    model._columns = list(frames.features) or None
     model.save(output, metadata=_metadata(frames, window))
-    lines = [f"{output}: {len(learnt)} frames, {messages.whole(frames)}", *how]
-    lines += _content_lines(frames, learnt)
+    lines += messages.content_lines(frames, learnt)
     if held_out is not None:
-        is_plain = encoder is None and readout is None
-        lines += _held_out_lines(model, frames, *held_out, is_plain)
+        lines += _held_out_lines(model, frames, *held_out)
+    form = messages.form_line(model, output)
+    is_plain = not (choose or encoder or readout)
+    lines.append(f"{form}; --choose tries others" if is_plain else form)
     lines += messages.reading_line(frames)
     lines += messages.circular_lines(frames, period)
-    click.echo("\n".join(lines))
-
-
-def _content_lines(frames: Recording, learnt: np.ndarray) -> list[str]:
-    """The classes that are learnt, and the sessions of a recording."""
-    lines = []
-    if frames.values is None:
-        lines.append(messages.class_line(frames, learnt))
-        if len(frames.classes) == 1:
-            lines.append("one class: hdc predict --reject tells what is unlike it")
-    return [*lines, messages.session_line(frames)]
+    first = f"{output}: {len(learnt)} frames, {messages.whole(frames)}"
+    click.echo("\n".join([first, *lines]))
 
 
 def _held_out_lines(
-    model: Any, frames: Recording, tested: np.ndarray, unit: Units, is_plain: bool
+    model: Any, frames: Recording, tested: np.ndarray, unit: Any
 ) -> list[str]:
     """The score of the frames that were held out, and why they were these.
 
-    Where a plain model was trained, without a choice, also what could be tried.
+    Of a model of one class, the score is how many it refuses.
     """
     from hdc.command import scores, splits
 
-    first, *others = scores.lines(scores.score(model, frames, tested))
+    is_of_one = frames.values is None and len(frames.classes) == 1
+    reject = options.RATE if is_of_one else None
+    result = scores.score(model, frames, tested, reject)
+    first, *others = messages.score_lines(result)
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
-    if is_plain:
-        lines.append(would_try(frames.values is not None))
     if unit.kind == "frame":
         lines.append(f"held out at random because {unit.why}")
     return lines
@@ -136,68 +138,33 @@ def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
     return metadata
 
 
-def untrained(
-    recording: Recording,
-    encoder: str | None,
-    readout: str | None,
-    period: float | None,
-    parameters: Mapping[str, Any],
-) -> Any:
-    """A model of the classes or values of a recording; None is a part without a choice.
-
-    Raises:
-        ValueError: for a parameter that its parts do not have.
-    """
-    model: Any
-    if recording.values is not None:
-        model = hdc.HDCRegressor(encoder or "median", readout or "ridge", period=period)
-    else:
-        model = hdc.HDCClassifier(encoder or "median", readout or "majority")
-    return model.set_params(**parameters)
-
-
-def learn(model: Any, recording: Recording, rows: np.ndarray) -> None:
-    """Train a model on the frames `rows`, which are decoded as it asks for them."""
+def _learnable(model: Any, recording: Recording, rows: np.ndarray) -> Any:
+    """The frames `rows`, which are decoded as a model asks for them."""
     from hdc.encoders import make_encoder
 
-    frames: Any = recording.batches(rows)
     if make_encoder(model.encoder).learns:  # it reads all frames twice
-        frames = recording.frames(rows)
-    if recording.values is not None:
-        model.fit(frames, recording.values[rows])
-    else:
-        model.fit(frames, np.array(recording.names)[rows])
-    model._columns = list(recording.features) or None
+        return recording.frames(rows)
+    return recording.batches(rows)
 
 
 def chosen(
     recording: Recording, rows: np.ndarray, period: float | None
-) -> tuple[str, str, str]:
-    """Encoder and read-out that are best in cross-validation of the frames `rows`, and a line."""
+) -> tuple[Any, Any, str]:
+    """The untrained form that is best in cross-validation of the frames `rows`, what it takes of
+    these, and a line."""
     from hdc.command.compare import candidates, judge
 
-    data = judge.Data.within(recording, rows, period)
+    data, (folds,) = judge.prepared(recording, rows, period=period)
     forms = candidates.forms((), (), recording.values is not None, period)
     shown = with_progress(forms, len(forms), "Choosing")
-    tried = {form: found for form, (found,) in judge.compared(shown, [data], {})}
+    tried = {form: found for form, (found,) in judge.compared(shown, data, [folds], {})}
     best = judge.best(tried)
     mine, published = (float(tried[form].losses.mean()) for form in (best, forms[0]))
     if recording.values is not None:
         found = f"{mine:.3g} of a guess's error, {forms[0].name} {published:.3g}"
     else:
         found = f"accuracy {1 - mine:.1%}, the published form {1 - published:.1%}"
-    encoder, readout = best.parts or ("", "")
-    return (
-        encoder,
-        readout,
-        f"chosen: {best.name} among {len(tried)} by {data.how} ({found})",
-    )
-
-
-def would_try(learns_values: bool) -> str:
-    """A line on the forms that ``--choose`` tries after the one without a choice."""
-    from hdc.command.compare import candidates
-
-    first, *others = candidates.forms((), (), learns_values)
-    listed = "; ".join(form.name for form in others)
-    return f"--choose would try, besides {first.name}: {listed}"
+    line = f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"
+    all_rows = np.arange(len(rows))
+    given, _ = data.given(best.model, all_rows, all_rows)
+    return best.model, given, line

@@ -52,14 +52,15 @@ def predict(
     wanted = answers.Wanted(reject, interval, proba)
     units = found.metadata_.get("units", ())
     rows = answers.ask(found, window, files, wanted, axes, image_column)
-    for number, answer in enumerate(rows):
-        if as_json:
-            click.echo(json.dumps(answer))
-            continue
+    refused = number = 0
+    for number, answer in enumerate(rows, 1):
+        refused += answer.get("label", "") is None
         row = answers.table_row(answer, units)
-        if number == 0:
+        if number == 1 and not as_json:
             click.echo("\t".join(row))
-        click.echo("\t".join(row.values()))
+        click.echo(json.dumps(answer) if as_json else "\t".join(row.values()))
+    if reject:
+        click.echo(messages.refused_line(refused, number, reject, False), err=True)
 
 
 @click.command(short_help="Test a model on new labelled images.")
@@ -88,7 +89,7 @@ def evaluate(
     if as_json:
         click.echo(json.dumps(result))
     else:
-        lines = [*scores.lines(result, reject), *scores.confusions(result)]
+        lines = [*messages.score_lines(result), *messages.confusions(result)]
         click.echo("\n".join(lines))
 
 

@@ -7,18 +7,19 @@ import contextlib
 import secrets
 from collections.abc import Callable, Sequence
 from functools import partial
-from itertools import starmap
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 from nicegui import app, ui
 from nicegui.server import Server
 from starlette.responses import Response
 
+from hdc import HDCRegressor
 from hdc.live.guard import Guard
-from hdc.live.session import ALPHA, READOUTS, RECENT, Answer, Session
+from hdc.live.session import ALPHA, Answer, Session
 from hdc.live.sources import Recorded
-from hdc.live.worker import FASTEST, View, Worker
+from hdc.live.worker import FASTEST, Worker
 
 REFRESH = 0.2
 """Seconds between updates of words and bars."""
@@ -96,11 +97,9 @@ class Page:
 
     Attributes:
         act: what to do to show a class.
-        tested: what the accuracy that is shown is of.
     """
 
     act = "Show it something"
-    tested = "samples, each predicted before it is learnt"
 
     def __init__(self, worker: Worker) -> None:
         self.worker = worker
@@ -116,86 +115,67 @@ class Page:
                 badge = ui.badge(self.source.title, color="#b35900")
                 badge.classes("text-sm font-bold")
                 ui.label("All who open this page share this sensor and its model.")
-            for fill in self._cards():
+            cards = [self._see, self._classified]
+            if self.session.is_taught:
+                cards.append(self.adapting)
+            for fill in cards:
                 with div("card"):
                     fill()
         ui.timer(REFRESH, self.refresh)
 
-    def _cards(self) -> list[Callable[[], None]]:
-        if self.session.is_taught:
-            return [self._see, self._teach, self.adapting]
-        return [self._see, self._trained]
-
     # Layout --------------------------------------------------------------------------------------
 
     def _see(self) -> None:
-        source = self.source
-        height, width = source.shape
         ui.label("1. What the camera sees").classes("heading")
         picture = ui.interactive_image("/frame").classes("picture w-full")
         ui.timer(1 / FASTEST, picture.force_reload)
         small(
-            "The frame, and beside it its hypervector: "
-            f"{height * width:,} bits, brighter than the median or not."
+            "The frame, and beside it its hypervector: the share of the bits of each pixel that "
+            "are one."
         )
         self.controls()
         self._label = small()
         ui.label("The model says").classes("heading")
         self._answer = ui.label().classes("answer")
         self._beside = small()
-        self._numbers = small()
-        self._accuracy = ui.label()
-        if self.session.is_taught:
-            counted = f"Accuracy on the latest {RECENT} {self.tested}"
-            small(f"{counted}; “none of these” counts as wrong.")
 
     def controls(self) -> None:
         """What controls the source: buttons that step through a recording."""
         source = self.source
         if not isinstance(source, Recorded):
             return
-        back = self.doing(lambda s: source.step(-1))
-        play = self.doing(lambda s: source.play())
-        ahead = self.doing(lambda s: source.step(+1))
         with div("row"):
+            back = self.doing(lambda _: source.step(-1))
             _icon("skip_previous", "one frame back", back)
-            _icon("play_arrow", "play or pause", play)
+            _icon("play_arrow", "play or pause", self.doing(lambda _: source.play()))
+            ahead = self.doing(lambda _: source.step(+1))
             _icon("skip_next", "one frame ahead", ahead)
 
-    def _trained(self) -> None:
-        """A model that was trained before: its classes, which are not taught here."""
-        ui.label("2. What it was trained on").classes("heading")
+    def _classified(self) -> None:
+        """The classes, taught here or before."""
+        model = self.session.model
+        if self.session.is_taught:
+            self._teach()
+        else:
+            ui.label("2. What it was trained on").classes("heading")
         self._classes = div("flex flex-col gap-3")
-        if hasattr(self.session.model, "distances"):
+        if model is None or hasattr(model, "distances"):
             small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
-        regressor = self.session.regressor
-        if regressor is not None and regressor.period is None:
-            small("Numbers; each is shown with the interval it is expected in.")
+        if isinstance(model, HDCRegressor):
+            small("Numbers and their intervals; those that go round have none.")
+        if self.session.is_taught:
+            with div("row"):
+                button("Forget everything", self.doing(lambda s: s.forget(None)))
+                button("Save the model", self._save)
 
     def _teach(self) -> None:
         ui.label("2. Teach it").classes("heading")
         small(f"{self.act}, name it and learn {SAMPLES} samples; then the next.")
-        hint = "name of a new class"
-        if isinstance(self.source, Recorded):
-            hint += " (empty: as recorded)"
         with div("row"):
-            self._name = ui.input(hint).classes("grow")
-            self._name.props("dense outlined maxlength=24")
+            self._name = ui.input("name of a new class (empty: as recorded)")
+            self._name.classes("grow").props("dense outlined maxlength=24")
             self._name.on("keydown.enter", self._new_class)
-            ui.button("New class", on_click=self._new_class).props("no-caps")
-        self._classes = div("flex flex-col gap-3")
-        small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
-        with div("row"):
-            small("read-out")
-            self._readout = ui.toggle(list(READOUTS), value=self.session.readout)
-            self._readout.props("no-caps dense padding='4px 10px'")
-            self._readout.on(
-                "update:model-value",
-                self.doing(lambda s: s.use(self._readout.value)),
-            )
-        with div("row"):
-            button("Forget everything", self.doing(lambda s: s.forget(None)))
-            button("Save the model", self._save)
+            button("New class", self._new_class)
 
     def adapting(self) -> None:
         ui.label("3. Recalibrate").classes("heading")
@@ -237,38 +217,26 @@ class Page:
         if session.counts != self._shown:
             self._shown = session.counts
             self._show_classes()
-        if session.is_taught:
-            self._readout.set_value(session.readout)
-            self._accuracy.set_text(_accuracy(list(session.tests)))
-        self._show_answer(view)
         if view.label:
-            self._label.set_text(self._recorded_as(view.label))
-
-    def _recorded_as(self, label: str) -> str:
-        text = f"recorded as “{label}”"
-        if isinstance(self.source, Recorded) and not self.source.playing:
-            text += ", paused"
-        return text
-
-    def _show_answer(self, view: View) -> None:
+            paused = "" if getattr(self.source, "playing", True) else ", paused"
+            self._label.set_text(f"recorded as “{view.label}”{paused}")
         answer = view.answer
-        if answer is None:
-            self._answer.set_text(view.error or "nothing yet: teach it two classes")
-            self._answer.style("color: #777")
-            self._beside.set_text("")
-            self._numbers.set_text("")
-            return
-        text, beside = _in_words(answer)
-        look = colour(list(self.session.counts), answer.label)
+        text, beside = "nothing yet: teach it two classes", ""
+        if answer is not None:
+            text, beside = _in_words(answer, view.seconds)
+            for name, distance in answer.distances.items():
+                self._show_distance(name, distance)
+        label = answer.label if answer else None
+        look = colour(list(session.counts), label)
         self._answer.set_text(view.error or text)
         self._answer.style(f"color: {look}")
         self._beside.set_text(beside)
-        self._numbers.set_text(_in_numbers(answer, view.seconds))
-        for name, distance in answer.distances.items():
-            if name in self._rows:
-                label, bar = self._rows[name]
-                label.set_text(f"· distance {min(distance, 1):.3f}")
-                bar.set_value(max(0.0, 1 - 2 * distance))
+
+    def _show_distance(self, name: str, distance: float) -> None:
+        if name in self._rows:
+            label, bar = self._rows[name]
+            label.set_text(f"· distance {min(distance, 1):.3f}")
+            bar.set_value(max(0.0, 1 - 2 * distance))
 
     def _show_classes(self) -> None:
         """A row for each class: samples, distance, buttons and a bar."""
@@ -305,38 +273,24 @@ def recalibration() -> ui.slider:
     return slider("p", 0, 1, 0.05, 0.5)
 
 
-def _accuracy(tests: Sequence[bool]) -> str:
-    if not tests:
-        return "not tested yet"
-    right, n = sum(tests), len(tests)
-    return f"{right} of the latest {n} right ({right / n:.0%})"
+def _in_words(answer: Answer, seconds: float) -> tuple[str, str]:
+    """The predicted class, or the values; and its set, distances and the time that it took."""
+    parts = []
+    text = "none of these" if answer.label is None else answer.label
+    if answer.values:
+        text = ", ".join(_with_interval(*value) for value in answer.values)
+    elif answer.likely is not None:
+        likely = ", ".join(answer.likely) or "none"
+        parts.append(f"{1 - ALPHA:.0%} prediction set: {likely}")
+    nearest = sorted(answer.distances.values())[:2]
+    parts += [f"distance {distance:.3f}" for distance in nearest[:1]]
+    parts += [f"margin {margin:.3f}" for margin in np.diff(nearest)]
+    return text, " · ".join([*parts, f"{1e3 * seconds:.1f} ms"])
 
 
 def _with_interval(value: float, *ends: float) -> str:
     shown = ", ".join(f"{end:.1f}" for end in ends)
     return f"{value:.1f} [{shown}]" if ends else f"{value:.1f}"
-
-
-def _in_words(answer: Answer) -> tuple[str, str]:
-    """The predicted class, or the values, and the rest of the answer."""
-    if answer.values:
-        return ", ".join(starmap(_with_interval, answer.values)), ""
-    if answer.likely is None:
-        return str(answer.label), "No prediction set after this recalibration."
-    likely = ", ".join(answer.likely) or "none"
-    text = "none of these" if answer.label is None else answer.label
-    return text, f"{1 - ALPHA:.0%} prediction set: {likely}."
-
-
-def _in_numbers(answer: Answer, seconds: float) -> str:
-    """The nearest distance, the margin to the next, and the time that the answer took."""
-    parts = []
-    if answer.distances:
-        parts.append(f"distance {min(answer.distances.values()):.3f}")
-    if answer.margin is not None:
-        parts.append(f"margin {answer.margin:.3f}")
-    parts.append(f"{1e3 * seconds:.1f} ms")
-    return " · ".join(parts)
 
 
 def div(classes: str) -> ui.element:

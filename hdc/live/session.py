@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -19,14 +19,11 @@ import numpy as np
 
 from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.encoders import Median
+from hdc.hypervectors import Hypervectors
 from hdc.inputs import tensor
 from hdc.live.sources import Source
 from hdc.readouts import Majority
 
-READOUTS = ("majority", "ridge", "neighbours")
-"""Read-outs that can be recalibrated, which the page offers."""
-RECENT = 20
-"""Tests behind the accuracy that is shown."""
 ALPHA = 0.05
 """Error rate of prediction sets: they miss the true class in one of twenty frames.
 
@@ -47,13 +44,17 @@ class Answer:
     values: tuple[Interval, ...] = ()
     """Of a model of numbers."""
 
-    @property
-    def margin(self) -> float | None:
-        """How much farther the second nearest class is; None with fewer than two."""
-        nearest = sorted(self.distances.values())[:2]
-        if len(nearest) < 2:
-            return None
-        return nearest[1] - nearest[0]
+
+@dataclass(frozen=True)
+class View:
+    """The latest frame and what the model says of it."""
+
+    drawn: np.ndarray | None = None
+    """uint8 [H, 2·W]: grey values, and beside them the share of each pixel's bits that are one."""
+    answer: Answer | None = None  # None where the model cannot predict yet
+    label: str | None = None  # class of the frame, if the source knows it
+    seconds: float = 0.0  # from the frame to the answer
+    error: str = ""  # why there is no newer frame
 
 
 class Lesson(NamedTuple):
@@ -81,11 +82,9 @@ class Session:
     Attributes:
         source: of the frames.
         is_taught: whether the page teaches the model.
-        model: None until two classes are taught.
-        regressor: a model of numbers that was trained before; else None.
-        readout: of the model.
+        model: of classes or numbers; None until two classes are taught.
+        samples: all that it was taught; replaced, never changed.
         counts: samples of each class, in the order they were taught; replaced, never changed.
-        tests: whether the latest tests were right.
     """
 
     def __init__(
@@ -93,100 +92,84 @@ class Session:
     ) -> None:
         self.source = source
         self.is_taught = trained is None
-        self.readout = READOUTS[0]
-        self.model: HDCClassifier | None = None
-        self.regressor: HDCRegressor | None = None
+        self.model: Any = trained
         self.counts: dict[str, int] = {}
-        self.tests: deque[bool] = deque(maxlen=RECENT)
-        self._samples: list[Sample] = []
-        if isinstance(trained, HDCRegressor):
-            self.regressor = trained
-        elif trained is not None:
-            self.model = trained
+        self.samples: list[Sample] = []
+        if isinstance(trained, HDCClassifier):
             names = map(str, trained.classes_.tolist())
-            counts = trained.counts_.tolist()
-            self.counts = dict(zip(names, counts, strict=True))
+            self.counts = dict(zip(names, trained.counts_.tolist(), strict=True))
 
     # Prediction ----------------------------------------------------------------------------------
 
-    def look(self) -> tuple[np.ndarray, np.ndarray, Answer | None, float]:
-        """The next frame [H, W], its hypervector as bool [H, W], and the model's answer.
-
-        Last are the seconds that the answer took, from frame to label and values.
-        """
+    def look(self) -> View:
+        """The next frame, and the answer of the model."""
         frame = self.source.frame()
-        words = Median().encode(tensor(frame[None]))
-        hypervector = bits.unpack(words[0], frame.size).numpy()
         begin = time.perf_counter()
-        answer = self.ask(frame)
+        words = self._encoded(frame)
+        answer = self._answer(words)
         seconds = time.perf_counter() - begin
-        return frame, hypervector.reshape(frame.shape), answer, seconds
+        if words.dimension % frame.size:  # not so many bits of each pixel
+            words = _published(frame)
+        planes = bits.unpack(words.packed[0], words.dimension).numpy()
+        shares = planes.reshape(-1, *frame.shape).mean(axis=0)
+        grey = frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
+        drawn = np.hstack([grey, (255 * shares).astype(np.uint8)])
+        return View(drawn, answer, self.source.label, seconds)
+
+    def _encoded(self, frame: np.ndarray) -> Hypervectors:
+        """The hypervector of a frame [H, W]; the published one while there is no model."""
+        if self.model is None:
+            return _published(frame)
+        words: Hypervectors = self.model.encode(frame[None])
+        return words
 
     def ask(self, frame: np.ndarray) -> Answer | None:
         """The model's answer for a frame [H, W]; None while it can give none."""
-        if self.regressor is not None:
-            parts: tuple[np.ndarray, ...]
-            if self.regressor.period is None:
-                parts = self.regressor.predict(frame[None], return_interval=True)
-            else:
-                parts = (self.regressor.predict(frame[None]),)
+        return self._answer(self._encoded(frame))
+
+    def _answer(self, words: Hypervectors) -> Answer | None:
+        model = self.model
+        if model is None:
+            return None
+        if isinstance(model, HDCRegressor):
+            parts: tuple[np.ndarray, ...] = (model.predict(words),)
+            if model.period is None:
+                parts = model.predict(words, return_interval=True)
             columns = [np.ravel(part).tolist() for part in parts]
             return Answer(values=tuple(zip(*columns, strict=True)))
-        if self.model is None:
-            return None
-        frames = self.model.encode(frame[None])
-        names = [str(c) for c in self.model.classes_]
-        shares = np.zeros(0)
-        if hasattr(self.model, "distances"):
-            shares = self.model.distances(frames)[0] / self.model.dimension_
-        (label,) = self.model.predict(frames).tolist()
+        names = [str(c) for c in model.classes_]
+        distances: dict[str, float] = {}
+        if hasattr(model, "distances"):
+            shares = model.distances(words)[0] / model.dimension_
+            distances = dict(zip(names, shares.tolist(), strict=True))
         likely: tuple[str, ...] | None
         try:
-            likely = tuple(map(str, self.model.predict_set(frames, ALPHA)[0]))
+            likely = tuple(map(str, model.predict_set(words, ALPHA)[0]))
         except ValueError:  # it was recalibrated, and has no scores of training frames
             likely = None
-        return Answer(
-            label=None if likely == () else str(label),
-            likely=likely,
-            distances=dict(zip(names, shares.tolist(), strict=False)),
-        )
-
-    def count(self, samples: Sequence[Sample]) -> None:
-        """Count which of these samples the model recognises."""
-        for sample in samples:
-            answer = self.ask(sample.frame)
-            if answer:
-                self.tests.append(answer.label == sample.label)
+        (label,) = map(str, model.predict(words).tolist())
+        return Answer(None if likely == () else label, likely, distances)
 
     # Teaching ------------------------------------------------------------------------------------
 
     def learn(self, name: str, n: int, new: bool = False) -> None:
         """Learn up to n samples of what is seen now, as a new class or as a known one."""
-        if new:
-            name = self._new_name(name)
-        else:
+        name = name.strip()
+        if new and not name:
+            raise ValueError("A class needs a name.")
+        if new and name in self.counts:
+            raise ValueError(f"There is a class “{name}” already: choose another name.")
+        if not new:
             self._check_known(name)
         # Samples join the latest recalibration of their class: they are of today, too.
-        own = [sample for sample in self._samples if sample.label == name]
-        lesson = max((sample.lesson for sample in own), default=Lesson())
-        samples = self.take(name, n, lesson)
-        if not new:
-            self.count(samples)
-        self._train(self._samples + samples)
-
-    def _new_name(self, name: str) -> str:
-        name = name.strip()
-        if not name:
-            raise ValueError("A class needs a name.")
-        if name in self.counts:
-            raise ValueError(f"There is a class “{name}” already: choose another name.")
-        return name
+        own = [sample.lesson for sample in self.samples if sample.label == name]
+        self._take(name, n, max(own, default=Lesson()))
 
     def recalibrate(self, name: str, n: int, p: float) -> None:
         """Recalibrate a class by n samples of what is seen now."""
         lesson = self.next_lesson(p)
         self._check_known(name)
-        self.adapt(self.take(name, n, lesson))
+        self._take(name, n, lesson)
 
     def next_lesson(self, p: float) -> Lesson:
         """The lesson of a recalibration, after all that there were."""
@@ -194,46 +177,32 @@ class Session:
             raise ValueError(
                 "There is nothing to recalibrate yet: teach two classes first."
             )
-        numbers = [sample.lesson.number for sample in self._samples]
+        numbers = [sample.lesson.number for sample in self.samples]
         return Lesson(max(numbers, default=0) + 1, p)
-
-    def adapt(self, samples: list[Sample]) -> None:
-        """Recalibrate by these samples."""
-        self._train(self._samples + samples)
-        self.tests.clear()
 
     def forget(self, name: str | None) -> None:
         """Forget a class, or (None) all of them."""
         kept: list[Sample] = []
         if name is not None:
             self._check_known(name)
-            kept = [sample for sample in self._samples if sample.label != name]
-        self._train(kept)
-        self.tests.clear()
+            kept = [sample for sample in self.samples if sample.label != name]
+        self.train(kept)
 
-    def use(self, readout: str) -> None:
-        """Switch the read-out, trained on the same frames."""
-        if readout != self.readout:
-            self._train(self._samples, readout)
-            self.tests.clear()
-
-    def take(self, name: str, n: int, lesson: Lesson) -> list[Sample]:
-        """Up to n samples of what is seen now."""
-        return [Sample(frame, name, lesson) for frame in self.source.samples(n)]
+    def _take(self, name: str, n: int, lesson: Lesson) -> None:
+        """Learn up to n samples of what is seen now."""
+        taken = [Sample(frame, name, lesson) for frame in self.source.samples(n)]
+        self.train(self.samples + taken)
 
     def _check_known(self, name: str) -> None:
         if name not in self.counts:
             raise ValueError(f"There is no class “{name}” any more.")
 
-    def _train(self, samples: list[Sample], readout: str | None = None) -> None:
+    def train(self, samples: list[Sample]) -> None:
         """Train on these samples and keep them; where that raises, nothing changes."""
         if not self.is_taught:
             raise ValueError("This model was trained before and is shown as it is.")
-        readout = readout or self.readout
-        model = _classifier(samples, readout)
-        self._samples = samples
-        self.model = model
-        self.readout = readout
+        self.model = _classifier(samples)
+        self.samples = samples
         self.counts = dict(Counter(sample.label for sample in samples))
 
     def saved(self) -> bytes:
@@ -246,26 +215,22 @@ class Session:
             return path.read_bytes()
 
 
-def _classifier(samples: Sequence[Sample], readout: str) -> HDCClassifier | None:
+def _published(frame: np.ndarray) -> Hypervectors:
+    """The published hypervector of a frame [H, W], by its median."""
+    return Hypervectors(Median().encode(tensor(frame[None])), frame.size)
+
+
+def _classifier(samples: Sequence[Sample]) -> HDCClassifier | None:
     """A classifier taught and recalibrated lesson by lesson; None with fewer than two classes."""
     if len({sample.label for sample in samples}) < 2:
         return None
-    part: Any = readout
-    if readout == "majority":  # lessons are of any length
-        part = Majority(balance=True)
-    first, *others = sorted({sample.lesson for sample in samples})
-    model = HDCClassifier(readout=part).fit(*_of_lesson(samples, first))
-    for lesson in others:
-        given: dict[str, Any] = {"p": lesson.p, "seed": lesson.number}
-        used = {name: given[name] for name in given.keys() & model.readout_.adapts_by}
-        model.recalibrate(*_of_lesson(samples, lesson), **used)
+    model = HDCClassifier(readout=Majority(balance=True))  # lessons are of any length
+    for lesson in sorted({sample.lesson for sample in samples}):
+        own = [sample for sample in samples if sample.lesson == lesson]
+        frames = np.stack([sample.frame for sample in own])
+        labels = [sample.label for sample in own]
+        if lesson.number == 0:
+            model.fit(frames, labels)
+        else:
+            model.recalibrate(frames, labels, lesson.p, lesson.number)
     return model
-
-
-def _of_lesson(
-    samples: Sequence[Sample], lesson: Lesson
-) -> tuple[np.ndarray, list[str]]:
-    """Frames and labels of a lesson."""
-    chosen = [sample for sample in samples if sample.lesson == lesson]
-    frames = np.stack([sample.frame for sample in chosen])
-    return frames, [sample.label for sample in chosen]

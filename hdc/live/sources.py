@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -15,7 +15,7 @@ class Source(Protocol):
     """Frames for the page, taken by one thread."""
 
     title: str
-    shape: tuple[int, int]  # (H, W) of a frame
+    shape: tuple[int, ...]  # (H, W) of a frame
     metadata: dict[str, Any]  # kept with a saved model: crop and subsample
 
     @property
@@ -42,13 +42,23 @@ def open_source(
     """A recording opened with these settings, else a video without labels, else a camera.
 
     Raises:
-        ValueError: see :class:`Recorded`, :class:`Film` and :class:`Camera`.
+        ValueError: there is none, the crop does not fit its frames, or see :class:`Recorded`.
     """
     if folder is not None:
         return Recorded(folder, window, **settings)
     if video is not None:
-        return Film(video, window)
-    return Camera(camera, window)
+        return Stream(f"Video {video.name}", window, lambda: _film(video, window))
+    return Stream(
+        f"Camera {camera}",
+        window,
+        lambda: readers.camera(camera, window.crop, window.subsample),
+    )
+
+
+def _film(path: Path, window: readers.Window) -> Iterator[np.ndarray]:
+    from hdc.readers.film import stream_video
+
+    return (frame for _, frame in stream_video(path, window))
 
 
 def _kept(window: readers.Window) -> dict[str, Any]:
@@ -56,29 +66,34 @@ def _kept(window: readers.Window) -> dict[str, Any]:
     return {"crop": window.crop, "subsample": window.subsample}
 
 
-class Camera:
-    """A connected camera; its samples are the next frames.
+class Stream:
+    """Frames without labels; samples are the next ones.
 
-    Raises:
-        ValueError: there is no such camera, or the crop does not fit its frames.
+    Args:
+        title: of the page.
+        window: by which the frames are cut.
+        start: makes the frames; called again at their end.
     """
 
     label = None
 
-    def __init__(self, index: int, window: readers.Window) -> None:
-        self._frames = readers.camera(index, window.crop, window.subsample)
-        self.title = f"Camera {index}"
+    def __init__(
+        self,
+        title: str,
+        window: readers.Window,
+        start: Callable[[], Iterator[np.ndarray]],
+    ) -> None:
+        self.title = title
         self.metadata = _kept(window)
-        height, width = next(self._frames).shape
-        self.shape = (height, width)
+        self._start, self._frames = start, start()
+        self.shape = self.frame().shape
 
     def frame(self) -> np.ndarray:
-        try:
-            return next(self._frames)
-        except StopIteration:
-            raise ValueError(
-                "camera: it gives no more frames; start the page again"
-            ) from None
+        found = next(self._frames, None)
+        if found is None:
+            self._frames = self._start()
+            found = next(self._frames)
+        return found
 
     def samples(self, n: int) -> list[np.ndarray]:
         return [self.frame() for _ in range(n)]
@@ -91,7 +106,6 @@ class Recorded:
         path, window, settings: of :func:`hdc.readers.open_recording`.
 
     Attributes:
-        classes: names of the classes.
         playing: False: paused.
 
     Raises:
@@ -100,26 +114,24 @@ class Recorded:
 
     def __init__(self, path: Path, window: readers.Window, **settings: Any) -> None:
         recording = readers.open_recording(path, window=window, **settings)
-        self._recording = recording
-        self.title = f"Recording {path.name}"
-        self.metadata = _kept(window)
         if len(recording.frame_shape) != 2 or recording.labels is None:
             found = f"frames {recording.frame_shape}, classes {recording.classes}"
             raise ValueError(f"{path}: expected images with labels, found {found}")
         if recording.dtype not in (np.uint8, np.uint16):
             found = f"{recording.dtype}"
             raise ValueError(f"{path}: expected frames of 8 or 16 bits, found {found}")
-        self.shape = recording.frame_shape[0], recording.frame_shape[1]
-        self.classes = recording.classes
+        self.title = f"Recording {path.name}"
+        self.metadata = _kept(window)
+        self.shape: tuple[int, ...] = recording.frame_shape
+        self._recording = recording
         self._order = np.argsort(recording.samples["order"], kind="stable")
-        self._labels = recording.labels[self._order]
+        self._labels = np.array(recording.names)[self._order]
         self._place = -1
         self.playing = True
 
     @property
     def label(self) -> str:
-        shown = max(0, self._place)
-        return self.classes[self._labels[shown]]
+        return str(self._labels[max(0, self._place)])
 
     def frame(self) -> np.ndarray:
         if self.playing or self._place < 0:
@@ -138,44 +150,7 @@ class Recorded:
 
     def samples(self, n: int) -> list[np.ndarray]:
         """The next n frames of the class that is shown, or all of them where there are fewer."""
-        shown = max(0, self._place)
-        all_places = np.arange(len(self._order))
-        ahead = np.roll(all_places, -shown - 1)
-        same = self._labels[ahead] == self._labels[shown]
-        places = ahead[same][:n]
+        ahead = np.roll(np.arange(len(self._order)), -max(0, self._place) - 1)
+        places = ahead[self._labels[ahead] == self.label][:n]
         self._place = int(places[-1])
         return list(self._recording.frames(self._order[places]))
-
-
-class Film:
-    """A video without labels, over and over; its samples are the next frames.
-
-    Raises:
-        ValueError: it is no video that is read here, or the crop does not fit its frames.
-    """
-
-    label = None
-
-    def __init__(self, path: Path, window: readers.Window) -> None:
-        self._path, self._window = path, window
-        self._frames = self._start()
-        self.title = f"Video {path.name}"
-        self.metadata = _kept(window)
-        height, width = self.frame().shape
-        self.shape = (height, width)
-
-    def _start(self) -> Iterator[tuple[float, np.ndarray]]:
-        from hdc.readers.film import stream_video
-
-        return stream_video(self._path, self._window)
-
-    def frame(self) -> np.ndarray:
-        found = next(self._frames, None)
-        if found is None:
-            self._frames = self._start()
-            found = next(self._frames)
-        _, frame = found
-        return frame
-
-    def samples(self, n: int) -> list[np.ndarray]:
-        return [self.frame() for _ in range(n)]

@@ -5,29 +5,17 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import cv2
-import numpy as np
 
-from hdc.live.session import Answer, Session
+from hdc.live.session import Session, View
 
 FASTEST = 20.0
 """Frames a second that are taken and shown, of a recording too."""
 WATCHED = 2.0
 """Seconds for which frames are taken after a page asked for one."""
-
-
-@dataclass(frozen=True)
-class View:
-    """The latest frame and what the model says of it."""
-
-    picture: bytes = b""  # JPEG of the frame and, on its right, its hypervector
-    answer: Answer | None = None  # None where the model cannot predict yet
-    label: str | None = None  # class of the frame, if the source knows it
-    seconds: float = 0.0  # from the frame to the answer
-    error: str = ""  # why there is no newer frame
 
 
 class Worker:
@@ -54,9 +42,13 @@ class Worker:
             return job(self.session)
 
     def picture(self) -> bytes:
-        """The latest picture; frames are taken as long as pages ask for it."""
+        """JPEG of the latest view; frames are taken as long as pages ask for it."""
         self._asked = time.monotonic()
-        return self.view.picture
+        drawn = self.view.drawn
+        if drawn is None:
+            return b""
+        _, picture = cv2.imencode(".jpg", drawn, [cv2.IMWRITE_JPEG_QUALITY, 70])
+        return picture.tobytes()
 
     def _run(self) -> None:
         while not self._stopped.is_set():
@@ -64,21 +56,8 @@ class Worker:
             if begin - self._asked < WATCHED:
                 try:
                     with self._lock:
-                        self._look()
+                        self.view = self.session.look()
                 except Exception as error:  # no frame may end the page for everybody
                     self.view = replace(self.view, error=str(error) or repr(error))
             left = 1 / FASTEST - (time.monotonic() - begin)
             self._stopped.wait(max(0.002, left))  # a moment in which a job may begin
-
-    def _look(self) -> None:
-        session = self.session
-        frame, hypervector, answer, seconds = session.look()
-        grey = frame
-        if frame.dtype != np.uint8:
-            grey = (frame >> 8).astype(np.uint8)
-        black_or_white = hypervector * np.uint8(255)
-        drawn = np.hstack([grey, black_or_white])
-        quality = [cv2.IMWRITE_JPEG_QUALITY, 70]
-        _, picture = cv2.imencode(".jpg", drawn, quality)
-        label = session.source.label
-        self.view = View(picture.tobytes(), answer, label, seconds=seconds)

@@ -1,5 +1,6 @@
-"""The page in a real browser and over HTTP."""
+"""The page in a real browser, without one, and over HTTP."""
 
+import asyncio
 import contextlib
 import os
 import re
@@ -9,19 +10,33 @@ import subprocess
 import sys
 import urllib.error
 import urllib.request
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+from hdc import HDCClassifier, HDCRegressor
 from hdc.command import main
 
 pytest.importorskip(
     "nicegui", reason="the page needs nicegui: pip install 'speckle-hdc[live]'"
 )
 
+from nicegui.testing import user_simulation
+
+from hdc.live import page as pages
 from hdc.live.guard import Guard
+from hdc.live.session import Answer, Session
+from hdc.live.sources import open_source
+from hdc.live.worker import Worker
+from hdc.readers import Window
+from scenes.live import SimulatedSensor
+from scenes.pressed import PressedPage, PressedSession
 
 CHECKOUT = Path(__file__).resolve().parents[2]
+N = 12
+LABELS = np.repeat(["left", "right"], N)
 
 
 @pytest.fixture(scope="module")
@@ -30,14 +45,16 @@ def address(tmp_path_factory):
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
-    environment = os.environ | {"PYTHONPATH": str(CHECKOUT), "OMP_NUM_THREADS": "1"}
-    for name in list(environment):
-        if name.startswith(("NICEGUI", "PYTEST")):
-            del environment[name]
+    kept = {k: v for k, v in os.environ.items() if not k.startswith(("NICE", "PYT"))}
     folder = tmp_path_factory.mktemp("live")
-    command = [sys.executable, "-m", "scenes.live", "--port", str(port)]
-    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.STDOUT, "text": True}
-    with subprocess.Popen(command, cwd=folder, env=environment, **pipes) as process:
+    with subprocess.Popen(
+        [sys.executable, "-m", "scenes.live", "--port", str(port)],
+        cwd=folder,
+        env=kept | {"PYTHONPATH": str(CHECKOUT), "OMP_NUM_THREADS": "1"},
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+    ) as process:
         output = ""
         while not (match := re.search(r"open (http\S+)", output)):
             line = process.stdout.readline()
@@ -48,13 +65,6 @@ def address(tmp_path_factory):
         output = process.communicate(timeout=30)[0]
     assert (process.returncode, output.strip()) == (0, "")
     assert list(folder.iterdir()) == []  # nothing is written
-
-
-def opener(address):
-    """A client that has opened the page, and so has the cookie."""
-    client = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
-    assert client.open(address).status == 200
-    return client
 
 
 def test_the_page_opens_in_a_browser_without_an_error_of_its_scripts(browser, address):
@@ -76,24 +86,20 @@ def test_the_page_opens_in_a_browser_without_an_error_of_its_scripts(browser, ad
     page.context.close()
 
 
-# Without a browser -------------------------------------------------------------------------------
+# Who may see it ----------------------------------------------------------------------------------
 
 
 def test_everything_needs_the_token(address):
     bare = address.split("?")[0]
-    for path in (
-        "",
-        "frame",
-        "?token=",
-        "?token=wrong",
-        "_nicegui_ws/socket.io/?EIO=4",
-    ):
+    socket_io = "_nicegui_ws/socket.io/?EIO=4"
+    for path in ("", "frame", "?token=", "?token=wrong", socket_io):
         for headers in ({}, {"Cookie": "hdc_live=wrong; ;="}):
+            request = urllib.request.Request(bare + path, headers=headers)
             with pytest.raises(urllib.error.HTTPError, match="403"):
-                urllib.request.urlopen(
-                    urllib.request.Request(bare + path, headers=headers)
-                )
-    assert opener(address).open(bare).status == 200
+                urllib.request.urlopen(request)
+    client = urllib.request.build_opener(urllib.request.HTTPCookieProcessor())
+    for opened in (address, bare):  # the cookie is kept
+        assert client.open(opened).status == 200
 
 
 def answered(kind, path="/", query=b"", **headers):
@@ -114,13 +120,6 @@ def answered(kind, path="/", query=b"", **headers):
     return messages[0] if messages else None
 
 
-def test_a_socket_without_the_token_is_refused():
-    """In its address, where a socket has none, it is of no use."""
-    for headers in ({}, {"cookie": "c=x"}):
-        answer = answered("websocket", "/", b"token=secret", **headers)
-        assert answer["status"] == 403
-
-
 HOST = "127.0.0.1:8080"
 
 
@@ -128,40 +127,173 @@ HOST = "127.0.0.1:8080"
 def test_pages_of_another_address_are_refused(kind):
     """cracks: another port of the same host has the cookie, and was let in."""
     mine = {"host": HOST, "cookie": "c=secret"}
-    for origin in (
-        "http://127.0.0.1:9000",
-        "http://127.0.0.1",
-        "https://evil.example",
-        "null",
-        "",
-    ):
+    others = ("127.0.0.1:9000", "127.0.0.1", "evil.example")
+    for origin in (*(f"http://{other}" for other in others), "null", ""):
         assert answered(kind, origin=origin, **mine)["status"] == 403
     assert answered(kind, origin=f"http://{HOST}", **mine) is None
     assert answered(kind, **mine) is None
 
 
-def test_the_token_redirects_to_this_page_alone():
+def test_the_token_redirects_to_this_page_alone_and_opens_no_socket():
     """cracks: GET //evil.example/?token=… redirected there."""
     for path in ("/", "//evil.example/", "/frame", "//evil.example/%2e"):
         answer = answered("http", path, b"token=secret", host=HOST)
         assert dict(answer["headers"])[b"location"] == b"/"
+    for headers in ({}, {"cookie": "c=x"}):
+        answer = answered("websocket", "/", b"token=secret", **headers)
+        assert answer["status"] == 403
+
+
+# What it shows -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def frames():
+    """uint8 [24, 32, 40]: twelve frames of each of two patterns, which moves along."""
+    rng = np.random.default_rng(0)
+    base = rng.integers(0, 180, (2, 32, 40))
+    noise = rng.integers(0, 70, (2, N, 32, 40))
+    return (base[:, None] + noise).astype(np.uint8).reshape(2 * N, 32, 40)
+
+
+@pytest.fixture
+def film(write_film, tmp_path, frames):
+    """film(crop) → a source that plays the frames."""
+    write_film(tmp_path / "v.mkv", frames)
+    return lambda crop=None: open_source(Window(crop), None, tmp_path / "v.mkv", 0, {})
+
+
+def test_a_video_is_played_over_and_over(film, frames):
+    source = film((0, 0, 20, 32))
+    assert (source.shape, source.label) == ((32, 20), None)
+    seen = [source.frame() for _ in range(48)]
+    assert (seen[23] == seen[47]).all()  # the first was looked at for its size
+    assert np.abs(seen[0].astype(int) - frames[1][:, :20]).max() <= 5
+    assert len(source.samples(30)) == 30
+
+
+@pytest.mark.parametrize("encoder", ["median", "levels"])
+def test_a_trained_model_answers_and_is_not_taught(film, frames, encoder):
+    model = HDCClassifier(encoder).fit(frames, LABELS)
+    session = Session(film(), model)
+    for label in LABELS[1:]:
+        view = session.look()
+        answer, (frame, shares) = view.answer, np.hsplit(view.drawn, 2)
+        assert answer.label in (label, None)
+        assert min(answer.distances, key=answer.distances.get) == label
+        assert 0 < view.seconds < 10
+        # The bits of this model: those of the median were shown for any.
+        rank = np.argsort(np.argsort(frame, axis=None, kind="stable"))
+        steps = 8 if encoder == "levels" else 2
+        expected = (rank * steps // frame.size).reshape(frame.shape) / (steps - 1)
+        assert np.abs(shares / 255 - expected).mean() < 0.02
+    model.predict_set = lambda frames, alpha: [np.array([])]
+    answer = session.ask(session.source.frame())
+    assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
+    for job in (
+        lambda: session.learn("left", 1),
+        lambda: session.forget(None),
+        lambda: session.recalibrate("left", 1, 0.5),
+    ):
+        with pytest.raises(ValueError, match="trained before and is shown as it is"):
+            job()
+    assert session.model is model
+    assert session.counts == {"left": N, "right": N}
+
+
+def test_values_are_shown_with_intervals_unless_they_go_round(film, frames):
+    values = np.repeat([1.0, 3.0], N) + np.tile([0, 0.1], N)
+    answer = Session(film(), HDCRegressor().fit(frames, values)).look().answer
+    ((value, low, high),) = answer.values
+    assert low <= value <= high
+    assert value == pytest.approx(1.05, abs=0.3)
+    words = pages._in_words(answer, 0.0123)
+    assert words == (f"{value:.1f} [{low:.1f}, {high:.1f}]", "12.3 ms")
+    model = HDCRegressor(period=360).fit(frames, np.repeat([10.0, 200.0], N))
+    ((angle,),) = Session(film(), model).look().answer.values
+    assert pages._in_words(Answer(values=((angle,),)), 0)[0] == f"{angle:.1f}"
+
+
+@pytest.mark.parametrize(
+    ("answer", "text", "beside"),
+    [
+        (Answer("a", ("a",)), "a", "95% prediction set: a · 2.0 ms"),
+        (Answer(None, ()), "none of these", "95% prediction set: none · 2.0 ms"),
+        (Answer("a", None, {"a": 0.25}), "a", "distance 0.250 · 2.0 ms"),
+        (Answer("a", None, {"a": 0.25, "b": 0.4}), "a",
+         "distance 0.250 · margin 0.150 · 2.0 ms"),
+    ],
+)  # fmt: skip
+def test_an_answer_in_words(answer, text, beside):
+    assert pages._in_words(answer, 0.002) == (text, beside)
+
+
+@pytest.mark.parametrize(
+    ("make", "words"),
+    [
+        ("classifier", ["trained on", "12 samples", "distance 0.", "margin 0.", " ms"]),
+        ("regressor", ["Numbers and their", "[", " ms"]),
+        ("recording", ["nothing yet: teach it two classes", "recorded as “left”"]),
+        ("pressed", ["The silicone from above", "Let 16 days pass", "new touches"]),
+    ],
+)
+def test_the_page_shows(film, frames, tmp_path, make, words):
+    """Without a browser."""
+    page, session = pages.Page, None
+    if make == "pressed":
+        page, session = PressedPage, PressedSession(SimulatedSensor(side=60))
+    elif make == "recording":
+        np.savez(tmp_path / "r.npz", frames=frames, labels=LABELS)
+        session = Session(open_source(Window(), tmp_path / "r.npz", None, 0, {}))
+    else:
+        model, truth = HDCClassifier(), LABELS
+        if make == "regressor":
+            model, truth = HDCRegressor(), np.arange(2.0 * N)
+        session = Session(film(), model.fit(frames, truth))
+
+    async def look():
+        worker = Worker(session)
+        worker.start()
+        async with user_simulation(lambda: page(worker)) as user:
+            await user.open("/")
+            for word in words:
+                worker.picture()  # as the browser asks for it
+                await user.should_see(word, retries=100)
+        worker.stop()
+
+    # playwright has an event loop of its own in this thread
+    with ThreadPoolExecutor(1) as thread:
+        thread.submit(asyncio.run, look()).result()
+
+
+# The command -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        (
-            ["--camera", "97"],
-            1,
-            "expected a camera that can be opened at index 97, found none",
-        ),
-        ([], 2, "expected one of --camera, --folder and --video"),
-        (["--folder", "nowhere"], 1, "found nothing: nowhere"),
+        ("", 2, "expected one of --camera, --folder and --video"),
+        ("--video v.mkv --camera 0", 2, "expected one of --camera, --folder"),
+        ("m --video v.mkv --subsample 2", 2, "no --crop or --subsample"),
+        ("--video v.mkv --labels kind", 2, "expected no --labels without --folder"),
+        ("--camera 97", 1, "expected a camera that can be opened at index 97, found"),
+        ("--folder nowhere", 1, "found nothing: nowhere"),
+        ("x --video v.mkv", 1, "expected a saved model, found"),
+        ("m --video w.mkv", 1, "w.mkv: expected"),
+        ("m --folder r.npz", 1, "r.npz: expected 40 × 32 pixels as in training"),
+        ("--folder s.npz", 1, "s.npz: expected images with labels, found"),
     ],
 )
-def test_a_wrong_source_is_one_line(words, code, message, capfd):
+def test_what_does_not_fit_is_one_line(
+    film, frames, tmp_path, monkeypatch, capfd, words, code, message
+):
+    monkeypatch.chdir(tmp_path)
+    HDCClassifier().fit(frames, LABELS).save("m")
+    (tmp_path / "x").write_text("no model")
+    np.savez("r.npz", frames=frames[:, :20], labels=LABELS)
+    np.savez("s.npz", frames=frames[:, 0], labels=LABELS)
     with pytest.raises(SystemExit) as caught:
-        main(["live", *words])
+        main(["live", *words.split()])
     out, err = capfd.readouterr()
     assert (caught.value.code, out, len(err.splitlines())) == (code, "", 1)
     assert message in err

@@ -6,16 +6,14 @@ They stand in the order in which they are tried, the cheapest first.
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from hdc import HDCClassifier, HDCRegressor, circular
-from hdc.encoders import make_encoder
 from hdc.export.plan import exports
-from hdc.readouts import make_readout, make_value_readout
 
 FORMS = (
     ("median", "majority"),  # as published
@@ -38,27 +36,29 @@ PENALTIES = np.logspace(0, 6, 7)
 """Of ridge regression; its own leave-one-out chooses among them."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Candidate:
     """A model that is compared.
 
     Attributes:
         name: of the row.
-        make: an untrained model, which has ``fit`` and ``predict``.
-        parts: names of encoder and read-out; None of a model of grey values.
+        model: untrained; copies of it learn.
     """
 
     name: str
-    make: Callable[[], Any]
-    parts: tuple[str, str] | None = None
+    model: Any
+
+    @property
+    def is_form(self) -> bool:
+        """Whether it is a form of the library, and no model of grey values."""
+        return isinstance(self.model, HDCClassifier | HDCRegressor)
 
     @property
     def exports(self) -> bool:
         """Whether ``hdc export`` writes it as a header."""
-        if self.parts is None:
-            return False
-        encoder, readout = self.parts
-        return exports(make_encoder(encoder), make_readout(readout))
+        return self.is_form and exports(
+            self.model.fresh("encoder"), self.model.fresh("readout")
+        )
 
 
 def forms(
@@ -75,32 +75,21 @@ def forms(
     Raises:
         ValueError, TypeError: for a name that is none of them.
     """
-    make = make_value_readout if learns_values else make_readout
-    for encoder in encoders:
-        make_encoder(encoder).check()
-    for readout in readouts:
-        make(readout).check()
     listed = VALUE_FORMS if learns_values else FORMS
     pairs = list(listed)
     if encoders or readouts:
         every_encoder, every_readout = zip(*listed, strict=True)
         chosen = itertools.product(encoders or every_encoder, readouts or every_readout)
         pairs = [listed[0], *chosen]
-    return [_form(*pair, learns_values, period) for pair in dict.fromkeys(pairs)]
-
-
-def _form(
-    encoder: str, readout: str, learns_values: bool, period: float | None
-) -> Candidate:
-    def make() -> Any:
+    found = []
+    for parts in dict.fromkeys(pairs):
+        model: Any = HDCClassifier(*parts)
         if learns_values:
-            return HDCRegressor(encoder, readout, period=period)
-        return HDCClassifier(encoder, readout)
-
-    return Candidate(f"{encoder}, {readout}", make, (encoder, readout))
-
-
-# Grey values -------------------------------------------------------------------------------------
+            model = HDCRegressor(*parts, period=period)
+        for part in model.parts:
+            model.fresh(part)
+        found.append(Candidate(", ".join(parts), model))
+    return found
 
 
 def baselines(learns_values: bool, period: float | None = None) -> list[Candidate]:
@@ -112,6 +101,8 @@ def baselines(learns_values: bool, period: float | None = None) -> list[Candidat
         KNeighborsRegressor,
         NearestCentroid,
     )
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import FunctionTransformer, StandardScaler
     from sklearn.svm import SVC, SVR
 
     models = {
@@ -129,47 +120,36 @@ def baselines(learns_values: bool, period: float | None = None) -> list[Candidat
         }
     found = []
     for name, model in models.items():
-        found.append(_of_greys(f"{name} of greys", model, learns_values, period))
+        whole = make_pipeline(FunctionTransformer(_flat), StandardScaler(), model)
+        if learns_values:
+            whole = _standardised(whole, period)
+        found.append(Candidate(f"{name} of greys", whole))
     return found
-
-
-def _of_greys(
-    name: str, model: Any, learns_values: bool, period: float | None
-) -> Candidate:
-    """A model of scikit-learn behind the steps from frames and to values."""
-    from sklearn.base import clone
-    from sklearn.compose import TransformedTargetRegressor
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import FunctionTransformer, StandardScaler
-
-    def make() -> Any:
-        own = make_pipeline(FunctionTransformer(_flat), StandardScaler(), clone(model))
-        if not learns_values:
-            return own
-        own = TransformedTargetRegressor(own, transformer=StandardScaler())
-        return own if period is None else Turning(own, period)
-
-    return Candidate(name, make)
 
 
 def _flat(frames: np.ndarray) -> np.ndarray:
     return frames.reshape(len(frames), -1).astype(np.float32)
 
 
-class Turning:
-    """A model of values that go round, learnt by cosine and sine."""
+def _standardised(model: Any, period: float | None) -> Any:
+    """A model that learns standardised values; with a period, those of cosine and sine."""
+    from sklearn.compose import TransformedTargetRegressor
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import FunctionTransformer, StandardScaler
 
-    def __init__(self, model: Any, period: float) -> None:
-        self._model, self._period = model, period
-
-    def fit(self, frames: np.ndarray, values: np.ndarray) -> Turning:
-        self._is_signed = bool((values < 0).any())
-        self._model.fit(frames, circular.to_plane(values, self._period))
-        return self
-
-    def predict(self, frames: np.ndarray) -> np.ndarray:
-        plane = self._model.predict(frames)
-        return circular.from_plane(plane, self._period, self._is_signed)
+    steps = [StandardScaler()]
+    if period is not None:
+        on_circle = FunctionTransformer(
+            circular.to_plane,
+            circular.from_plane,
+            kw_args={"period": period},
+            inv_kw_args={"period": period, "is_signed": True},
+        )
+        steps = [on_circle, *steps]
+    # The check of the inverse compares angles as numbers, and so a whole turn apart.
+    return TransformedTargetRegressor(
+        model, transformer=make_pipeline(*steps), check_inverse=False
+    )
 
 
 def cheapest_first(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,7 +17,7 @@ from hdc.readers import Recording, Window
 
 if TYPE_CHECKING:
     from hdc.command.compare.candidates import Candidate
-    from hdc.command.compare.judge import Data, Row
+    from hdc.command.compare.judge import Row, Test
 
 FOLDS = "folds"
 """Name of the test that chooses."""
@@ -84,15 +84,22 @@ def compare(
     check_circular(frames, period)
     learns_values = frames.values is not None
     listed = candidates.cheapest_first(encoders, readouts, learns_values, period)
-    tests = {FOLDS: judge.Data.within(frames, period=period)}
-    if other is not None:
-        later = source.like(other).open(window)
+    later = None if other is None else source.like(other).open(window)
+    if later is not None:
         _check_alike(frames, later)
-        tests[str(other)] = tests[FOLDS].on(later)
+    data, of_each = judge.prepared(frames, np.arange(len(frames)), later, period)
+    tests = dict(zip((FOLDS, str(other)), of_each, strict=False))
     say = _nothing if as_json else click.echo
-    for line in _about(frames, tests, period):
-        say(line)
-    tried, left_out = _tried(listed, frames, tests, say)
+    heads = _heads(frames, tests)
+    say("\n".join([*_about(frames, tests, period), "  ".join(heads)]))
+    tried: dict[Candidate, list[Row]] = {}
+    left_out: dict[str, str] = {}
+    try:
+        for candidate, rows in judge.compared(listed, data, of_each, left_out):
+            tried[candidate] = rows
+            say(_line(candidate.name, _numbers(candidate, rows, frames), heads))
+    except KeyboardInterrupt:
+        say("interrupted: the rows above are whole")
     if listed[0] not in tried:
         why = left_out.get(listed[0].name, "it was interrupted")
         raise ValueError(f"{source.path}: expected {listed[0].name} to learn, {why}")
@@ -100,83 +107,58 @@ def compare(
     result = {
         "recording": str(source.path),
         **_content(frames),
-        "tests": {name: len(test.units.of) for name, test in tests.items()},
+        "tests": {name: len(test.rows) for name, test in tests.items()},
         "models": {c.name: _numbers(c, rows, frames) for c, rows in tried.items()},
         "left_out": left_out,
-        **_gain(chosen, listed[0], tried, [*tests.values()][-1].units.of),
+        **_gain(chosen, listed[0], tried, of_each[-1].units.of),
         "command": source.training_line(window, *_words(chosen, period)),
     }
     click.echo(json.dumps(result) if as_json else "\n".join(_sentences(result)))
-
-
-def _tried(
-    listed: Sequence[Candidate],
-    frames: Recording,
-    tests: Mapping[str, Data],
-    say: Callable[[str], None],
-) -> tuple[dict[Candidate, list[Row]], dict[str, str]]:
-    """The rows of the candidates, each said when it is done, and why some are left out.
-
-    Ctrl-C ends it with the rows that are there.
-    """
-    from hdc.command.compare import judge
-
-    heads = _heads(frames, tests)
-    say("  ".join(heads))
-    tried: dict[Candidate, list[Row]] = {}
-    left_out: dict[str, str] = {}
-    try:
-        for candidate, found in judge.compared(listed, [*tests.values()], left_out):
-            tried[candidate] = found
-            say(_line(candidate.name, _numbers(candidate, found, frames), heads))
-    except KeyboardInterrupt:
-        say("interrupted: the rows above are whole")
-    return tried, left_out
-
-
-def _content(frames: Recording) -> dict[str, Any]:
-    """What a recording holds, as JSON."""
-    found = {
-        "frames": len(frames),
-        "shape": list(frames.frame_shape),
-        "notes": list(frames.notes),
-    }
-    if frames.values is None:
-        return {**found, "classes": list(frames.classes)}
-    return {**found, "values": list(frames.value_names)}
-
-
-def _words(form: Candidate, period: float | None) -> list[str]:
-    """The options of a form on the command line."""
-    encoder, readout = form.parts or ("", "")
-    around = [] if period is None else ["--circular", f"{period:.12g}"]
-    return [*around, "--encoder", encoder, "--readout", readout]
 
 
 def _nothing(_: str) -> None:
     """Say nothing: JSON alone is printed."""
 
 
+def _words(form: Candidate, period: float | None) -> list[str]:
+    """The options of a form on the command line."""
+    around = [] if period is None else ["--circular", f"{period:.12g}"]
+    return [*around, "--encoder", form.model.encoder, "--readout", form.model.readout]
+
+
 def _check_alike(recording: Recording, other: Recording) -> None:
     """Raise a ValueError for frames, values or classes that the first recording has not."""
-    first = (recording.frame_shape, recording.dtype)
-    second = (other.frame_shape, other.dtype)
-    if first != second:
-        raise ValueError(
-            f"--test: expected frames {first[0]} {first[1]} as in the first recording, found "
-            f"{second[0]} {second[1]}"
-        )
-    if recording.value_names != other.value_names:
-        expected = ", ".join(recording.value_names) or "none"
-        found = ", ".join(other.value_names) or "none"
-        raise ValueError(f"--test: expected values {expected}, found {found}")
-    known = set(recording.classes)
-    if unknown := sorted(set(other.classes) - known):
-        listed = ", ".join(recording.classes)
+    for what, first, second in (
+        ("frames", _frame(recording), _frame(other)),
+        ("values", _listed(recording.value_names), _listed(other.value_names)),
+    ):
+        if first != second:
+            raise ValueError(
+                f"--test: expected {what} {first} as in the first recording, found {second}"
+            )
+    if unknown := sorted(set(other.classes) - set(recording.classes)):
+        listed = _listed(recording.classes)
         raise ValueError(f"--test: expected classes among {listed}, found {unknown[0]}")
 
 
+def _frame(recording: Recording) -> str:
+    return f"{recording.frame_shape} {recording.dtype}"
+
+
+def _listed(names: Sequence[str]) -> str:
+    return ", ".join(names) or "none"
+
+
 # Numbers -----------------------------------------------------------------------------------------
+
+
+def _content(frames: Recording) -> dict[str, Any]:
+    """What a recording holds, as JSON."""
+    kinds = {"classes": frames.classes}
+    if frames.values is not None:
+        kinds = {"values": frames.value_names}
+    listed = {"shape": frames.frame_shape, "notes": frames.notes, **kinds}
+    return {"frames": len(frames), **{name: [*part] for name, part in listed.items()}}
 
 
 def _numbers(
@@ -187,14 +169,12 @@ def _numbers(
     found: dict[str, Any] = {
         "train_s": rows[-1].train_s,
         "predict_ms": rows[-1].frame_ms,
+        "exports": candidate.exports,
     }
-    found["exports"] = candidate.exports
     if frames.values is None:
-        found["accuracy"] = [1 - float(row.losses.mean()) for row in rows]
-        return found
-    errors = np.stack([row.errors.mean(axis=0) for row in rows], axis=1)
-    found["errors"] = dict(zip(frames.value_names, errors.tolist(), strict=True))
-    return found
+        return found | {"accuracy": [1 - float(row.losses.mean()) for row in rows]}
+    errors = np.stack([row.errors.mean(axis=0) for row in rows], axis=1).tolist()
+    return found | {"errors": dict(zip(frames.value_names, errors, strict=True))}
 
 
 def _gain(
@@ -209,7 +189,9 @@ def _gain(
     found = {"published": published.name, "chosen": chosen.name}
     if chosen == published:
         return found
-    losses = {form.name: rows[-1].losses for form, rows in tried.items() if form.parts}
+    losses = {
+        form.name: rows[-1].losses for form, rows in tried.items() if form.is_form
+    }
     if len(tried[chosen]) > 1:  # no choice has seen the other recording
         losses = {name: losses[name] for name in found.values()}
     gain = losses[published.name].mean() - losses[chosen.name].mean()
@@ -221,28 +203,32 @@ def _gain(
 
 
 def _about(
-    frames: Recording, tests: Mapping[str, Data], period: float | None
+    frames: Recording, tests: Mapping[str, Test], period: float | None
 ) -> list[str]:
     """What is compared, and how it is tested."""
-    lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
-    lines += messages.reading_line(frames)
-    lines += messages.circular_lines(frames, period)
-    folds = tests[FOLDS]
+    (_, folds), *others = tests.items()
     why = f", for {folds.units.why}" if folds.units.kind == "frame" else ""
-    lines.append(f"chosen by {folds.how}{why}")
-    for name, data in [*tests.items()][1:]:
-        lines.append(f"tested on {messages.printable(name)}: {len(data.tested)} frames")
-    return lines
+    return [
+        f"{len(frames)} frames, {messages.whole(frames)}",
+        *messages.reading_line(frames),
+        *messages.circular_lines(frames, period),
+        f"chosen by {folds.how}{why}",
+        *(
+            f"tested on {messages.printable(name)}: {len(test.rows)} frames"
+            for name, test in others
+        ),
+    ]
 
 
 def _heads(frames: Recording, tests: Iterable[str]) -> list[str]:
     """Names of the columns, that of the models as wide as the longest."""
-    heads = [f"{'model':<{_NAME}}"]
     names = with_units(frames.value_names, frames.value_units) or ["accuracy"]
-    for name in names:
-        own = messages.printable(name)
-        heads += [f"{own} in folds" if t == FOLDS else f"on {t}" for t in tests]
-    return [*heads, "s to learn", "ms a frame", "exports"]
+    heads = [
+        f"{messages.printable(name)} in folds" if test == FOLDS else f"on {test}"
+        for name in names
+        for test in tests
+    ]
+    return [f"{'model':<{_NAME}}", *heads, "s to learn", "ms a frame", "exports"]
 
 
 def _line(name: str, numbers: Mapping[str, Any], heads: Sequence[str]) -> str:
@@ -265,7 +251,12 @@ def _sentences(result: Mapping[str, Any]) -> list[str]:
     if chosen == published:
         lines.append(f"No other form was better than {published} in the folds.")
     else:
-        lines.append(f"{chosen} over {published}: {_won(result)}.")
+        won = f"{100 * result['gain']:+.1f} points of accuracy"
+        if "values" in result:
+            won = f"{result['gain']:.3g} of a guess's error less"
+        clear = "a clear gain" if result["p_value"] < CLEAR else "no clear gain"
+        gain = f"{won}, {clear} (p = {result['p_value']:.2g})"
+        lines.append(f"{chosen} over {published}: {gain}.")
     first, *others = result["models"][chosen].get("accuracy", (0,))
     if others and first - others[-1] > FALL:
         lines.append(
@@ -273,12 +264,3 @@ def _sentences(result: Mapping[str, Any]) -> list[str]:
             "you use it, and hdc recalibrate the model."
         )
     return lines
-
-
-def _won(result: Mapping[str, Any]) -> str:
-    """What the chosen form wins, and whether that is clear."""
-    won = f"{100 * result['gain']:+.1f} points of accuracy"
-    if "values" in result:
-        won = f"{result['gain']:.3g} of a guess's error less"
-    word = "a clear gain" if result["p_value"] < CLEAR else "no clear gain"
-    return f"{won}, {word} (p = {result['p_value']:.2g})"

@@ -1,18 +1,23 @@
-"""Cross-validation of a model, and the test of what one of them wins."""
+"""Cross-validation of models that share the hypervectors of a recording; the test of a gain."""
 
 from __future__ import annotations
 
 import time
 import warnings
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 
-from hdc import circular
+from hdc import backends, circular
+from hdc.bank import Bank
 from hdc.command import splits
 from hdc.command.compare.candidates import Candidate
+from hdc.command.source import truth_of
 from hdc.command.splits import Units
+from hdc.inputs import tensor
 from hdc.readers import Recording
 
 FLIPS = 9_999
@@ -21,45 +26,60 @@ FLIPS = 9_999
 
 @dataclass(frozen=True)
 class Data:
-    """Frames in memory, what is learnt of them, and how they are tested.
+    """Frames in memory, and what is learnt of them; each encoder encodes a frame once.
+
+    One that learns is another encoder for other training frames.
 
     Attributes:
         frames: [N, H, W] or [N, D].
         truth: names of the classes [N], or values [N, T].
-        splits: of the frames; each test frame is tested once.
-        units: sessions, groups or frames, of the test frames [Q] in the order of the splits.
         period: of values that go round.
     """
 
     frames: np.ndarray
     truth: np.ndarray
+    period: float | None = None
+    _seconds: dict[str, float] = field(default_factory=dict)
+    """What a frame took an encoder that learns nothing."""
+
+    @cached_property
+    def _bank(self) -> Bank:
+        return Bank(tensor(self.frames), np.zeros(len(self.frames), np.int64), 1)
+
+    def given(
+        self, model: Any, rows: np.ndarray, train: np.ndarray
+    ) -> tuple[Any, float]:
+        """What a form or a model of grey values takes of some frames, and seconds to make it."""
+        if not hasattr(model, "encoder"):
+            return self.frames[rows], 0.0
+        encoder = model.fresh("encoder")
+        start = time.perf_counter()
+        backend = backends.choose_backend("auto", "cpu", self.frames.size)
+        with backends.computing(backend):
+            words = self._bank.words(rows, encoder, train)
+        took = time.perf_counter() - start
+        if encoder.learns:
+            return words, took
+        each = self._seconds.setdefault(repr(encoder), took / len(self.frames))
+        return words, each * len(rows)
+
+
+@dataclass(frozen=True)
+class Test:
+    """How frames are tested.
+
+    Attributes:
+        splits: of the frames; each test frame is tested once.
+        units: sessions, groups or frames, of the test frames [Q] in the order of the splits.
+    """
+
     splits: Sequence[splits.Split]
     units: Units
-    period: float | None = None
 
-    @classmethod
-    def within(
-        cls,
-        recording: Recording,
-        rows: np.ndarray | None = None,
-        period: float | None = None,
-    ) -> Data:
-        """The folds of a recording, or of some of its frames."""
-        rows = np.arange(len(recording)) if rows is None else rows
-        made, unit = splits.folds(recording, rows)
-        order = np.concatenate([test for _, test in made])
-        tested = replace(unit, of=unit.of[order])
-        frames, truth = recording.frames(rows), truth_of(recording)[rows]
-        return cls(frames, truth, made, tested, period)
-
-    def on(self, other: Recording) -> Data:
-        """The same frames to learn, and those of another recording to test."""
-        n, q = len(self.frames), len(other)
-        split = np.arange(n), np.arange(n, n + q)
-        frames = np.concatenate([self.frames, other[:]])
-        truth = np.concatenate([self.truth, truth_of(other)])
-        unit = splits.units(other, np.arange(q))
-        return Data(frames, truth, [split], unit, self.period)
+    @property
+    def rows(self) -> np.ndarray:
+        """The test frames [Q]."""
+        return np.concatenate([test for _, test in self.splits])
 
     @property
     def how(self) -> str:
@@ -67,17 +87,25 @@ class Data:
         kind = self.units.kind
         return f"{len(self.splits)} folds {'at random' if kind == 'frame' else f'by {kind}'}"
 
-    @property
-    def tested(self) -> np.ndarray:
-        """What is true of the test frames, [Q] or [Q, T]."""
-        return self.truth[np.concatenate([test for _, test in self.splits])]
 
-
-def truth_of(recording: Recording) -> np.ndarray:
-    """Names of the classes [N], or values [N, T]."""
-    if recording.values is not None:
-        return recording.values
-    return np.array(recording.names)
+def prepared(
+    recording: Recording,
+    rows: np.ndarray,
+    other: Recording | None = None,
+    period: float | None = None,
+) -> tuple[Data, list[Test]]:
+    """The folds of some frames of a recording, and after them the test on another recording."""
+    made, unit = splits.folds(recording, rows)
+    folds = Test(made, unit)
+    tests = [replace(folds, units=replace(unit, of=unit.of[folds.rows]))]
+    frames, truth = recording.frames(rows), truth_of(recording)[rows]
+    if other is not None:
+        new = np.arange(len(other))
+        split = np.arange(len(rows)), len(rows) + new
+        tests.append(Test([split], splits.units(other, new)))
+        frames = np.concatenate([frames, other[:]])
+        truth = np.concatenate([truth, truth_of(other)])
+    return Data(frames, truth, period), tests
 
 
 @dataclass(frozen=True)
@@ -87,8 +115,8 @@ class Row:
     Attributes:
         losses: 1 for a wrong label, or the mean error of T values in units of a guess's, [Q].
         errors: of each value [Q, T]; [Q, 0] of classes.
-        train_s: seconds to learn, a mean over the splits.
-        frame_ms: milliseconds a frame to predict.
+        train_s: seconds to learn, a mean over the splits; those to encode are among them.
+        frame_ms: milliseconds a frame to predict, likewise.
     """
 
     losses: np.ndarray
@@ -97,42 +125,52 @@ class Row:
     frame_ms: float
 
 
-def judged(candidate: Candidate, data: Data) -> Row:
+def judged(candidate: Candidate, data: Data, test: Test) -> Row:
     """The answers of a candidate to the test frames, learnt from the training frames.
 
     Raises:
         ValueError: the candidate refuses the frames.
     """
+    from sklearn.base import clone
+
     answers, trained, asked = [], 0.0, 0.0
-    for train, test in data.splits:
+    for train, rows in test.splits:
+        model = clone(candidate.model)
+        learnt, encoding = data.given(model, train, train)
         start = time.perf_counter()
-        model = candidate.make().fit(data.frames[train], data.truth[train])
-        trained += time.perf_counter() - start
+        model.fit(learnt, data.truth[train])
+        trained += encoding + time.perf_counter() - start
+        queries, encoding = data.given(model, rows, train)
         start = time.perf_counter()
-        answers.append(np.asarray(model.predict(data.frames[test])))
-        asked += time.perf_counter() - start
-    found, truth = np.concatenate(answers), data.tested
-    times = trained / len(data.splits), 1000 * asked / len(truth)
+        answers.append(np.asarray(model.predict(queries)))
+        asked += encoding + time.perf_counter() - start
+    found, truth = np.concatenate(answers), data.truth[test.rows]
+    times = trained / len(test.splits), 1000 * asked / len(truth)
     if truth.ndim == 1:
         losses = (found != truth).astype(float)
         return Row(losses, np.empty((len(truth), 0)), *times)
     errors = circular.errors(found.reshape(truth.shape), truth, data.period)
-    return Row((errors / guesses(data)).mean(axis=1), errors, *times)
+    trainable = np.unique(np.concatenate([train for train, _ in test.splits]))
+    guess = guesses(data.truth[trainable], data.period)
+    return Row((errors / guess).mean(axis=1), errors, *times)
 
 
-def guesses(data: Data) -> np.ndarray:
+def guesses(values: np.ndarray, period: float | None) -> np.ndarray:
     """Mean error [T] of a guess of the median, or of the mean direction of values that go round;
     1 of values that are all equal."""
-    middle = np.median(data.truth, axis=0)
-    if data.period is not None:
-        plane = circular.to_plane(data.truth, data.period).mean(axis=0)
-        middle = circular.from_plane(plane[None], data.period, True)[0]
-    error = circular.errors(data.truth, middle, data.period).mean(axis=0)
+    middle = np.median(values, axis=0)
+    if period is not None:
+        plane = circular.to_plane(values, period).mean(axis=0)
+        middle = circular.from_plane(plane[None], period, True)[0]
+    error = circular.errors(values, middle, period).mean(axis=0)
     return np.where(error > 0, error, 1.0)
 
 
 def compared(
-    candidates: Iterable[Candidate], tests: Sequence[Data], refused: dict[str, str]
+    candidates: Iterable[Candidate],
+    data: Data,
+    tests: Sequence[Test],
+    refused: dict[str, str],
 ) -> Iterator[tuple[Candidate, list[Row]]]:
     """Each candidate with its answers in each test.
 
@@ -143,7 +181,7 @@ def compared(
             with warnings.catch_warnings():
                 # Of each model and each fold they would be the same ones.
                 warnings.simplefilter("ignore", UserWarning)
-                rows = [judged(candidate, data) for data in tests]
+                rows = [judged(candidate, data, test) for test in tests]
         except ValueError as error:
             refused[candidate.name] = str(error)
             continue
@@ -152,7 +190,7 @@ def compared(
 
 def best(tried: Mapping[Candidate, Row]) -> Candidate:
     """The form with the least loss, the first of equal ones."""
-    forms = [candidate for candidate in tried if candidate.parts]
+    forms = [candidate for candidate in tried if candidate.is_form]
     return min(forms, key=lambda form: tried[form].losses.mean())
 
 

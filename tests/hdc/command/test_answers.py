@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.command import answers, scores
+from hdc.command import answers, messages, scores
 from hdc.readers import BadFrame, Window, open_recording
 from hdc.readouts import Majority
 
@@ -19,27 +19,29 @@ class Nearest:
     classes_ = NAMES
     dimension_ = 100
     readout_ = Majority()
-
     counts_ = np.array([1, 3, 2])
 
     def __init__(self):
         self.asked = []
 
-    def distances(self, frames):
+    def encode(self, frames):
+        self.asked.append(len(frames))
         return frames[:, 0].astype(int)
 
-    def predict(self, frames):
-        self.asked.append(len(frames))
-        return NAMES[self.distances(frames).argmin(1)]
+    def distances(self, words):
+        return words
 
-    def is_known(self, frames, alpha):
-        return self.distances(frames).min(1) < 100 * (1 - alpha)
+    def predict(self, words):
+        return NAMES[words.argmin(1)]
 
-    def predict_set(self, frames, alpha):
-        return [NAMES[row <= 100 * alpha] for row in self.distances(frames)]
+    def is_known(self, words, alpha):
+        return words.min(1) < 100 * (1 - alpha)
 
-    def predict_proba(self, frames):
-        return 1 - self.distances(frames) / 100
+    def predict_set(self, words, alpha):
+        return [NAMES[row <= 100 * alpha] for row in words]
+
+    def predict_proba(self, words):
+        return 1 - words / 100
 
 
 class Read:
@@ -55,13 +57,13 @@ class Read:
     def __init__(self):
         self.metadata_ = {"values": ["force", "x"], "units": ["N", ""]}
 
-    def predict(self, frames, return_interval=False, alpha=None):
-        found = frames[:, 0, :2].astype(float)
-        if not return_interval:
-            return found
-        wide = frames[:, 0, 2:].astype(float)
-        wide[wide == 255] = np.inf
-        return found, found - wide / alpha / 10, found + wide / alpha / 10
+    def encode(self, frames):
+        return frames.reshape(len(frames), -1).astype(float)
+
+    def predict(self, words, return_interval=False, alpha=None):
+        found, wide = words[:, :2], words[:, 2:]
+        wide = np.where(wide == 255, np.inf, wide) / (alpha or 1) / 10
+        return (found, found - wide, found + wide) if return_interval else found
 
 
 def saved(path, frames, **arrays):
@@ -87,21 +89,16 @@ def table(model, found):
 
 def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
     model = Nearest()
-    first, _, third, last = answers.ask(model, Window(), [classes], PLAIN)
-    assert first == {
-        "file": f"{classes}, frame 0",
-        "label": "a",
-        "margin": pytest.approx(0.5),
-        "distances": {"a": 0.1, "b": 0.6, "c": 0.9},
-    }
-    assert (last["label"], last["margin"]) == ("c", pytest.approx(0.05))
-    found = list(
-        answers.ask(model, Window(), [classes], answers.Wanted(0.4, 0.8, True))
-    )
-    assert found[2] == third | {
+    asked = answers.Wanted(0.4, 0.8, True)
+    found = list(answers.ask(model, Window(), [classes], asked))
+    assert found[2] == {
+        "file": f"{classes}, frame 2",
+        "label": "b",
         "set": ["b", "c"],  # of those within 1 − 0.8
         "probability": 0.95,
         "probabilities": {"a": pytest.approx(0.2), "b": 0.95, "c": 0.85},
+        "margin": pytest.approx(0.1),
+        "distances": {"a": 0.8, "b": 0.05, "c": 0.15},
     }
     assert table(model, found) == [
         "file|label|set|probability|margin|distance a|distance b|distance c",
@@ -110,37 +107,21 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
         f"{classes}, frame 2|b|b, c|0.9500|0.1000|0.8000|0.0500|0.1500",
         f"{classes}, frame 3|(none of these)|(none of these)|0.3000|0.0500|0.9500|0.7500|0.7000",
     ]
-
-
-def test_classes_without_prototypes_have_neither_margin_nor_distances(classes):
-    model = Nearest()
-    model.readout_ = object()
-    found = list(answers.ask(model, Window(), [classes], PLAIN))
-    assert found[0] == {"file": f"{classes}, frame 0", "label": "a"}
-    assert table(model, found)[:2] == ["file|label", f"{classes}, frame 0|a"]
-
-
-def test_the_only_class_has_no_margin(tmp_path):
-    model = Nearest()
-    model.classes_ = np.array(["a"])
-    model.distances = lambda frames: frames[:, 0, :1].astype(int)
-    path = saved(tmp_path / "one.npz", [[10, 60, 90]])
-    (found,) = answers.ask(model, Window(), [path], PLAIN)
-    assert (found["margin"], found["distances"]) == (None, {"a": 0.1})
+    plain = list(answers.ask(model, Window(), [classes], PLAIN))
+    assert (plain[3]["label"], [*plain[3]]) == ("c", [*found[3]][:2] + [*found[3]][-2:])
+    model.readout_ = object()  # without prototypes
+    first, *_ = answers.ask(model, Window(), [classes], PLAIN)
+    assert first == {"file": f"{classes}, frame 0", "label": "a"}
 
 
 def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp_path):
     path = saved(tmp_path / "v.npz", [[5, 7, 4], [6, 8, 255]])
     model = Read()
-    found = list(answers.ask(model, Window(), [path], PLAIN))
-    assert found == [
-        {"file": f"{path}, frame 0", "values": {"force": 5.0, "x": 7.0}},
-        {"file": f"{path}, frame 1", "values": {"force": 6.0, "x": 8.0}},
-    ]
-    assert table(model, found) == [
+    plain = list(answers.ask(model, Window(), [path], PLAIN))
+    assert plain[0] == {"file": f"{path}, frame 0", "values": {"force": 5.0, "x": 7.0}}
+    assert table(model, plain)[:2] == [
         "file|force [N]|x",
         f"{path}, frame 0|5.0000|7.0000",
-        f"{path}, frame 1|6.0000|8.0000",
     ]
     found = list(answers.ask(model, Window(), [path], answers.Wanted(None, 0.8)))
     assert [answer["intervals"] for answer in found] == [
@@ -158,34 +139,31 @@ def test_images_are_answered_before_arrays_and_these_before_videos(
     write_film, tmp_path
 ):
     """Whatever the order and the case of their names; a table may have values or not."""
-    film = tmp_path / "v.MKV"
+    film, array = tmp_path / "v.MKV", tmp_path / "a.NPY"
     write_film(film, [np.full((16, 20), grey, np.uint8) for grey in (10, 90)])
-    wide = tmp_path / "x.PNG"
-    assert cv2.imwrite(str(wide), np.zeros((20, 9), np.uint8))
-    array = tmp_path / "a.NPY"
-    np.save(array.with_suffix(".npy"), np.full((1, 16, 20), 50, np.uint8))
-    array.with_suffix(".npy").rename(array)
-    image = tmp_path / "i.png"
-    assert cv2.imwrite(str(image), np.full((16, 20), 7, np.uint8))
+    np.save(tmp_path / "a.npy", np.full((1, 16, 20), 50, np.uint8))
+    (tmp_path / "a.npy").rename(array)
+    images = [tmp_path / "x.PNG", tmp_path / "i.png"]
+    for image, shape, grey in zip(images, ((20, 9), (16, 20)), (0, 7), strict=True):
+        assert cv2.imwrite(str(image), np.full(shape, grey, np.uint8))
     model = Read()
     model.frame_shape_ = (3,)
-    found = answers.ask(model, Window((4, 2, 3, 1)), [film, wide, array, image], PLAIN)
+    files = [film, images[0], array, images[1]]
+    found = answers.ask(model, Window((4, 2, 3, 1)), files, PLAIN)
     assert [(answer["file"], answer["values"]["x"]) for answer in found] == [
-        (str(wide), 0.0),
-        (str(image), 7.0),
+        (str(images[0]), 0.0),
+        (str(images[1]), 7.0),
         (str(array), 50.0),
         (f"{film} at 0.000 s", pytest.approx(10, abs=3)),
         (f"{film} at 0.100 s", pytest.approx(90, abs=3)),
     ]
     rows = tmp_path / "t.csv"
     rows.write_text("p,force,q,r\n1,9,2,3\n")
-    model.predict = lambda frames: frames[:, :2]
-    (found,) = answers.ask(
-        model, Window(), [rows], PLAIN
-    )  # its force is no part of the frame
+    (found,) = answers.ask(model, Window(), [rows], PLAIN)
+    # Its force is no part of the frame.
     assert found == {"file": f"{rows}, line 2", "values": {"force": 1.0, "x": 2.0}}
     with pytest.raises(BadFrame, match=r"i\.png: expected 3 pixels .* found 20 × 16"):
-        list(answers.ask(model, Window(), [image], PLAIN))
+        list(answers.ask(model, Window(), images[1:], PLAIN))
 
 
 def test_frames_are_asked_about_in_small_batches(tmp_path):
@@ -193,18 +171,9 @@ def test_frames_are_asked_about_in_small_batches(tmp_path):
     path = saved(tmp_path / "long.npz", np.zeros((70, 3)), labels=[*"ab"] * 35)
     model = Nearest()
     assert len(list(answers.ask(model, Window(), [path], PLAIN))) == 70
-    assert model.asked == [32, 32, 6]
-    recording = open_recording(path)
-    found = scores.score(model, recording, np.arange(70))
-    assert (found["frames"], model.asked[3:]) == (70, [32, 32, 6])
-    found = scores.score(model, recording, np.arange(70), reject=0.4, interval=0.8)
-    one_by_one = [
-        scores.score(model, recording, np.array([i]), reject=0.4, interval=0.8)
-        for i in range(70)
-    ]
-    assert found["refused"] == sum(one["refused"] for one in one_by_one)
-    shares = [one["coverage"]["share"] for one in one_by_one]
-    assert found["coverage"]["share"] == pytest.approx(np.mean(shares))
+    found = scores.score(model, open_recording(path), np.arange(70), 0.4, 0.8)
+    assert (found["frames"], model.asked) == (70, [32, 32, 6] * 2)
+    assert (found["refused"], found["coverage"]["share"]) == (0, 1)
 
 
 def test_a_score_of_classes_is_complete(classes):
@@ -214,43 +183,49 @@ def test_a_score_of_classes_is_complete(classes):
         "frames": 4,
         "accuracy": 0.75,
         "interval": pytest.approx([0.3006, 0.9544], abs=1e-4),
+        "guessed": "b",
         "guess": 0.25,
         "classes": ["a", "b", "c"],
         "confusion": [[1, 1, 0], [0, 1, 0], [0, 0, 1]],
         "wrong": [{"file": f"{classes}, frame 1", "label": "a", "predicted": "b"}],
+        "reject": 0.4,
+        "refused": 1,
         "coverage": {
             "asked": 0.8,
             "share": 0.5,  # a, b, b and c, and none
             "interval": pytest.approx([0.15, 0.85], abs=1e-3),
             "mean_size": 1.0,
         },
-        "refused": 1,
-        "guessed": "b",
     }
-    assert scores.lines(found, 0.4) == [
+    assert messages.score_lines(found) == [
         "accuracy 75.0% (95 % interval 30.1% to 95.4%), 3 of 4 frames",
         "a guess of b, the largest class: accuracy 25.0%",
-        "--reject 0.4 refuses 1 of them as none of the classes",
+        "refused 1 of 4 known frames; expected at most 40 %",
         "sets for 0.8 hold the truth for 50.0% of these frames (95 % interval 15.0% to 85.0%); "
         "1.00 classes a set",
     ]
     found = scores.score(Nearest(), recording, np.array([0, 3]))
-    assert scores.lines(found)[0].endswith(
-        "100.0% (95 % interval 34.2% to 100.0%), 2 of 2 frames"
-    )
+    assert (found["accuracy"], found["frames"]) == (1, 2)
     assert found["confusion"] == [[1, 0, 0], [0, 0, 0], [0, 0, 1]]
     assert found.keys().isdisjoint({"coverage", "refused"})
 
 
 def test_a_score_of_values_is_complete(tmp_path):
-    frames = [[5, 7, 4], [6, 8, 4], [0, 0, 4], [1, 1, 4]]
-    truth = [[6, 7], [3, 8], [9, 9], [1, 1.5]]
+    frames = [[5, 7, 4], [6, 8, 4], [0, 0, 4], [1, 1, 4], [1, 1, 255]]
+    truth = [[6, 7], [3, 8], [9, 9], [1, 1.5], [1, 1]]
     about = {"value_names": ["force", "x"], "value_units": ["N", ""]}
-    path = saved(tmp_path / "v.npz", frames, values=truth, **about)
-    recording = open_recording(path)
-    index = np.array([0, 1, 3])
-    plain = scores.score(Read(), recording, index)
-    assert plain == {
+    recording = open_recording(saved(tmp_path / "v.npz", frames, values=truth, **about))
+    found = scores.score(Read(), recording, np.array([0, 1, 3]), interval=0.8)
+    coverage = found["errors"]["force"].pop("coverage")
+    assert found["errors"]["x"].pop("coverage")["share"] == 1
+    assert coverage == {
+        "asked": 0.8,
+        "share": 2 / 3,
+        "interval": pytest.approx([0.2077, 0.9385], abs=1e-4),
+        "mean_width": 4.0,
+    }
+    assert found == scores.score(Read(), recording, np.array([0, 1, 3]))
+    assert found == {
         "frames": 3,
         "errors": {
             "force": {
@@ -266,46 +241,30 @@ def test_a_score_of_values_is_complete(tmp_path):
             },
         },
     }
-    said = [
+    found["errors"]["force"]["coverage"] = coverage
+    assert messages.score_lines(found) == [
         "force: mean absolute error 1.333 N (a guess of the mean 2 N), R² 0.211, 3 frames",
         "x: mean absolute error 0.1667 (a guess of the mean 2.5), R² 0.990, 3 frames",
+        "force: intervals for 0.8 hold the truth for 66.7% of these frames (95 % interval 20.8% "
+        "to 93.9%); mean width 4 N",
     ]
-    assert scores.lines(plain) == said
-    found = scores.score(Read(), recording, index, interval=0.8)
-    line = "hold the truth for"
-    assert scores.lines(found) == [
-        *said,
-        f"force: intervals for 0.8 {line} 66.7% of these frames (95 % interval 20.8% to 93.9%); "
-        "mean width 4 N",
-        f"x: intervals for 0.8 {line} 100.0% of these frames (95 % interval 43.9% to 100.0%); "
-        "mean width 4",
-    ]
-    assert found["errors"]["force"] == plain["errors"]["force"] | {
-        "coverage": {
-            "asked": 0.8,
-            "share": 2 / 3,
-            "interval": pytest.approx([0.2077, 0.9385], abs=1e-4),
-            "mean_width": 4.0,
-        }
-    }
-    wide = saved(tmp_path / "w.npz", [[1, 1, 255]], values=[[1, 1]], **about)
-    found = scores.score(Read(), open_recording(wide), np.array([0]), interval=0.8)
-    assert found["errors"]["x"]["coverage"]["mean_width"] is None
-    assert scores.lines(found)[3].endswith("mean width inf")
+    wide = scores.score(Read(), recording, np.array([4]), interval=0.8)
+    assert wide["errors"]["x"]["coverage"]["mean_width"] is None
+    assert messages.score_lines(wide)[3].endswith("mean width inf")
 
 
-def test_the_columns_of_confusions_have_names_that_differ():
-    """users: long names were cut to equal stumps."""
-    names = ["material_wood_rough", "material_wood_fine", "a"]
-    lines = scores.confusions({"classes": names, "confusion": np.eye(3, dtype=int)})
-    assert lines[1].split() == ["material_wood_r", "material_wood_f", "a"]
-
-
-def test_the_columns_of_confusions_are_as_wide_as_what_they_hold():
-    result = {"classes": ["a\tb", "polystyrene foam"], "confusion": [[10, 2], [0, 7]]}
-    assert scores.confusions(result) == [
-        "rows are the true classes, columns the predicted ones",
-        "                         a\\tb polystyrene ",
-        "a\\tb                       10            2",
-        "polystyrene foam            0            7",
-    ]
+@pytest.mark.parametrize(
+    ("names", "heads"),
+    [
+        # Long names were cut to equal stumps.
+        (["material_wood_rough", "material_wood_fine"],
+         "                    material_wood_r material_wood_f"),
+        (["a\tb", "polystyrene foam"], "                         a\\tb polystyrene "),
+    ],
+)  # fmt: skip
+def test_the_columns_of_confusions_have_names_that_differ(names, heads):
+    lines = messages.confusions({"classes": names, "confusion": [[10, 2], [0, 7]]})
+    assert lines[1] == heads
+    cells = [line.rsplit(maxsplit=2)[1:] for line in lines[2:]]
+    assert cells == [["10", "2"], ["0", "7"]]
+    assert {len(line) for line in lines[1:]} == {len(heads)}

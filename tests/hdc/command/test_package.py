@@ -16,25 +16,14 @@ CHECKOUT = Path(__file__).resolve().parents[3]
 def installed(tmp_path_factory):
     """The folder of a real installation, built from a copy, as building leaves files behind."""
     pytest.importorskip("setuptools", minversion="77")
-    source, target = (
-        tmp_path_factory.mktemp("source"),
-        tmp_path_factory.mktemp("target"),
-    )
+    source, target = map(tmp_path_factory.mktemp, ("source", "target"))
     leave = shutil.ignore_patterns(
         "__pycache__", "tests", "results", "build", "*.egg-info", ".*"
     )
     shutil.copytree(CHECKOUT, source, ignore=leave, dirs_exist_ok=True)
-    options = [
-        "--quiet",
-        "--no-deps",
-        "--no-build-isolation",
-        "--no-index",
-        "--target",
-        target,
-    ]
-    subprocess.run(
-        [sys.executable, "-m", "pip", "install", *options, source], check=True
-    )
+    options = ["--quiet", "--no-deps", "--no-build-isolation", "--no-index", "--target"]
+    pip = [sys.executable, "-m", "pip", "install", *options, target, source]
+    subprocess.run(pip, check=True)
     return target
 
 
@@ -58,30 +47,19 @@ def test_only_hdc_is_installed(installed):
 
 
 def test_the_sample_is_installed_and_small(installed):
-    sample = installed / "hdc" / "command" / "recording"
-    images = list(sample.rglob("*.png"))
+    images = list((installed / "hdc" / "command" / "recording").rglob("*.png"))
     assert len(images) == 30 + 15 + 24
     assert sum(image.stat().st_size for image in images) < 300_000
 
 
 def test_the_installed_command_runs(installed, tmp_path):
     done = subprocess.run(
-        [
-            sys.executable,
-            installed / "bin" / "hdc",
-            "train",
-            "nowhere",
-            "-o",
-            "m.safetensors",
-        ],
+        [sys.executable, installed / "bin" / "hdc", "train", "nowhere", "-o", "m"],
         env={"PYTHONPATH": str(installed)},
         cwd=tmp_path,
         capture_output=True,
         text=True,
     )
-    assert done.returncode == 1
-    assert done.stdout == ""
-    assert done.stderr.splitlines() == [
-        "error: path: expected a folder or a file of frames, found nothing: nowhere"
-    ]
+    said = "error: path: expected a folder or a file of frames, found nothing: nowhere"
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", f"{said}\n")
     assert list(tmp_path.iterdir()) == []

@@ -8,28 +8,32 @@ import cv2
 import numpy as np
 import pytest
 
-from hdc.command import main
-
 TUTORIAL = Path(__file__).resolve().parents[3] / "docs" / "tutorial.md"
-BLOCKS = re.findall(r"```sh\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL)
-
-PYTHON = re.findall(
-    r"```python\n(.*?)```", TUTORIAL.read_text(encoding="utf-8"), re.DOTALL
-)
 
 
-def run(block, capsys):
+def shown(language, word):
+    """The block of code of the tutorial that has a word."""
+    text = TUTORIAL.read_text(encoding="utf-8")
+    blocks = re.findall(rf"```{language}\n(.*?)```", text, re.DOTALL)
+    return next(block for block in blocks if word in block)
+
+
+def run(word, typed):
+    """What each line of a block prints."""
     outputs = []
-    for line in block.splitlines():
-        with pytest.raises(SystemExit) as caught:
-            main(shlex.split(line)[1:])
-        out, err = capsys.readouterr()
-        assert caught.value.code == 0, line
+    for line in shown("sh", word).splitlines():
+        status, out, err = typed(*shlex.split(line)[1:])
+        assert status == 0, line
         outputs.append(out + err)
     return outputs
 
 
-def test_nested_folders_by_a_template(tmp_path, monkeypatch, capsys):
+def save(path, image):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), image.astype(np.uint8))
+
+
+def test_nested_folders_by_a_template(tmp_path, monkeypatch, typed):
     monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
     base = {
@@ -39,12 +43,10 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, capsys):
         for name, pattern in base.items():
             for cycle in range(4):
                 folder = Path(f"press/day{day}/material_{name}/cycle_{cycle}_A")
-                folder.mkdir(parents=True)
                 image = pattern + rng.integers(0, 60, pattern.shape)
-                assert cv2.imwrite(str(folder / "frame.png"), image.astype(np.uint8))
+                save(folder / "frame.png", image)
                 (folder / "settings.json").write_text("{}")
-    walk = next(block for block in BLOCKS if "press/" in block)
-    trained, predicted, evaluated, recalibrated, compared = run(walk, capsys)
+    trained, predicted, evaluated, recalibrated, compared = run("press/", typed)
     assert "12 frames, 3 classes" in trained
     assert "held out in the last sessions: accuracy 100.0%" in trained
     assert (
@@ -64,34 +66,29 @@ def test_levels_and_lda_in_python(tmp_path, monkeypatch):
     common = rng.integers(0, 200, (48, 64))
     for day, n in (("touches", 20), ("tomorrow", 10)):
         for name, side in (("left", slice(8, 24)), ("right", slice(40, 56))):
-            folder = Path(day, name)
-            folder.mkdir(parents=True)
             for k in range(n):
                 image = common + rng.integers(0, 40, common.shape)
                 image[16:32, side] += 12
-                assert cv2.imwrite(str(folder / f"{k}.png"), image.astype(np.uint8))
-    code = next(block for block in PYTHON if 'encoder="levels"' in block)
+                save(Path(day, name, f"{k}.png"), image)
     names = {}
-    exec(code, names)
+    exec(shown("python", 'encoder="levels"'), names)
     truth = np.array(names["later"].names)
     found = names["loaded"].predict(names["later"].frames(range(20)))
     assert names["accuracy"] == (found == truth).mean()
     assert names["accuracy"] > names["published"]
 
 
-def test_numbers_by_a_table(tmp_path, monkeypatch, capsys):
+def test_numbers_by_a_table(tmp_path, monkeypatch, typed):
     monkeypatch.chdir(tmp_path)
     noise = np.random.default_rng(0).integers(0, 250, (30, 90)).astype(np.uint8)
     base = cv2.GaussianBlur(noise, (0, 0), 4)
     for folder, n in (("pins", 40), ("pins2", 10)):
-        Path(folder).mkdir()
         rows = ["image,x,depth"]
         for k in range(n):
-            assert cv2.imwrite(f"{folder}/image_{k}.png", base[:, k : k + 40])
+            save(Path(folder, f"image_{k}.png"), base[:, k : k + 40])
             rows.append(f"image_{k}.png,{40 - k},{k / 10}")
         Path(folder, "targets.csv").write_text("\n".join(rows) + "\n")
-    walk = next(block for block in BLOCKS if "pins/" in block)
-    trained, evaluated, predicted = run(walk, capsys)
+    trained, evaluated, predicted = run("pins/", typed)
     assert "40 frames" not in trained  # a fifth is held out
     assert "depth: mean absolute error" in trained
     assert evaluated.startswith("depth: mean absolute error")

@@ -1,0 +1,41 @@
+"""A folder of images of three patterns, and a model of it."""
+
+import cv2
+import numpy as np
+import pytest
+
+SIDE = 24
+
+
+@pytest.fixture
+def frames():
+    """uint8 [3, 12, 24, 24]: twelve noisy frames of each of three patterns."""
+    rng = np.random.default_rng(0)
+    base = rng.integers(0, 150, (3, 1, SIDE, SIDE))
+    return (base + rng.integers(0, 90, (3, 12, SIDE, SIDE))).astype(np.uint8)
+
+
+@pytest.fixture
+def write():
+    """write(root, frames, classes) → root, with a sub-folder of images for each class."""
+
+    def make(root, frames, classes="abc"):
+        for name, images in zip(classes, frames, strict=True):
+            (root / name).mkdir(parents=True, exist_ok=True)
+            for i, image in enumerate(images):
+                assert cv2.imwrite(str(root / name / f"{i}.png"), image)
+        return root
+
+    return make
+
+
+@pytest.fixture
+def folder(tmp_path, frames, write):
+    return write(tmp_path / "my frames [1]", frames)
+
+
+@pytest.fixture
+def model(hdc, folder, tmp_path):
+    path = tmp_path / "m.safetensors"
+    assert hdc("train", folder, "-o", path)[0] == 0
+    return path

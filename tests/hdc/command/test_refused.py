@@ -1,0 +1,187 @@
+"""What can be wrong with what a command is given: one line each, and nothing is written."""
+
+import os
+import re
+import subprocess
+import sys
+import warnings
+
+import numpy as np
+import pytest
+
+from hdc import HDCRegressor, command
+
+
+def contents(root):
+    return {str(p): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+
+
+def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tmp_path):
+    out = tmp_path / "out"
+    (tmp_path / "empty").mkdir()
+    one = write(tmp_path / "one", frames[:1], "a")
+    few = write(tmp_path / "few", [frames[0], frames[2, :1]], "ab")
+    other = write(tmp_path / "other", frames[:1], "x")
+    wide = write(tmp_path / "wide", np.pad(frames, [(0, 0)] * 3 + [(0, 2)]))
+    broken = write(tmp_path / "broken", frames) / "a" / "7.png"
+    broken.write_bytes(broken.read_bytes()[:-20])
+    HDCRegressor().fit(frames[0], np.arange(12.0)).save(tmp_path / "n")
+    unknown = f"{other}: expected classes among a, b, c, found 'x' (to add a class: hdc train "
+    before = contents(tmp_path)
+    for words, message in (
+        (("train", tmp_path / "no", "-o", out), f"found nothing: {tmp_path}/no"),
+        (("train", folder / "a", "-o", out), f"{folder}/a holds "),
+        (("train", folder, "-o", folder), f"{folder}: expected a regular file or"),
+        (("train", folder, "-o", tmp_path / "no" / "m"), "expected a folder to save m in"),
+        (("train", one, "-o", out, "--choose"), f"{one}: expected two classes or more, found "),
+        (("train", wide, "-o", out, "--crop", 20, 0, 20, 20),
+         f"{wide}/a/0.png: crop: expected a window inside frames 26 px wide and 24 px high"),
+        (("train", broken.parents[1], "-o", out), f"{broken}: expected a whole image"),
+        (("train", few, "-o", out, "--test-fraction", 0.5),
+         "--test-fraction: expected two frames or more of each class, found one"),
+        (("train", folder, "-o", out, "--set", "encoder__ties=3"), "ties: expected one of "),
+        (("train", folder, "-o", out, "--set", "encoder__tie=below"), "mean 'encoder__ties'"),
+        (("predict", tmp_path / "no", "x.png"), f"{tmp_path}/no"),
+        (("predict", folder / "a" / "0.png", model), f"{folder}/a/0.png: expected"),
+        (("predict", model, "no\n.png"), "no .png: expected a readable file, found none"),
+        (("predict", model, tmp_path / "empty"), f"{tmp_path}/empty: expected images (.png"),
+        (("predict", tmp_path / "n", folder, "--proba"),
+         "--proba: expected a model of classes, found HDCRegressor"),
+        (("predict", tmp_path / "n", folder, "--reject"),
+         "--reject: expected a model of classes, found HDCRegressor"),
+        (("evaluate", folder, model), "found a folder (the MODEL comes first)"),
+        (("evaluate", model, other), unknown),
+        (("evaluate", model, wide),
+         f"{wide}/a/0.png: expected 24 × 24 pixels as in training, found 26 × 24 pixels"),
+        (("recalibrate", model, other, "-o", out), unknown),
+    ):  # fmt: skip
+        status, shown, (line,) = hdc(*words)
+        assert (status, shown) == (1, []), words
+        assert line.startswith("error: ")
+        assert message in line
+    assert contents(tmp_path) == before
+
+
+def test_a_wrong_command_line_is_one_line_and_2(hdc):
+    train = ("train", "x", "-o", "m")
+    for words, said in (
+        (["trian"], "Did you mean 'train'?"),
+        (["train", "x"], "Missing option '-o'"),
+        ([*train, "--subsample", 0], "'--subsample': 0 is not in the range"),
+        ([*train, "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
+        ([*train, "--choose", "--set", "encoder__ties=below"],
+         "expected --choose, or --encoder, --readout and --set"),
+        ([*train, "--set", "thresholds=15"],
+         "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
+        (["train", "x", "-o", "-"], "expected the name of a file, found -"),
+        (["predict", "m"], "Missing argument 'IMAGES...'"),
+        (["predict", "m", "x", "--reject", "0.9"], "'--reject': 0.9 is not in the range"),
+        (["recalibrate", "m", "x", "-o", "n", "--method", "add"], "'replace', 'merge'"),
+    ):  # fmt: skip
+        status, out, (line,) = hdc(*words)
+        assert (status, out) == (2, [])
+        assert line.startswith("error: ")
+        assert said in line
+    assert hdc()[0] == 2
+    for words in ([], ["train"], ["predict"], ["evaluate"], ["recalibrate"], ["info"]):
+        status, out, err = hdc(*words, "--help")
+        assert (status, err, out[0][:10]) == (0, [], "Usage: hdc")
+
+
+@pytest.mark.parametrize(
+    ("name", "words", "extra"),
+    [
+        ("click", ["--help"], "command"),
+        ("nicegui", ["live", "--folder", "FOLDER"], "live"),
+        ("fastapi", ["live", "--folder", "FOLDER"], "live"),
+        ("sklearn", ["compare", "FOLDER"], "compare"),
+        ("av", ["train", "x.mp4", "-o", "m"], "files"),
+        ("h5py", ["train", "x.h5", "-o", "m"], "files"),
+        ("tifffile", ["train", "x.tif", "-o", "m"], "readers"),
+        ("pyarrow", ["train", "x.parquet", "-o", "m"], "files"),
+        ("scipy", ["train", "x.mat", "-o", "m"], "files"),
+    ],
+)
+def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):
+    code = f"import sys; sys.modules[{name!r}] = None\nfrom hdc.command import main; main()"
+    words = [str(folder) if word == "FOLDER" else word for word in words]
+    (tmp_path / words[1 % len(words)]).touch()
+    done = subprocess.run(
+        [sys.executable, "-c", code, *words],
+        capture_output=True,
+        text=True,
+        cwd=tmp_path,
+    )
+    assert (done.returncode, done.stdout, done.stderr.strip()) == (
+        1,
+        "",
+        f"error: expected the package {name}, found none; pip install 'speckle-hdc[{extra}]'",
+    )
+
+
+def test_only_models_are_replaced(hdc, model, folder, tmp_path):
+    """cracks: an image of the recording, a device, a pipe and a link were replaced."""
+    (tmp_path / "notes.txt").write_text("mine")
+    (tmp_path / "link").symlink_to(model)
+    os.mkfifo(tmp_path / "pipe")
+
+    def times():
+        return {p: p.lstat().st_mtime_ns for p in tmp_path.rglob("*")}
+
+    before = times()
+    for name in (folder / "a" / "0.png", "notes.txt", "link", "pipe", "/dev/null"):
+        for words in (["train", folder], ["recalibrate", model, folder]):
+            status, out, (line,) = hdc(*words, "-o", tmp_path / name)
+            assert (status, out) == (1, [])
+            assert re.search(r"expected .* or (no file|none), found", line)
+    assert times() == before
+    assert hdc("train", folder, "-o", model)[0] == 0
+
+
+def test_help_does_without_torch():
+    code = (
+        "import sys; from hdc.command import main\n"
+        "try: main(['train', '--help'])\n"
+        "except SystemExit: sys.exit('torch' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
+
+
+def test_no_code_of_a_name_reaches_the_terminal(hdc, tmp_path):
+    status, _, (line,) = hdc("train", tmp_path / "a\x1b[31m\u202eb", "-o", "m")
+    assert (status, line.isprintable()) == (1, True)
+    assert r"a\x1b[31m\u202eb" in line
+
+
+@pytest.fixture
+def instead(capsys, monkeypatch):
+    """instead(run) → exit status and lines of errors of a command that does this."""
+
+    def ended(run):
+        monkeypatch.setattr(command, "_run", run)
+        with pytest.raises(SystemExit) as caught:
+            command.main([])
+        return caught.value.code, capsys.readouterr().err.splitlines()
+
+    return ended
+
+
+def test_a_memory_that_is_too_small_is_one_line(instead):
+    def fill(_):
+        raise MemoryError("Unable to allocate 9 GiB")
+
+    status, (line,) = instead(fill)
+    assert status == 1
+    assert line.startswith("error: expected more memory, found: Unable to allocate 9")
+
+
+def test_a_warning_is_said_once_whatever_its_share(instead):
+    """A comparison trains the same model fold after fold, and each has its share of ties."""
+
+    def warn(_):
+        for text in ("80% are tied", "81% are tied", "left out day1", "left out day2"):
+            warnings.warn(text, stacklevel=2)
+        return 0
+
+    said = ["80% are tied", "left out day1", "left out day2"]
+    assert instead(warn) == (0, [f"warning: {text}" for text in said])
