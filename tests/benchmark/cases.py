@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -71,13 +70,8 @@ class Case:
         folder = Path(self._temporary.name)
         side = math.isqrt(self.d)
         lossless = cv2.VideoWriter.fourcc(*"FFV1")
-        video = cv2.VideoWriter(
-            str(folder / "video.avi"),
-            lossless,
-            RATE_HZ,
-            (side, side),
-            isColor=False,
-        )
+        size, path = (side, side), str(folder / "video.avi")
+        video = cv2.VideoWriter(path, lossless, RATE_HZ, size, isColor=False)
         lines, first = ["start_s,end_s,label"], 0
         for c, n in enumerate(np.bincount(self.labels)):
             of_class = folder / "images" / str(c)
@@ -93,29 +87,22 @@ class Case:
         return folder
 
     def _made(self, labels: np.ndarray, stream: int) -> Tensor:
-        drawn = self._drawn(labels, stream)
-        frames = np.fromiter(drawn, (np.uint8, self.d), len(labels))
-        return torch.from_numpy(frames)
-
-    def _drawn(
-        self,
-        labels: np.ndarray,
-        stream: int,
-    ) -> Iterator[np.ndarray]:
-        """One frame [D] after another; every pattern is a stretch of one long random sequence."""
+        """Frames [n, D]; every pattern is a stretch of one long random sequence."""
         n, spare = len(labels), min(15 * self.d, 2**22)
         of_sequence = np.random.default_rng(self.seed)
         sequence = of_sequence.standard_gamma(3, self.d + spare, np.float32)
-        of_classes = np.random.default_rng([self.seed, 0])
-        starts_of_classes = of_classes.integers(0, spare, self.l)
+        of_classes = np.random.default_rng([self.seed, 0]).integers(0, spare, self.l)
         of_frames = np.random.default_rng([self.seed, stream])
         gains = 1 + 0.01 * of_frames.standard_normal(n)
+        frames = np.empty((n, self.d), np.uint8)
         starts = of_frames.integers(0, spare, n)
-        for label, start, gain in zip(labels, starts, gains, strict=True):
-            of_class = sequence[starts_of_classes[label] :][: self.d]
-            pattern = of_class + sequence[start:][: self.d]
-            grey = np.float32(gain * 50 / 3 / 2) * pattern
-            yield np.minimum(grey, 255).astype(np.uint8)
+        for k, (start, of_class) in enumerate(
+            zip(starts, of_classes[labels], strict=True)
+        ):
+            pattern = sequence[of_class:][: self.d] + sequence[start:][: self.d]
+            grey = np.float32(gains[k] * 50 / 3 / 2) * pattern
+            frames[k] = np.minimum(grey, 255)
+        return torch.from_numpy(frames)
 
     def verdict(self, result: np.ndarray) -> str:
         """Compare a result in common form with the reference, which is computed in numpy alone.
@@ -188,9 +175,5 @@ def pack_bits(mask: np.ndarray) -> np.ndarray:
 def unpack_bits(words: Tensor, d: int) -> np.ndarray:
     """Packed words [..., W] → bool [..., D]."""
     packed = words.numpy().view(np.uint8)
-    return np.unpackbits(
-        packed,
-        axis=-1,
-        count=d,
-        bitorder="little",
-    ).view(np.bool_)
+    ones = np.unpackbits(packed, axis=-1, count=d, bitorder="little")
+    return ones.view(np.bool_)

@@ -26,8 +26,15 @@ from hdc import HDCClassifier, backends, bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
 from hdc.readers import open_recording
-from tests.benchmark import names
 from tests.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
+
+OURS, OURS_COMPILED, OURS_GPU = "hdc", "hdc, compiled", "hdc, on the GPU"
+READ, COPY = "one read of the bytes", "one copy of the bytes"
+NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
+TORCHHD_TRAIN = "torch.median, torchhd.multiset"
+DECODE_IMAGES = "cv2.imread alone, as many threads"
+DECODE_VIDEO = "cv2.VideoCapture alone"
+NO_RESULT = (READ, COPY, DECODE_IMAGES, DECODE_VIDEO)
 
 
 class Route(NamedTuple):
@@ -44,7 +51,9 @@ def encode_routes(case: Case) -> Iterator[Route]:
     yield from ours(by(partial(Median().encode, frames)))
     yield from on_gpu(case, lambda gpu: partial(Median().encode, frames.to(gpu)))
     yield from on_gpu(
-        case, lambda gpu: partial(torch_bits, frames.to(gpu)), names.ENCODE_GPU
+        case,
+        lambda gpu: partial(torch_bits, frames.to(gpu)),
+        "torch.median, compare, on the GPU",
     )
     yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
     yield Route(
@@ -58,7 +67,7 @@ def bundle_routes(case: Case) -> Iterator[Route]:
     classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
     yield from ours(by(partial(count, case, case.words)))
     yield from on_gpu(case, lambda gpu: partial(count, case, case.words.to(gpu)))
-    yield Route(names.TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
+    yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
 
 
 def hamming_routes(case: Case) -> Iterator[Route]:
@@ -79,7 +88,7 @@ def hamming_routes(case: Case) -> Iterator[Route]:
     yield from on_gpu(
         case, lambda gpu: partial(bits.hamming, pair[0].to(gpu), pair[1].to(gpu))
     )
-    yield Route(names.NUMKONG, "numkong", numkong_distances)
+    yield Route(NUMKONG, "numkong", numkong_distances)
     yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
 
@@ -93,19 +102,16 @@ def train_routes(case: Case) -> Iterator[Route]:
         model = HDCClassifier(backend=backend, device=device)
         return model.fit(frames, case.labels)
 
-    def ordinary(ones: Callable[[Tensor], Tensor]) -> Tensor:
-        return multisets(by_class(case, ones(frames)))
-
     def read() -> np.ndarray:
         return np.bitwise_xor.reduce(pixels.view(np.uint64))
 
     yield from ours(lambda backend: partial(train, backend))
     yield from on_gpu(case, lambda gpu: partial(train, "auto", gpu))
-    yield Route(names.READ, "numpy", read)
-    yield Route(names.COPY, "numpy", partial(np.copyto, copied, pixels))
-    of_frames = (torch_bits, numpy_bits, opencv_bits)
-    for name, ones in zip(names.ORDINARY_ROUTES, of_frames, strict=True):
-        yield Route(name, "torchhd", partial(ordinary, ones))
+    yield Route(READ, "numpy", read)
+    yield Route(COPY, "numpy", partial(np.copyto, copied, pixels))
+    yield Route(
+        TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames)))
+    )
 
 
 def predict_routes(case: Case) -> Iterator[Route]:
@@ -157,20 +163,19 @@ def folder_routes(case: Case) -> Iterator[Route]:
                 pass
 
     yield from ours(partial(trained_on, case.folder / "images"))
-    yield Route(names.DECODE_IMAGES, "cv2", decode)
+    yield Route(DECODE_IMAGES, "cv2", decode)
 
 
 def video_routes(case: Case) -> Iterator[Route]:
     """A video to prototypes."""
 
     def decode() -> None:
-        path = str(case.folder / "video.avi")
-        capture = load("cv2").VideoCapture(path)
+        capture = load("cv2").VideoCapture(str(case.folder / "video.avi"))
         while capture.read()[0]:
             pass
 
     yield from ours(partial(trained_on, case.folder / "video.avi"), "av")
-    yield Route(names.DECODE_VIDEO, "cv2", decode)
+    yield Route(DECODE_VIDEO, "cv2", decode)
 
 
 def trained_on(path: Path, backend: str) -> Callable[[], HDCClassifier]:
@@ -200,12 +205,11 @@ def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
     if case.operation == "predict":
         return np.array([call() for _ in range(HELD_OUT)]).ravel()
     result: Any = call()
-    if isinstance(result, HDCClassifier):
-        result = result.prototypes_
-    if isinstance(result, Tensor):
-        result = result.cpu()
-    is_packed = isinstance(result, Tensor) and result.dtype == torch.int64
-    if is_packed and case.operation != "hamming":
+    result = getattr(result, "prototypes_", result)  # of a model
+    result = getattr(result, "cpu", lambda: result)()
+    if case.operation == "hamming":
+        return np.asarray(result)
+    if getattr(result, "dtype", None) == torch.int64:
         result = unpack_bits(result, case.d)
     array = np.asarray(result)
     return pack_bits(array) if array.dtype == np.bool_ else array
@@ -218,12 +222,12 @@ def ours(
 
     A reader may need a package of its own.
     """
-    yield Route(names.OURS, package or "torch", build("numpy"))
-    yield Route(names.OURS_COMPILED, package or "numba", build("compiled"))
+    yield Route(OURS, package or "torch", build("numpy"))
+    yield Route(OURS_COMPILED, package or "numba", build("compiled"))
 
 
 def on_gpu(
-    case: Case, build: Callable[[str], Callable[[], Any]], name: str = names.OURS_GPU
+    case: Case, build: Callable[[str], Callable[[], Any]], name: str = OURS_GPU
 ) -> Iterator[Route]:
     """The route on the GPU, where the case has one, by a function that makes a call there.
 
@@ -266,21 +270,9 @@ def torch_bits(frames: Tensor) -> Tensor:
     return frames > frames.median(1, keepdim=True).values
 
 
-def numpy_bits(frames: Tensor) -> Tensor:
-    """The same by NumPy."""
-    pixels = frames.numpy()
-    return torch.from_numpy(pixels > np.median(pixels, 1, keepdims=True))
-
-
 def opencv_words(frames: np.ndarray) -> np.ndarray:
     """The same of uint8 frames, packed, by OpenCV's histograms; exact to 2^24 pixels."""
     return np.stack([pack_bits(frame > opencv_median(frame)) for frame in frames])
-
-
-def opencv_bits(frames: Tensor) -> Tensor:
-    """The same, not packed."""
-    ones = [frame > opencv_median(frame) for frame in frames.numpy()]
-    return torch.from_numpy(np.stack(ones))
 
 
 def by_class(case: Case, ones: Tensor) -> list[Tensor]:
