@@ -1,7 +1,5 @@
 """A bank of frames: the words of the library, and of 8- and 16-bit frames alone."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

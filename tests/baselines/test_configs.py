@@ -1,7 +1,5 @@
 """The files of configs/model: each makes a model, and says how it is shown."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 
@@ -9,7 +7,6 @@ import pytest
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from matplotlib.lines import Line2D
-from omegaconf import DictConfig
 
 from baselines.base import Classifier
 
@@ -25,7 +22,7 @@ GROUPS = {"paper", "fast", "beyond", "other"}
 
 
 @functools.cache
-def composed(*overrides: str) -> DictConfig:
+def composed(*overrides):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         return compose("config", overrides=list(overrides))
 

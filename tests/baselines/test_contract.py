@@ -1,22 +1,17 @@
 """What every competitor promises, whatever it does inside."""
 
-from __future__ import annotations
-
 import copy
 import functools
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
 import torch
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
-from omegaconf import DictConfig
 
 from baselines.bank import Bank
-from baselines.base import Classifier
 from baselines.cnn import CNN
 from baselines.convolutions import Scattering
 from baselines.correlation import CorrelationClassifier
@@ -40,12 +35,12 @@ NAMES = [name for name in ALL if not name.startswith("hdc") and name not in VARI
 
 
 @functools.cache
-def config_of(name: str) -> DictConfig:
+def config_of(name):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         return compose("config", overrides=[f"model={name}"])
 
 
-def make(name: str) -> Any:
+def make(name):
     """The model of a config, quick enough for small frames."""
     if name.startswith("torchhd"):
         pytest.importorskip("torchhd")
@@ -62,12 +57,12 @@ def model(request):
     return make(request.param)
 
 
-def least(model: Classifier) -> float:
+def least(model):
     """Share of small training frames that a model has right: their classes differ by patterns."""
     return 0.4 if isinstance(model, Brightness) else 0.9
 
 
-def same_state(a: Classifier, b: Classifier) -> bool:
+def same_state(a, b):
     x, y = a.state_tensors(), b.state_tensors()
     return x.keys() == y.keys() and all(torch.equal(x[name], y[name]) for name in x)
 

@@ -1,7 +1,5 @@
 """What is computed in the space of samples is what is defined on the pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Products of frames and of matrices of bytes are exact."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

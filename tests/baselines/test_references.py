@@ -1,7 +1,5 @@
 """The other competitors against a direct computation."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -1,7 +1,5 @@
 """Softmax regression: one optimum by every road, and the stability limit of the explicit one."""
 
-from __future__ import annotations
-
 import doctest
 import itertools
 from itertools import pairwise
@@ -11,7 +9,6 @@ import pytest
 import torch
 from sklearn.linear_model import LogisticRegression
 from sklearn.preprocessing import StandardScaler
-from torch import Tensor
 
 from baselines import softmax
 from baselines.softmax import SoftmaxRegression
@@ -20,7 +17,7 @@ from baselines.softmax_dual import DualSoftmaxRegression
 C = 0.1
 
 
-def features(frames: Tensor, pixels: str = "unit") -> np.ndarray:
+def features(frames, pixels="unit"):
     x = frames.flatten(1).double().numpy()
     if pixels == "standard":
         return StandardScaler().fit_transform(x)
@@ -31,9 +28,7 @@ def features(frames: Tensor, pixels: str = "unit") -> np.ndarray:
     return x / 255 if pixels == "unit" else x
 
 
-def objective(
-    weight: np.ndarray, bias: np.ndarray, x: np.ndarray, labels: np.ndarray
-) -> float:
+def objective(weight, bias, x, labels):
     """C Σ log-loss + ½‖W‖², in float64."""
     logits = torch.from_numpy(x @ weight.T + bias)
     loss = torch.nn.functional.cross_entropy(
@@ -42,7 +37,7 @@ def objective(
     return C * loss.item() + 0.5 * (weight**2).sum()
 
 
-def reference(x: np.ndarray, labels: np.ndarray) -> float:
+def reference(x, labels):
     best = LogisticRegression(C=C, tol=1e-12, max_iter=100_000, solver="newton-cg").fit(
         x, labels
     )
@@ -101,7 +96,7 @@ def test_dual_at_the_limits_stays_finite(change, c, pixels, speckle):
         torch.testing.assert_close(share, torch.full((1, 3), 1 / 3), atol=1e-4, rtol=0)
 
 
-def largest_curvature(x: np.ndarray, labels: np.ndarray) -> float:
+def largest_curvature(x, labels):
     """λ_max of the Hessian of the mean loss at W = 0, b = 0, bias included.
 
     There P = 1/L for every sample, so the Hessian is (1/L − 11ᵀ/L²) ⊗ XᵀX/N.
@@ -206,8 +201,11 @@ def test_the_example_in_the_docstring():
     assert doctest.testmod(softmax).failed == 0
 
 
-def test_the_accuracy_of_minibatches_is_that_before_they_were_learnt_from(speckle):
-    frames, labels = speckle(60, (8, 8), 3)
+def test_the_accuracy_of_minibatches_is_that_before_they_were_learnt_from(
+    frames_and_labels,
+):
+    frames, labels = frames_and_labels(60, 3, 8)
+    frames = torch.from_numpy(frames)
     model = SoftmaxRegression(batch_size=None, lr=1e-3)
     found, expected = [], []
     for report in itertools.islice(model.train(frames, labels), 8):
@@ -217,8 +215,11 @@ def test_the_accuracy_of_minibatches_is_that_before_they_were_learnt_from(speckl
     assert len(set(found)) > 2
 
 
-def test_the_accuracy_of_minibatches_is_that_since_the_last_report(speckle):
-    frames, labels = speckle(60, (8, 8), 3)
+def test_the_accuracy_of_minibatches_is_that_since_the_last_report(
+    frames_and_labels,
+):
+    frames, labels = frames_and_labels(60, 3, 8)
+    frames = torch.from_numpy(frames)
 
     def reported(number, count):
         model = SoftmaxRegression(

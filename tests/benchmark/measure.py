@@ -6,8 +6,6 @@ turns (A B C A B C), so that a busy machine slows all alike: a ratio to ours is 
 turns.
 """
 
-from __future__ import annotations
-
 import gc
 import importlib.util
 import itertools

@@ -1,7 +1,5 @@
 """Packed bits: every route gives the same bits as unpacked ones."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -12,7 +10,7 @@ from torch import Tensor
 from hdc import bits, planes
 
 
-def mask_of(shape: tuple[int, ...], seed: int = 0) -> Tensor:
+def mask_of(shape, seed=0):
     return torch.from_numpy(np.random.default_rng(seed).random(shape) < 0.5)
 
 
@@ -22,7 +20,7 @@ class Elsewhere(Tensor):
     device = property(lambda self: torch.device("cuda"))
 
 
-def elsewhere(words: Tensor) -> Tensor:
+def elsewhere(words):
     return words.as_subclass(Elsewhere)
 
 

@@ -1,7 +1,5 @@
 """The examples of the docstrings run and show what they say."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 import pkgutil

@@ -1,7 +1,5 @@
 """No module of the library needs itself, by whatever kind of import."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
@@ -62,7 +60,7 @@ NOT_NEEDED = (
 )
 
 
-def loaded_by(words: str) -> set[str]:
+def loaded_by(words):
     """Modules that a process has loaded after it made a classifier of these arguments learn."""
     code = f"""
 import sys

@@ -1,7 +1,5 @@
 """Files: written whole or not at all, and never in place of anything but a model."""
 
-from __future__ import annotations
-
 import json
 import os
 import struct
@@ -23,7 +21,7 @@ Y = np.arange(12) % 3
 QUERIES = np.random.default_rng(1).integers(0, 255, (9, 5, 7), dtype=np.uint8)
 
 
-def trained(**parameters) -> HDCClassifier:
+def trained(**parameters):
     return HDCClassifier(**parameters).fit(X, Y)
 
 
@@ -61,7 +59,7 @@ def test_only_regular_files_are_replaced_and_read(tmp_path):
     assert (tmp_path / "target").read_text() == "kept"
 
 
-def file_of(header: dict, tensors: dict | None = None) -> bytes:
+def file_of(header, tensors=None):
     """A safetensors file as a model is, without a digest."""
     tensors = tensors or {"n": torch.ones(3)}
     return safetensors.save(tensors, {"model": json.dumps(header)})

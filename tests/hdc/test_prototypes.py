@@ -1,7 +1,5 @@
 """Counters of classes, their majority, and recalibration."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -14,11 +12,11 @@ from hdc.readouts import Majority
 from tests.hdc.own import fitted
 
 
-def vectors(n: int, d: int, seed: int = 0) -> torch.Tensor:
+def vectors(n, d, seed=0):
     return torch.from_numpy(np.random.default_rng(seed).random((n, d)) < 0.5)
 
 
-def counted(n_classes: int, mask: torch.Tensor, labels) -> Counters:
+def counted(n_classes, mask, labels):
     counters = Counters(n_classes, mask.shape[1])
     counters.add(bits.pack(mask), torch.as_tensor(labels))
     return counters

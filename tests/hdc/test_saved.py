@@ -1,10 +1,7 @@
 """Models in files: what comes back, and what is refused instead of loaded."""
 
-from __future__ import annotations
-
 import sys
 import warnings
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -139,7 +136,7 @@ def test_flipped_bits_are_refused_or_harmless(tmp_path):
         assert model.metadata_ == good.metadata_
 
 
-def refused(path: Path, model, header: dict, tensors: dict) -> None:
+def refused(path, model, header, tensors):
     """A model saved with some of its header and tensors replaced is not loaded; as it is, it is."""
     model.fit(X, Y).save(path)
     old, old_tensors = io.read_model(path)
@@ -153,7 +150,7 @@ def refused(path: Path, model, header: dict, tensors: dict) -> None:
         type(model).load(path)
 
 
-def part(name: str | None, **parameters) -> dict:
+def part(name, **parameters):
     return {"class": name, "parameters": parameters}
 
 
@@ -179,7 +176,7 @@ def test_headers_that_do_not_fit_are_refused(tmp_path, header):
     refused(tmp_path / "m", HDCClassifier(), header, {})
 
 
-def long(*shape: int) -> torch.Tensor:
+def long(*shape):
     return torch.zeros(shape, dtype=torch.int64)
 
 
