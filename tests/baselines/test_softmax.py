@@ -155,11 +155,16 @@ def test_a_batch_in_parts_is_the_batch(small):
 
 def test_reports_come_as_often_as_asked(speckle):
     frames, labels = speckle(50, (6, 6), 2)
-    model = SoftmaxRegression(reports_per_epoch=5, max_epochs=2)  # 3 steps an epoch
-    seen = [row["samples_seen"] for row in model.train(frames, labels)]
-    assert seen == [20, 40, 50, 70, 90, 100]
-    model = SoftmaxRegression(batch_size=5, reports_per_epoch=2, max_epochs=1)
-    assert [row["epoch"] for row in model.train(frames, labels)] == [0.5, 1.0]
+
+    def reported(name, **settings):
+        rows = SoftmaxRegression(**settings).train(frames, labels)
+        return [row[name] for row in rows]
+
+    three_steps = {"reports_per_epoch": 5, "max_epochs": 2}
+    assert reported("samples_seen", **three_steps) == [20, 40, 50, 70, 90, 100]
+    assert reported("steps", **three_steps) == [1, 2, 3, 4, 5, 6]
+    halves = {"batch_size": 5, "reports_per_epoch": 2, "max_epochs": 1}
+    assert reported("epoch", **halves) == [0.5, 1.0]
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,8 @@ def test_paths_lie_in_the_layer(small):
     share = (paths.level == small.layer.levels).double().mean().item()
     assert share == pytest.approx(0.30, abs=4 * math.sqrt(0.21 / paths.level.numel()))
     assert torch.linalg.vector_norm(paths.bend, dim=0).max() <= 2 + 1e-5
+    mean = torch.exp(1j * small.phase).mean().abs()  # of phases anywhere in the circle
+    assert mean < 4 / math.sqrt(small.phase.numel())
 
 
 def test_phases_are_linear_in_depth_and_zero_at_none(small):
