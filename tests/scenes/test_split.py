@@ -53,32 +53,28 @@ def test_a_split_is_stratified_and_tests_on_what_came_last(
             assert of_class[0].max() < of_class[1].min()
 
 
-@given(labelled(least=6), st.sampled_from([0.2, 0.4]), seeds)
-def test_a_grouped_split_never_parts_a_group(labels, fraction, seed):
-    """Groups of one or two samples of a class: as near as whole groups allow."""
-    groups = np.array([f"{name}/{k // 2}" for k, name in enumerate(labels)])
-    train, test = parted(
-        labels, test_fraction=fraction, kind="grouped", seed=seed, groups=groups
+@given(labelled(least=6), st.sampled_from([0.2, 0.4]), seeds, st.booleans())
+def test_a_grouped_split_never_parts_a_group(labels, fraction, seed, across):
+    """Groups of one or two samples of a class, as near as they allow, or across all classes."""
+    names, place = np.unique(labels), np.arange(len(labels))
+    groups = np.array(
+        [f"{name}/{k}" for name, k in zip(labels, place // 2, strict=True)]
     )
-    assert not set(groups[train]) & set(groups[test])
-    names = np.unique(labels)
-    share = fraction * counts_of(labels, names)
-    assert (np.abs(counts_of(labels[test], names) - share) <= 2).all()
-
-
-@given(labelled(least=6), st.sampled_from([0.2, 0.4]), seeds)
-def test_groups_of_several_classes_stay_whole_or_are_refused(labels, fraction, seed):
-    rng = np.random.default_rng(seed)
-    groups = rng.choice([3, 5, 8, 13, 21], len(labels), p=[0.1, 0.1, 0.2, 0.2, 0.4])
-    for name in np.unique(labels):  # every class is in two groups at least
-        groups[np.flatnonzero(labels == name)[:2]] = 3, 5
+    if across:
+        rng = np.random.default_rng(seed)
+        groups = rng.choice([3, 5, 8, 13, 21], len(labels), p=[0.1, 0.1, 0.2, 0.2, 0.4])
+        for name in names:  # every class is in two groups at least
+            groups[np.flatnonzero(labels == name)[:2]] = 3, 5
     settings = {"test_fraction": fraction, "kind": "grouped", "seed": seed}
     try:
         train, test = parted(labels, groups=groups, **settings)
     except ValueError as error:  # two others' test needed the only groups of a class
+        assert across
         assert "split.groups: expected groups of class" in str(error)  # noqa: PT017
         return
     assert not set(groups[train]) & set(groups[test])
+    share = fraction * counts_of(labels, names)
+    assert across or (np.abs(counts_of(labels[test], names) - share) <= 2).all()
 
 
 def test_groups_that_are_drawn_follow_the_seed_and_large_ones_are_still_found():
