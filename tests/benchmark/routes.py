@@ -18,13 +18,14 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from baselines.libraries import multisets, opencv_median
+from baselines.libraries import multisets
 from experiments.protocol.clock import synchronise
-from hdc import HDCClassifier, backends, bits
+from hdc import HDCClassifier, bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
 from hdc.readers import open_recording
 from tests.benchmark.cases import HELD_OUT, pack_bits, unpack_bits
+from tests.hdc import own
 
 OURS, OURS_COMPILED, OURS_GPU = "hdc", "hdc, compiled", "hdc, on the GPU"
 READ, COPY = "one read of the bytes", "one copy of the bytes"
@@ -54,9 +55,6 @@ def encode_routes(case):
         "torch.median, compare, on the GPU",
     )
     yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
-    yield Route(
-        "cv2.calcHist, compare, packbits", "cv2", lambda: opencv_words(frames.numpy())
-    )
 
 
 def bundle_routes(case):
@@ -115,18 +113,10 @@ def train_routes(case):
 def predict_routes(case):
     """A frame to its label; successive calls take successive held-out frames."""
     frames, labels = case.held_out.split(1), np.arange(case.l)
-    prototypes = case.prototypes.numpy().view(np.uint64)
-    n_bytes = -(-case.d // 8)
 
     @cache
     def ones():
         return load("torchhd").BSCTensor(torch_bits(case.examples))
-
-    def opencv_label(frame):
-        query = np.zeros_like(prototypes[:1]).view(np.uint8)
-        query[:, :n_bytes] = opencv_words(frame.numpy())
-        differing = np.bitwise_count(query.view(np.uint64) ^ prototypes)
-        return differing.sum(1, dtype=np.int64).argmin()
 
     def torchhd_label(frame):
         torchhd = load("torchhd")
@@ -146,7 +136,6 @@ def predict_routes(case):
     yield Route(
         "torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label)
     )
-    yield Route("cv2.calcHist, numpy.bitwise_count", "cv2", each(opencv_label))
 
 
 def folder_routes(case):
@@ -241,15 +230,7 @@ def on_gpu(case, build, name=OURS_GPU):
 
 def by(call):
     """A function that makes the call by a backend."""
-
-    def build(backend):
-        def computed():
-            with backends.computing(backend):
-                return call()
-
-        return computed
-
-    return build
+    return lambda backend: partial(own.by, backend, call)
 
 
 def count(case, words):
@@ -262,11 +243,6 @@ def count(case, words):
 def torch_bits(frames):
     """Pixels above the median of their frame, bool [N, D]."""
     return frames > frames.median(1, keepdim=True).values
-
-
-def opencv_words(frames):
-    """The same of uint8 frames, packed, by OpenCV's histograms; exact to 2^24 pixels."""
-    return np.stack([pack_bits(frame > opencv_median(frame)) for frame in frames])
 
 
 def by_class(case, ones):
