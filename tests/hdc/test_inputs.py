@@ -7,6 +7,7 @@ the checks of scikit-learn, in test_estimator.
 from __future__ import annotations
 
 import enum
+import warnings
 
 import numpy as np
 import pytest
@@ -30,7 +31,7 @@ EXACT = {
     "largest": [2**70, 2**70 + 1, 0],
     "mixed": [BIG, 0.5, 0],
     "text": ["1", "1\0", ""],
-    "bools": [True, False, True],
+    "bools": [True, False],
     "objects of numpy": np.array([np.int64(BIG), np.int64(3), 0], object),
     "uint64": np.array([2**64 - 1, 1, 0], np.uint64),
     "float32": np.array([0.1, 1, 0], np.float32),
@@ -44,11 +45,12 @@ EXACT = {
 
 @pytest.mark.parametrize("given", EXACT.values(), ids=EXACT)
 def test_labels_are_exactly_those_given(given):
-    model = HDCClassifier().fit(THREE, given)
+    frames = THREE[: len(given)]
+    model = HDCClassifier().fit(frames, given)
     wanted = [label.item() if hasattr(label, "item") else label for label in given]
-    assert model.classes_.tolist() == sorted(set(wanted))
-    found = model.predict(THREE).tolist()
-    assert len(set(wanted)) < 3 or found == wanted
+    assert model.classes_.tolist() == sorted(wanted)
+    found = model.predict(frames).tolist()
+    assert found == wanted
     assert set(map(type, found)) == set(map(type, wanted))
 
 
@@ -108,7 +110,7 @@ def test_depths_are_labels_and_a_continuous_quantity_is_none():
     depths = np.arange(60) / 8 + 0.1  # one frame a depth
     assert HDCClassifier().fit(FRAMES[:30], depths[:30]).classes_.size == 30
     assert HDCClassifier().fit(FRAMES, np.arange(60.0)).classes_.size == 60
-    assert HDCClassifier().fit(FRAMES, depths // 2 + 0.1).classes_.size == 4
+    assert HDCClassifier().fit(FRAMES, LABELS + 0.1).classes_.size == 3
     message = "labels: expected classes, found 60 different numbers for 60 .*continuous"
     with pytest.raises(ValueError, match=message):
         HDCClassifier().fit(FRAMES, depths)
@@ -183,15 +185,14 @@ HIDDEN = (np.arange(60) >= 40)[:, None, None]
 ONE_HIDDEN = np.ma.array(FRAMES, mask=np.arange(7200).reshape(FRAMES.shape) == 873)
 ALL_PIXELS = "frames: expected all pixels, found masked ones"
 DENSE = "frames: expected plain numbers, found "
+with warnings.catch_warnings(action="ignore"):  # torch will drop them
+    QUANTISED = torch.quantize_per_tensor(torch.eye(60), 1.0, 0, torch.quint8)
 NO_FRAMES = {
     "channels": (np.ones((60, 2, 2, 3)), r"found \(60, 2, 2, 3\); take one channel"),
     "of two shapes": ([np.ones((3, 4)), np.ones((3, 5))], "frames of one shape"),
     "meta": (torch.empty(60, 8, 8, device="meta"), DENSE + "a meta tensor"),
     "sparse of torch": (torch.eye(60).to_sparse(), DENSE + "a sparse tensor"),
-    "quantised": (
-        torch.quantize_per_tensor(torch.eye(60), 1.0, 0, torch.quint8),
-        DENSE + "a quantised tensor",
-    ),
+    "quantised": (QUANTISED, DENSE + "a quantised tensor"),
     "a loader": (
         torch.utils.data.DataLoader(torch.from_numpy(FRAMES)),
         "frames: expected frames, found a loader of batches",
@@ -229,8 +230,8 @@ def test_a_single_image_is_a_batch_of_one(kind):
         streamed.partial_fit(kind(frame), [label])
         assert model.predict(kind(frame)).tolist() == [label]
     assert torch.equal(streamed.prototypes_, model.prototypes_)
-    one_row = HDCClassifier().fit(FRAMES[:, :1], LABELS)  # ambiguous: rows of pixels
-    assert one_row.predict(FRAMES[:, 0]).shape == (60,)
+    rows = rng.random((60, 1, 10))  # of one row: [N, D] are as many frames
+    assert HDCClassifier().fit(rows, LABELS).predict(rows[:, 0]).shape == (60,)
 
 
 def test_images_of_another_shape_are_refused_and_flat_ones_taken():
