@@ -1,16 +1,12 @@
 """Small frames on which the laws can be checked in seconds."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
 from torch import Tensor
 
 
-def make_speckle(
-    n: int, shape: tuple[int, int], classes: int, seed: int = 0
-) -> tuple[Tensor, np.ndarray]:
+def make_speckle(n, shape, classes, seed=0):
     """Noisy speckle frames uint8 [n, H, W] about one pattern a class, and labels [n] in turn."""
     rng = np.random.default_rng(seed)
     labels = np.arange(n) % classes
@@ -33,14 +29,14 @@ def small():
 class Lazy:
     """A FrameSource that makes its frames only when indexed."""
 
-    def __init__(self, images: Tensor) -> None:
+    def __init__(self, images):
         self._images = images
         self.shape = tuple(images.shape)
 
-    def __len__(self) -> int:
+    def __len__(self):
         return len(self._images)
 
-    def __getitem__(self, index: slice | Tensor) -> Tensor:
+    def __getitem__(self, index):
         assert isinstance(index, slice | Tensor)
         return self._images[index].clone()
 

@@ -1,7 +1,5 @@
 """The files of configs/model: each makes a model, and says how it is shown."""
 
-from __future__ import annotations
-
 import functools
 from pathlib import Path
 
@@ -9,7 +7,6 @@ import pytest
 from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from matplotlib.lines import Line2D
-from omegaconf import DictConfig
 
 from baselines.base import Classifier
 
@@ -18,22 +15,14 @@ NAMES = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Okabe and Ito's colours, told apart by people with any kind of colour vision; then an indigo of
 # Tol's and a light one of ColorBrewer's, which are safe as well: for softmax at its optimum.
 COLOURS = {
-    "#000000",
-    "#E69F00",
-    "#56B4E9",
-    "#009E73",
-    "#F0E442",
-    "#0072B2",
-    "#D55E00",
-    "#CC79A7",
-    "#332288",
-    "#8DA0CB",
+    *("#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00"),
+    *("#CC79A7", "#332288", "#8DA0CB"),
 }
 GROUPS = {"paper", "fast", "beyond", "other"}
 
 
 @functools.cache
-def composed(*overrides: str) -> DictConfig:
+def composed(*overrides):
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         return compose("config", overrides=list(overrides))
 
@@ -49,9 +38,8 @@ def test_makes_a_model_and_says_how_it_is_shown(name):
     assert set(display) == {"name", "colour", "marker", "line", "group"}
     assert display.colour in COLOURS
     assert display.group in GROUPS
-    Line2D(
-        [], [], marker=display.marker, linestyle=display.line
-    )  # raises for unknown ones
+    # Raises for unknown ones.
+    Line2D([], [], marker=display.marker, linestyle=display.line)
     model = instantiate(cfg.model, _convert_="all")
     assert model.device == "cpu"
     assert getattr(model, "seed", 5) == 5

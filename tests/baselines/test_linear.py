@@ -1,7 +1,5 @@
 """What is computed in the space of samples is what is defined on the pixels."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -88,24 +86,18 @@ def from_old_by_descent(model, x, y, w, b):
     method of torch on the weights themselves."""
     old = w.clone()
     w, b = w.clone().requires_grad_(), b.clone().requires_grad_()
-    optimizer = torch.optim.LBFGS(
-        [w, b],
-        1,
-        2000,
-        tolerance_grad=1e-12,
-        tolerance_change=0,
-        line_search_fn="strong_wolfe",
-    )
+    optimizer = torch.optim.LBFGS([w, b], 1, 2000, tolerance_grad=1e-12,
+        tolerance_change=0, line_search_fn="strong_wolfe")  # fmt: skip
 
     def closure():
         optimizer.zero_grad()
-        z = x @ w.T + b
+        z, penalty = x @ w.T + b, (w - old).square().sum()
         if isinstance(model, RidgeReadout):
             target = 2.0 * torch.nn.functional.one_hot(y, len(b)) - 1
-            loss = (z - target).square().sum() + model.alpha * (w - old).square().sum()
+            loss = (z - target).square().sum() + model.alpha * penalty
         else:
-            loss = model.C * torch.nn.functional.cross_entropy(z, y, reduction="sum")
-            loss = loss + 0.5 * (w - old).square().sum()
+            loss = torch.nn.functional.cross_entropy(z, y, reduction="sum")
+            loss = model.C * loss + 0.5 * penalty
         loss.backward()
         return loss
 

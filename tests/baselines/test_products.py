@@ -1,7 +1,5 @@
 """Products of frames and of matrices of bytes are exact."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -60,19 +58,17 @@ def test_a_slow_native_product_is_left_alone(monkeypatch):
     """pytorch falls back to plain loops on a CPU without byte instructions."""
     a = torch.randint(-128, 128, (5, 3000), dtype=torch.int8)
     expected = integer_product(a, a.T)
-    native = products._native
+    native, by_floats, lengths = products._native, products._by_floats, []
     monkeypatch.setattr(products, "native_is_exact", lambda: True)
     monkeypatch.setattr(products, "_seconds", lambda product, _: product is native)
     products.native_is_fast.cache_clear()
     assert not products.native_is_fast()
-    products_in_float32 = []
-    by_floats = products._by_floats
 
     def counted(left, right):
-        products_in_float32.append(len(right))
+        lengths.append(len(right))
         return by_floats(left, right)
 
     monkeypatch.setattr(products, "_by_floats", counted)
     assert torch.equal(integer_product(a, a.T), expected)
-    assert products_in_float32 == [1024, 1024, 952]
+    assert lengths == [1024, 1024, 952]  # exact in float32
     products.native_is_fast.cache_clear()

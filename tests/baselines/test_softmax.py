@@ -1,7 +1,5 @@
 """Softmax regression: one optimum by every road, and the stability limit of the explicit one."""
 
-from __future__ import annotations
-
 import doctest
 import itertools
 from itertools import pairwise
@@ -11,7 +9,6 @@ import pytest
 import torch
 from sklearn.linear_model import LogisticRegression
 from sklearn.preprocessing import StandardScaler
-from torch import Tensor
 
 from baselines import softmax
 from baselines.softmax import SoftmaxRegression
@@ -20,7 +17,7 @@ from baselines.softmax_dual import DualSoftmaxRegression
 C = 0.1
 
 
-def features(frames: Tensor, pixels: str = "unit") -> np.ndarray:
+def features(frames, pixels="unit"):
     x = frames.flatten(1).double().numpy()
     if pixels == "standard":
         return StandardScaler().fit_transform(x)
@@ -31,9 +28,7 @@ def features(frames: Tensor, pixels: str = "unit") -> np.ndarray:
     return x / 255 if pixels == "unit" else x
 
 
-def objective(
-    weight: np.ndarray, bias: np.ndarray, x: np.ndarray, labels: np.ndarray
-) -> float:
+def objective(weight, bias, x, labels):
     """C Σ log-loss + ½‖W‖², in float64."""
     logits = torch.from_numpy(x @ weight.T + bias)
     loss = torch.nn.functional.cross_entropy(
@@ -42,7 +37,7 @@ def objective(
     return C * loss.item() + 0.5 * (weight**2).sum()
 
 
-def reference(x: np.ndarray, labels: np.ndarray) -> float:
+def reference(x, labels):
     best = LogisticRegression(C=C, tol=1e-12, max_iter=100_000, solver="newton-cg").fit(
         x, labels
     )
@@ -67,53 +62,41 @@ def test_dual_reaches_the_optimum_of_scikit_learn(pixels, speckle):
 
 def test_lbfgs_reaches_the_optimum_of_scikit_learn(speckle):
     frames, labels = speckle(60, (20, 15), 5)
-    model = SoftmaxRegression(
-        optimizer="LBFGS", lr=1.0, batch_size=None, C=C, max_epochs=1000
-    )
-    rows = list(model.train(frames, labels))
+    settings = {"optimizer": "LBFGS", "lr": 1.0, "batch_size": None, "max_epochs": 1000}
+    rows = list(SoftmaxRegression(C=C, **settings).train(frames, labels))
     assert rows[-1]["samples_seen"] < 1000 * 60, "it stops by itself"
     best = reference(features(frames), labels)
     assert rows[-1]["loss"] * C * 60 == pytest.approx(best, rel=1e-6)
 
 
+UNEQUAL = np.where(np.arange(24) == 0, 2, np.arange(24) % 2)
+
+
 @pytest.mark.parametrize(
-    "case",
+    ("change", "c", "pixels"),
     [
-        "duplicates",
-        "constant",
-        "fewer_than_classes",
-        "unequal",
-        "huge_c",
-        "tiny_c",
-        "raw",
+        (lambda x, y: (x.repeat(4, 1, 1), np.tile(y, 4)), 1.0, "unit"),
+        (lambda x, y: (torch.full_like(x, 255), y), 1.0, "unit"),
+        (lambda x, y: (x[:3], np.array([0, 7, 50])), 1.0, "unit"),
+        (lambda x, y: (x, UNEQUAL), 1.0, "unit"),
+        (lambda x, y: (x, y), 1e8, "raw"),
+        (lambda x, y: (x, y), 1e-12, "unit"),
     ],
+    ids=["duplicates", "constant", "one a class", "unequal", "huge C", "tiny C"],
 )
-def test_dual_at_the_limits_stays_finite(case, speckle):
-    frames, labels = speckle(24, (8, 8), 3)
-    c, pixels = 1.0, "unit"
-    if case == "duplicates":
-        frames, labels = frames.repeat(4, 1, 1), np.tile(labels, 4)
-    elif case == "constant":
-        frames = torch.full_like(frames, 255)
-    elif case == "fewer_than_classes":
-        frames, labels = frames[:3], np.array([0, 7, 50])
-    elif case == "unequal":
-        labels = np.where(np.arange(24) == 0, 2, labels % 2)
-    elif case in ("huge_c", "raw"):
-        c, pixels = 1e8, "raw"
-    else:
-        c = 1e-12
+def test_dual_at_the_limits_stays_finite(change, c, pixels, speckle):
+    frames, labels = change(*speckle(24, (8, 8), 3))
     model = DualSoftmaxRegression(C=c, pixels=pixels).fit(frames, labels)
     assert np.isfinite(model.objective_)
     assert model.weight_.isfinite().all()
     assert model.bias_.isfinite().all()
     assert set(model.predict(frames)) <= set(labels)
-    if case == "constant":  # nothing to see but how often each class occurs
+    if (frames == 255).all():  # nothing to see but how often each class occurs
         share = model.scores(model.read(frames, slice(0, 1))).softmax(dim=1)
         torch.testing.assert_close(share, torch.full((1, 3), 1 / 3), atol=1e-4, rtol=0)
 
 
-def largest_curvature(x: np.ndarray, labels: np.ndarray) -> float:
+def largest_curvature(x, labels):
     """λ_max of the Hessian of the mean loss at W = 0, b = 0, bias included.
 
     There P = 1/L for every sample, so the Hessian is (1/L − 11ᵀ/L²) ⊗ XᵀX/N.
@@ -172,11 +155,16 @@ def test_a_batch_in_parts_is_the_batch(small):
 
 def test_reports_come_as_often_as_asked(speckle):
     frames, labels = speckle(50, (6, 6), 2)
-    model = SoftmaxRegression(reports_per_epoch=5, max_epochs=2)  # 3 steps an epoch
-    seen = [row["samples_seen"] for row in model.train(frames, labels)]
-    assert seen == [20, 40, 50, 70, 90, 100]
-    model = SoftmaxRegression(batch_size=5, reports_per_epoch=2, max_epochs=1)
-    assert [row["epoch"] for row in model.train(frames, labels)] == [0.5, 1.0]
+
+    def reported(name, **settings):
+        rows = SoftmaxRegression(**settings).train(frames, labels)
+        return [row[name] for row in rows]
+
+    three_steps = {"reports_per_epoch": 5, "max_epochs": 2}
+    assert reported("samples_seen", **three_steps) == [20, 40, 50, 70, 90, 100]
+    assert reported("steps", **three_steps) == [1, 2, 3, 4, 5, 6]
+    halves = {"batch_size": 5, "reports_per_epoch": 2, "max_epochs": 1}
+    assert reported("epoch", **halves) == [0.5, 1.0]
 
 
 @pytest.mark.parametrize(
@@ -184,12 +172,9 @@ def test_reports_come_as_often_as_asked(speckle):
     [
         (
             {"optimizer": "Adagrad"},
-            "optimizer: expected one of Adam, SGD, LBFGS, found 'Adagrad'",
+            "optimizer: expected one of Adam, SGD, LBFGS, found",
         ),
-        (
-            {"optimizer": "LBFGS"},
-            r"batch_size: LBFGS needs the whole training set \(null\)",
-        ),
+        ({"optimizer": "LBFGS"}, "batch_size: LBFGS needs the whole training set"),
         ({"pixels": "log"}, "pixels: expected one of unit, unit_centred, "),
         ({"init": "ones"}, "init: expected one of linear, normal, zeros, found 'ones'"),
     ],
@@ -235,15 +220,18 @@ def test_the_accuracy_of_minibatches_is_that_before_they_were_learnt_from(
     assert len(set(found)) > 2
 
 
-def test_the_accuracy_of_minibatches_is_that_since_the_last_report(frames_and_labels):
+def test_the_accuracy_of_minibatches_is_that_since_the_last_report(
+    frames_and_labels,
+):
     frames, labels = frames_and_labels(60, 3, 8)
-    shared = {"batch_size": 10, "lr": 1e-2, "seed": 3}
-    often, seldom = (
-        SoftmaxRegression(**shared, reports_per_epoch=n).train(
-            torch.from_numpy(frames), labels
+    frames = torch.from_numpy(frames)
+
+    def reported(number, count):
+        model = SoftmaxRegression(
+            batch_size=10, lr=1e-2, seed=3, reports_per_epoch=number
         )
-        for n in (6, 2)
-    )
-    single = [report["batch_accuracy"] for report in itertools.islice(often, 12)]
-    three = [report["batch_accuracy"] for report in itertools.islice(seldom, 4)]
-    assert three == pytest.approx(np.mean(np.reshape(single, (4, 3)), axis=1))
+        rows = itertools.islice(model.train(frames, labels), count)
+        return [row["batch_accuracy"] for row in rows]
+
+    single = np.reshape(reported(6, 12), (4, 3))
+    assert reported(2, 4) == pytest.approx(single.mean(axis=1))

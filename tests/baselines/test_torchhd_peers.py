@@ -1,7 +1,5 @@
 """Torchhd's classifiers behind the adapter are torchhd's own, and predict without chance."""
 
-from __future__ import annotations
-
 import importlib.util
 
 import numpy as np

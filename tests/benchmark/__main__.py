@@ -34,7 +34,12 @@ def main():
         print(
             f"{size['operation']}, {size['n']} × {size['d']} pixels, {size['l']} classes"
         )
-    found = pd.DataFrame(rows).assign(**_machine(chosen.device))
+    device = chosen.device
+    if device.startswith("cuda"):
+        device = f"{device}: {torch.cuda.get_device_name(device)}"
+    versions = {package: importlib.metadata.version(package) for package in PACKAGES}
+    about = {"device": device, "cpu": cpu_model(), "threads": torch.get_num_threads()}
+    found = pd.DataFrame(rows).assign(**about, **versions)
     chosen.out.parent.mkdir(parents=True, exist_ok=True)
     found.to_csv(chosen.out, index=False, float_format="%.6g")
     print(goals(found).to_string(index=False))
@@ -43,16 +48,6 @@ def main():
     for row in wrong.itertuples():
         print(f"error: {row.operation} by {row.route}: wrong result", file=sys.stderr)
     return int(len(wrong) > 0)
-
-
-def _machine(device):
-    name = device
-    if device.startswith("cuda"):
-        name = f"{device}: {torch.cuda.get_device_name(device)}"
-    about = {"device": name, "cpu": cpu_model(), "threads": torch.get_num_threads()}
-    return about | {
-        package: importlib.metadata.version(package) for package in PACKAGES
-    }
 
 
 if __name__ == "__main__":

@@ -4,14 +4,12 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor
 
 from hdc.encoders import Median
 
@@ -34,36 +32,36 @@ class Case:
     seed: int = 0
     device: str = "cpu"  # a GPU has routes of its own
 
-    def __post_init__(self) -> None:
+    def __post_init__(self):
         self.labels = np.arange(self.n) % self.l
 
     @cached_property
-    def pixels(self) -> Tensor:
+    def pixels(self):
         """Frames [N, D], input of the operation."""
         return self._made(self.labels, 1)
 
     @cached_property
-    def examples(self) -> Tensor:
+    def examples(self):
         """One frame per class [L, D], to learn or to compare with."""
         return self._made(np.arange(self.l), 2)
 
     @cached_property
-    def held_out(self) -> Tensor:
+    def held_out(self):
         """Frames [16, D] that no model is trained on, of classes 0 … L − 1 in turn."""
         return self._made(np.arange(HELD_OUT) % self.l, 3)
 
     @cached_property
-    def words(self) -> Tensor:
+    def words(self):
         """Packed hypervectors int64 [N, W] of the frames."""
         return Median().encode(self.pixels)
 
     @cached_property
-    def prototypes(self) -> Tensor:
+    def prototypes(self):
         """Packed hypervectors int64 [L, W] of the examples."""
         return Median().encode(self.examples)
 
     @cached_property
-    def folder(self) -> Path:
+    def folder(self):
         """The frames on disk, class by class: images/CLASS/*.png, and video.avi, lossless."""
         import cv2
 
@@ -71,13 +69,8 @@ class Case:
         folder = Path(self._temporary.name)
         side = math.isqrt(self.d)
         lossless = cv2.VideoWriter.fourcc(*"FFV1")
-        video = cv2.VideoWriter(
-            str(folder / "video.avi"),
-            lossless,
-            RATE_HZ,
-            (side, side),
-            isColor=False,
-        )
+        size, path = (side, side), str(folder / "video.avi")
+        video = cv2.VideoWriter(path, lossless, RATE_HZ, size, isColor=False)
         lines, first = ["start_s,end_s,label"], 0
         for c, n in enumerate(np.bincount(self.labels)):
             of_class = folder / "images" / str(c)
@@ -92,32 +85,25 @@ class Case:
         (folder / "video.csv").write_text("\n".join(lines))
         return folder
 
-    def _made(self, labels: np.ndarray, stream: int) -> Tensor:
-        drawn = self._drawn(labels, stream)
-        frames = np.fromiter(drawn, (np.uint8, self.d), len(labels))
-        return torch.from_numpy(frames)
-
-    def _drawn(
-        self,
-        labels: np.ndarray,
-        stream: int,
-    ) -> Iterator[np.ndarray]:
-        """One frame [D] after another; every pattern is a stretch of one long random sequence."""
+    def _made(self, labels, stream):
+        """Frames [n, D]; every pattern is a stretch of one long random sequence."""
         n, spare = len(labels), min(15 * self.d, 2**22)
         of_sequence = np.random.default_rng(self.seed)
         sequence = of_sequence.standard_gamma(3, self.d + spare, np.float32)
-        of_classes = np.random.default_rng([self.seed, 0])
-        starts_of_classes = of_classes.integers(0, spare, self.l)
+        of_classes = np.random.default_rng([self.seed, 0]).integers(0, spare, self.l)
         of_frames = np.random.default_rng([self.seed, stream])
         gains = 1 + 0.01 * of_frames.standard_normal(n)
+        frames = np.empty((n, self.d), np.uint8)
         starts = of_frames.integers(0, spare, n)
-        for label, start, gain in zip(labels, starts, gains, strict=True):
-            of_class = sequence[starts_of_classes[label] :][: self.d]
-            pattern = of_class + sequence[start:][: self.d]
-            grey = np.float32(gain * 50 / 3 / 2) * pattern
-            yield np.minimum(grey, 255).astype(np.uint8)
+        for k, (start, of_class) in enumerate(
+            zip(starts, of_classes[labels], strict=True)
+        ):
+            pattern = sequence[of_class:][: self.d] + sequence[start:][: self.d]
+            grey = np.float32(gains[k] * 50 / 3 / 2) * pattern
+            frames[k] = np.minimum(grey, 255)
+        return torch.from_numpy(frames)
 
-    def verdict(self, result: np.ndarray) -> str:
+    def verdict(self, result):
         """Compare a result in common form with the reference, which is computed in numpy alone.
 
         ``yes, ties aside``: other bits only where the median or the majority leaves them open.
@@ -140,7 +126,7 @@ class Case:
         return "yes" if np.array_equal(result, expected) else "yes, ties aside"
 
     @cached_property
-    def expected(self) -> tuple[np.ndarray, np.ndarray]:
+    def expected(self):
         """Packed bits of the result, and the bits that ties leave open."""
         if self.operation == "encode":
             rows = [threshold(frame) for frame in self.pixels.numpy()]
@@ -160,7 +146,7 @@ class Case:
         return pack_bits(2 * ones > n), pack_bits(free)
 
 
-def threshold(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def threshold(pixels):
     """Exactly half of the pixels [D] as ones, and the pixels that equal the median.
 
     As many of those become ones as are needed, pixel 64·w + b by the key ((b + h(w)) mod 64, w)
@@ -180,17 +166,13 @@ def threshold(pixels: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return passed, equal
 
 
-def pack_bits(mask: np.ndarray) -> np.ndarray:
+def pack_bits(mask):
     """Bool [..., D] → uint8 [..., ⌈D/8⌉], the common form of hypervectors."""
     return np.packbits(mask, axis=-1, bitorder="little")
 
 
-def unpack_bits(words: Tensor, d: int) -> np.ndarray:
+def unpack_bits(words, d):
     """Packed words [..., W] → bool [..., D]."""
     packed = words.numpy().view(np.uint8)
-    return np.unpackbits(
-        packed,
-        axis=-1,
-        count=d,
-        bitorder="little",
-    ).view(np.bool_)
+    ones = np.unpackbits(packed, axis=-1, count=d, bitorder="little")
+    return ones.view(np.bool_)

@@ -6,8 +6,6 @@ turns (A B C A B C), so that a busy machine slows all alike: a ratio to ours is 
 turns.
 """
 
-from __future__ import annotations
-
 import gc
 import importlib.util
 import itertools
@@ -18,19 +16,8 @@ import timeit
 import numpy as np
 import pandas as pd
 
-from tests.benchmark.names import (
-    COPY,
-    DECODE_IMAGES,
-    NO_RESULT,
-    NUMKONG,
-    OURS,
-    OURS_COMPILED,
-    OURS_GPU,
-    READ,
-    TORCHHD_BUNDLE,
-    TORCHHD_TRAIN,
-)
-from tests.benchmark.routes import OPERATIONS, common_form
+from tests.benchmark import routes
+from tests.benchmark.routes import OURS, OURS_COMPILED, OURS_GPU
 
 SIZE = ("operation", "n", "d", "l")
 HEADLINE = {"n": 400, "d": 250_000, "l": 5}
@@ -47,12 +34,12 @@ STEPS = (  # each in every combination of its lists
 )
 GOALS = (
     # operation, numerator, denominator, bound, limit
-    ("bundle", TORCHHD_BUNDLE, OURS_COMPILED, "≥", 200),
-    ("train", TORCHHD_TRAIN, OURS_COMPILED, "≥", 80),
-    ("train", OURS_COMPILED, READ, "≤", 1.3),
-    ("train", OURS_COMPILED, COPY, "≤", 1),
-    ("hamming", OURS_COMPILED, NUMKONG, "≤", 1.1),
-    ("folder", DECODE_IMAGES, OURS_COMPILED, "≥", 0.9),
+    ("bundle", routes.TORCHHD_BUNDLE, OURS_COMPILED, "≥", 200),
+    ("train", routes.TORCHHD_TRAIN, OURS_COMPILED, "≥", 80),
+    ("train", OURS_COMPILED, routes.READ, "≤", 1.3),
+    ("train", OURS_COMPILED, routes.COPY, "≤", 1),
+    ("hamming", OURS_COMPILED, routes.NUMKONG, "≤", 1.1),
+    ("folder", routes.DECODE_IMAGES, OURS_COMPILED, "≥", 0.9),
 )
 # Shorter calls are repeated, so that each finds its own data in the caches.
 _SAMPLE_S = 20e-3
@@ -71,21 +58,19 @@ def measure(case, budget_s=BUDGET_S):
     ``samples`` turns, ``ratio_to_ours``, ``equal_result`` and ``status``."""
     rows, samplers = [], {}
     gc.collect()  # memory of the size before
-    for route in OPERATIONS[case.operation](case):
-        row = {key: getattr(case, key) for key in SIZE}
-        row |= {"route": route.name, **check(route, case)}
+    size = {key: getattr(case, key) for key in SIZE}
+    for route in routes.OPERATIONS[case.operation](case):
+        row = {**size, "route": route.name, **check(route, case)}
         rows.append(row)
         if row["status"] == "ok":
             samplers[route.name] = sampler(route.call)
     times = _timed(samplers, budget_s * len(samplers))
     for row in rows:
-        if row["route"] in samplers:
-            seconds = times[row["route"]]
-            row["median_s"] = float(np.median(seconds))
-            row["min_s"] = float(seconds.min())
+        if (seconds := times.get(row["route"])) is not None:
+            row |= {"median_s": np.median(seconds), "min_s": seconds.min()}
             row["samples"] = len(seconds)
-            if OURS in samplers:
-                row["ratio_to_ours"] = float(np.median(seconds / times[OURS]))
+            if OURS in times:
+                row["ratio_to_ours"] = np.median(seconds / times[OURS])
     return rows
 
 
@@ -105,9 +90,9 @@ def check(route, case):
     """Whether a route can be timed: its status, and how its result compares with the reference."""
     if importlib.util.find_spec(route.module) is None:
         return {"status": "not installed", "equal_result": ""}
-    if route.name in NO_RESULT:
+    if route.name in routes.NO_RESULT:
         return {"status": "ok", "equal_result": ""}
-    verdict = case.verdict(common_form(case, route.call))
+    verdict = case.verdict(routes.common_form(case, route.call))
     is_ours = route.name in (OURS, OURS_COMPILED, OURS_GPU)
     exact = verdict != "yes, ties aside" or not is_ours
     right = verdict != "no" and exact  # ours is specified to the last bit
@@ -127,26 +112,21 @@ def goals(rows):
     found = []
     single = of_route(rows, "predict", OURS_COMPILED)
     if single is not None:
-        name = "predict one frame: hdc, compiled, ms"
-        found.append(_goal(name, "≤", 0.12, 1e3 * single.median_s))
+        value = 1e3 * single.median_s
+        found.append(("predict one frame: hdc, compiled, ms", "≤", 0.12, value))
     for operation, over, under, bound, limit in GOALS:
         # Both were timed in interleaved repetitions with ours.
         one, other = (of_route(rows, operation, route) for route in (over, under))
         if one is not None and other is not None:
             value = one.ratio_to_ours / other.ratio_to_ours
-            found.append(_goal(f"{operation}: {over}, × {under}", bound, limit, value))
-    return pd.DataFrame(found)
-
-
-def _goal(name, bound, limit, value):
-    met = value >= limit if bound == "≥" else value <= limit
-    wanted, measured = f"{bound} {limit:g}", f"{value:.3g}"
-    return {
-        "Goal": name,
-        "Wanted": wanted,
-        "Measured": measured,
-        "Met": "yes" if met else "no",
-    }
+            found.append((f"{operation}: {over}, × {under}", bound, limit, value))
+    table = []
+    for goal, bound, limit, value in found:
+        met = value >= limit if bound == "≥" else value <= limit
+        wanted, measured = f"{bound} {limit:g}", f"{value:.3g}"
+        row = (goal, wanted, measured, "yes" if met else "no")
+        table.append(dict(zip(("Goal", "Wanted", "Measured", "Met"), row, strict=True)))
+    return pd.DataFrame(table)
 
 
 def of_route(rows, operation, route):

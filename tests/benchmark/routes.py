@@ -9,25 +9,31 @@ input in its memory; those that train or predict begin in the machine's, as all 
 from __future__ import annotations
 
 import itertools
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import cache, partial
 from importlib import import_module as load
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
 import torch
-from torch import Tensor
 
-from baselines.libraries import multisets, opencv_median
+from baselines.libraries import multisets
 from experiments.protocol.clock import synchronise
-from hdc import HDCClassifier, backends, bits
+from hdc import HDCClassifier, bits
 from hdc.encoders import Median
 from hdc.prototypes import Counters
 from hdc.readers import open_recording
-from tests.benchmark import names
-from tests.benchmark.cases import HELD_OUT, Case, pack_bits, unpack_bits
+from tests.benchmark.cases import HELD_OUT, pack_bits, unpack_bits
+from tests.hdc import own
+
+OURS, OURS_COMPILED, OURS_GPU = "hdc", "hdc, compiled", "hdc, on the GPU"
+READ, COPY = "one read of the bytes", "one copy of the bytes"
+NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
+TORCHHD_TRAIN = "torch.median, torchhd.multiset"
+DECODE_IMAGES = "cv2.imread alone, as many threads"
+DECODE_VIDEO = "cv2.VideoCapture alone"
+NO_RESULT = (READ, COPY, DECODE_IMAGES, DECODE_VIDEO)
 
 
 class Route(NamedTuple):
@@ -38,40 +44,39 @@ class Route(NamedTuple):
     call: Callable[[], Any]
 
 
-def encode_routes(case: Case) -> Iterator[Route]:
+def encode_routes(case):
     """Frames to hypervectors."""
     frames = case.pixels
     yield from ours(by(partial(Median().encode, frames)))
     yield from on_gpu(case, lambda gpu: partial(Median().encode, frames.to(gpu)))
     yield from on_gpu(
-        case, lambda gpu: partial(torch_bits, frames.to(gpu)), names.ENCODE_GPU
+        case,
+        lambda gpu: partial(torch_bits, frames.to(gpu)),
+        "torch.median, compare, on the GPU",
     )
     yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
-    yield Route(
-        "cv2.calcHist, compare, packbits", "cv2", lambda: opencv_words(frames.numpy())
-    )
 
 
-def bundle_routes(case: Case) -> Iterator[Route]:
+def bundle_routes(case):
     """Hypervectors to prototypes."""
     # As torchhd has them, a byte per bit.
     classes = cache(lambda: by_class(case, bits.unpack(case.words, case.d)))
     yield from ours(by(partial(count, case, case.words)))
     yield from on_gpu(case, lambda gpu: partial(count, case, case.words.to(gpu)))
-    yield Route(names.TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
+    yield Route(TORCHHD_BUNDLE, "torchhd", lambda: multisets(classes()))
 
 
-def hamming_routes(case: Case) -> Iterator[Route]:
+def hamming_routes(case):
     """Distances of queries and prototypes."""
     pair = case.words, case.prototypes
     queries, prototypes = (words.numpy().view(np.uint8) for words in pair)
 
-    def faiss_distances() -> np.ndarray:
+    def faiss_distances():
         faiss = load("faiss")
         distances, order = faiss.knn_hamming(queries, prototypes, len(prototypes))
         return np.take_along_axis(distances, order.argsort(1), 1)
 
-    def numkong_distances() -> Any:
+    def numkong_distances():
         numkong = load("numkong")
         return numkong.cdist(queries, prototypes, metric="hamming", dtype="uint1")
 
@@ -79,61 +84,50 @@ def hamming_routes(case: Case) -> Iterator[Route]:
     yield from on_gpu(
         case, lambda gpu: partial(bits.hamming, pair[0].to(gpu), pair[1].to(gpu))
     )
-    yield Route(names.NUMKONG, "numkong", numkong_distances)
+    yield Route(NUMKONG, "numkong", numkong_distances)
     yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
 
-def train_routes(case: Case) -> Iterator[Route]:
+def train_routes(case):
     """Frames to prototypes."""
     frames = case.pixels
     pixels = frames.numpy()
     copied = np.zeros(pixels.shape, np.uint8)
 
-    def train(backend: str, device: str = "cpu") -> HDCClassifier:
+    def train(backend, device="cpu"):
         model = HDCClassifier(backend=backend, device=device)
         return model.fit(frames, case.labels)
 
-    def ordinary(ones: Callable[[Tensor], Tensor]) -> Tensor:
-        return multisets(by_class(case, ones(frames)))
-
-    def read() -> np.ndarray:
+    def read():
         return np.bitwise_xor.reduce(pixels.view(np.uint64))
 
     yield from ours(lambda backend: partial(train, backend))
     yield from on_gpu(case, lambda gpu: partial(train, "auto", gpu))
-    yield Route(names.READ, "numpy", read)
-    yield Route(names.COPY, "numpy", partial(np.copyto, copied, pixels))
-    of_frames = (torch_bits, numpy_bits, opencv_bits)
-    for name, ones in zip(names.ORDINARY_ROUTES, of_frames, strict=True):
-        yield Route(name, "torchhd", partial(ordinary, ones))
+    yield Route(READ, "numpy", read)
+    yield Route(COPY, "numpy", partial(np.copyto, copied, pixels))
+    yield Route(
+        TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames)))
+    )
 
 
-def predict_routes(case: Case) -> Iterator[Route]:
+def predict_routes(case):
     """A frame to its label; successive calls take successive held-out frames."""
     frames, labels = case.held_out.split(1), np.arange(case.l)
-    prototypes = case.prototypes.numpy().view(np.uint64)
-    n_bytes = -(-case.d // 8)
 
     @cache
-    def ones() -> Any:
+    def ones():
         return load("torchhd").BSCTensor(torch_bits(case.examples))
 
-    def opencv_label(frame: Tensor) -> np.intp:
-        query = np.zeros_like(prototypes[:1]).view(np.uint8)
-        query[:, :n_bytes] = opencv_words(frame.numpy())
-        differing = np.bitwise_count(query.view(np.uint64) ^ prototypes)
-        return differing.sum(1, dtype=np.int64).argmin()
-
-    def torchhd_label(frame: Tensor) -> Tensor:
+    def torchhd_label(frame):
         torchhd = load("torchhd")
         query = torchhd.BSCTensor(torch_bits(frame))
         return torchhd.hamming_similarity(query, ones()).argmax()
 
-    def each(label: Callable[[Tensor], Any]) -> Callable[[], Any]:
+    def each(label):
         turn = itertools.cycle(frames)
         return lambda: label(next(turn))
 
-    def predict(backend: str, device: str = "cpu") -> Callable[[], Any]:
+    def predict(backend, device="cpu"):
         model = HDCClassifier(backend=backend, device=device)
         return each(model.fit(case.examples, labels).predict)
 
@@ -142,14 +136,13 @@ def predict_routes(case: Case) -> Iterator[Route]:
     yield Route(
         "torch.median, torchhd.hamming_similarity", "torchhd", each(torchhd_label)
     )
-    yield Route("cv2.calcHist, numpy.bitwise_count", "cv2", each(opencv_label))
 
 
-def folder_routes(case: Case) -> Iterator[Route]:
+def folder_routes(case):
     """Images of a folder to prototypes, as ``hdc train`` makes them."""
     files = [str(file) for file in case.folder.glob("images/*/*.png")]
 
-    def decode() -> None:
+    def decode():
         cv2 = load("cv2")
         read = partial(cv2.imread, flags=cv2.IMREAD_UNCHANGED)
         with ThreadPoolExecutor() as pool:
@@ -157,26 +150,25 @@ def folder_routes(case: Case) -> Iterator[Route]:
                 pass
 
     yield from ours(partial(trained_on, case.folder / "images"))
-    yield Route(names.DECODE_IMAGES, "cv2", decode)
+    yield Route(DECODE_IMAGES, "cv2", decode)
 
 
-def video_routes(case: Case) -> Iterator[Route]:
+def video_routes(case):
     """A video to prototypes."""
 
-    def decode() -> None:
-        path = str(case.folder / "video.avi")
-        capture = load("cv2").VideoCapture(path)
+    def decode():
+        capture = load("cv2").VideoCapture(str(case.folder / "video.avi"))
         while capture.read()[0]:
             pass
 
     yield from ours(partial(trained_on, case.folder / "video.avi"), "av")
-    yield Route(names.DECODE_VIDEO, "cv2", decode)
+    yield Route(DECODE_VIDEO, "cv2", decode)
 
 
-def trained_on(path: Path, backend: str) -> Callable[[], HDCClassifier]:
+def trained_on(path, backend):
     """A call that trains on a recording."""
 
-    def train() -> HDCClassifier:
+    def train():
         recording = open_recording(path, check=False)
         frames = recording.batches(np.arange(len(recording)))
         return HDCClassifier(backend=backend).fit(frames, recording.names)
@@ -184,7 +176,7 @@ def trained_on(path: Path, backend: str) -> Callable[[], HDCClassifier]:
     return train
 
 
-OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {
+OPERATIONS = {
     "encode": encode_routes,
     "bundle": bundle_routes,
     "hamming": hamming_routes,
@@ -195,36 +187,31 @@ OPERATIONS: Mapping[str, Callable[[Case], Iterator[Route]]] = {
 }
 
 
-def common_form(case: Case, call: Callable[[], Any]) -> np.ndarray:
+def common_form(case, call):
     """The result of a call: packed bits uint8, distances, or labels of the held-out frames."""
     if case.operation == "predict":
         return np.array([call() for _ in range(HELD_OUT)]).ravel()
-    result: Any = call()
-    if isinstance(result, HDCClassifier):
-        result = result.prototypes_
-    if isinstance(result, Tensor):
-        result = result.cpu()
-    is_packed = isinstance(result, Tensor) and result.dtype == torch.int64
-    if is_packed and case.operation != "hamming":
+    result = call()
+    result = getattr(result, "prototypes_", result)  # of a model
+    result = getattr(result, "cpu", lambda: result)()
+    if case.operation == "hamming":
+        return np.asarray(result)
+    if getattr(result, "dtype", None) == torch.int64:
         result = unpack_bits(result, case.d)
     array = np.asarray(result)
     return pack_bits(array) if array.dtype == np.bool_ else array
 
 
-def ours(
-    build: Callable[[str], Callable[[], Any]], package: str | None = None
-) -> Iterator[Route]:
+def ours(build, package=None):
     """Routes of both backends of hdc, by a function that makes a call of its name.
 
     A reader may need a package of its own.
     """
-    yield Route(names.OURS, package or "torch", build("numpy"))
-    yield Route(names.OURS_COMPILED, package or "numba", build("compiled"))
+    yield Route(OURS, package or "torch", build("numpy"))
+    yield Route(OURS_COMPILED, package or "numba", build("compiled"))
 
 
-def on_gpu(
-    case: Case, build: Callable[[str], Callable[[], Any]], name: str = names.OURS_GPU
-) -> Iterator[Route]:
+def on_gpu(case, build, name=OURS_GPU):
     """The route on the GPU, where the case has one, by a function that makes a call there.
 
     It ends when the GPU has finished its queue.
@@ -233,7 +220,7 @@ def on_gpu(
         return
     call = build(case.device)
 
-    def finished() -> Any:
+    def finished():
         result = call()
         synchronise(case.device)
         return result
@@ -241,48 +228,23 @@ def on_gpu(
     yield Route(name, "torch", finished)
 
 
-def by(call: Callable[[], Any]) -> Callable[[str], Callable[[], Any]]:
+def by(call):
     """A function that makes the call by a backend."""
-
-    def build(backend: str) -> Callable[[], Any]:
-        def computed() -> Any:
-            with backends.computing(backend):
-                return call()
-
-        return computed
-
-    return build
+    return lambda backend: partial(own.by, backend, call)
 
 
-def count(case: Case, words: Tensor) -> Tensor:
+def count(case, words):
     """Prototypes int64 [L, W] of the case's hypervectors by our counters, on their device."""
     counters = Counters(case.l, case.d, words.device)
     counters.add(words, torch.from_numpy(case.labels))
     return counters.majority()
 
 
-def torch_bits(frames: Tensor) -> Tensor:
+def torch_bits(frames):
     """Pixels above the median of their frame, bool [N, D]."""
     return frames > frames.median(1, keepdim=True).values
 
 
-def numpy_bits(frames: Tensor) -> Tensor:
-    """The same by NumPy."""
-    pixels = frames.numpy()
-    return torch.from_numpy(pixels > np.median(pixels, 1, keepdims=True))
-
-
-def opencv_words(frames: np.ndarray) -> np.ndarray:
-    """The same of uint8 frames, packed, by OpenCV's histograms; exact to 2^24 pixels."""
-    return np.stack([pack_bits(frame > opencv_median(frame)) for frame in frames])
-
-
-def opencv_bits(frames: Tensor) -> Tensor:
-    """The same, not packed."""
-    ones = [frame > opencv_median(frame) for frame in frames.numpy()]
-    return torch.from_numpy(np.stack(ones))
-
-
-def by_class(case: Case, ones: Tensor) -> list[Tensor]:
+def by_class(case, ones):
     """Hypervectors bool [N, D], class by class."""
     return [ones[case.labels == c] for c in range(case.l)]

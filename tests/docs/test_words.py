@@ -65,25 +65,22 @@ def test_no_sentence_has_a_banned_opening_or_word(page):
 
 
 @pytest.mark.parametrize(
-    "text",
+    ("text", "number"),
     [
-        "Fine here. Of these, two are left.",
-        "- **By rules** that were fixed.\n",
-        "## What varies\n",
-        "one bit a pixel,\nas published",
-        "accuracy less that of softmax",
-        "time over\nthat of HDC",
-        "The mended form.",
-        "Its [rival](page.md) wins.",
+        ("Fine here. Of these, two are left.", 1),
+        ("- **By rules** that were fixed.\n", 1),
+        ("## What varies\n", 1),
+        ("one bit a pixel,\nas published", 1),
+        ("The mended form is accuracy less that of softmax.", 2),
+        ("Its [rival](page.md) wins.", 1),
+        (
+            "Write `accuracy_mended`.\n\n```shell\nBy told\n```\n\n    mended\n\n| rival |\n",
+            0,
+        ),
     ],
 )
-def test_a_banned_opening_or_word_is_found(text):
-    assert len(faults(text)) == 1
-
-
-def test_code_and_names_are_no_prose():
-    text = "Write `accuracy_mended`.\n\n```shell\nBy told\n```\n\n    mended\n\n| rival |\n"
-    assert faults(text) == []
+def test_a_banned_opening_or_word_is_found_in_prose(text, number):
+    assert len(faults(text)) == number
 
 
 def words(page):

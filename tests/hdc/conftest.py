@@ -1,7 +1,5 @@
 """Frames like those of a camera, and a plain reference for their hypervectors."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 
 import numpy as np
@@ -13,9 +11,7 @@ from hdc.encoders import Deviation
 from hdc.encoders.standardised import standardised
 
 
-def camera_frames(
-    n: int, side: int = 500, seed: int = 0, dtype: str = "uint8"
-) -> np.ndarray:
+def camera_frames(n, side=500, seed=0, dtype="uint8"):
     """Speckle of six scenes in random order, [n, side, side], with medians of 33 to 132 of 255.
 
     Each scene has its own exposure; from frame to frame the light flickers by some per cent, the
@@ -40,7 +36,7 @@ def camera_frames(
     return frames
 
 
-def kinds_of_frames(d: int, dtype: str = "uint8", seed: int = 0) -> np.ndarray:
+def kinds_of_frames(d, dtype="uint8", seed=0):
     """One frame [D] of each kind that a camera or a program gives, in random order.
 
     Constant, of two values at several shares, saturated at either end or both, rising, falling,
@@ -74,7 +70,7 @@ def kinds_of_frames(d: int, dtype: str = "uint8", seed: int = 0) -> np.ndarray:
     return rng.permutation(np.concatenate(frames).clip(low, high)).astype(dtype)
 
 
-def order_of_pixels(d: int, ties: str) -> np.ndarray:
+def order_of_pixels(d, ties):
     """The place of each pixel [D] among equal ones: that of place 0 is the first to be a one."""
     keys = []
     for j in range(d):
@@ -88,9 +84,7 @@ def order_of_pixels(d: int, ties: str) -> np.ndarray:
     return places
 
 
-def brightest(
-    frames: np.ndarray, quantile: Fraction | str = "1/2", ties: str = "spread"
-) -> np.ndarray:
+def brightest(frames, quantile="1/2", ties="spread"):
     """Mask [N, D] of the ⌊(1 − q)·D⌋ largest pixels of each frame, by sorting all of them.
 
     Of equal pixels the first in the order of ties comes first; with ``below`` those that equal the

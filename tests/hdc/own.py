@@ -13,7 +13,7 @@ from hdc.hypervectors import Hypervectors
 from hdc.readouts import Readout, State
 
 
-def by(backend: str, call: Any, *arguments: Any) -> Any:
+def by(backend, call, *arguments):
     """A call by a backend."""
     with backends.computing(backend):
         return call(*arguments)
@@ -27,36 +27,36 @@ class Learned:
     state: Any
     dimension: int
 
-    def scores(self, packed: Tensor) -> Tensor:
+    def scores(self, packed):
         return self.readout.scores(self.state, Hypervectors(packed, self.dimension))
 
-    def held_out(self, packed: Any = None, rows: Any = None) -> Any:
+    def held_out(self, packed=None, rows=None):
         words = None if packed is None else Hypervectors(packed, self.dimension)
         return self.readout.held_out(self.state, words, rows)
 
-    def adapted(self, packed: Tensor, *given: Any) -> Learned:
+    def adapted(self, packed, *given):
         words = Hypervectors(packed, self.dimension)
         state = self.readout.adapt(self.state, words, *given)
         return Learned(self.readout, state, self.dimension)
 
-    def added(self, packed: Tensor, rows: Tensor) -> Learned:
+    def added(self, packed, rows):
         words = Hypervectors(packed, self.dimension)
         state = self.readout.add(self.state, [(words, rows)])
         return Learned(self.readout, state, self.dimension)
 
-    def arranged(self, places: Any, n_classes: int) -> Learned:
+    def arranged(self, places, n_classes):
         state = self.readout.arrange(self.state, places, n_classes)
         return Learned(self.readout, state, self.dimension)
 
-    def merged(self, other: Learned, places: Any) -> Learned:
+    def merged(self, other, places):
         state = self.readout.merge(self.state, other.state, places)
         return Learned(self.readout, state, self.dimension)
 
-    def __getattr__(self, name: str) -> Any:
+    def __getattr__(self, name):
         return getattr(self.state, name.removesuffix("_"))
 
 
-def fitted(readout: Any, packed: Tensor, *given: Any) -> Learned:
+def fitted(readout, packed, *given):
     """A read-out that has learned packed words of rows, or values; D stands last."""
     *others, dimension = given
     state = readout.fit(Hypervectors(packed, dimension), *others)

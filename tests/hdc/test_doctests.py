@@ -1,7 +1,5 @@
 """The examples of the docstrings run and show what they say."""
 
-from __future__ import annotations
-
 import doctest
 import importlib
 import pkgutil
@@ -12,22 +10,16 @@ import pytest
 import hdc
 from hdc import encoders, readouts
 
-
-def modules() -> list[str]:
-    names = [
-        "hdc.bank",
-        "hdc.bits",
-        "hdc.classifier",
-        "hdc.parameters",
-        "hdc.regressor",
-    ]
-    for package in (encoders, readouts):
-        found = pkgutil.iter_modules(package.__path__, f"{package.__name__}.")
-        names += [module.name for module in found]
-    return names
+PACKAGES = (hdc, encoders, readouts)
+MODULES = [
+    f"{package.__name__}.{module.name}"
+    for package in PACKAGES
+    for module in pkgutil.iter_modules(package.__path__)
+    if not module.ispkg
+]
 
 
-@pytest.mark.parametrize("name", modules())
+@pytest.mark.parametrize("name", MODULES)
 def test_examples(name):
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")

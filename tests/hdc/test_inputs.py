@@ -1,310 +1,307 @@
-"""Frames and labels as users have them."""
+"""Frames and labels as users have them: taken for what they are, or refused in one line.
+
+Complex, sparse, empty and one-dimensional ones, columns of labels and no labels at all are among
+the checks of scikit-learn, in test_estimator.
+"""
 
 from __future__ import annotations
 
-from functools import partial
+import enum
+import warnings
 
 import numpy as np
 import pytest
 import torch
-from scipy import sparse
 
 from hdc import HDCClassifier, HDCRegressor
+from hdc.encoders import ENCODERS, Levels, Median
 
-
-def touches(
-    n: int = 60, classes: int = 3, shape=(12, 10)
-) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(1)
-    labels = np.arange(n) % classes
-    base = rng.integers(0, 200, (classes, *shape))
-    return (base[labels] + rng.integers(0, 56, (n, *shape))).astype(np.uint8), labels
+rng = np.random.default_rng(1)
+LABELS = np.arange(60) % 3
+BASE = rng.integers(0, 200, (3, 12, 10))
+FRAMES = (BASE[LABELS] + rng.integers(0, 56, (60, 12, 10))).astype(np.uint8)
+THREE = FRAMES[:3]  # one of each class
 
 
 # Labels -------------------------------------------------------------------------------------------
 
+BIG = 2**53 + 1
+EXACT = {
+    "large": [BIG, BIG - 1, 0],
+    "largest": [2**70, 2**70 + 1, 0],
+    "mixed": [BIG, 0.5, 0],
+    "text": ["1", "1\0", ""],
+    "bools": [True, False],
+    "objects of numpy": np.array([np.int64(BIG), np.int64(3), 0], object),
+    "uint64": np.array([2**64 - 1, 1, 0], np.uint64),
+    "float32": np.array([0.1, 1, 0], np.float32),
+    "numpy's text": np.array(["b", "a", "c"]),
+    "a tensor": torch.tensor([BIG, 1, 0]),
+    "bfloat16": torch.tensor([2.0, 1, 0]).bfloat16(),
+    "a mask that hides nothing": np.ma.array([2, 1, 0], mask=False),
+    "tensors": [torch.tensor(BIG), torch.tensor(1), torch.tensor(0)],
+}
 
-@pytest.mark.parametrize("kind", [np.uint8, object, torch.from_numpy])
-def test_integer_labels_in_any_container(kind):
-    frames, labels = touches()
-    given = kind(labels) if kind is torch.from_numpy else labels.astype(kind)
+
+@pytest.mark.parametrize("given", EXACT.values(), ids=EXACT)
+def test_labels_are_exactly_those_given(given):
+    frames = THREE[: len(given)]
     model = HDCClassifier().fit(frames, given)
-    assert model.classes_.tolist() == [0, 1, 2]
-    assert type(model.classes_.tolist()[0]) is int
-    assert model.score(frames, given) == 1
+    wanted = [label.item() if hasattr(label, "item") else label for label in given]
+    assert model.classes_.tolist() == sorted(wanted)
+    found = model.predict(frames).tolist()
+    assert found == wanted
+    assert set(map(type, found)) == set(map(type, wanted))
 
 
-@pytest.mark.parametrize(
-    ("labels", "message"),
-    [
-        ([0, 1], "expected 3, one a frame, found 2"),
-        (["a", float("nan"), "b"], r"labels\[1\]: expected a str, .* found nan"),
-        (np.array([0, 1, np.nan]), r"labels\[2\]: expected a str, .* found nan"),
-        ([0, 1j, 1], "labels: .*Complex data not supported"),
-        ([0, None, 1], r"labels\[1\]: expected a str, int, float or bool, found None"),
-        (
-            [1, "a", 1],
-            "labels: expected all text, all numbers or .*, found 1 beside 'a'",
-        ),
-    ],
-)
+@pytest.mark.parametrize("kind", ["Int64", "string", "category", "boolean"])
+def test_labels_of_pandas_are_exactly_those_given(kind):
+    pandas = pytest.importorskip("pandas")
+    values = {"Int64": [BIG, BIG - 1], "boolean": [True, False]}.get(kind, ["b", "a"])
+    found = HDCClassifier().fit(FRAMES[:2], pandas.Series(values, dtype=kind)).classes_
+    assert found.tolist() == sorted(values)
+    assert type(found.tolist()[0]) is type(values[0])
+
+
+class Colour(enum.IntEnum):
+    RED = 1
+
+
+NO_LABEL = r"labels\[\d\]: expected a str, int, float or bool, found"
+TWO_KINDS = "labels: expected all text, all numbers or .* found .* beside"
+NO_ORDER = "labels: expected a list or an array, found a"
+NO_LABELS = {
+    "too few": ([0, 1], "expected 3, one a frame, found 2"),
+    "nan": (np.array([0, 1, np.nan]), NO_LABEL + " nan"),
+    "nan beside text": (["a", float("nan"), "b"], NO_LABEL + " nan"),
+    "none among them": ([0, None, 1], NO_LABEL + " None"),
+    "days": (np.array([0, 1, 2], "M8[D]"), NO_LABEL + ".*as text"),
+    "times in a list": ([np.datetime64(1, "ns")] * 3, NO_LABEL),
+    "bytes": ([b"a", b"b", b"c"], NO_LABEL),
+    "longdouble": (np.array([0, 1, 2], np.longdouble), NO_LABEL),
+    "enumerations": ([Colour.RED, 2, 3], NO_LABEL),
+    "rows": (np.zeros((3, 2)), NO_LABEL),
+    "bool beside number": ([1, True, 2], TWO_KINDS),
+    "text beside number": (["1", 1, 2], TWO_KINDS),
+    "a set": ({"a", "b", "c"}, NO_ORDER),
+    "a dictionary": ({"a": 0, "b": 1, "c": 2}, NO_ORDER),
+    "masked": (np.ma.array([0, 1, 2], mask=[0, 1, 0]), "labels, found masked ones"),
+    "sparse": (torch.eye(3)[0].to_sparse(), "labels: expected plain numbers, found a"),
+    "infinite": ([np.inf, -np.inf, np.inf], "labels: expected classes, found inf"),
+}
+
+
+@pytest.mark.parametrize(("labels", "message"), NO_LABELS.values(), ids=NO_LABELS)
 def test_labels_that_cannot_be_learnt_are_named(labels, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        HDCClassifier().fit(THREE, labels)
+
+
+@pytest.mark.parametrize("call", ["partial_fit", "recalibrate", "score"])
+def test_labels_of_another_kind_are_refused_by_every_call(call):
+    """A score of 0.0 would say that every answer is wrong."""
+    model = HDCClassifier().fit(FRAMES, LABELS)
+    with pytest.raises(ValueError, match=TWO_KINDS):
+        getattr(model, call)(THREE, ["0", "1", "2"])
+    assert model.score(FRAMES, [5] * 60) == 0.0
+
+
+def test_depths_are_labels_and_a_continuous_quantity_is_none():
+    depths = np.arange(60) / 8 + 0.1  # one frame a depth
+    assert HDCClassifier().fit(FRAMES[:30], depths[:30]).classes_.size == 30
+    assert HDCClassifier().fit(FRAMES, np.arange(60.0)).classes_.size == 60
+    assert HDCClassifier().fit(FRAMES, LABELS + 0.1).classes_.size == 3
+    message = "labels: expected classes, found 60 different numbers for 60 .*continuous"
     with pytest.raises(ValueError, match=message):
-        HDCClassifier().fit(touches()[0][:3], labels)
+        HDCClassifier().fit(FRAMES, depths)
+
+
+MASKED = np.ma.array(LABELS.astype(float), mask=np.arange(60) == 5)
+
+
+@pytest.mark.parametrize("call", ["fit", "partial_fit", "score"])
+def test_targets_that_are_no_numbers_are_named(call):
+    masked = np.ma.array(LABELS.astype(float), mask=LABELS == 2)
+    for targets, found in (
+        (np.arange(60).astype("M8[s]"), "expected numbers, found "),
+        (masked, "expected all numbers, found masked"),
+        (list(masked[:, None]), "expected all numbers, found masked"),
+    ):
+        model = HDCRegressor().fit(FRAMES, LABELS)
+        with pytest.raises(ValueError, match=f"^targets: {found}"):
+            getattr(model, call)(FRAMES, targets)
 
 
 # Frames -------------------------------------------------------------------------------------------
 
 
-def test_arrays_as_files_give_them():
-    """Foreign byte order, read-only, reversed, Fortran order, lists, numbers held as objects."""
-    frames, labels = touches()
-    wide = frames.astype(np.uint16) * 3
-    expected = HDCClassifier().fit(wide, labels).prototypes_
-    frozen = wide.copy()
-    frozen.flags.writeable = False
-    backwards = wide[:, ::-1].copy()[:, ::-1]
-    reversed_ = wide[::-1].copy()[::-1]
-    for same in (
-        wide.astype(">u2"),
-        frozen,
-        backwards,
-        reversed_,
-        np.asfortranarray(wide),
-        list(wide),
-        wide.astype(object),
-    ):
-        assert torch.equal(HDCClassifier().fit(same, labels).prototypes_, expected)
+def frozen(frames):
+    frames = frames.copy()
+    frames.flags.writeable = False
+    return frames
 
 
+SAME = {
+    "foreign byte order": lambda x: x.astype(">u2"),
+    "read-only": frozen,
+    "reversed rows": lambda x: x[:, ::-1].copy()[:, ::-1],
+    "reversed frames": lambda x: x[::-1].copy()[::-1],
+    "Fortran's order": np.asfortranarray,
+    "a list": list,
+    "objects": lambda x: x.astype(object),
+    "bfloat16": lambda x: torch.from_numpy(x.astype("f4")).bfloat16(),
+    "with a gradient": lambda x: torch.from_numpy(x.astype("f4")).requires_grad_(),
+    "uint16 of torch": torch.from_numpy,
+}
+
+
+@pytest.mark.parametrize("kind", SAME)
 @pytest.mark.parametrize(
-    ("frames", "error", "message"),
-    [
-        (
-            np.full((60, 2, 2), "a"),
-            TypeError,
-            "expected real or integer pixels, found dtype <U1",
-        ),
-        (
-            np.full((60, 2), {}, object),
-            TypeError,
-            "argument must be a string or a real number",
-        ),
-        (np.full((60, 2, 2), 1j), ValueError, "Complex data not supported"),
-        (np.ones((60, 0)), ValueError, r"found 0 feature\(s\) \(shape=\(60, 0\)\)"),
-        (
-            np.ones(60),
-            ValueError,
-            r"expected shape \[N, H, W\] or \[N, D\], found \(60,\); Resh",
-        ),
-        (sparse.eye_array(60), TypeError, "expected a dense array, found a sparse one"),
-        (
-            [np.ones((3, 4)), np.ones((3, 5))],
-            ValueError,
-            "frames of one shape",
-        ),
-        (
-            np.ma.masked_less(np.eye(60), 1),
-            ValueError,
-            "expected all pixels, found masked ones",
-        ),
-    ],
+    "encoder", ["median", Levels(3, lit=0.5), "reference", "deviation"]
 )
-def test_frames_that_are_none_are_named(frames, error, message):
-    with pytest.raises(error, match=message):
-        HDCClassifier().fit(frames, touches()[1])
-
-
-@pytest.mark.parametrize("kind", [np.asarray, torch.from_numpy, np.ndarray.tolist])
-def test_a_single_image_is_a_batch_of_one(kind):
-    frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels)
-    for i in range(3):
-        one = kind(frames[i])
-        assert model.predict(one).tolist() == [i]
-        assert (model.distances(one) == model.distances(frames[i : i + 1])).all()
-        assert model.is_known(one).shape == (1,)
-    streamed = HDCClassifier().partial_fit(frames[:1], labels[:1])
-    for frame, label in zip(frames[1:], labels[1:], strict=True):
-        streamed.partial_fit(kind(frame), [label])
-    assert torch.equal(streamed.prototypes_, model.prototypes_)
-
-
-def test_images_of_another_shape_are_refused_and_flat_ones_taken():
-    frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels)
-    message = r"frames: expected shape \(12, 10\) as in training, found \(10, 12\)"
-    for call in (
-        lambda f: model.predict(f),
-        lambda f: model.partial_fit(f, labels),
-        lambda f: model.recalibrate(f, labels),
-    ):
-        with pytest.raises(ValueError, match=message):
-            call(frames.transpose(0, 2, 1))
-    flat = frames.reshape(60, -1)
-    assert (model.predict(flat) == labels).all()
-    assert (HDCClassifier().fit(flat, labels).predict(frames) == labels).all()
-    message = "expected D = 120 pixels as in training .*found 50: X has 50 features, but HDCClass"
-    with pytest.raises(ValueError, match=message):
-        model.predict(frames[:, :5])
-    assert model.n_features_in_ == model.dimension_ == 120
-
-
-def test_columns_of_a_data_frame_are_pixels_in_their_order():
-    pandas = pytest.importorskip("pandas")
-    frames, labels = touches()
-    table = pandas.DataFrame(frames.reshape(60, -1), index=np.linspace(0, 1, 60))
-    model = HDCClassifier().fit(table, labels)
-    assert torch.equal(
-        model.prototypes_, HDCClassifier().fit(frames, labels).prototypes_
-    )
-    assert model.score(table, labels) == 1
-
-
-@pytest.mark.parametrize("streamed", [False, True])
-def test_other_columns_are_refused_after_any_training(streamed, tmp_path):
-    pandas = pytest.importorskip("pandas")
-    frames, labels = touches()
-    table = pandas.DataFrame(frames.reshape(60, -1))
-    other = table[table.columns[::-1]]
-    train = HDCClassifier().partial_fit if streamed else HDCClassifier().fit
-    (model := train(table, labels)).save(tmp_path / "m")
-    models = [model, HDCClassifier.load(tmp_path / "m"), HDCClassifier().merge(model)]
-    models.append(HDCRegressor().fit(table, labels))
-    for some in models:
-        for call in (
-            some.predict,
-            *(partial(f, y=labels) for f in (some.partial_fit, some.score)),
-        ):
-            with pytest.raises(
-                ValueError, match="expected the columns of training in its order"
-            ):
-                call(other)
-    for call in (model.recalibrate, model.partial_fit):
-        with pytest.raises(
-            ValueError, match="expected the columns of training in its order"
-        ):
-            call(other, labels)
-    with pytest.raises(
-        ValueError, match="expected the columns of training in its order"
-    ):
-        model.merge(HDCClassifier().fit(other, labels))
-    assert (
-        model.score(frames, labels)
-        == model.fit(other, labels).score(other, labels)
-        == 1
-    )
-    assert (
-        HDCClassifier().fit(frames, labels).score(other, labels) < 1
-    )  # an array has no names
-
-
-def test_names_of_columns_are_kept():
-    pandas = pytest.importorskip("pandas")
-    frames, labels = touches()
-    names = [f"pixel {j}" for j in range(120)]
-    table = pandas.DataFrame(frames.reshape(60, -1), columns=names)
-    for model in (HDCClassifier(), HDCRegressor(), HDCClassifier("levels", "lda")):
-        assert not hasattr(model, "feature_names_in_")
-        model.fit(table, labels)
-        assert model.feature_names_in_.tolist() == names
-        assert model.feature_names_in_.dtype == object
-        model.fit(frames, labels)
-        assert not hasattr(model, "feature_names_in_")
-    model.fit(pandas.DataFrame(frames.reshape(60, -1)), labels)  # named by numbers
-    assert not hasattr(model, "feature_names_in_")
-
-
-# Masked values ------------------------------------------------------------------------------------
+def test_frames_of_any_container_are_the_same_frames(encoder, kind):
+    frames = FRAMES.astype(np.uint16)
+    expected = HDCClassifier(encoder).fit(frames, LABELS)
+    given = SAME[kind](frames)
+    model = HDCClassifier(encoder).fit(given, LABELS)
+    assert (model.predict(given) == expected.predict(frames)).all()
+    if encoder == "median":
+        assert torch.equal(model.prototypes_, expected.prototypes_)
 
 
 class Slices:
     """A source of frames whose slices are masked from frame 40 on."""
 
-    def __init__(self, frames: np.ndarray) -> None:
-        self.frames, self.shape = frames, frames.shape
+    shape = FRAMES.shape
 
-    def __len__(self) -> int:
-        return len(self.frames)
+    def __len__(self):
+        return len(FRAMES)
 
     def __getitem__(self, index):
-        part = np.ma.array(self.frames)[index]
-        places = np.arange(len(self.frames))[index]
-        part[places >= 40] = np.ma.masked
-        return part
+        return np.ma.masked_array(FRAMES, mask=np.zeros(FRAMES.shape) + HIDDEN)[index]
 
 
-@pytest.mark.parametrize("encoder", ["median", "reference"])
-@pytest.mark.parametrize("kind", ["array", "list", "source"])
-def test_masked_frames_are_refused(kind, encoder):
-    frames, labels = touches()
-    masked = np.ma.array(frames)
-    masked[7, 3, 3] = np.ma.masked
-    given = {"array": masked, "list": list(masked), "source": Slices(frames)}[kind]
-    message = "frames: expected all pixels, found masked ones"
-    for model in (HDCClassifier(encoder), HDCRegressor(encoder)):
+HIDDEN = (np.arange(60) >= 40)[:, None, None]
+ONE_HIDDEN = np.ma.array(FRAMES, mask=np.arange(7200).reshape(FRAMES.shape) == 873)
+ALL_PIXELS = "frames: expected all pixels, found masked ones"
+DENSE = "frames: expected plain numbers, found "
+with warnings.catch_warnings(action="ignore"):  # torch will drop them
+    QUANTISED = torch.quantize_per_tensor(torch.eye(60), 1.0, 0, torch.quint8)
+NO_FRAMES = {
+    "channels": (np.ones((60, 2, 2, 3)), r"found \(60, 2, 2, 3\); take one channel"),
+    "of two shapes": ([np.ones((3, 4)), np.ones((3, 5))], "frames of one shape"),
+    "meta": (torch.empty(60, 8, 8, device="meta"), DENSE + "a meta tensor"),
+    "sparse of torch": (torch.eye(60).to_sparse(), DENSE + "a sparse tensor"),
+    "quantised": (QUANTISED, DENSE + "a quantised tensor"),
+    "a loader": (
+        torch.utils.data.DataLoader(torch.from_numpy(FRAMES)),
+        "frames: expected frames, found a loader of batches",
+    ),
+    "none": (FRAMES[:0], "frames: expected at least one frame, found none"),
+    "masked": (ONE_HIDDEN, ALL_PIXELS),
+    "masked in a list": (list(ONE_HIDDEN), ALL_PIXELS),
+    "masked slices": (Slices(), ALL_PIXELS),
+}
+if np.dtype(np.longdouble).itemsize > 8:
+    wide = FRAMES.astype(np.longdouble)
+    NO_FRAMES["long doubles"] = (wide, "at most 64 bits, found dtype (float|longd)")
+
+
+@pytest.mark.parametrize(("frames", "message"), NO_FRAMES.values(), ids=NO_FRAMES)
+@pytest.mark.parametrize("model", [HDCClassifier("reference"), HDCRegressor()])
+def test_frames_that_are_none_are_named(model, frames, message):
+    with pytest.raises((TypeError, ValueError), match=message):
+        model.fit(frames, LABELS)
+    if message is ALL_PIXELS:
         with pytest.raises(ValueError, match=message):
-            model.fit(given, labels)
-        model.fit(frames, labels)
+            model.fit(FRAMES, LABELS).predict(frames)
+
+
+def test_an_encoder_says_that_it_takes_tensors():
+    with pytest.raises(TypeError, match="frames: expected a torch tensor, found ndarr"):
+        Median().encode(FRAMES)
+
+
+@pytest.mark.parametrize("kind", [np.asarray, torch.from_numpy, np.ndarray.tolist])
+def test_a_single_image_is_a_batch_of_one(kind):
+    model = HDCClassifier().fit(FRAMES, LABELS)
+    streamed = HDCClassifier().partial_fit(FRAMES[:1], LABELS[:1])
+    for frame, label in zip(FRAMES[1:], LABELS[1:], strict=True):
+        streamed.partial_fit(kind(frame), [label])
+        assert model.predict(kind(frame)).tolist() == [label]
+    assert torch.equal(streamed.prototypes_, model.prototypes_)
+    rows = rng.random((60, 1, 10))  # of one row: [N, D] are as many frames
+    assert HDCClassifier().fit(rows, LABELS).predict(rows[:, 0]).shape == (60,)
+
+
+def test_images_of_another_shape_are_refused_and_flat_ones_taken():
+    model = HDCClassifier().fit(FRAMES, LABELS)
+    turned = FRAMES.transpose(0, 2, 1)
+    message = r"frames: expected shape \(12, 10\) as in training, found \(10, 12\)"
+    for call in (model.score, model.partial_fit, model.recalibrate):
         with pytest.raises(ValueError, match=message):
-            model.predict(given)
-
-
-def test_masked_labels_and_targets_are_refused():
-    """A masked −9999 is a missing value, no depth."""
-    frames, labels = touches()
-    mask = np.arange(60) == 5
-    with pytest.raises(
-        ValueError, match="labels: expected all labels, found masked ones"
-    ):
-        HDCClassifier().fit(frames, np.ma.array(labels, mask=mask))
-    values = np.ma.array(np.where(mask, -9999.0, labels), mask=mask)
-    for targets in (values, list(values[:, None])):
-        with pytest.raises(
-            ValueError, match="targets: expected all numbers, found masked"
-        ):
-            HDCRegressor().fit(frames, targets)
-    model = HDCRegressor().fit(frames, labels)
-    for call in (model.partial_fit, model.recalibrate, model.score):
-        with pytest.raises(
-            ValueError, match="targets: expected all numbers, found masked"
-        ):
-            call(frames, values)
-    unmasked = np.ma.array(labels, mask=False)
-    assert HDCClassifier().fit(np.ma.array(frames), unmasked).score(frames, labels) == 1
-
-
-# What scikit-learn asks of labels -----------------------------------------------------------------
-
-
-def test_labels_in_a_column_are_taken_with_a_warning():
-    frames, labels = touches()
-    with pytest.warns(
-        UserWarning, match="A column-vector y was passed when a 1d array"
-    ):
-        model = HDCClassifier().fit(frames, labels[:, None])
-    assert model.predict(frames).tolist() == labels.tolist()
-    with pytest.raises(ValueError, match=r"labels\[0\]: expected a str"):
-        HDCClassifier().fit(frames, np.stack([labels, labels], 1))
-
-
-def test_depths_are_labels_and_a_continuous_quantity_is_none():
-    frames, labels = touches()
-    depths = labels / 4 + 0.1
-    assert (
-        HDCClassifier().fit(frames, depths).predict(frames).tolist() == depths.tolist()
-    )
-    few = np.arange(30) / 8 + 0.1  # one frame a depth
-    assert HDCClassifier().fit(frames[:30], few).classes_.tolist() == few.tolist()
-    many = np.arange(60) / 8 + 0.1
-    message = "labels: expected classes, found 60 different numbers for 60 frames .*continuous"
+            call(turned, LABELS)
+    message = "expected D = 120 pixels as .*found 50: X has 50 features, but HDCClassi"
     with pytest.raises(ValueError, match=message):
-        HDCClassifier().fit(frames, many)
-    assert (
-        len(HDCClassifier().fit(frames, np.arange(60.0)).classes_) == 60
-    )  # whole numbers
-    streamed = HDCClassifier()
-    for start in range(0, 60, 20):
-        batch = slice(start, start + 20)
-        streamed.partial_fit(frames[batch], many[batch])
-    assert len(streamed.classes_) == 60
+        model.predict(FRAMES[:, :5])
+    flat = FRAMES.reshape(60, -1)
+    assert (model.predict(flat) == LABELS).all()
+    assert (HDCClassifier().fit(flat, LABELS).predict(FRAMES) == LABELS).all()
+
+
+@pytest.mark.parametrize("encoder", ENCODERS)
+@pytest.mark.parametrize("dtype", ["uint8", "float32"])
+def test_no_frames_have_no_answers(encoder, dtype):
+    model = HDCClassifier(encoder).fit(FRAMES.astype(dtype), LABELS)
+    none = FRAMES[:0].astype(dtype)
+    assert model.predict(none).shape == (0,)
+    assert model.predict_set(none) == []
+    assert model.is_known(none).shape == (0,)
+    assert model.predict_proba(none).shape == (0, 3)
+
+
+# Data frames --------------------------------------------------------------------------------------
+
+
+def test_columns_of_a_data_frame_are_pixels_in_their_order(tmp_path):
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame(FRAMES.reshape(60, -1), index=np.linspace(0, 1, 60))
+    other = table[table.columns[::-1]]
+    model = HDCClassifier().fit(table, LABELS)
+    expected = HDCClassifier().fit(FRAMES, LABELS)
+    assert torch.equal(model.prototypes_, expected.prototypes_)
+    assert model.score(FRAMES, LABELS) == 1  # an array has no names
+    model.save(tmp_path / "m")
+    models = [model, HDCClassifier.load(tmp_path / "m"), HDCClassifier().merge(model)]
+    models += [HDCClassifier().partial_fit(table, LABELS)]
+    models += [HDCRegressor().fit(table, LABELS)]
+    message = "expected the columns of training in its order"
+    for some in models:
+        for call in (some.score, some.partial_fit, some.recalibrate):
+            with pytest.raises(ValueError, match=message):
+                call(other, LABELS)
+    with pytest.raises(ValueError, match=message):
+        model.merge(HDCClassifier().fit(other, LABELS))
+    assert model.fit(other, LABELS).score(other, LABELS) == 1
+
+
+@pytest.mark.parametrize("model", [HDCClassifier(), HDCRegressor()])
+def test_names_of_columns_are_those_of_what_was_learnt_last(model):
+    pandas = pytest.importorskip("pandas")
+    numbered = pandas.DataFrame(FRAMES.reshape(60, -1))
+    named = numbered.add_prefix("pixel ")
+    for frames in (named, FRAMES, named, numbered):
+        model.fit(frames, LABELS)
+        assert hasattr(model, "feature_names_in_") == (frames is named)
+
+
+def test_a_failed_first_batch_leaves_no_names_of_columns():
+    pandas = pytest.importorskip("pandas")
+    table = pandas.DataFrame(FRAMES.reshape(60, -1)).add_prefix("pixel ")
+    model = HDCClassifier()
+    before = vars(model).copy()
+    with pytest.raises(ValueError, match="labels: expected 60"):
+        model.partial_fit(table, LABELS[:3])
+    assert vars(model) == before
+    other = table.rename(columns=str.upper)
+    assert model.partial_fit(other, LABELS).feature_names_in_[0] == "PIXEL 0"

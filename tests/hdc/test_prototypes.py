@@ -1,7 +1,5 @@
 """Counters of classes, their majority, and recalibration."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -9,13 +7,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from hdc import bits
-from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
+from hdc.prototypes import Counters, replaced_bits, tie_breaker
 from hdc.readouts import Majority
 from tests.hdc.own import fitted
 
 
-def vectors(n: int, d: int, seed: int = 0) -> torch.Tensor:
+def vectors(n, d, seed=0):
     return torch.from_numpy(np.random.default_rng(seed).random((n, d)) < 0.5)
+
+
+def counted(n_classes, mask, labels):
+    counters = Counters(n_classes, mask.shape[1])
+    counters.add(bits.pack(mask), torch.as_tensor(labels))
+    return counters
 
 
 @given(
@@ -25,81 +29,58 @@ def vectors(n: int, d: int, seed: int = 0) -> torch.Tensor:
 @settings(max_examples=40, deadline=None)
 def test_any_split_order_and_merge_count_alike(labels, random):
     mask, index = vectors(len(labels), 65), torch.tensor(labels)
-    words = bits.pack(mask)
     shards = [Counters(5, 65) for _ in range(3)]
-    order = list(range(len(labels)))
-    random.shuffle(order)
-    for i in order:
-        random.choice(shards).add(words[[i]], index[[i]])
-    random.shuffle(shards)
+    for i in random.sample(range(len(labels)), len(labels)):
+        random.choice(shards).add(bits.pack(mask[[i]]), index[[i]])
     merged = shards[0]
     for other in shards[1:]:
         merged.merge(other)
-    whole = Counters(5, 65)
-    whole.add(words, index)
     expected = torch.stack([mask[index == c].sum(0) for c in range(5)])
-    assert torch.equal(whole.counts(), expected)
-    assert torch.equal(merged.counts(), expected)
-    assert torch.equal(merged.n, whole.n)
-    assert torch.equal(merged.planes, whole.planes)
+    for found in (merged, counted(5, mask, index)):
+        assert torch.equal(found.counts(), expected)
+        assert found.n.tolist() == np.bincount(labels, minlength=5).tolist()
 
 
-def test_random_ties_are_an_added_hypervector_from_the_seed():
-    words = bits.pack(vectors(8, 300))
-    labels = torch.arange(8) % 2
-    counters = Counters(2, 300)
-    counters.add(words, labels)
+def test_ties_of_a_seed_are_broken_by_an_added_hypervector():
+    mask, labels = vectors(8, 300), [0, 1] * 4
+    counters = counted(3, mask, labels)
     prototypes = counters.majority("random", seed=7)
-    added = Counters(2, 300)
-    added.add(words, labels)
-    breakers = torch.stack([tie_breaker(300, 7, c) for c in range(2)])
-    added.add(breakers, torch.arange(2))
+    breakers = [bits.unpack(tie_breaker(300, 7, c), 300) for c in range(2)]
+    added = counted(3, torch.cat([mask, torch.stack(breakers)]), [*labels, 0, 1])
     assert torch.equal(prototypes, added.majority())
-    assert torch.equal(prototypes, counters.majority("random", seed=7))
     assert not torch.equal(prototypes, counters.majority("random", seed=8))
-    counters.majority("random", seed=2**62)  # any integer is a seed
-    counters.majority("random", seed=-5)
+    assert not prototypes[2].any()  # a class without samples
 
 
-@pytest.mark.parametrize("label", [-1, 2])
-def test_class_indices_outside_are_named_and_not_counted(label):
+ONE = torch.zeros(1, 1, dtype=torch.int64)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda c: c.add(ONE, torch.tensor([-1])), r"class indices in \[0, 2\), fo.* -1"),
+        (lambda c: c.add(ONE, torch.tensor([2])), r"class indices in \[0, 2\), found 2"),
+        (lambda c: c.add(ONE, torch.tensor([0, 0])), "expected 1, one a sample, found 2"),
+        (lambda c: c.add(ONE[:, [0, 0]], torch.tensor([0])), "1 words for D = 64, found 2"),
+        (lambda c: c.merge(Counters(2, 65)), "2 classes of D = 64, found 2 of D = 65"),
+        (lambda c: replaced_bits(2, 64, float("nan"), 0), "p: expected a share .*nan"),
+    ],
+)  # fmt: skip
+def test_what_cannot_be_counted_is_named_and_not_counted(call, message):
     counters = Counters(2, 64)
-    with pytest.raises(
-        ValueError, match=rf"expected class indices in \[0, 2\), found {label}"
-    ):
-        counters.add(torch.zeros(1, 1).long(), torch.tensor([label]))
+    with pytest.raises(ValueError, match=message):
+        call(counters)
     assert counters.n.tolist() == [0, 0]
-
-
-def test_disagreeing_sizes_are_named():
-    counters = Counters(2, 64)
-    with pytest.raises(ValueError, match="labels: expected 3, one a sample, found 2"):
-        counters.add(torch.zeros(3, 1).long(), torch.zeros(2).long())
-    with pytest.raises(ValueError, match="expected 1 words for D = 64, found 2"):
-        counters.add(torch.zeros(3, 2).long(), torch.zeros(3).long())
-    with pytest.raises(
-        ValueError, match="expected 2 classes of D = 64, found 2 of D = 65"
-    ):
-        counters.merge(Counters(2, 65))
-
-
-def replaced(n_classes: int, d: int, p: float, seed: int) -> torch.Tensor:
-    return bits.unpack(replaced_bits(n_classes, d, p, seed), d)
 
 
 @pytest.mark.parametrize("p", [0.0, 0.1, 0.5, 1.0])
 def test_replaced_bits_are_drawn_class_by_class_with_their_probability(p):
-    drawn = replaced(3, 10_001, p, 2)
+    drawn = bits.unpack(replaced_bits(3, 10_001, p, 2), 10_001)
     spread = (p * (1 - p) / 10_001) ** 0.5
     assert ((drawn.double().mean(1) - p).abs() <= 5 * spread).all()
-    assert torch.equal(drawn, replaced(3, 10_001, p, 2))
-    if 0 < p < 1:
-        assert not torch.equal(drawn, replaced(3, 10_001, p, 3))
-        both = (
-            (drawn[0] & drawn[1]).double().mean()
-        )  # the classes are drawn independently
-        assert abs(float(both) - p * p) < 0.02
-    assert torch.equal(replaced(2, 10_001, p, 2), drawn[:2])
+    both = float((drawn[0] & drawn[1]).double().mean())
+    assert both == pytest.approx(p * p, abs=0.02)  # drawn independently
+    assert torch.equal(replaced_bits(2, 10_001, p, 2), bits.pack(drawn[:2]))
 
 
 def test_recalibrated_bits_come_from_either_side():
@@ -109,59 +90,34 @@ def test_recalibrated_bits_come_from_either_side():
     model = fitted(Majority(), old, rows, 3, 10_001)
     stored = model.prototypes_.clone()
     fresh = fitted(Majority(), new, rows, 3, 10_001).prototypes_
-    model = model.adapted(new, rows, 0.5, 2, "replace")
-    mixed = model.prototypes_
+    mixed = model.adapted(new, rows, 0.5, 2, "replace").prototypes_
     assert not ((mixed ^ stored) & (mixed ^ fresh)).any()
-    changed = (
-        bits.hamming(stored, mixed).diagonal() / bits.hamming(stored, fresh).diagonal()
-    )
-    assert ((changed - 0.5).abs() < 0.05).all()
-    again = fitted(Majority(), old, rows, 3, 10_001)
-    again = again.adapted(new, rows, 0.5, 3, "replace")
-    assert not torch.equal(again.prototypes_, mixed)
-    again = fitted(Majority(), old, rows, 3, 10_001)
-    again = again.adapted(new, rows, 1, 3, "replace")
-    assert torch.equal(again.prototypes_, fresh)
-
-
-@pytest.mark.parametrize("p", [-0.1, 1.1, float("nan")])
-def test_probabilities_outside_are_named(p):
-    message = r"p: expected a share in \[0, 1\], found"
-    with pytest.raises(ValueError, match=message):
-        replaced_bits(2, 64, p, 0)
-    with pytest.raises(ValueError, match=message):
-        merged(Counters(2, 64), Counters(2, 64), p)
-
-
-def test_a_class_without_samples_has_zeros():
-    counters = Counters(3, 64)
-    counters.add(bits.pack(vectors(2, 64)), torch.tensor([0, 2]))
-    assert counters.majority().any(1).tolist() == [True, False, True]
+    changed = bits.hamming(stored, mixed) / bits.hamming(stored, fresh)
+    assert ((changed.diagonal() - 0.5).abs() < 0.05).all()
+    whole = model.adapted(new, rows, 1, 3, "replace").prototypes_
+    assert torch.equal(whole, fresh)
 
 
 @given(st.lists(st.integers(0, 9), min_size=1, max_size=4), st.integers(1, 40))
 @settings(max_examples=30, deadline=None)
 def test_scaled_counters_are_repeated_samples(weights, n):
     index = torch.arange(n * len(weights)) % len(weights)
-    words = bits.pack(vectors(len(index), 130))
-    counters, repeated = Counters(len(weights), 130), Counters(len(weights), 130)
-    counters.add(words, index)
+    mask = vectors(len(index), 130)
     times = torch.tensor(weights)[index]
-    repeated.add(words.repeat_interleave(times, 0), index.repeat_interleave(times))
-    scaled = counters.scaled(weights)
-    assert torch.equal(scaled.n, repeated.n)
-    assert torch.equal(scaled.counts(), repeated.counts())
+    scaled = counted(len(weights), mask, index).scaled(weights)
+    repeated = mask.repeat_interleave(times, 0), index.repeat_interleave(times)
+    expected = counted(len(weights), *repeated)
+    assert torch.equal(scaled.n, expected.n)
+    assert torch.equal(scaled.counts(), expected.counts())
 
 
 @pytest.mark.parametrize("ties", ["zero", "one", "random"])
 def test_prototypes_of_a_size_are_those_of_thinned_counters(ties):
-    counters = Counters(3, 200)
-    labels = torch.tensor([0] * 9 + [1] * 4 + [2] * 3)
-    counters.add(bits.pack(vectors(16, 200)), labels)
-    made = counters.majority(ties, 5, 4)
-    assert (made == counters.thinned(4, 5).majority(ties, 5)).all()
-    assert (made[0] != counters.majority(ties, 5)[0]).any()
-    assert (made[1:] == counters.majority(ties, 5)[1:]).all()
+    counters = counted(3, vectors(16, 200), [0] * 9 + [1] * 4 + [2] * 3)
+    made, whole = counters.majority(ties, 5, 4), counters.majority(ties, 5)
+    assert torch.equal(made, counters.thinned(4, 5).majority(ties, 5))
+    assert not torch.equal(made[0], whole[0])
+    assert torch.equal(made[1:], whole[1:])
 
 
 def test_what_is_drawn_from_one_seed_is_drawn_apart():
@@ -172,6 +128,7 @@ def test_what_is_drawn_from_one_seed_is_drawn_apart():
         *(tie_breaker(d, seed, 0) for seed in (-1, -5, 2**32 + 5, 2**62, 2**64 - 5)),
         *replaced_bits(3, d, 0.5, seed=0),
         *replaced_bits(3, d, 0.5, seed=1),
+        *replaced_bits(3, d, 0.5, seed=1, number=1),
         bits.random_hypervector(d, 0),
     ]
     distances = bits.hamming(torch.stack(drawn), torch.stack(drawn)) / d

@@ -23,12 +23,8 @@ def composed(*overrides):
 def test_a_scene_says_how_it_is_split_and_shown(name):
     config = composed(f"scene={name}")
     shown = OmegaConf.to_container(config.scene_display)
-    assert set(shown) - {"fitted", "family", "figure"} == {
-        "name",
-        "frames",
-        "kind",
-        "place",
-    }
+    optional = {"fitted", "family", "figure"}
+    assert set(shown) - optional == {"name", "frames", "kind", "place"}
     assert shown["kind"] in ("captured", "computed", "simulated")
     assert (shown["kind"] == "computed") == name.startswith("fibre")
     assert shown.get("fitted", False) == (name in ("drift", "finger", "spatial"))

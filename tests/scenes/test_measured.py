@@ -1,5 +1,7 @@
 """Public recordings as scenes: on made-up copies of their shape, and on themselves if present."""
 
+import re
+
 import cv2
 import numpy as np
 import pytest
@@ -11,7 +13,6 @@ from scenes.export import compose
 from scenes.frames import Scene
 from scenes.listing import show
 from scenes.measured import MeasuredScene
-from scenes.split import split
 
 ABOUT = {
     "repository": "somebody/touches",
@@ -35,13 +36,11 @@ def root(tmp_path, monkeypatch):
 @pytest.fixture
 def pressed(root):
     """Two materials, three cycles, a colour image and a file beside it each."""
-    rng = np.random.default_rng(0)
-    images = rng.integers(0, 256, (2, 3, 6, 8, 3), dtype=np.uint8)
-    for material in (0, 1):
-        for cycle in range(3):
-            folder = root / f"material_{material + 9}" / f"cycle_{cycle + 1}_A"
-            write(folder / "frame.png", images[material, cycle])
-            (folder / "flow.json").write_text("{}")
+    images = np.random.default_rng(0).integers(0, 256, (6, 6, 8, 3), dtype=np.uint8)
+    for k, image in enumerate(images):
+        folder = root / f"material_{k // 3 + 9}" / f"cycle_{k % 3 + 1}_A"
+        write(folder / "frame.png", image)
+        (folder / "flow.json").write_text("{}")
     return images
 
 
@@ -56,21 +55,15 @@ def test_a_recording_is_a_scene(pressed, monkeypatch):
     assert (scene.origin, scene.cacheable, scene.unknown) == ("measured", False, None)
     assert (scene.classes, scene.shape, len(scene)) == (("9", "10"), (6, 8), 6)
     assert scene.samples["order"].tolist() == [1, 2, 3, 1, 2, 3]
-    grey = [
-        cv2.cvtColor(image, cv2.COLOR_BGR2GRAY) for image in pressed.reshape(6, 6, 8, 3)
-    ]
     indices = [5, 0, 0, 3]
-    expected = torch.from_numpy(np.stack([grey[i] for i in indices]))
+    grey = [cv2.cvtColor(pressed[i], cv2.COLOR_BGR2GRAY) for i in indices]
+    expected = torch.from_numpy(np.stack(grey))
     assert torch.equal(scene.frames(indices), expected)
     monkeypatch.setattr(measured, "MEMORY_BYTES", 0)
     assert torch.equal(touches(crop=[2, 0, 6, 6]).frames(indices), expected[..., 2:])
     assert scene.frames([]).shape == (0, 6, 8)
     with pytest.raises(IndexError, match=r"expected values in \[0, 6\), found \[6\]"):
         scene.frames([6])
-    train, test = split(
-        scene.labels, kind="ordered", n_test=2, order=scene.samples["order"]
-    )
-    assert scene.samples["order"][train].max() < scene.samples["order"][test].min()
 
 
 def test_other_content_is_refused_and_changes_the_fingerprint(pressed, root):
@@ -78,11 +71,9 @@ def test_other_content_is_refused_and_changes_the_fingerprint(pressed, root):
     source = {**ABOUT, "sha256": scene.sha256}
     assert touches(source=source).fingerprint() == scene.fingerprint()
     assert touches(subsample=2).fingerprint() != scene.fingerprint()
-    write(root / "material_9" / "cycle_2_A" / "frame.png", pressed[1, 1])
+    write(root / "material_9" / "cycle_2_A" / "frame.png", pressed[4])
     assert touches().fingerprint() != scene.fingerprint()
-    with pytest.raises(
-        ValueError, match=r"expected the 6 files of somebody/touches at 0123abc"
-    ):
+    with pytest.raises(ValueError, match="the 6 files of somebody/touches at 0123abc"):
         touches(source=source)
 
 
@@ -127,32 +118,24 @@ def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
 def test_unknown_frames_are_a_scene_of_their_own(root):
     for k, label in enumerate(["n13311", "extra", "n13529"]):
         for i in range(2):
-            write(
-                root / label / f"s{k}_frame_{i}.png",
-                np.full((3, 3), 10 * k + i, np.uint8),
-            )
-    scene = touches(
-        template="{label}/{group}_frame_{order}.png",
-        unknown=["extra"],
-        values=[
-            {
-                "name": "index",
-                "unit": "1",
-                "labels": {"n13311": 1.3311, "n13529": 1.3529},
-            }
-        ],
-        saturated="frames of one capture are nearly copies",
-    )
+            image = np.full((3, 3), 10 * k + i, np.uint8)
+            write(root / label / f"s{k}_frame_{i}.png", image)
+    index = {
+        "name": "index",
+        "unit": "1",
+        "labels": {"n13311": 1.3311, "n13529": 1.3529},
+    }
+    template = "{label}/{group}_frame_{order}.png"
+    scene = touches(template=template, unknown=["extra"], values=[index])
     assert scene.classes == ("n13311", "n13529")
     assert scene.values[:, 0].tolist() == [1.3311, 1.3311, 1.3529, 1.3529]
     assert scene.frames(range(4))[:, 0, 0].tolist() == [0, 1, 20, 21]
     assert scene.samples["group_name"].tolist() == ["s0", "s0", "s2", "s2"]
     unknown = scene.unknown
-    assert (unknown.classes, len(unknown)) == (("extra",), 2)
-    assert unknown.frames([0, 1])[:, 0, 0].tolist() == [10, 11]
+    assert unknown.classes == ("extra",)
+    assert unknown.frames(range(len(unknown)))[:, 0, 0].tolist() == [10, 11]
     assert np.isnan(unknown.values).all()
     assert unknown.fingerprint() != scene.fingerprint()
-    assert "copies" in scene.saturated
 
 
 def test_labels_of_other_names_are_one_class_and_groups_stay_whole(root):
@@ -168,23 +151,20 @@ def test_labels_of_other_names_are_one_class_and_groups_stay_whole(root):
     assert scene.classes == ("Shear", "Torsion")
     assert scene.labels.tolist() == [0, 1, 1]
     assert scene.samples["group_name"].tolist() == ["Test1", "Test2", "Test4"]
-    assert scene.unknown.frames([0])[0, 0, 0] == 3
 
 
 def test_a_damaged_file_is_left_out_where_it_is_named(root):
-    rng = np.random.default_rng(0)
-    for k, name in enumerate(["a_1", "a_2", "b_1", "b_2"]):
-        image = rng.integers(0, 256, (30, 30)).astype(np.uint8)
-        write(root / "data" / f"{name}.png", np.maximum(image, k))
+    image = np.random.default_rng(0).integers(0, 256, (30, 30)).astype(np.uint8)
+    for name in ("a_1", "a_2", "b_1"):
+        write(root / "data" / f"{name}.png", image)
     cut = root / "data" / "a_2.png"
     cut.write_bytes(cut.read_bytes()[:300])
     settings = {"template": "{label:w}_{order}.png", "folders": ["data"]}
     with pytest.raises(ValueError, match=r"a_2\.png: expected a whole image"):
-        touches(**settings).frames(range(4))
+        touches(**settings).frames(range(3))
     scene = touches(**settings, damaged=["data/a_2.png"])
-    assert scene.labels.tolist() == [0, 1, 1]
-    assert scene.frames(range(3)).shape == (3, 30, 30)
-    assert "a_2.png" not in scene.samples["file"]
+    assert scene.labels.tolist() == [0, 1]
+    assert scene.frames(range(2)).shape == (2, 30, 30)
     with pytest.raises(ValueError, match=r"scene\.damaged: expected a file of a frame"):
         touches(**settings, damaged=["a_2.png"])
 
@@ -194,64 +174,32 @@ def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, ca
     (tmp_path / "article_MMF_disorder").mkdir()
     show([])
     table, script = capsys.readouterr().out.split("This script gets")
-    for name in ("gelsight", "diffuser", "tactip", "spr"):
-        (line,) = (line for line in table.splitlines() if f" {name} " in line)
-        assert "│ no" in line
-    (line,) = (line for line in table.splitlines() if " fibre " in line)
-    assert "│ unreadable" in line
+    for name, state in (("gelsight", "no"), ("spr", "no"), ("fibre", "unreadable")):
+        assert re.search(rf" {name} .*│ {state}", table)
     # Two scenes read the second fibre's repository: it is cloned once. The first one's is there.
     assert (
-        script.count("git clone https://github.com/wavefrontshaping/article_RME_2023")
-        == 1
+        script.count("git clone https://github.com/wavefrontshaping/article_RME") == 1
     )
     assert "article_MMF_disorder" not in script
+    show(["gelsight"])
+    printed = capsys.readouterr().out
+    assert re.match(r"gelsight: [\s\S]*git clone https://github\.com/", printed)
+    with pytest.raises(SystemExit, match=r"among diffuser, .*, found touch"):
+        show(["touch"])
 
 
 def test_a_comment_makes_no_public_recording(tmp_path, monkeypatch):
     """Any file with the word in its text was one, and could not be listed."""
     monkeypatch.setattr(listing, "CONFIGS", tmp_path)
-    scenes = {
-        "own": "# source: our camera\nscene: {_target_: scenes.recorded.open_recording}",
-        "public": "scene: {source: {}}",
-        "fibre": "scene: {_target_: scenes.fibre.FibreScene}",
-    }
-    for name, text in scenes.items():
-        (tmp_path / f"{name}.yaml").write_text(text)
+    own = "# source: our camera\nscene: {_target_: scenes.recorded.open_recording}"
+    (tmp_path / "own.yaml").write_text(own)
+    (tmp_path / "public.yaml").write_text("scene: {source: {}}")
+    (tmp_path / "fibre.yaml").write_text("scene: {_target_: scenes.fibre.FibreScene}")
     assert listing.public_names() == ["fibre", "public"]
 
 
-def test_a_missing_recording_that_is_named_says_how_to_get_it(
-    tmp_path, monkeypatch, capsys
-):
-    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
-    show(["gelsight"])
-    printed = capsys.readouterr().out
-    assert printed.startswith("gelsight: ")
-    assert "git clone https://github.com/" in printed
-    with pytest.raises(SystemExit, match=r"among diffuser, .*, found touch"):
-        show(["touch"])
-
-
-@pytest.mark.parametrize(
-    ("name", "counts", "shape"),
-    [
-        ("gelsight", [100] * 10, (400, 300)),
-        ("diffuser", [600] * 4, (512, 512)),
-        ("tactip", [650, 681, 729, 706, 707, 690, 695, 749, 660, 733], (128, 128)),
-        ("tactip_edge", [658, 657, 726, 669, 780, 672, 716, 703, 698, 721], (128, 128)),
-        ("spr", [100] * 3, (640, 640)),
-        ("gelsight_billets", [80, 114], (240, 320)),
-        ("rgb_fibres", [416, 205, 202], (480, 640)),
-        (
-            "visuotactile",
-            [732, 753, 734, 756, 736, 831, 744, 740, 735, 766],
-            (120, 160),
-        ),
-        ("fibre_2", [100] * 5, (41, 82)),
-        ("fibre_3", [100] * 5, (41, 82)),
-    ],
-)
-def test_the_public_recordings(name, counts, shape):
+@pytest.mark.parametrize("name", listing.public_names())
+def test_the_public_recordings(name):
     """Their files are those of the digest in the YAML, or opening them fails."""
     try:
         scene = compose([f"scene={name}"])
@@ -259,6 +207,5 @@ def test_the_public_recordings(name, counts, shape):
         if isinstance(error.__cause__, FileNotFoundError):
             pytest.skip(f"{name}: {error.__cause__}")
         raise
-    assert np.bincount(scene.labels).tolist() == counts
-    assert tuple(scene.frames([0, len(scene) - 1]).shape) == (2, *shape)
-    assert isinstance(scene.values, np.ndarray)
+    assert np.bincount(scene.labels).min() >= 80
+    assert tuple(scene.frames([0, len(scene) - 1]).shape) == (2, *scene.shape)

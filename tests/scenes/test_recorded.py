@@ -37,18 +37,16 @@ def test_a_recording_is_a_scene(archive):
     assert scene.fingerprint() != open_recording(path).fingerprint()
 
 
-def test_a_setting_is_named_as_in_the_configuration(archive):
-    with pytest.raises(
-        ValueError, match=r"^scene\.crop: expected a window inside frames 4 px wid"
-    ):
-        open_recording(archive[0], crop=[0, 0, 9, 9])
-
-
-def test_a_negative_memory_is_refused(archive):
-    with pytest.raises(
-        ValueError, match=r"^scene\.memory_bytes: expected an integer ≥ 0, found -1"
-    ):
-        open_recording(archive[0], memory_bytes=-1)
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"crop": [0, 0, 9, 9]}, "crop: expected a window inside frames 4 px wid"),
+        ({"memory_bytes": -1}, "memory_bytes: expected an integer ≥ 0, found -1"),
+    ],
+)
+def test_a_setting_is_named_as_in_the_configuration(archive, settings, message):
+    with pytest.raises(ValueError, match=rf"^scene\.{message}"):
+        open_recording(archive[0], **settings)
 
 
 @pytest.mark.parametrize(

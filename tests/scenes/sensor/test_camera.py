@@ -6,7 +6,6 @@ import torch
 from scipy import stats
 
 from scenes.sensor.camera import CONTINUOUS, Camera, MountedCamera
-from scenes.sensor.environment import Thermal
 from scenes.sensor.seeds import stream
 
 CPU = torch.device("cpu")
@@ -29,19 +28,6 @@ def test_contrast_and_distribution(modes):
     assert stats.kstest(apart, stats.gamma(modes, scale=1 / modes).cdf).statistic < 0.02
 
 
-def test_autocovariance_is_the_squared_transform_of_the_pupil():
-    camera = Camera(grid=128, crop=128, pupil=40, polarisations=1, unevenness=0)
-    i = intensities(camera, 200) - 1
-    power = np.mean(np.abs(np.fft.fft2(i)) ** 2, 0)
-    found = np.fft.ifft2(power).real
-    found /= found[0, 0]
-    pupil = np.zeros((128, 128))
-    pupil[:40, :40] = camera.disc
-    expected = np.abs(np.fft.ifft2(pupil)) ** 2
-    expected /= expected[0, 0]
-    assert np.abs(found - expected)[:10, :10].max() < 0.02
-
-
 def test_pruned_transform_is_the_whole_one():
     camera = Camera(grid=64, crop=50, pupil=20, unevenness=0.2)
     phases = stream(1, "test").uniform(-1e8, 1e8, (3, camera.path_count))
@@ -51,21 +37,6 @@ def test_pruned_transform_is_the_whole_one():
     expected = power * camera.illumination / camera.path_count
     found = MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).numpy()
     assert np.allclose(found, expected, rtol=1e-4, atol=1e-5)
-
-
-def test_siegert_and_the_closed_form_of_a_phase_step():
-    """The intensity's correlation is the square of the field's: e^{-s²/2} or E cos(S·T)."""
-    camera = Camera(grid=128, crop=128, pupil=64, polarisations=2, unevenness=0)
-    rng = stream(2, "test")
-    start = rng.uniform(0, 2 * np.pi, (20, camera.path_count))
-    step = rng.standard_normal(start.shape)
-    mounted = MountedCamera(camera, CPU)
-    before = mounted.intensity(torch.from_numpy(start)).numpy().ravel()
-    thermal = Thermal().draw(start.size, rng).reshape(start.shape) * 0.02  # of 0.02 K
-    steps = [(s * step, np.exp(-(s**2))) for s in (0.3, 0.8, 1.5)]
-    for change, expected in [*steps, (thermal, np.mean(np.cos(thermal)) ** 2)]:
-        after = mounted.intensity(torch.from_numpy(start + change)).numpy().ravel()
-        assert np.corrcoef(before, after)[0, 1] == pytest.approx(expected, abs=0.02)
 
 
 def test_floor_that_all_frames_share():
@@ -89,7 +60,7 @@ def grey_distribution(camera, mean):
     return np.diff(np.concatenate([[0.0], below, [1.0]]))
 
 
-@pytest.mark.parametrize("light", [0.0, 1e-3, 0.01, 0.1, 0.3, 1.0, 3.0, 4.5])
+@pytest.mark.parametrize("light", [0.0, 0.01, 0.3, 1.0, 4.5])
 def test_noise_in_one_draw_has_the_exact_distribution(light):
     """No sampling here: the variate z is pushed through on a grid of quantiles."""
     camera = Camera(grid=512, crop=512, pupil=2)
@@ -107,30 +78,30 @@ def test_noise_in_one_draw_has_the_exact_distribution(light):
     assert np.abs(found - exact).sum() / 2 < 1e-4
 
 
-@pytest.mark.parametrize(("photons", "read"), [(1.0, 0.0), (100.0, 0.5)])
-def test_few_photons_are_counted_one_by_one(photons, read):
-    camera = Camera(grid=256, crop=256, pupil=4, photons=photons, read_noise=read)
+def test_few_photons_are_counted_one_by_one():
+    """Below a read noise of some photons: Poisson's variance, the noise's and that of rounding."""
     even = torch.full((4, 256, 256), 1.0)
-    grey = (
-        MountedCamera(camera, CPU)
-        .expose(even, [stream(0, "test", i) for i in range(4)])
-        .double()
+
+    def grey(photons, read):
+        camera = Camera(grid=256, crop=256, pupil=4, photons=photons, read_noise=read)
+        streams = [stream(0, "test", i) for i in range(4)]
+        return MountedCamera(camera, CPU).expose(even, streams).double()
+
+    one = grey(1.0, 0.0)
+    assert (
+        {0, 50, 100} <= set(one.unique().tolist()) <= {0, 50, 100, 150, 200, 250, 255}
     )
-    if read == 0:
-        assert set(np.unique(grey)) <= {0, 50, 100, 150, 200, 250, 255}
-        assert (grey == 0).double().mean() == pytest.approx(np.exp(-1), abs=0.005)
-    else:
-        assert grey.mean() == pytest.approx(50, rel=0.01)
-        variance = (50 / photons) ** 2 * photons + read**2 + 1 / 12
-        assert grey.var() == pytest.approx(variance, rel=0.03)
+    assert (one == 0).double().mean() == pytest.approx(np.exp(-1), abs=0.005)
+    many = grey(100.0, 0.5)
+    assert many.mean() == pytest.approx(50, rel=0.01)
+    assert many.var() == pytest.approx(50**2 / 100 + 0.5**2 + 1 / 12, rel=0.03)
 
 
-def test_bad_values_are_named():
-    for name, value in [
-        *(("pupil", 600), ("crop", 513), ("pupil", 0), ("photons", -1.0)),
-        ("polarisations", 3),
-    ]:
-        with pytest.raises(
-            ValueError, match=rf"scene.sensor.camera.{name}: .*, found {value}"
-        ):
-            Camera(**{name: value})
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [("pupil", 600), ("crop", 513), ("pupil", 0), ("photons", -1.0), ("polarisations", 3)],
+)  # fmt: skip
+def test_bad_values_are_named(name, value):
+    message = rf"scene.sensor.camera.{name}: .*, found {value}"
+    with pytest.raises(ValueError, match=message):
+        Camera(**{name: value})

@@ -1,4 +1,4 @@
-"""The layer against closed forms, against arbitrary precision and against finite elements."""
+"""The layer against closed forms, its differential equation and arbitrary precision."""
 
 import mpmath
 import numpy as np
@@ -24,18 +24,28 @@ def exact_response(k, z, h):
         return float(w * u), float(w * slope)
 
 
-@pytest.mark.parametrize("kh", [1e-6, 1e-3, 0.05, 1.0, 20.0, 300.0, 1e4])
+@pytest.mark.parametrize("kh", [1e-6, 1e-3, 0.05, 0.999, 1.001, 20.0, 300.0, 1e4])
 @pytest.mark.parametrize("height", [0.0, 0.01, 0.5, 0.999, 1.0])
 def test_response_at_any_thickness_equals_the_equations(kh, height):
     found = layer_response(np.array(kh), np.array(height), 1.0)
-    assert np.allclose(found, exact_response(kh, height, 1.0), rtol=0, atol=1e-15)
+    digits = 1e-10 if kh < 1.1 else 0  # those of a thin layer are of order H²
+    bound = 1e-15 if digits == 0 or height == 0 else 0
+    assert np.allclose(found, exact_response(kh, height, 1.0), rtol=digits, atol=bound)
 
 
-@pytest.mark.parametrize("kh", [1e-6, 1e-3, 0.05, 0.999, 1.001])
-@pytest.mark.parametrize("height", [0.01, 0.5, 1.0])
-def test_response_of_a_thin_layer_keeps_its_digits(kh, height):
-    found = layer_response(np.array(kh), np.array(height), 1.0)
-    assert np.allclose(found, exact_response(kh, height, 1.0), rtol=1e-10, atol=0)
+@pytest.mark.parametrize("k", [0.3, 1.5, 6.0])
+def test_response_is_in_equilibrium_under_a_pressure(k):
+    """U⁗ − 2U″ + U = 0 in s = kz without body forces (Stokes); bonded below, and at the surface no
+    shear, U″ + U = 0, and a pressure of one, U‴ − 3U′ = −2."""
+    s = k * (1 - np.cos(np.pi * np.linspace(0, 1, 30))) / 2
+    found_p, found_q = layer_response(np.array(k), s / k, 1.0)
+    p = np.polynomial.Chebyshev.fit(s, found_p, 22)
+    first, second, third, fourth = (p.deriv(n) for n in (1, 2, 3, 4))
+    assert np.allclose(first(s), found_q, atol=1e-10)
+    inside = s[5:-5]
+    assert np.abs(fourth(inside) - 2 * second(inside) + p(inside)).max() < 1e-3
+    assert np.abs([p(0), first(0), second(k) + p(k)]).max() < 1e-7
+    assert third(k) - 3 * first(k) == pytest.approx(-2, abs=1e-4)
 
 
 def test_half_space_surface_is_hertz():
@@ -49,20 +59,15 @@ def test_half_space_surface_is_hertz():
     assert np.allclose(sunk / sunk[0], closed, atol=2e-9)
 
 
-def test_half_space_inside_is_its_integral():
-    for r, d in ((0.0, 1e-3), (1e-3, 2e-3), (6e-3, 0.5e-3)):
-        found, _ = half_space(np.array(r), np.array(d), A)
+@pytest.mark.parametrize(("r", "d"), [(0.0, 1e-3), (1e-3, 2e-3), (6e-3, 0.5e-3)])
+def test_half_space_inside_is_its_integral(r, d):
+    def integrand(k):
+        decay = (1 + k * d) * np.exp(-k * d)
+        return j0(k * r) * hertz_transform(np.array(k * A)) * decay
 
-        def integrand(k, r=r, d=d):
-            return (
-                j0(k * r)
-                * hertz_transform(np.array(k * A))
-                * (1 + k * d)
-                * np.exp(-k * d)
-            )
-
-        expected, _ = quad(integrand, 0, 40 / d, limit=2000, epsabs=1e-9, epsrel=1e-11)
-        assert found == pytest.approx(expected, rel=1e-8)
+    found, _ = half_space(np.array(r), np.array(d), A)
+    expected, _ = quad(integrand, 0, 40 / d, limit=2000, epsabs=1e-9, epsrel=1e-11)
+    assert found == pytest.approx(expected, rel=1e-8)
 
 
 @pytest.mark.parametrize("thickness", [1e-5, 1e-3, 5e-3, 0.1])
@@ -79,15 +84,14 @@ def test_base_is_fixed_surface_sinks_by_one(thickness):
 def test_divergence_vanishes():
     layer, e = Layer(), 1e-6
     r, z = np.array([1e-3, 4e-3, 9e-3]), np.array([1e-3, 3e-3])
-    outward = [
-        layer.displacement(r + s * e, z, A)[0] * (r + s * e)[:, None] for s in (1, -1)
-    ]
-    upward = [layer.displacement(r, z + s * e, A)[1] for s in (1, -1)]
-    terms = (
-        (outward[0] - outward[1]) / (2 * e) / r[:, None],
-        (upward[0] - upward[1]) / (2 * e),
-    )
-    assert np.abs(terms[0] + terms[1]).max() < 1e-5 * np.abs(terms[1]).max()
+
+    def change(of):
+        return (of(e) - of(-e)) / (2 * e)
+
+    column = r[:, None]
+    outward = change(lambda e: layer.displacement(r + e, z, A)[0] * (column + e))
+    upward = change(lambda e: layer.displacement(r, z + e, A)[1])
+    assert np.abs(outward / column + upward).max() < 1e-5 * np.abs(upward).max()
 
 
 @pytest.mark.parametrize(("intervals", "finer"), [(50, 100), (100, 200)])
@@ -115,64 +119,3 @@ def test_heights_stand_for_a_uniform_distribution():
     for power in (1, 2, 9, 31):
         assert layer.weights @ inner**power == pytest.approx(1 / (power + 1), rel=1e-12)
     assert layer.heights[-1] == layer.thickness
-
-
-@pytest.mark.slow
-def test_layer_against_finite_elements():
-    """Axisymmetric Taylor-Hood elements: the same displacement to a per cent of the indentation."""
-    import skfem as fem
-
-    h, wide = 5e-3, 60e-3
-    r_nodes = np.concatenate(
-        [np.linspace(0, 8e-3, 65), np.geomspace(8e-3, wide, 60)[1:]]
-    )
-    mesh = fem.MeshTri.init_tensor(r_nodes, np.linspace(0, h, 33))
-    displacement = fem.Basis(mesh, fem.ElementVector(fem.ElementTriP2()), intorder=6)
-    pressure = displacement.with_element(fem.ElementTriP1())
-
-    @fem.BilinearForm
-    def stiffness(u, v, w):
-        r = w.x[0]
-        strain = [
-            [(u.grad[i][j] + u.grad[j][i]) / 2 for j in range(2)] for i in range(2)
-        ]
-        twist = [
-            [(v.grad[i][j] + v.grad[j][i]) / 2 for j in range(2)] for i in range(2)
-        ]
-        planar = sum(strain[i][j] * twist[i][j] for i in range(2) for j in range(2))
-        return 2 * (planar + u[0] * v[0] / r**2) * r
-
-    @fem.BilinearForm
-    def divergence(u, q, w):
-        r = w.x[0]
-        return -q * (u.grad[0][0] + u[0] / r + u.grad[1][1]) * r
-
-    @fem.LinearForm
-    def load(v, w):
-        r = w.x[0]
-        return -np.sqrt(np.maximum(1 - (r / A) ** 2, 0)) * v[1] * r
-
-    surface = mesh.facets_satisfying(lambda x: np.isclose(x[1], h))
-    quadratic = fem.ElementVector(fem.ElementTriP2())
-    top = fem.FacetBasis(mesh, quadratic, facets=surface, intorder=6)
-    k = stiffness.assemble(displacement)
-    b = divergence.assemble(displacement, pressure)
-    system = fem.bmat([[k, b.T], [b, None]], "csr")
-    force = np.concatenate([load.assemble(top), np.zeros(pressure.N)])
-    base = displacement.get_dofs(lambda x: np.isclose(x[1], 0)).all()
-    far = displacement.get_dofs(lambda x: np.isclose(x[0], wide)).all()
-    axis = displacement.get_dofs(lambda x: np.isclose(x[0], 0)).all(["u^1"])
-    fixed = np.unique(np.concatenate([base, far, axis]))
-    solution = fem.solve(*fem.condense(system, force, D=fixed))[: displacement.N]
-
-    r = np.array([0.0, 1e-3, 2e-3, 4e-3, 6e-3, 10e-3])
-    z = np.array([1e-3, 2.5e-3, 4e-3, 5e-3])
-    points = np.stack(
-        np.meshgrid(np.maximum(r, 1e-9), np.minimum(z, h - 1e-9), indexing="ij")
-    )
-    found = (displacement.probes(points.reshape(2, -1)) @ solution).reshape(
-        2, len(r), len(z)
-    )
-    found /= -found[1, 0, -1]
-    expected = np.stack(Layer().displacement(r, z, A))
-    assert np.abs(found - expected).max() < 0.01

@@ -48,6 +48,8 @@ def test_paths_lie_in_the_layer(small):
     share = (paths.level == small.layer.levels).double().mean().item()
     assert share == pytest.approx(0.30, abs=4 * math.sqrt(0.21 / paths.level.numel()))
     assert torch.linalg.vector_norm(paths.bend, dim=0).max() <= 2 + 1e-5
+    mean = torch.exp(1j * small.phase).mean().abs()  # of phases anywhere in the circle
+    assert mean < 4 / math.sqrt(small.phase.numel())
 
 
 def test_phases_are_linear_in_depth_and_zero_at_none(small):
@@ -82,31 +84,21 @@ def test_expansion_about_the_target_is_exact_enough(small):
     assert (centred - exact).square().mean().sqrt() > 1  # the miss itself matters
 
 
-def test_bad_values_are_named():
-    for part, values, message in [
-        (Paths, {"vertices": 0}, r"scene.sensor.paths.vertices: expected .*, found 0"),
+@pytest.mark.parametrize(
+    ("make", "message"),
+    [
         (
-            Paths,
-            {"surface": 1.5},
-            r"scene.sensor.paths.surface: expected .*, found 1\.5",
+            lambda: Paths(vertices=0),
+            "scene.sensor.paths.vertices: expected .*, found 0",
         ),
-        (
-            Paths,
-            {"wavelength": math.nan},
-            r"scene.sensor.paths.wavelength: .*, found nan",
-        ),
-        (Paths, {"fibre": (0.0, 0.5)}, r"scene.sensor.paths.fibre.*sensor's surface"),
-        (
-            Press,
-            {"position": (0.01,), "radius": 1e-3, "depth": 1e-3},
-            r"two coordinates",
-        ),
-        (
-            Press,
-            {"position": (0.01, 0.0), "radius": 0.0, "depth": 1e-3},
-            r"radius: .* found 0",
-        ),
-        (Sensor, {"seed": -1}, r"seed.sensor: expected .*, found -1"),
-    ]:
-        with pytest.raises(ValueError, match=message):
-            part(**values)
+        (lambda: Paths(surface=1.5), r"paths.surface: expected .*, found 1\.5"),
+        (lambda: Paths(wavelength=math.nan), "paths.wavelength: .*, found nan"),
+        (lambda: Paths(fibre=(0.0, 0.5)), "paths.fibre.*sensor's surface"),
+        (lambda: Press((0.01,), 1e-3, 1e-3), "two coordinates"),
+        (lambda: Press((0.01, 0.0), 0.0, 1e-3), "radius: .* found 0"),
+        (lambda: Sensor(seed=-1), "seed.sensor: expected .*, found -1"),
+    ],
+)
+def test_bad_values_are_named(make, message):
+    with pytest.raises(ValueError, match=message):
+        make()

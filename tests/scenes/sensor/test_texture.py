@@ -33,6 +33,14 @@ def test_many_equal_grains_are_nearly_smooth(small):
     assert much > 20 * little
 
 
+def test_forces_of_grains_vary_about_those_of_the_smooth_face(small):
+    bound = face(spacing=0.2e-3, variance=0.5).bind(small)
+    x, y, force = bound.grains(touch(), stream(0, "g"))
+    smooth = np.sqrt(1 - (x**2 + y**2) / A**2)  # positions are about the target
+    assert force.sum() == pytest.approx(1)
+    assert (force / smooth).var() == pytest.approx(0.5 / smooth.sum() ** 2, rel=0.15)
+
+
 def test_every_touch_meets_another_patch_unless_told(small):
     for fresh in (True, False):
         bound = face(spacing=0.6e-3, variance=1.0, fresh=fresh).bind(small)
