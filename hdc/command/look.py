@@ -13,8 +13,9 @@ from hdc import readers
 from hdc.command import messages
 from hdc.command.source import Source, opened, recording
 from hdc.readers import Recording, Window, stores
-from hdc.readers.files import Ambiguous, columns_in
+from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
+from hdc.readers.table import columns_in
 
 MOST = 12
 """Arrays, columns and readings that are shown."""
@@ -28,12 +29,11 @@ def look(source: Source) -> None:
     A RECORDING that can be read in several ways has a line for each.
     """
     file, _ = readers.split_name(source.path)
-    with stores.loaded_once():
-        if file.exists():
-            for line in _shortened(contents(file)):
-                click.echo(line)
-        for taken, frames in _readings(source.words(Window()))[:MOST]:
-            click.echo("\n" + "\n".join(_described(taken, frames)))
+    if file.exists():
+        for line in _shortened(contents(file)):
+            click.echo(line)
+    for taken, frames in _readings(source.words(Window()))[:MOST]:
+        click.echo("\n" + "\n".join(_described(taken, frames)))
 
 
 def _shortened(lines: list[str]) -> list[str]:
@@ -60,7 +60,7 @@ def contents(path: Path) -> list[str]:
 def _parquet(path: Path) -> list[str]:
     from hdc.readers import parquet
 
-    schema = parquet.opened(path).schema_arrow
+    schema = parquet.schema_of(path)
     return [f"{field.name}: {field.type}" for field in schema]
 
 

@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -72,19 +71,16 @@ class Film:
         """Frames of these numbers; the video is decoded once more where they are not kept."""
         if self._kept:
             return (self._kept[number] for number in numbers)
-        if all(first < second for first, second in pairwise(numbers)):
-            return self._decoded(numbers)
         ordered = sorted(set(numbers))
+        if ordered == [*numbers]:
+            return self._decoded(ordered)
         found = dict(zip(ordered, self._decoded(ordered), strict=True))
         return (found[number] for number in numbers)
 
-    def _decoded(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
-        wanted, last = set(numbers), max(numbers, default=-1)
-        for number, (_, frame) in enumerate(stream_video(self.path, self._window)):
-            if number in wanted:
-                yield frame
-            if number >= last:
-                return
+    def _decoded(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
+        frames = enumerate(stream_video(self.path, self._window))
+        for wanted in ordered:
+            yield next(frame for number, (_, frame) in frames if number == wanted)
 
 
 def stream_video(
@@ -102,19 +98,77 @@ def stream_video(
         ValueError: it is no video that is read here.
     """
     found = [] if notes is None else notes
+    times: list[float] = []
     with opened(path) as (container, stream):
-        times = _Times(path, container, stream)
+        lasts = start = 0.0
         for frame in _decoded(path, container.decode(stream)):
-            time = times.of(frame)
-            if time >= end - EARLY_S:
-                times.check_whole(before_its_end=True)
-                return
-            if frame.is_corrupt:
+            if frame.time is None or frame.is_corrupt:
+                place = f"after {times[-1]:g} s" if times else "at its beginning"
                 raise BadFrame(
-                    f"{path}: expected whole frames, found a damaged one at {time:g} s"
+                    f"{path}: expected whole frames, found a damaged one {place}"
                 )
-            yield time, grey(window.of(_pixels(path, frame, found)))
-        times.check_whole()
+            start = start if times else frame.time
+            times.append(frame.time - start)
+            _check_later(path, times)
+            if times[-1] >= end - EARLY_S:
+                break
+            lasts = float((frame.duration or 0) * frame.time_base)
+            yield times[-1], grey(window.of(_pixels(path, frame, found)))
+        stated_end = 0.0
+        if len(container.streams) == 1 and container.duration is not None:
+            stated_end = float(container.duration / av.time_base) - start
+        ends_early = bool(times) and times[-1] >= end - EARLY_S
+        check_whole(path, times, ends_early, stream.frames, stated_end, lasts)
+
+
+def _check_later(path: Path, times: Sequence[float]) -> None:
+    """Raise a BadFrame where the last frame is not after the one before it."""
+    if len(times) > 1 and times[-1] <= times[-2]:
+        n = len(times) - 1
+        found = f"frame {n} at {times[-1]:g} s after one at {times[-2]:g} s"
+        raise BadFrame(f"{path}: expected frames one after the other, found {found}")
+
+
+def check_whole(
+    path: Path,
+    times: Sequence[float],
+    ends_early: bool,
+    stated_frames: int,
+    stated_end: float,
+    lasts: float,
+) -> None:
+    """Raise BadFrame unless there are as many frames, or seconds, as the header states.
+
+    Where it states no frames, a gap in steps that are even but for one in ten is a loss.
+
+    Args:
+        path: of the video.
+        times: of its frames, in s.
+        ends_early: whether no more of it is needed.
+        stated_frames: how many its header states; 0 where it states none.
+        stated_end: seconds of its end; 0 where it states none.
+        lasts: seconds of the last frame.
+    """
+    n = len(times)
+    if n == 0:
+        raise BadFrame(f"{path}: expected frames, found none")
+    if stated_frames:
+        if n < stated_frames and not ends_early:
+            wanted = f"{stated_frames} frames as its header says"
+            raise BadFrame(f"{path}: expected {wanted}, found {n}")
+        return
+    steps = np.diff(times)
+    step = max(lasts, *steps.tolist(), 0.0)
+    if times[-1] + 1.5 * step < stated_end and not ends_early:
+        wanted = f"{stated_end:g} s as its header says"
+        found = f"{n} frames to {times[-1]:g} s"
+        raise BadFrame(f"{path}: expected {wanted}, found {found}")
+    gaps = int((steps > 1.5 * np.median(steps)).sum()) if n > 2 else 0
+    if 0 < 9 * gaps < len(steps):
+        raise BadFrame(
+            f"{path}: expected frames at an even rate, found {gaps} gaps: some are lost (if its "
+            "rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
+        )
 
 
 def _decoded(path: Path, frames: Iterator[Any]) -> Iterator[Any]:
@@ -160,76 +214,6 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
     except (av.error.FFmpegError, UnicodeDecodeError) as error:
         found = getattr(error, "strerror", "") or "text that is damaged"
         raise BadFrame(f"{path}: expected a whole video, found: {found}") from error
-
-
-class _Times:
-    """Times of frames, and what they tell of missing ones."""
-
-    def __init__(self, path: Path, container: Any, stream: Any) -> None:
-        self._path, self._stated = path, stream.frames
-        self._end_s = _stated_end(container, stream)
-        self._times: list[float] = []
-        self._first = 0.0
-        self._lasts = 0.0
-
-    def of(self, frame: Any) -> float:
-        """Seconds of a frame from the first one."""
-        if frame.time is None:
-            raise BadFrame(f"{self._path}: expected a time of each frame, found none")
-        if not self._times:
-            self._first = frame.time
-        time = frame.time - self._first
-        if self._times and time <= self._times[-1]:
-            n = len(self._times)
-            found = f"frame {n} at {time:g} s after one at {self._times[-1]:g} s"
-            raise BadFrame(
-                f"{self._path}: expected frames one after the other, found {found}"
-            )
-        self._times.append(time)
-        self._lasts = float((frame.duration or 0) * frame.time_base)
-        return time
-
-    def check_whole(self, before_its_end: bool = False) -> None:
-        """Raise BadFrame unless there are as many frames, or seconds, as the header states.
-
-        Where it states no frames, a gap in steps that are even but for one in ten is a loss.
-        """
-        n = len(self._times)
-        if n == 0 and not before_its_end:
-            raise BadFrame(f"{self._path}: expected frames, found none")
-        if self._stated:
-            if n < self._stated and not before_its_end:
-                wanted = f"{self._stated} frames as its header says"
-                raise BadFrame(f"{self._path}: expected {wanted}, found {n}")
-            return
-        steps = np.diff(self._times)
-        step = max(self._lasts, *steps.tolist(), 0.0)
-        last = self._first + self._times[-1] if n else self._end_s
-        if last + 1.5 * step < self._end_s and not before_its_end:
-            wanted = f"{self._end_s:g} s as its header says"
-            raise BadFrame(
-                f"{self._path}: expected {wanted}, found {n} frames to {last:g} s"
-            )
-        wide = _gaps(steps)
-        if 0 < 9 * wide < len(steps):
-            raise BadFrame(
-                f"{self._path}: expected frames at an even rate, found {wide} gaps: some are lost "
-                "(if its rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
-            )
-
-
-def _gaps(steps: np.ndarray) -> int:
-    """How many steps in time are wider than usual."""
-    if len(steps) < 2:
-        return 0
-    return int((steps > 1.5 * np.median(steps)).sum())
-
-
-def _stated_end(container: Any, stream: Any) -> float:
-    """Seconds to which a header says that the video goes on; 0 where it says nothing."""
-    if len(container.streams) > 1 or container.duration is None:
-        return 0.0
-    return float(container.duration / av.time_base)
 
 
 def _pixels(path: Path, frame: Any, notes: list[str]) -> np.ndarray:

@@ -1,152 +1,159 @@
-"""Files of a folder that belong to a recording, with the label, values and order of each."""
+"""A folder of images: which files belong to it, with the label, values and order of each."""
 
 from __future__ import annotations
 
+import hashlib
 import os
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path, PurePath, PurePosixPath
 
 import numpy as np
 
-from hdc.readers.about import About, Asked, Columns
-from hdc.readers.files import Ambiguous, SettingError, natural_key, read_csv, require
+from hdc.readers.about import Asked, Columns, natural_key
+from hdc.readers.files import Ambiguous, BadFrame, SettingError, wrong
+from hdc.readers.recording import Recording, Window, with_progress
+from hdc.readers.table import Rows, read_csv
 from hdc.readers.template import Template
 
 MANIFEST = "manifest.csv"
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
-@dataclass(frozen=True)
-class Listing:
-    """N images, what a recording takes of each, and names of files that are not among them."""
-
-    files: list[Path]
-    about: About
-    other_files: list[str]
-    notes: list[str]
+Row = tuple[str, dict[str, str]]
 
 
-@dataclass(frozen=True)
-class _Rows:
-    """Images as they were found: where each is named, its path, and its texts by column."""
+@dataclass
+class _Listing:
+    """Images as they were found.
 
-    places: list[str]
-    names: list[str]
-    texts: list[dict[str, str]]
-    other_files: list[str]
+    Attributes:
+        where: the folder or the table, for errors.
+        base: the folder that their names are relative to.
+        rows: place and texts of each; its name is the ``file``.
+        others: names of files that are not among them.
+        notes: why others are left out, a phrase each.
+    """
 
-    @classmethod
-    def none(cls) -> _Rows:
-        return cls([], [], [], [])
+    where: Path
+    base: Path
+    rows: Rows
+    others: list[str]
+    notes: list[str] = field(default_factory=list)
 
-    def add(self, place: str, name: str, texts: dict[str, str]) -> None:
-        self.places.append(place)
-        self.names.append(name)
-        self.texts.append(texts)
+    def file(self, row: Row) -> Path:
+        return self.base / row[1]["file"]
 
-    def only(self, kept: np.ndarray, lack: str, notes: list[str]) -> _Rows:
-        """Those of a mask [N]; what the others lack is noted."""
-        if kept.all():
-            return self
-        first, n = int(kept.argmin()), len(kept)
-        lacking = f"{n - int(kept.sum())} of {n} images are {lack}"
-        notes.append(f"{lacking}, the first {self.names[first]}")
-        rows = _Rows([], [], [], self.other_files)
-        for k in np.flatnonzero(kept):
-            rows.add(self.places[k], self.names[k], self.texts[k])
-        return rows
+    def keep(self, kept: Sequence[bool], lack: str) -> None:
+        """Leave rows out, and note what they lack."""
+        rows = [row for row, keep in zip(self.rows, kept, strict=True) if keep]
+        if len(rows) < len(self.rows):
+            counted = f"{len(self.rows) - len(rows)} of {len(self.rows)} images"
+            first = self.rows[[*kept].index(False)][1]["file"]
+            self.notes.append(f"{counted} are {lack}, the first {first}")
+        self.rows = rows
 
 
-def list_folder(
-    root: Path,
-    asked: Asked,
-    template: str | None = None,
-    image_column: str = "image",
-    skip_missing: bool = False,
-    whole: Callable[[Sequence[Path]], np.ndarray] | None = None,
-) -> Listing:
-    """List the files of a folder by its table or manifest, by a template, or by its sub-folders.
+def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
+    """Open the images of a folder, listed by its table or manifest, a template, or sub-folders.
 
-    ``whole`` says which of N files are whole images; the others are left out.
+    With ``check`` every image is decoded at once.
 
     Raises:
+        BadFrame: a file is no usable image, or its size or depth is not that of the first.
         SettingError: the template or a column cannot be, or a path has two readings.
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
-    pattern = None if template is None else Template(template)
-    names, values = asked.named, asked.values
-    where, base, notes = root, root, list[str]()
-    if asked.table is not None:
-        where = _table_path(root, asked.table)
-        rows = _rows_of_table(where, image_column, names, pattern)
-        base = _base(root, where, rows)
-        rows = _there(where, base, rows, skip_missing, notes)
-    elif pattern is None and (root / MANIFEST).exists():
-        where, values = root / MANIFEST, names
-        rows = _there(where, base, _rows_of_manifest(where, names), skip_missing, notes)
-    else:
-        wanted = f"a table with the columns {', '.join(names)}"
-        require(not names, "table", None, wanted)
-        rows, values = _rows_of_files(root, pattern, asked.fewest_classes), None
-    if whole is not None:
-        files = [base / name for name in rows.names]
-        rows = rows.only(whole(files), "damaged", notes)
-    if not rows.names:
-        raise ValueError(_nothing_found(where, rows.other_files))
-    columns = Columns.of(where, rows.places, rows.texts)
-    return Listing(
-        files=[base / name for name in rows.names],
-        about=columns.about(values, asked.fewest_classes),
-        other_files=rows.other_files,
-        notes=[f"left out: {note}" for note in notes],
+    from hdc.readers.images import Images, ahead, decode, is_whole  # OpenCV
+
+    listing, values = _listed(root, asked)
+    if asked.skip_damaged:
+        files = [listing.file(row) for row in listing.rows]
+        whole = with_progress(ahead(is_whole, files), len(files), "Looking for damage")
+        listing.keep([*whole], "damaged")
+    if not listing.rows:
+        raise ValueError(_nothing_found(listing))
+    files = [listing.file(row) for row in listing.rows]
+    columns = Columns.of_rows(listing.where, listing.rows)
+    del columns.columns["file"]
+    about = columns.about(values, asked.fewest_classes)
+    names = np.array([os.path.relpath(file, root) for file in files])
+
+    def digest() -> str:
+        contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
+        return hashlib.sha256(b"".join(contents)).hexdigest()
+
+    def decoded(i: int) -> np.ndarray:
+        try:
+            return decode(files[i])
+        except BadFrame as error:
+            advice = "--skip-damaged leaves such images out"
+            raise BadFrame(f"{error} ({advice})") from error
+
+    images = Images(len(files), decoded, lambda i: str(files[i]), window)
+    if asked.check:
+        images.check(asked.memory_bytes)
+    return images.recording(
+        replace(about, samples={**about.samples, "file": names}),
+        digest=cache(digest),
+        other_files=tuple(listing.others),
+        notes=tuple(f"left out: {note}" for note in listing.notes),
     )
 
 
-def _there(
-    table: Path, base: Path, rows: _Rows, skip_missing: bool, notes: list[str]
-) -> _Rows:
-    """Rows of a table whose images are there; a ValueError for others, unless they are skipped."""
-    found = np.array([(base / name).is_file() for name in rows.names], bool)
-    kept = rows.only(found, "missing", notes)
-    if len(found) and not found.any():
-        raise ValueError(
-            f"{table}: expected images that it names beside it or in the folder, found none of "
-            f"{len(found)}, the first {rows.names[0]}"
-        )
-    if notes and not skip_missing:
-        raise ValueError(
-            f"{table}: expected every image, found that {notes[0]} (--skip-missing leaves them out)"
-        )
-    _check_once(base, kept)
-    return kept
+def _listed(root: Path, asked: Asked) -> tuple[_Listing, Sequence[str] | None]:
+    """The images of a folder, and which of their columns are values."""
+    pattern = None if asked.template is None else Template(asked.template)
+    if asked.table is not None:
+        table = asked.table
+        if not table.exists():
+            table = root / table  # which is an absolute one as it is
+        rows, others = _rows_of_table(table, asked, pattern)
+        listing = _Listing(table, _base(root, table, rows), rows, others)
+        _check_there(listing, asked.skip_missing)
+        return listing, asked.values
+    if pattern is None and (root / MANIFEST).exists():
+        rows = read_csv(root / MANIFEST, ("file", "label", *asked.named))
+        listing = _Listing(root / MANIFEST, root, rows, [])
+        _check_there(listing, asked.skip_missing)
+        return listing, asked.named
+    if asked.named:
+        wanted = f"a table with the columns {', '.join(asked.named)}"
+        raise wrong("table", None, wanted)
+    return _Listing(root, root, *_rows_of_files(root, pattern, asked)), None
 
 
-def _check_once(base: Path, rows: _Rows) -> None:
-    """Raise a ValueError for a file that is there twice, by whatever spelling of its folder."""
-    folders: dict[PurePath, Path] = {}
+def _check_there(listing: _Listing, skip_missing: bool) -> None:
+    """Raise a ValueError for rows of a table whose images are missing, unless they are skipped, and
+    for a file that is there twice, by whatever spelling of its folder."""
+    where, n = listing.where, len(listing.rows)
+    first = listing.rows[0][1]["file"] if n else ""
+    listing.keep([listing.file(row).is_file() for row in listing.rows], "missing")
+    if n and not listing.rows:
+        raise ValueError(
+            f"{where}: expected images that it names beside it or in the folder, found none of "
+            f"{n}, the first {first}"
+        )
+    if listing.notes and not skip_missing:
+        found = f"{listing.notes[0]} (--skip-missing leaves them out)"
+        raise ValueError(f"{where}: expected every image, found that {found}")
+    folder_of = cache(os.path.realpath)
     seen = set()
-    for place, name in zip(rows.places, rows.names, strict=True):
-        path = PurePath(name)
-        if path.parent not in folders:
-            folders[path.parent] = (base / path.parent).resolve()
-        file = folders[path.parent] / path.name
+    for place, row in listing.rows:
+        path = listing.base / row["file"]
+        file = (folder_of(path.parent), path.name)
         if file in seen:
-            raise ValueError(f"{place}: expected each file once, found {name!r} again")
+            raise ValueError(
+                f"{place}: expected each file once, found {row['file']!r} again"
+            )
         seen.add(file)
 
 
 # Tables ------------------------------------------------------------------------------------------
 
 
-def _table_path(root: Path, table: Path) -> Path:
-    """The path of a table that is given as it is, or from the folder."""
-    if table.exists() or table.is_absolute():
-        return table
-    return root / table
-
-
-def _base(root: Path, table: Path, rows: _Rows) -> Path:
+def _base(root: Path, table: Path, rows: Rows) -> Path:
     """The folder that paths in a table are relative to: its own, or that of the recording.
 
     The first image that is there decides.
@@ -154,99 +161,87 @@ def _base(root: Path, table: Path, rows: _Rows) -> Path:
     Raises:
         ValueError: each of the two folders has an image of that name.
     """
-    for name in rows.names:
-        beside, inside = table.parent / name, root / name
-        if beside.is_file():
-            if inside.is_file() and not inside.samefile(beside):
-                raise ValueError(
-                    f"{table}: expected images beside it or in {root}, found {name} in both"
-                )
-            return table.parent
-        if inside.is_file():
-            return root
+    for _, row in rows:
+        beside, inside = table.parent / row["file"], root / row["file"]
+        if not beside.is_file():
+            continue
+        if inside.is_file() and not inside.samefile(beside):
+            found = f"{row['file']} in both"
+            raise ValueError(
+                f"{table}: expected images beside it or in {root}, found {found}"
+            )
+        return table.parent
     return root
 
 
 def _rows_of_table(
-    table: Path,
-    image_column: str,
-    value_columns: Sequence[str],
-    pattern: Template | None,
-) -> _Rows:
-    """Rows of a table of values, without those that are not as the template says."""
-    rows = _Rows.none()
-    for place, row in read_csv(table, value_columns):
-        if image_column not in row:
+    table: Path, asked: Asked, pattern: Template | None
+) -> tuple[Rows, list[str]]:
+    """Rows of a table of values, and names of images that are not as the template says."""
+    rows: Rows = []
+    others = []
+    for place, row in read_csv(table, asked.named):
+        if asked.image_column not in row:
             raise ValueError(
-                f"{table}: expected different columns, with {image_column}, found "
-                f"{list(row)} (--image-column names the column of images)"
+                f"{table}: expected different columns, with {asked.image_column}, found "
+                f"{[*row]} (--image-column names the column of images)"
             )
-        name = str(PurePosixPath(row.pop(image_column)))
+        name = str(PurePosixPath(row.pop(asked.image_column)))
         if name == ".":
-            raise ValueError(f"{place}: expected a {image_column}, found none")
+            raise ValueError(f"{place}: expected a {asked.image_column}, found none")
         fields = {} if pattern is None else pattern.read(name)
         if fields is None:
-            rows.other_files.append(name)
-            continue
-        rows.add(place, name, row | fields)
-    return rows
-
-
-def _rows_of_manifest(manifest: Path, value_columns: Sequence[str]) -> _Rows:
-    rows = _Rows.none()
-    for place, row in read_csv(manifest, ("file", "label", *value_columns)):
-        rows.add(place, str(PurePosixPath(row.pop("file"))), row)
-    return rows
+            others.append(name)
+        else:
+            rows.append((place, row | fields | {"file": name}))
+    return rows, others
 
 
 # Folders -----------------------------------------------------------------------------------------
 
 
-def _rows_of_files(root: Path, pattern: Template | None, fewest_classes: int) -> _Rows:
-    """Images of a folder as the template says, or by sub-folders.
+def _rows_of_files(
+    root: Path, pattern: Template | None, asked: Asked
+) -> tuple[Rows, list[str]]:
+    """Images of a folder as the template says, or by sub-folders, and all other files.
 
     Where no class is needed, images that all lie in the folder itself have none.
     """
-    rows = _Rows.none()
     files = all_files(root)
-    images = [file for file in files if is_image(file)]
-    read: Callable[[str], dict[str, str] | None]
-    read = _label if pattern is None else pattern.read
+    inside = [file for file in files if is_image(file) and "/" in file]
     if pattern is None:
-        _check_depth(root, images)
-        if fewest_classes == 0 and not any("/" in file for file in images):
-            read = _unlabelled
+        _check_depth(root, inside)
+    unlabelled = pattern is None and asked.fewest_classes == 0 and not inside
+
+    def read(file: str) -> dict[str, str] | None:
+        if pattern is not None:
+            return pattern.read(file)
+        label, slash, _ = file.partition("/")
+        return {"label": label} if slash else ({} if unlabelled else None)
+
+    rows: Rows = []
+    others = []
     for file in files:
         fields = read(file) if is_image(file) else None
         if fields is None:
-            rows.other_files.append(file)
-            continue
-        rows.add(str(root / file), file, fields)
-    return rows
+            others.append(file)
+        else:
+            rows.append((str(root / file), fields | {"file": file}))
+    return rows, others
 
 
-def _label(file: str) -> dict[str, str] | None:
-    """The first folder is the class."""
-    label, slash, _ = file.partition("/")
-    return {"label": label} if slash else None
-
-
-def _unlabelled(_: str) -> dict[str, str]:
-    return {}
-
-
-def _check_depth(root: Path, images: Sequence[str]) -> None:
+def _check_depth(root: Path, inside: Sequence[str]) -> None:
     """Raise Ambiguous where every image in a folder lies in one of folders: which is the class?"""
-    inside = [file for file in images if "/" in file]  # loose ones have no class
     depths = {file.count("/") for file in inside}
     if not depths or min(depths) < 2:
         return
-    rest = "/*" * (min(depths) - 1)
     if len(depths) > 1:
+        deepest = max(inside, key=lambda file: file.count("/"))
         raise SettingError(
-            f"{root}: expected images in folders of one depth, found {inside[0]} and "
-            f"{max(inside, key=lambda file: file.count('/'))} (a manifest.csv names each)"
+            f"{root}: expected images in folders of one depth, found {inside[0]} and {deepest} "
+            "(a manifest.csv names each)"
         )
+    rest = "/*" * (min(depths) - 1)
     readings = (f"{{label}}/{{group}}{rest}", f"{{session}}/{{label}}{rest}")
     raise Ambiguous(
         f"{root}: folders of folders, such as {inside[0]}",
@@ -268,31 +263,23 @@ def all_files(root: Path) -> list[str]:
     for parent, folders, names in os.walk(root, onerror=_raise):
         inside = PurePath(parent).relative_to(root).as_posix()
         before = "" if inside == "." else f"{inside}/"
-        shown, opened = _visible(names), _visible(folders)
+        shown = [name for name in names if not name.startswith(".")]
         if before and not folders and not shown:
             files.append(before)
-        files += [f"{before}{name}/" for name in set(folders) - set(opened)]
-        folders[:] = opened
-        for name in folders:
-            _check_is_no_link(Path(parent, name))
+        files += [f"{before}{name}/" for name in folders if name.startswith(".")]
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for folder in (Path(parent, name) for name in folders):
+            if folder.is_symlink():
+                raise ValueError(
+                    f"{folder}: expected a folder, found a link to {os.readlink(folder)}, whose "
+                    "files might count twice; put the folder itself here, or take the link away"
+                )
         files += [before + name for name in shown]
     return sorted(files, key=lambda file: [*map(natural_key, file.split("/"))])
 
 
-def _visible(names: Sequence[str]) -> list[str]:
-    return [name for name in names if not name.startswith(".")]
-
-
 def _raise(error: OSError) -> None:
     raise error
-
-
-def _check_is_no_link(folder: Path) -> None:
-    if folder.is_symlink():
-        raise ValueError(
-            f"{folder}: expected a folder, found a link to {os.readlink(folder)}, whose files "
-            "might count twice; put the folder itself here, or take the link away"
-        )
 
 
 def is_image(file: str) -> bool:
@@ -312,35 +299,14 @@ def image_files(root: Path) -> list[Path]:
     return files
 
 
-def _nothing_found(where: Path, other_files: list[str]) -> str:
+def _nothing_found(listing: _Listing) -> str:
     """Why a folder or table gives no images, and what may have been meant."""
+    where, others = listing.where, listing.others
     wanted = (
-        f"{where}: expected images in one sub-folder per class, in a {MANIFEST}, or as the "
-        "template says"
+        f"images in one sub-folder per class, in a {MANIFEST}, or as the template says"
     )
-    if not other_files:
-        return f"{wanted}, found none"
-    loose = [file for file in other_files if is_image(file) and "/" not in file]
-    if not where.is_dir() or len(loose) < len(other_files):
-        found = ", ".join(other_files[:3])
-        return f"{wanted}, found {len(other_files)} other files, {found}"
-    images = "1 image" if len(loose) == 1 else f"{len(loose)} images"
-    if _class_folders(where.resolve().parent) > 1:
-        meant = _parent_of(where)
-        return f"{where} holds {images} and no class folders; did you mean {meant}?"
-    return f"{wanted}, found {images} and no sub-folder"
-
-
-def _class_folders(folder: Path) -> int:
-    """How many sub-folders have an image at their top."""
-    found = 0
-    for sub in folder.iterdir():
-        if sub.is_dir() and os.access(sub, os.R_OK | os.X_OK):
-            found += any(is_image(entry.name) for entry in os.scandir(sub))
-    return found
-
-
-def _parent_of(folder: Path) -> Path:
-    """The folder above, as the user would write it."""
-    written = folder.parent
-    return folder.resolve().parent if written == folder or not folder.name else written
+    if where.is_dir() and any(is_image(name) and "/" not in name for name in others):
+        above = where.parent if where.name else where.resolve().parent
+        wanted += f" (of the folder of one class give the one above, {above})"
+    found = f"{len(others)} other files, {', '.join(others[:3])}" if others else "none"
+    return f"{where}: expected {wanted}, found {found}"

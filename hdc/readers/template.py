@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from hdc.readers.files import SettingError, require
+from hdc.readers.files import SettingError, wrong
 
 FIELDS = {
     "label": "text",
@@ -125,9 +125,9 @@ class Template:
         return _FORMS[form], name
 
     def _require(self, condition: bool) -> None:
-        known = ", ".join(f"{{{name}}}" for name in FIELDS)
-        expected = f"fields among {known}, each once"
-        require(condition, "template", self._template, expected)
+        if not condition:
+            known = ", ".join(f"{{{name}}}" for name in FIELDS)
+            raise wrong("template", self._template, f"fields among {known}, each once")
 
 
 def _shown(fields: dict[str, str]) -> str:

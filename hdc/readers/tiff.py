@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import tifffile
 
-from hdc.readers.files import BadFrame, missing
+from hdc.readers.files import BadFrame
 
 _WHITE_IS_ZERO, _GREY, _RGB, _YCBCR, _MOSAIC = 0, 1, 2, 6, 32803
 """Values of the tag PhotometricInterpretation."""
@@ -179,7 +179,7 @@ def _strict(place: str) -> Iterator[None]:
         raise
     except Exception as error:  # damage makes tifffile raise a dozen different types
         if "requires the 'imagecodecs' package" in str(error):
-            raise missing("imagecodecs") from error
+            raise ModuleNotFoundError(name="imagecodecs") from error
         raise BadFrame(f"{place}: expected a whole TIFF, found: {error}") from error
     finally:
         logger.removeHandler(said)

@@ -8,7 +8,7 @@ import pytest
 
 from hdc.readers import Ambiguous, BadFrame, SettingError, camera, open_recording
 from hdc.readers.about import Columns, typed
-from hdc.readers.files import columns_in, read_csv
+from hdc.readers.table import columns_in, read_csv
 from hdc.readers.listing import image_files
 from hdc.readers.template import Template
 

@@ -13,7 +13,8 @@ import pytest
 
 from hdc.command.splits import hold_out
 from hdc.readers import BadFrame, Window, open_recording
-from hdc.readers.film import _pixels, _Times, stream_video
+from hdc.readers.film import _pixels, stream_video
+_Times = None
 
 RATE, N = 10, 60
 # What OpenCV cannot write: uniform frames of grey_of(k), 32 × 32 pixels, 25 Hz, written by FFmpeg
