@@ -46,13 +46,22 @@ SUFFIXES = {
 }
 """What kind of recording a file is, by its suffix."""
 _READERS = {
-    FOLDER: ("listing", ("template", "table", "skip_damaged", "skip_missing")),
-    ARRAY: ("arrays", ("table", "axes", "labels")),
-    IMAGES: ("parquet", ("labels",)),
-    VECTORS: ("vectors", ()),
-    VIDEO: ("video", ("table",)),
+    FOLDER: "listing",
+    ARRAY: "arrays",
+    IMAGES: "parquet",
+    VECTORS: "vectors",
+    VIDEO: "video",
 }
-"""The module that opens each kind, and the settings that it has besides those that all have."""
+"""The module that opens each kind."""
+_SETTINGS = {
+    "template": (FOLDER,),
+    "table": (FOLDER, ARRAY, VIDEO),
+    "axes": (ARRAY,),
+    "labels": (ARRAY, IMAGES),
+    "skip_damaged": (FOLDER,),
+    "skip_missing": (FOLDER,),
+}
+"""Settings that only some kinds of recordings have."""
 
 
 def open_recording(
@@ -105,6 +114,7 @@ def open_recording(
         ValueError: a label, a table or a folder is not as described.
         ModuleNotFoundError: a library of the extra ``files`` is missing.
     """
+    window = window or Window(crop, subsample)
     path, dataset = split_name(Path(path).expanduser())
     values = value_columns if table is None or value_columns else None
     if labels is not None and kind_of(Path(labels)) == VECTORS:
@@ -125,12 +135,9 @@ def open_recording(
         check=check,
         memory_bytes=memory_bytes,
     )
-    name, _ = _READERS[_checked_kind(path, asked)]
+    reader = f"hdc.readers.{_READERS[_checked_kind(path, asked)]}"
     try:  # libraries are imported where their files are read
-        reader = import_module(f"hdc.readers.{name}")
-        opened: Recording = reader.open_frames(
-            path, window or Window(crop, subsample), asked
-        )
+        opened: Recording = import_module(reader).open_frames(path, window, asked)
     except ModuleNotFoundError as error:
         raise missing(error) from error
     return opened
@@ -149,11 +156,12 @@ def _checked_kind(path: Path, asked: Asked) -> str:
         )
     if kind != FOLDER:
         check_file(path)
-    for name in {name for _, names in _READERS.values() for name in names}:
-        if getattr(asked, name) and name not in _READERS[kind][1]:
-            having = [other for other, (_, names) in _READERS.items() if name in names]
-            expected = f"null unless path is {' or '.join(having)} ({path})"
-            raise wrong(name, getattr(asked, name), expected)
+    for name, kinds in _SETTINGS.items():
+        setting = getattr(asked, name)
+        if setting and kind not in kinds:
+            raise wrong(
+                name, setting, f"null unless path is {' or '.join(kinds)} ({path})"
+            )
     return kind
 
 

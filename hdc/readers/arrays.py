@@ -7,6 +7,7 @@ MATLAB. How an array was read is noted.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -44,17 +45,18 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     columns = None if table is None else Columns.read(table)
     axes = asked.axes or store.axes.get(name)
     if axes is None:
-        n = columns.n if columns else count(arrays, asked.named)
-        axes = reading(f"{path}[{name}]", array, n, store.frames_last)
-    frames = Frames(path, array, axes, window)
+        n_rows = columns.n if columns else count(arrays, asked.named)
+        axes = reading(f"{path}[{name}]", array, n_rows, store.frames_last)
+    frames = Frames(lambda i: f"{path}, frame {i}", array, axes, window)
+    n = math.prod(frames.counts)
     values = asked.values
     if columns is not None:
-        _check_rows(columns, len(frames))
+        _check_rows(columns, n)
     else:
         if "value" in axes and not values:
             values = ("value",)
         arrays |= _places(axes, frames.counts)
-        columns = columns_of(path, arrays, len(frames), store.frames_last)
+        columns = columns_of(path, arrays, n, store.frames_last)
         if asked.fewest_classes > 0 and not values:
             check_learnt(path, store, columns, array.shape)
     read = asked.dataset, tuple(axes)
@@ -66,16 +68,13 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         notes.append("channels are red, green, blue")
     if table is not None and asked.table is None:
         notes.append(f"labels of {table.name}")
-    return Recording(
-        **vars(columns.about(values, asked.fewest_classes)),
-        frame_shape=window.shape(*frames.shape),
-        dtype=frames.dtype,
-        each=frames.each,
-        place=frames.place,
+    return Recording.of(
+        columns.about(values, asked.fewest_classes),
+        frames,
+        window,
         digest=cache(lambda: _digest(path, *read)),
-        window=window,
         notes=tuple(notes),
-        image_shape=frames.shape,
+        image_shape=frames.size,
     )
 
 

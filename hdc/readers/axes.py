@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -36,23 +34,18 @@ def reading(where: str, array: Any, n: int | None, frames_last: bool) -> list[st
         SettingError: none is left.
     """
     shape = tuple(array.shape)
-    lengths = [
-        dict(zip(axes.split(","), shape, strict=True))
-        for axes in READINGS.get(len(shape), ())
-    ]
-    possible = [
-        ",".join(length)
-        for length in lengths
-        if length.get("channel", 1) in CHANNELS and n in (None, length["frame"])
-    ]
+    possible = []
+    for axes in READINGS.get(len(shape), ()):
+        lengths = dict(zip(axes.split(","), shape, strict=True))
+        if lengths.get("channel", 1) in CHANNELS and n in (None, lengths["frame"]):
+            possible.append(axes)
     if n is None:
         possible = possible[-1:] if frames_last else possible[:1]
     if not possible:
-        wanted = "shape [N, H, W] or [N, D]"
-        if n is not None:
-            wanted += f" with N = {n}, as there are labels or values"
+        labels = "" if n is None else f" with N = {n}, as there are labels or values"
         raise SettingError(
-            f"{where}: expected {wanted}, found {shape} (--axes names them)"
+            f"{where}: expected shape [N, H, W] or [N, D]{labels}, found {shape} (--axes names "
+            "them)"
         )
     if _COLOURS in possible and shape[1] > 1 and array.dtype.kind == "f":
         possible.append(_SEVERAL)
@@ -66,27 +59,33 @@ def reading(where: str, array: Any, n: int | None, frames_last: bool) -> list[st
 class Frames:
     """Frames [H, W] or [D] of an array whose axes have names, as this machine's kind of numbers.
 
+    Args:
+        place: names a frame, for errors.
+        array: anything with ``shape``, ``dtype`` and ``[…]``.
+        axes: names among :data:`ALONG` and :data:`INSIDE`.
+        window: pixels that are kept.
+
     Attributes:
-        shape: (H, W) or (D,) before the window.
+        size: (H, W) or (D,) before the window.
+        shape, dtype: of a frame.
         counts: lengths of the axes along the frames.
     """
 
     def __init__(
-        self, path: Path, array: Any, axes: Sequence[str], window: Window
+        self,
+        place: Callable[[int], str],
+        array: Any,
+        axes: Sequence[str],
+        window: Window,
     ) -> None:
-        self._path, self._array, self._window = path, array, window
+        self.place, self._array, self._window = place, array, window
         self._along = [k for k, axis in enumerate(axes) if axis in ALONG]
         inside = [axis for axis in axes if axis in INSIDE]
-        ordered = [axis for axis in INSIDE if axis in inside]
+        ordered = tuple(axis for axis in INSIDE if axis in inside)
         self._order = [inside.index(axis) for axis in ordered]
         n = len(array.shape)
-        is_frame = ordered in (
-            ["height", "width"],
-            ["height", "width", "channel"],
-            ["feature"],
-        )
         is_named = len(axes) == n == len({*axes}) == len(self._along) + len(inside)
-        if not (is_frame and is_named and self._along):
+        if ordered not in (INSIDE[:2], INSIDE[:3], INSIDE[3:]) or not is_named:
             wanted = (
                 f"{n} different names among {', '.join(ALONG)}, then height and width"
             )
@@ -97,16 +96,12 @@ class Frames:
             wanted = "1 or 3 channels (red, green and blue)"
             raise wrong("axes", lengths["channel"], wanted)
         self.counts = [array.shape[k] for k in self._along]
-        self.shape = tuple(lengths[axis] for axis in ordered[:2])
+        self.size = tuple(lengths[axis] for axis in ordered[:2])
+        self.shape = window.shape(*self.size)
         self.dtype = array.dtype.newbyteorder("=")
 
-    def __len__(self) -> int:
-        return math.prod(self.counts)
-
-    def place(self, i: int) -> str:
-        return f"{self._path}, frame {i}" if len(self) > 1 else str(self._path)
-
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        """Frames of indices [n], one after the other."""
         for i in index:
             place, frame = self.place(i), self._frame(i)
             if frame.ndim == 3:
@@ -120,8 +115,7 @@ class Frames:
         places = np.unravel_index(i, self.counts)
         for axis, place in zip(self._along, places, strict=True):
             key[axis] = int(place)
-        frame = np.asarray(self._array[tuple(key)])
-        return frame.transpose(self._order)
+        return np.asarray(self._array[tuple(key)]).transpose(self._order)
 
 
 def _luminance(place: str, frame: np.ndarray, window: Window) -> np.ndarray:

@@ -13,14 +13,13 @@ from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import cv2
 import numpy as np
 
-from hdc.readers.about import About
 from hdc.readers.files import BadFrame, SettingError
-from hdc.readers.recording import Recording, Window, check_finite, with_progress
+from hdc.readers.recording import Window, check_finite, with_progress
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -99,14 +98,13 @@ def _damaged(place: str) -> BadFrame:
 
 def _check_bmp(place: str, data: bytes) -> None:
     """Raise BadFrame for pixels that are parted by masks of their own: OpenCV takes others."""
-    if len(data) < 66:
-        raise _damaged(place)
-    bits, compression = struct.unpack_from("<HI", data, 28)
-    masks = struct.unpack_from("<III", data, 54)
+    bits, compression = struct.unpack_from("<HI", data.ljust(66), 28)
+    masks = struct.unpack_from("<III", data.ljust(66), 54)
     if compression in _BY_MASKS and (bits != 32 or masks != _USUAL_MASKS):
-        wanted = "a BMP without masks of its own (save it as PNG)"
-        found = f"{bits} bits with {', '.join(map(hex, masks))}"
-        raise BadFrame(f"{place}: expected {wanted}, found {found}")
+        raise BadFrame(
+            f"{place}: expected a BMP without masks of its own (save it as PNG), found {bits} bits "
+            f"with {', '.join(map(hex, masks))}"
+        )
 
 
 def _check_png(place: str, data: bytes) -> None:
@@ -199,6 +197,10 @@ class Images:
         place: names it, for errors.
         window: pixels that are kept.
 
+    Attributes:
+        size: (H, W) of an image.
+        shape, dtype: of a frame.
+
     Raises:
         BadFrame: the first is no usable image.
     """
@@ -210,11 +212,11 @@ class Images:
         place: Callable[[int], str],
         window: Window,
     ) -> None:
-        self._n, self._decoded, self._place, self._window = n, decoded, place, window
+        self._n, self._decoded, self.place, self._window = n, decoded, place, window
         self._kept: list[np.ndarray] = []
         first = decoded(0)
-        self._size, self._dtype = first.shape[:2], first.dtype
-        self._shape = frame_of(place(0), first, window).shape
+        self.size, self.dtype = first.shape[:2], first.dtype
+        self.shape = frame_of(place(0), first, window).shape
 
     def check(self, memory_bytes: int) -> None:
         """Decode all of them, and keep them if they fit.
@@ -224,7 +226,7 @@ class Images:
         """
         frames = self.each(np.arange(self._n))
         shown = with_progress(frames, self._n, "Reading images")
-        if self._n * math.prod(self._shape) * self._dtype.itemsize <= memory_bytes:
+        if self._n * math.prod(self.shape) * self.dtype.itemsize <= memory_bytes:
             self._kept = list(shown)
         else:
             deque(shown, maxlen=0)
@@ -236,24 +238,11 @@ class Images:
         return ahead(self._frame, index.tolist())
 
     def _frame(self, i: int) -> np.ndarray:
-        image, place = self._decoded(i), self._place(i)
-        if image.shape[:2] != self._size or image.dtype != self._dtype:
+        image = self._decoded(i)
+        if image.shape[:2] != self.size or image.dtype != self.dtype:
             found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
-            size = f"{self._size[1]} × {self._size[0]} pixels {self._dtype}"
+            size = f"{self.size[1]} × {self.size[0]} pixels {self.dtype}"
             raise BadFrame(
-                f"{place}: expected {size} as in the other frames, found {found}"
+                f"{self.place(i)}: expected {size} as in the other frames, found {found}"
             )
-        return frame_of(place, image, self._window)
-
-    def recording(self, about: About, **settings: Any) -> Recording:
-        """The recording of which these are the frames."""
-        return Recording(
-            **vars(about),
-            frame_shape=self._shape,
-            dtype=self._dtype,
-            each=self.each,
-            place=self._place,
-            window=self._window,
-            image_shape=self._size,
-            **settings,
-        )
+        return frame_of(self.place(i), image, self._window)

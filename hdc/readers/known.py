@@ -61,21 +61,35 @@ def columns_of(path: Path, arrays: dict[str, Any], n: int, from_one: bool) -> Co
     Raises:
         ValueError: labels, classes or values are not as described.
     """
-    classes = _texts(path, "classes", arrays.pop("classes", None))
-    labels = arrays.pop("label", None)
-    values, units = _values(path, arrays, n)
     columns = {
         name: array
-        for name, array in (arrays | values).items()
+        for name, array in arrays.items()
         if name in KNOWN or (array.shape == (n,) and array.dtype.kind in "iufU")
     }
-    if labels is not None:
-        columns["label"] = _labels(path, labels, n, classes, from_one)
+    columns.pop("values", None)
+    values, units = {}, {}
+    if "values" in arrays:
+        table = np.asarray(arrays["values"][...])
+        if table.ndim not in (1, 2) or len(table) != n:
+            found = f"{table.dtype} {table.shape}"
+            raise ValueError(f"{path}[values]: expected shape ({n}, k), found {found}")
+        table = table.reshape(n, -1)
+        titles = _texts(path, arrays, "value_names") or numbered(table.shape[1])
+        symbols = _texts(path, arrays, "value_units") or [""] * len(titles)
+        if not len(titles) == len(symbols) == table.shape[1]:
+            wanted = f"a name and a unit for each of {table.shape[1]} columns"
+            found = f"{titles} and {symbols}"
+            raise ValueError(f"{path}[value_names]: expected {wanted}, found {found}")
+        values = dict(zip(titles, table.T, strict=True))
+        units = dict(zip(titles, symbols, strict=True))
+    classes = _texts(path, arrays, "classes")
+    if "label" in arrays:
+        columns["label"] = _labels(path, arrays["label"], n, classes, from_one)
     return Columns(
         where=path,
         n=n,
         place=lambda i: f"{path}, frame {i}",
-        columns=columns,
+        columns=columns | values,
         units=units,
         learnt=tuple(values),
         classes=classes,
@@ -104,36 +118,12 @@ def _labels(
     return np.array([str(by_number.get(label, label)) for label in labels.tolist()])
 
 
-def _values(
-    path: Path, arrays: dict[str, Any], n: int
-) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Columns [N] of the array ``values`` and their units, by name; taken out of the arrays."""
-    values = arrays.pop("values", None)
-    names = _texts(path, "value_names", arrays.pop("value_names", None))
-    units = arrays.pop("value_units", None)
-    if values is None:
-        return {}, {}
-    values = np.asarray(values[...])
-    if values.ndim not in (1, 2) or len(values) != n:
-        found = f"{values.dtype} {values.shape}"
-        raise ValueError(f"{path}[values]: expected shape ({n}, k), found {found}")
-    columns = values.reshape(n, -1).T
-    titles = names or numbered(len(columns))
-    symbols = [""] * len(columns) if units is None else [*map(str, np.ravel(units))]
-    for name, texts in (("value_names", titles), ("value_units", symbols)):
-        if len(texts) != len(columns):
-            wanted = f"{len(columns)} texts, one a column of values"
-            raise ValueError(f"{path}[{name}]: expected {wanted}, found {texts}")
-    by_name = dict(zip(titles, columns, strict=True))
-    return by_name, dict(zip(titles, symbols, strict=True))
-
-
-def _texts(path: Path, name: str, array: Any) -> list[str] | None:
-    """The items of an array as text, which have to be different; None of none."""
-    if array is None:
+def _texts(path: Path, arrays: dict[str, Any], name: str) -> list[str] | None:
+    """The items of an array as text, None where there is none; names have to be different."""
+    if name not in arrays:
         return None
-    texts = [*map(str, np.ravel(array))]
-    if len(set(texts)) < len(texts):
+    texts = [*map(str, np.ravel(arrays[name]))]
+    if len(set(texts)) < len(texts) and name != "value_units":
         raise ValueError(f"{path}[{name}]: expected different names, found {texts}")
     return texts
 

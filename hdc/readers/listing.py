@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import cache
 from pathlib import Path, PurePath, PurePosixPath
+from typing import NamedTuple
 
 import numpy as np
 
@@ -21,11 +22,11 @@ MANIFEST = "manifest.csv"
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
-Row = tuple[str, dict[str, str]]
+Reader = Callable[[str], dict[str, str] | None]
+"""Texts that the path of an image says, by column; None where it says none."""
 
 
-@dataclass
-class _Listing:
+class _Listing(NamedTuple):
     """Images as they were found.
 
     Attributes:
@@ -40,19 +41,20 @@ class _Listing:
     base: Path
     rows: Rows
     others: list[str]
-    notes: list[str] = field(default_factory=list)
+    notes: list[str]
 
-    def file(self, row: Row) -> Path:
-        return self.base / row[1]["file"]
+    @property
+    def files(self) -> list[Path]:
+        return [self.base / row["file"] for _, row in self.rows]
 
-    def keep(self, kept: Sequence[bool], lack: str) -> None:
-        """Leave rows out, and note what they lack."""
+    def only(self, kept: Sequence[bool], lack: str) -> _Listing:
+        """Those that are kept; what the others lack is noted."""
+        if all(kept):
+            return self
+        n, first = len(kept), self.rows[kept.index(False)][1]["file"]
+        lacking = f"{n - sum(kept)} of {n} images are {lack}, the first {first}"
         rows = [row for row, keep in zip(self.rows, kept, strict=True) if keep]
-        if len(rows) < len(self.rows):
-            counted = f"{len(self.rows) - len(rows)} of {len(self.rows)} images"
-            first = self.rows[[*kept].index(False)][1]["file"]
-            self.notes.append(f"{counted} are {lack}, the first {first}")
-        self.rows = rows
+        return self._replace(rows=rows, notes=[*self.notes, lacking])
 
 
 def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
@@ -69,12 +71,12 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
 
     listing, values = _listed(root, asked)
     if asked.skip_damaged:
-        files = [listing.file(row) for row in listing.rows]
-        whole = with_progress(ahead(is_whole, files), len(files), "Looking for damage")
-        listing.keep([*whole], "damaged")
+        whole = ahead(is_whole, listing.files)
+        shown = with_progress(whole, len(listing.rows), "Looking for damage")
+        listing = listing.only([*shown], "damaged")
     if not listing.rows:
         raise ValueError(_nothing_found(listing))
-    files = [listing.file(row) for row in listing.rows]
+    files = listing.files
     columns = Columns.of_rows(listing.where, listing.rows)
     del columns.columns["file"]
     about = columns.about(values, asked.fewest_classes)
@@ -94,9 +96,12 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
     images = Images(len(files), decoded, lambda i: str(files[i]), window)
     if asked.check:
         images.check(asked.memory_bytes)
-    return images.recording(
+    return Recording.of(
         replace(about, samples={**about.samples, "file": names}),
+        images,
+        window,
         digest=cache(digest),
+        image_shape=images.size,
         other_files=tuple(listing.others),
         notes=tuple(f"left out: {note}" for note in listing.notes),
     )
@@ -104,53 +109,81 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
 
 def _listed(root: Path, asked: Asked) -> tuple[_Listing, Sequence[str] | None]:
     """The images of a folder, and which of their columns are values."""
-    pattern = None if asked.template is None else Template(asked.template)
-    if asked.table is not None:
-        table = asked.table
-        if not table.exists():
-            table = root / table  # which is an absolute one as it is
-        rows, others = _rows_of_table(table, asked, pattern)
-        listing = _Listing(table, _base(root, table, rows), rows, others)
-        _check_there(listing, asked.skip_missing)
-        return listing, asked.values
-    if pattern is None and (root / MANIFEST).exists():
-        rows = read_csv(root / MANIFEST, ("file", "label", *asked.named))
-        listing = _Listing(root / MANIFEST, root, rows, [])
-        _check_there(listing, asked.skip_missing)
-        return listing, asked.named
-    if asked.named:
-        wanted = f"a table with the columns {', '.join(asked.named)}"
-        raise wrong("table", None, wanted)
-    return _Listing(root, root, *_rows_of_files(root, pattern, asked)), None
+    read: Reader | None = (
+        None if asked.template is None else Template(asked.template).read
+    )
+    table, column, required = asked.table, asked.image_column, asked.named
+    values = asked.values
+    if table is None and read is None and (root / MANIFEST).exists():
+        table, column, values = root / MANIFEST, "file", asked.named
+        required = ("file", "label", *asked.named)
+    if table is None:
+        if asked.named:
+            wanted = f"a table with the columns {', '.join(asked.named)}"
+            raise wrong("table", None, wanted)
+        files = all_files(root)
+        rows = [(str(root / file), {"file": file}) for file in files if is_image(file)]
+        others = [file for file in files if not is_image(file)]
+        read = read or _by_folders(root, files, asked.fewest_classes)
+        return _Listing(root, root, *_read(rows, others, read), []), None
+    if not table.exists():
+        table = root / table  # which is an absolute one as it is
+    rows = read_csv(table, required)
+    for place, row in rows:
+        if column not in row:
+            raise ValueError(
+                f"{table}: expected different columns, with {column}, found {[*row]} "
+                "(--image-column names the column of images)"
+            )
+        name = row.pop(column)
+        if not name:
+            raise ValueError(f"{place}: expected a {column}, found none")
+        row["file"] = PurePosixPath(name).as_posix()
+    rows, others = _read(rows, [], read or (lambda _: {}))
+    listing = _Listing(table, _base(root, table, rows), rows, others, [])
+    return _there(listing, asked.skip_missing), values
 
 
-def _check_there(listing: _Listing, skip_missing: bool) -> None:
-    """Raise a ValueError for rows of a table whose images are missing, unless they are skipped, and
-    for a file that is there twice, by whatever spelling of its folder."""
+def _read(rows: Rows, others: list[str], read: Reader) -> tuple[Rows, list[str]]:
+    """Rows with what their names say, and names of all others: those that do not say it."""
+    kept = []
+    for place, row in rows:
+        fields = read(row["file"])
+        if fields is None:
+            others.append(row["file"])
+        else:
+            kept.append((place, row | fields))
+    return kept, others
+
+
+def _there(listing: _Listing, skip_missing: bool) -> _Listing:
+    """Rows of a table whose images are there.
+
+    Raises:
+        ValueError: others are not skipped, or a file is there twice, by whatever spelling.
+    """
     where, n = listing.where, len(listing.rows)
-    first = listing.rows[0][1]["file"] if n else ""
-    listing.keep([listing.file(row).is_file() for row in listing.rows], "missing")
-    if n and not listing.rows:
+    found = listing.only([file.is_file() for file in listing.files], "missing")
+    if n and not found.rows:
         raise ValueError(
             f"{where}: expected images that it names beside it or in the folder, found none of "
-            f"{n}, the first {first}"
+            f"{n}, the first {listing.rows[0][1]['file']}"
         )
-    if listing.notes and not skip_missing:
-        found = f"{listing.notes[0]} (--skip-missing leaves them out)"
-        raise ValueError(f"{where}: expected every image, found that {found}")
+    if found.notes and not skip_missing:
+        raise ValueError(
+            f"{where}: expected every image, found that {found.notes[0]} (--skip-missing leaves "
+            "them out)"
+        )
     folder_of = cache(os.path.realpath)
     seen = set()
-    for place, row in listing.rows:
-        path = listing.base / row["file"]
+    for (place, row), path in zip(found.rows, found.files, strict=True):
         file = (folder_of(path.parent), path.name)
         if file in seen:
             raise ValueError(
                 f"{place}: expected each file once, found {row['file']!r} again"
             )
         seen.add(file)
-
-
-# Tables ------------------------------------------------------------------------------------------
+    return found
 
 
 def _base(root: Path, table: Path, rows: Rows) -> Path:
@@ -166,87 +199,42 @@ def _base(root: Path, table: Path, rows: Rows) -> Path:
         if not beside.is_file():
             continue
         if inside.is_file() and not inside.samefile(beside):
-            found = f"{row['file']} in both"
             raise ValueError(
-                f"{table}: expected images beside it or in {root}, found {found}"
+                f"{table}: expected images beside it or in {root}, found {row['file']} in both"
             )
         return table.parent
     return root
 
 
-def _rows_of_table(
-    table: Path, asked: Asked, pattern: Template | None
-) -> tuple[Rows, list[str]]:
-    """Rows of a table of values, and names of images that are not as the template says."""
-    rows: Rows = []
-    others = []
-    for place, row in read_csv(table, asked.named):
-        if asked.image_column not in row:
-            raise ValueError(
-                f"{table}: expected different columns, with {asked.image_column}, found "
-                f"{[*row]} (--image-column names the column of images)"
-            )
-        name = str(PurePosixPath(row.pop(asked.image_column)))
-        if name == ".":
-            raise ValueError(f"{place}: expected a {asked.image_column}, found none")
-        fields = {} if pattern is None else pattern.read(name)
-        if fields is None:
-            others.append(name)
-        else:
-            rows.append((place, row | fields | {"file": name}))
-    return rows, others
-
-
-# Folders -----------------------------------------------------------------------------------------
-
-
-def _rows_of_files(
-    root: Path, pattern: Template | None, asked: Asked
-) -> tuple[Rows, list[str]]:
-    """Images of a folder as the template says, or by sub-folders, and all other files.
+def _by_folders(root: Path, files: Sequence[str], fewest_classes: int) -> Reader:
+    """Reads the class of an image: its folder.
 
     Where no class is needed, images that all lie in the folder itself have none.
+
+    Raises:
+        Ambiguous: every image in a folder lies in one of folders: which is the class?
+        SettingError: images lie at several depths.
     """
-    files = all_files(root)
     inside = [file for file in files if is_image(file) and "/" in file]
-    if pattern is None:
-        _check_depth(root, inside)
-    unlabelled = pattern is None and asked.fewest_classes == 0 and not inside
-
-    def read(file: str) -> dict[str, str] | None:
-        if pattern is not None:
-            return pattern.read(file)
-        label, slash, _ = file.partition("/")
-        return {"label": label} if slash else ({} if unlabelled else None)
-
-    rows: Rows = []
-    others = []
-    for file in files:
-        fields = read(file) if is_image(file) else None
-        if fields is None:
-            others.append(file)
-        else:
-            rows.append((str(root / file), fields | {"file": file}))
-    return rows, others
-
-
-def _check_depth(root: Path, inside: Sequence[str]) -> None:
-    """Raise Ambiguous where every image in a folder lies in one of folders: which is the class?"""
     depths = {file.count("/") for file in inside}
-    if not depths or min(depths) < 2:
-        return
-    if len(depths) > 1:
+    if min(depths, default=1) > 1 and len(depths) > 1:
         deepest = max(inside, key=lambda file: file.count("/"))
         raise SettingError(
             f"{root}: expected images in folders of one depth, found {inside[0]} and {deepest} "
             "(a manifest.csv names each)"
         )
-    rest = "/*" * (min(depths) - 1)
-    readings = (f"{{label}}/{{group}}{rest}", f"{{session}}/{{label}}{rest}")
-    raise Ambiguous(
-        f"{root}: folders of folders, such as {inside[0]}",
-        [f"--template '{reading}'" for reading in readings],
-    )
+    if min(depths, default=1) > 1:
+        rest = "/*" * (min(depths) - 1)
+        readings = (f"{{label}}/{{group}}{rest}", f"{{session}}/{{label}}{rest}")
+        raise Ambiguous(
+            f"{root}: folders of folders, such as {inside[0]}",
+            [f"--template '{reading}'" for reading in readings],
+        )
+    loose: dict[str, str] | None = {} if fewest_classes == 0 and not inside else None
+    return lambda file: {"label": file.split("/")[0]} if "/" in file else loose
+
+
+# Folders -----------------------------------------------------------------------------------------
 
 
 def all_files(root: Path) -> list[str]:
@@ -300,13 +288,12 @@ def image_files(root: Path) -> list[Path]:
 
 
 def _nothing_found(listing: _Listing) -> str:
-    """Why a folder or table gives no images, and what may have been meant."""
+    """Why a folder or table gives no images."""
     where, others = listing.where, listing.others
     wanted = (
         f"images in one sub-folder per class, in a {MANIFEST}, or as the template says"
     )
-    if where.is_dir() and any(is_image(name) and "/" not in name for name in others):
-        above = where.parent if where.name else where.resolve().parent
-        wanted += f" (of the folder of one class give the one above, {above})"
     found = f"{len(others)} other files, {', '.join(others[:3])}" if others else "none"
+    if where.is_dir():
+        wanted += " (of the folder of one class give the one above)"
     return f"{where}: expected {wanted}, found {found}"

@@ -32,9 +32,9 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     """
     schema = schema_of(path)
     column = _image_column(path, schema, asked.image_column)
-    names = [f.name for f in schema if not _is_nested(f.type)]
+    names = [field.name for field in schema if not _is_nested(field.type)]
     label = asked.labels or "label"
-    if label not in names and asked.labels:
+    if asked.labels and label not in names:
         raise wrong(f"labels: {path}", label, f"one of {', '.join(names)}")
     try:
         table = pq.read_table(path, columns=[*names, column])
@@ -42,10 +42,6 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         raise _damaged(path, error) from error
     if len(table) == 0:
         raise ValueError(f"{path}: expected a row per frame, found none")
-
-    def place(i: int) -> str:
-        return f"{path}, row {i}"
-
     texts = {
         name: ["" if cell is None else str(cell) for cell in table[name].to_pylist()]
         for name in names
@@ -53,20 +49,25 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     if label in texts:
         by_number = _class_names(schema, label)
         texts["label"] = [by_number.get(text, text) for text in texts.pop(label)]
-    columns = Columns.of_texts(path, len(table), place, texts)
-    about = columns.about(asked.values, asked.fewest_classes)
-    cells = table[column]
+
+    def place(i: int) -> str:
+        return f"{path}, row {i}"
 
     def image(i: int) -> np.ndarray:
-        cell = cells[i].as_py()
+        cell = table[column][i].as_py()
         data = cell["bytes"] if isinstance(cell, dict) else cell
         if data is None:
             raise BadFrame(f"{place(i)}: expected an image, found none")
         return decoded(place(i), data)
 
-    return Images(len(table), image, place, window).recording(
-        about,
+    columns = Columns.of_texts(path, len(table), place, texts)
+    images = Images(len(table), image, place, window)
+    return Recording.of(
+        columns.about(asked.values, asked.fewest_classes),
+        images,
+        window,
         digest=cache(lambda: file_digest(path)),
+        image_shape=images.size,
         notes=(f"images of the column {column}",),
     )
 

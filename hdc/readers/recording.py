@@ -8,7 +8,7 @@ import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
@@ -109,35 +109,32 @@ class Recording(About):
         """(N, H, W) or (N, D)."""
         return (len(self), *self.frame_shape)
 
+    @classmethod
+    def of(cls, about: About, frames: Any, window: Window, **settings: Any) -> Self:
+        """The recording of frames that have ``shape``, ``dtype``, ``each`` and ``place``."""
+        return cls(
+            **vars(about),
+            frame_shape=frames.shape,
+            dtype=frames.dtype,
+            each=frames.each,
+            place=frames.place,
+            window=window,
+            **settings,
+        )
+
     def __getitem__(self, index: Any) -> np.ndarray:
         """A frame of an integer; frames [n, H, W] of a slice, of integers or of a mask [N].
 
         Raises:
-            TypeError: the index is of another kind, such as a float.
-            IndexError: an index is outside [-N, N), or a mask is not of N.
+            IndexError: an index is outside [-N, N), a mask is not of N, or it is of another kind.
             BadFrame: a frame cannot be used.
         """
-        rows = self._rows(index)
-        frames = [*self.each(rows.reshape(-1))]
-        if rows.ndim == 0:
+        rows = np.arange(len(self))[index]
+        frames = [*self.each(np.atleast_1d(rows))]
+        if np.ndim(rows) == 0:
             return frames[0]
-        return (
-            np.stack(frames) if frames else np.empty((0, *self.frame_shape), self.dtype)
-        )
-
-    def _rows(self, index: Any) -> np.ndarray:
-        """The numbers of the frames that an index names."""
-        every = np.arange(len(self))
-        if isinstance(index, slice):
-            return every[index]
-        chosen = np.asarray(index)
-        if chosen.size == 0 and chosen.ndim == 1:
-            return every[:0]
-        if chosen.dtype.kind not in "iub" or (chosen.dtype == bool) > chosen.ndim:
-            raise TypeError(
-                f"index: expected integers, a slice or a mask [{len(self)}], found {index!r}"
-            )
-        return every[chosen]
+        empty = np.empty((0, *self.frame_shape), self.dtype)
+        return np.stack(frames) if frames else empty
 
     def __array__(
         self, dtype: np.dtype[Any] | None = None, copy: bool | None = None
@@ -176,7 +173,7 @@ class Recording(About):
         self, indices: Sequence[int] | np.ndarray | slice = slice(None)
     ) -> Iterator[np.ndarray]:
         """:meth:`frames` [H, W] of the given indices (default: all), one after the other."""
-        return self.each(self._rows(indices))
+        return self.each(np.arange(len(self))[indices])
 
     def batches(self, indices: np.ndarray) -> Batches:
         """Frames of the given indices for a model, which takes them batch by batch, once."""
@@ -184,16 +181,10 @@ class Recording(About):
 
     def left_out(self, most: int = 3) -> str:
         """One line on the files that are no frames, with the first names; or nothing."""
-        n = len(self.other_files)
-        if n == 0:
+        if not self.other_files:
             return ""
-        names = ", ".join(self.other_files[:most])
-        if n > most:
-            names += ", …"
-        files = "file" if n == 1 else "files"
-        if any(name.endswith("/") for name in self.other_files):
-            files = "files and folders"
-        return f"left out {n} other {files}: {names}"
+        shown = [*self.other_files[:most], *(["…"] if self.other_files[most:] else [])]
+        return f"left out {len(self.other_files)} other files: {', '.join(shown)}"
 
     def fingerprint(self) -> str:
         """SHA-256 over the recorded bytes, the pixels kept of them, labels, values and order."""

@@ -6,13 +6,12 @@ are what is learnt, and all others are the numbers of the frame, in their order.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-import numpy as np
-
 from hdc.readers.about import KNOWN, Asked, Columns, is_unnamed
+from hdc.readers.axes import Frames
 from hdc.readers.files import file_digest
 from hdc.readers.recording import Recording, Window
 from hdc.readers.table import parse_number
@@ -24,8 +23,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     Raises:
         ValueError: the table is not as described; a cell that is no number is named.
     """
-    needed = asked.named if asked.fewest_classes > 0 else ()
-    columns = Columns.read(path, needed)
+    columns = Columns.read(path, asked.named if asked.fewest_classes > 0 else ())
     _check_header(path, [*columns.columns])
     chosen = [name for name in asked.named if name in columns.columns]
     known = columns.only("label", *KNOWN, *chosen)
@@ -34,24 +32,16 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
             f"{path}: expected a column label, or a chosen column of values, found neither"
         )
     numbers = [name for name in columns.columns if name not in known.columns]
-    about = known.about(chosen, asked.fewest_classes)
-    frames = columns.values(numbers)
-    if frames is None:
+    vectors = columns.values(numbers)
+    if vectors is None:
         raise ValueError(
             f"{path}: expected columns of numbers, found {[*columns.columns]}"
         )
-
-    def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        return (np.ascontiguousarray(window.of(frames[i])) for i in index)
-
-    return Recording(
-        **vars(about),
-        frame_shape=window.shape(len(numbers)),
-        dtype=frames.dtype,
-        each=each,
-        place=columns.place,
+    return Recording.of(
+        known.about(chosen, asked.fewest_classes),
+        Frames(columns.place, vectors, ("frame", "feature"), window),
+        window,
         digest=cache(lambda: file_digest(path)),
-        window=window,
         features=tuple(numbers[:: window.subsample]),
     )
 

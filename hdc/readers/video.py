@@ -10,16 +10,18 @@ from __future__ import annotations
 import hashlib
 from dataclasses import replace
 from functools import cache
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from hdc.readers.about import About, Asked, Columns
 from hdc.readers.files import file_digest
-from hdc.readers.film import EARLY_S, Film, note
+from hdc.readers.film import Film
 from hdc.readers.recording import Recording, Window
 from hdc.readers.table import columns_in
+
+EARLY_S = 5.1e-4
+"""Frames so much before a time belong to it: some containers round their times to 1 ms."""
 
 
 def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
@@ -34,7 +36,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         ValueError: the video or its table is not as described, or a crop does not fit.
     """
     table = asked.table or path.with_suffix(".csv")
-    film = Film(path, window)
+    film = Film(path, window, asked.memory_bytes)
     names = columns_in(table)
     if "frame" in names:
         about = _of_frames(table, film, asked)
@@ -46,78 +48,58 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         raise ValueError(
             f"{table}: expected {wanted}, found {found} (--values names it)"
         )
-    numbers = about.samples["frame"]
 
     def digest() -> str:
-        used = hashlib.sha256(numbers.astype("<i8").tobytes()).hexdigest()
-        return repr((file_digest(path), used))
+        used = hashlib.sha256(about.samples["frame"].astype("<i8").tobytes())
+        return repr((file_digest(path), used.hexdigest()))
 
-    return Recording(
-        **vars(about),
-        frame_shape=film.shape,
-        dtype=film.dtype,
-        each=lambda index: film.each(numbers[index].tolist()),
-        place=lambda i: f"{path}, frame {numbers[i]}",
-        digest=cache(digest),
-        window=window,
-        notes=tuple(film.notes),
+    return Recording.of(
+        about, film, window, digest=cache(digest), notes=tuple(film.notes)
     )
 
 
 def _of_intervals(table: Path, film: Film, asked: Asked) -> About:
     columns = Columns.read(table, ("start_s", "end_s", "label"))
-    starts, ends = _intervals(table, columns)
+    starts, ends = _intervals(columns)
     order = np.argsort(starts)  # intervals are counted in order of time
-    starts, ends = starts[order], ends[order]
+    starts, ends = starts[order] - EARLY_S, ends[order] - EARLY_S
 
     def interval_of(time: float) -> int:
         """The number of the interval at a time; -1 between them."""
-        number = int(np.searchsorted(starts - EARLY_S, time, side="right")) - 1
-        return number if time < ends[number] - EARLY_S else -1
+        number = int(np.searchsorted(starts, time, side="right")) - 1
+        return number if time < ends[number] else -1
 
-    found = film.read(
-        lambda _, time: interval_of(time) >= 0, asked.memory_bytes, ends[-1]
-    )
-    members = np.array([interval_of(time) for time in found.values()], int)
-    for number, (start, end) in enumerate(zip(starts, ends, strict=True)):
+    film.read(lambda _, time: interval_of(time) >= 0, ends[-1])
+    members = np.array([interval_of(time) for time in film.times], int)
+    for number, row in enumerate(order):
         if number not in members:
-            wanted = f"intervals of at least one frame of {film.path.name}"
-            raise ValueError(f"{table}: expected {wanted}, found {start:g}–{end:g} s")
+            raise ValueError(
+                f"{columns.place(row)}: expected at least one frame of {film.path.name} from "
+                "start_s to end_s, found none"
+            )
     known = columns.only("label", "session", "group")
     whole = known.about((), asked.fewest_classes)
     assert whole.labels is not None
     rows = order[members]
-    samples = {
-        **{name: column[rows] for name, column in whole.samples.items()},
-        "order": np.arange(len(members)),
-        "frame": np.array(list(found)),
-        "time": np.array(list(found.values())),  # seconds
-        "interval": members,
-    }
+    samples = {name: column[rows] for name, column in whole.samples.items()}
+    samples |= {"order": np.arange(len(rows)), "interval": members, **film.samples()}
     about = About(samples, whole.classes, whole.labels[rows])
     if "group" in samples or len(np.unique(samples.get("session", 0))) > 1:
         return about
     return _grouped(about, film)
 
 
-def _intervals(table: Path, columns: Columns) -> tuple[np.ndarray, np.ndarray]:
-    """Start and end in s of each row."""
+def _intervals(columns: Columns) -> tuple[np.ndarray, np.ndarray]:
+    """Start and end in s of each row; a ValueError for those that are none or overlap."""
     starts, ends = columns.numbers("start_s"), columns.numbers("end_s")
-    fits = (starts >= 0) & (starts < ends)
-    if not fits.all():
-        k = int(fits.argmin())
-        raise ValueError(
-            f"{columns.place(k)}: expected 0 ≤ start_s < end_s, found {starts[k]}, {ends[k]}"
-        )
-    order = np.argsort(starts)
-    for first, second in pairwise(order):
-        if starts[second] < ends[first]:
-            found = " and ".join(
-                f"{starts[k]:g}–{ends[k]:g} s" for k in (first, second)
-            )
+    before = 0.0
+    for k in np.argsort(starts):
+        if not before <= starts[k] < ends[k]:
+            wanted = f"{before:g} ≤ start_s < end_s, after the interval before it"
             raise ValueError(
-                f"{table}: expected intervals that do not overlap, found {found}"
+                f"{columns.place(k)}: expected {wanted}, found {starts[k]:g} and {ends[k]:g}"
             )
+        before = ends[k]
     return starts, ends
 
 
@@ -130,7 +112,8 @@ def _grouped(about: About, film: Film) -> About:
     if alone.all():
         return about
     names = ", ".join(about.classes[c] for c in np.unique(about.labels[alone]))
-    note(film.notes, names != "", f"{names}: one interval, whose frames are split")
+    if names:
+        film.notes.append(f"{names}: one interval, whose frames are split")
     apart = members.max() + 1 + np.arange(len(members))
     samples = {**about.samples, "group": np.where(alone, apart, members)}
     return replace(about, samples=samples)
@@ -139,24 +122,15 @@ def _grouped(about: About, film: Film) -> About:
 def _of_frames(table: Path, film: Film, asked: Asked) -> About:
     columns = Columns.read(table, ("frame", *asked.named))
     numbers = columns.columns.pop("frame").tolist()
-    seen = set()
+    seen: set[int] = set()
     for i, number in enumerate(numbers):
         if not isinstance(number, int) or number < 0 or number in seen:
-            wanted = f"a number of a frame from 0, each once, found {number!r}"
-            raise ValueError(f"{columns.place(i)}: expected {wanted}")
+            wanted = "a number of a frame from 0, each once"
+            raise ValueError(f"{columns.place(i)}: expected {wanted}, found {number!r}")
         seen.add(number)
     about = columns.about(asked.values, asked.fewest_classes)
-    times = film.read(lambda number, _: number in seen, asked.memory_bytes)
-    if missing := sorted(seen - set(times)):
-        wanted = f"numbers of the {film.count} frames of {film.path.name}, from 0"
-        raise ValueError(f"{table}: expected {wanted}, found {missing[0]}")
-    order = np.array(numbers)
-    return replace(
-        about,
-        samples={
-            **about.samples,
-            "order": about.samples["order"] if "order" in columns.columns else order,
-            "frame": order,
-            "time": np.array([times[number] for number in numbers]),
-        },
-    )
+    film.read(lambda number, _: number in seen)
+    film.choose(table, numbers)
+    order = about.samples["order"] if "order" in columns.columns else np.array(numbers)
+    samples = {**about.samples, "order": order, **film.samples()}
+    return replace(about, samples=samples)
