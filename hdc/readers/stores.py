@@ -7,7 +7,7 @@ Vectors are in memory.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,6 @@ import numpy as np
 
 from hdc.readers.files import BadFrame
 
-_HDF5, _TIFF = (".h5", ".hdf5"), (".tif", ".tiff")
 _PLAINLY = "expected numbers or text that are saved plainly, found others"
 _ADVICE = (
     "in MATLAB, before saving: cellstr({0}) for text, double({0}) for numbers, "
@@ -64,11 +63,9 @@ class Store:
     notes: dict[str, list[str]] = field(default_factory=dict)
 
     def advice(self) -> str:
-        """Why something is not read; empty if all is."""
-        if not self.unread:
-            return ""
-        first, why = next(iter(self.unread.items()))
-        return f" (not read: {', '.join(self.unread)}; {first}: {why})"
+        """What is not read, and why; empty if all is."""
+        why = "; ".join(f"{name}: {why}" for name, why in self.unread.items())
+        return f" (not read: {why})" if why else ""
 
 
 def load(path: Path) -> Store:
@@ -79,14 +76,14 @@ def load(path: Path) -> Store:
     """
     suffix = path.suffix.lower()
     readers = {
-        **dict.fromkeys(_HDF5, _hdf5),
-        **dict.fromkeys(_TIFF, _tiff),
         ".mat": _matlab,
         ".npy": _npy,
         ".npz": _npz,
+        ".h5": _hdf5,
+        ".hdf5": _hdf5,
     }
     try:
-        return readers[suffix](path)
+        return readers.get(suffix, _tiff)(path)
     except (ImportError, BadFrame):
         raise
     except Exception as error:  # damage makes these libraries raise many types
@@ -181,15 +178,12 @@ def _add(store: Store, found: dict[str, Any], before: str) -> None:
         array = np.asarray(item)
         if array.dtype == object and all(isinstance(c, str) for c in array.flat):
             array = np.array(array.ravel().tolist())  # a cell array of texts
+        if array.dtype.kind == "U":
+            array = np.char.rstrip(array)  # rows of characters are equally long
         if array.dtype.kind not in "iufbU":
             store.unread[path] = f"{_PLAINLY} ({_ADVICE.format(name)})"
         elif array.ndim:
-            store.arrays[path] = _unpadded(array)
-
-
-def _unpadded(array: np.ndarray) -> np.ndarray:
-    """Texts without the spaces that make rows of characters equally long."""
-    return np.char.rstrip(array) if array.dtype.kind == "U" else array
+            store.arrays[path] = array
 
 
 def _hdf5(path: Path) -> Store:
@@ -250,17 +244,13 @@ def _dataset(path: Path, item: Any) -> Any:
 
 def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
     """Rows of characters, or a cell array of them; None of other cells."""
-    if kind == b"char":
-        rows = [_text(row) for row in np.atleast_2d(item[()].T)]
-        return _unpadded(np.array(rows))
-    cells = [item.file[reference] for reference in np.ravel(item[()])]
-    if not all(cell.attrs.get("MATLAB_class") == b"char" for cell in cells):
-        return None
-    return np.array([_text(np.ravel(cell[()])) for cell in cells])
-
-
-def _text(codes: Iterable[int]) -> str:
-    return "".join(map(chr, codes))
+    rows = np.atleast_2d(item[()].T)
+    if kind == b"cell":
+        cells = [item.file[reference] for reference in rows.ravel()]
+        if any(cell.attrs.get("MATLAB_class") != b"char" for cell in cells):
+            return None
+        rows = [cell[()].ravel() for cell in cells]
+    return np.array(["".join(map(chr, row)).rstrip() for row in rows])
 
 
 def _filled_in(path: Path, item: Any) -> str:
@@ -271,13 +261,11 @@ def _filled_in(path: Path, item: Any) -> str:
     for name in names:
         if name != "." and not (path.parent / name).is_file():
             return f"expected its source {name}, found none"
-    if names or item.size == 0:
-        return ""
     wanted, found = 1, int(item.id.get_storage_size() > 0)
     if item.chunks is not None:
         sides = zip(item.shape, item.chunks, strict=True)
         wanted = math.prod(-(-n // side) for n, side in sides)
         found = item.id.get_num_chunks()
-    if found == wanted:
+    if names or item.size == 0 or found == wanted:
         return ""
     return f"expected {wanted} chunks, found {found}: the others were not written"
