@@ -235,6 +235,9 @@ def test_links_to_files_are_followed_and_broken_ones_named(folder, pixels):
     (folder / "c" / "6.png").symlink_to("gone.png")
     with pytest.raises(BadFrame, match=r"c/6.png: expected a readable file"):
         open_recording(folder)
+    (folder / "a" / "loop").symlink_to(folder)  # 12 images became 492 frames
+    with pytest.raises(ValueError, match="a/loop: expected a folder, found a link to"):
+        open_recording(folder)
 
 
 @pytest.mark.parametrize(

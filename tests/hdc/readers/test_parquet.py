@@ -7,7 +7,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from hdc.readers import Ambiguous, open_recording
-from tests.hdc.readers.test_arrays import FRAMES, NAMES, check
+from tests.hdc.readers.writers import FRAMES, NAMES, check
 
 CELLS = [cv2.imencode(".png", frame)[1].tobytes() for frame in FRAMES]
 STRUCTS = [{"bytes": cell, "path": None} for cell in CELLS]
@@ -24,8 +24,7 @@ CATEGORIES = pa.array(NAMES, pa.dictionary(pa.int8(), pa.string()))
         (TABLE, "", {}),
         ({**TABLE, "image": STRUCTS}, "", {}),
         ({"rgb": CELLS, "kind": NAMES}, "", {"labels": "kind"}),
-        ({"rgb": CELLS, "label": NAMES}, "", {"image_column": "rgb"}),
-        ({**TABLE, "depth": CELLS[::-1]}, "", {}),
+        ({**TABLE, "rgb": CELLS[::-1]}, "", {}),
         ({"image": CELLS, "label": CATEGORIES}, "", {}),
         ({"image": CELLS, "label": [0, 1, 0, 1]}, HUGGING, {}),
         (TABLE, "{}", {}),
