@@ -17,13 +17,22 @@ from hdc.command.sample import sample
 from hdc.command.train import train
 from hdc.command.use import evaluate, info, predict
 
-
-@click.group(
-    context_settings={"help_option_names": ["-h", "--help"], "show_default": True}
-)
-@click.version_option(hdc.__version__, prog_name="hdc", message="%(prog)s %(version)s")
-def cli() -> None:
-    """Train a hyperdimensional classifier of images, and use it.
+cli = click.Group(
+    "hdc",
+    commands=[
+        look,
+        train,
+        compare,
+        predict,
+        evaluate,
+        recalibrate,
+        export,
+        live,
+        info,
+        sample,
+    ],
+    context_settings={"help_option_names": ["-h", "--help"], "show_default": True},
+    help="""Train a hyperdimensional classifier of images, and use it.
 
     A RECORDING is one of these; hdc look RECORDING shows how it is read.
 
@@ -35,19 +44,8 @@ def cli() -> None:
     .parquet         a column of images
     .csv             a row of numbers and a label per frame
     a video          with a CSV of intervals (start_s, end_s, label) beside it
-    """
-
-
-for command in (
-    look,
-    train,
-    compare,
-    predict,
-    evaluate,
-    recalibrate,
-    export,
-    live,
-    info,
-    sample,
-):
-    cli.add_command(command)
+    """,
+)
+click.version_option(hdc.__version__, prog_name="hdc", message="%(prog)s %(version)s")(
+    cli
+)

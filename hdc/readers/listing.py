@@ -77,8 +77,9 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
     if not listing.rows:
         raise ValueError(_nothing_found(listing))
     files = listing.files
+    for _, row in listing.rows:
+        del row["file"]
     columns = Columns.of_rows(listing.where, listing.rows)
-    del columns.columns["file"]
     about = columns.about(values, asked.fewest_classes)
     names = np.array([os.path.relpath(file, root) for file in files])
 

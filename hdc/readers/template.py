@@ -16,22 +16,15 @@ for _name in ("label", "session", "group"):
     for _form, _kind in (("", "text"), (":d", "whole"), (":w", "word")):
         _FIELDS[f"{{{_name}{_form}}}"] = (_name, _kind)
 """Name of each field of a template, and what it stands for."""
-_LONGEST = {
-    "text": r"[^/]+",
-    "anything": r"[^/]*",
-    "word": r"[^\W\d_]+",
-    "whole": r"\d+",
-    "number": r"\d+(?:\.\d+)?",
-    "signed": r"[-+]?\d+(?:\.\d+)?",
+_FORMS = {
+    "text": r"[^/]+~",
+    "anything": r"[^/]*~",
+    "word": r"[^\W\d_]+~",
+    "whole": r"\d+~",
+    "number": r"\d+~(?:\.\d+~)?~",
+    "signed": r"[-+]?~\d+~(?:\.\d+~)?~",
 }
-_SHORTEST = {
-    "text": r"[^/]+?",
-    "anything": r"[^/]*?",
-    "word": r"[^\W\d_]+?",
-    "whole": r"\d+?",
-    "number": r"\d+?(?:\.\d+?)??",
-    "signed": r"[-+]??\d+?(?:\.\d+?)??",
-}
+"""Regular expressions; ``~`` is nothing in the longest reading, and ``?`` in the shortest."""
 _FREE = ("text", "anything")
 # Beside free text a number is as long as it can be: "wood12" is wood and 12, not wood1 and 2.
 _BEFORE = {
@@ -61,8 +54,9 @@ class Template:
         self._template = unicodedata.normalize("NFC", template.removeprefix("./"))
         # The first fields of a name are longest in one reading and shortest in the other:
         # where these two agree there is no third.
-        self._longest = re.compile(self._pattern(_LONGEST))
-        self._shortest = re.compile(self._pattern(_SHORTEST))
+        pattern = self._pattern()
+        self._longest = re.compile(pattern.replace("~", ""))
+        self._shortest = re.compile(pattern.replace("~", "?"))
 
     def read(self, file: str) -> dict[str, str] | None:
         """Texts of a file's path, by field; None where the path does not fit the template.
@@ -85,7 +79,7 @@ class Template:
             )
         return fields
 
-    def _pattern(self, forms: dict[str, str]) -> str:
+    def _pattern(self) -> str:
         parts = [part for part in re.split(r"(\{[^{}]*\}|\*)", self._template) if part]
         fields = [_FIELDS.get(part, ("", "")) for part in parts]
         names = [name for name, _ in fields if name]
@@ -98,7 +92,7 @@ class Template:
         free = [False, *(kind in _FREE for _, kind in fields), False]
         pattern = ""
         for k, (part, (name, kind)) in enumerate(zip(parts, fields, strict=True)):
-            form = forms.get(kind) or re.escape(part)
+            form = _FORMS.get(kind) or re.escape(part).replace(r"\~", r"\x7e")
             if free[k]:
                 form = _BEFORE.get(kind, "") + form
             if free[k + 2]:

@@ -64,7 +64,7 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
         ("*{order}.png", "a_3_12.png", {"order": "12"}),
         ("{session}/*/{label}.png", "a/b_c/d.png", {"session": "a", "label": "d"}),
         ("{{label}_a}{order}.png", "{wood_a}5.png", {"label": "wood", "order": "5"}),
-        ("./{label}.png", "a.png", {"label": "a"}),
+        ("./{label}~{order}.png", "a~1.png", {"label": "a", "order": "1"}),
         ("{label:w}_{group}_{order}.png", "Both_Shear_T_2.png",
          {"label": "Both", "group": "Shear_T", "order": "2"}),
         ("{label}_{session:d}_{order}.png", "foam_brick_1_000.png",
