@@ -47,7 +47,11 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     if axes is None:
         n_rows = columns.n if columns else count(arrays, asked.named)
         axes = reading(f"{path}[{name}]", array, n_rows, store.frames_last)
-    frames = Frames(lambda i: f"{path}, frame {i}", array, axes, window)
+
+    def place(i: int) -> str:
+        return f"{path}, frame {i}" if n > 1 else str(path)
+
+    frames = Frames(place, array, axes, window)
     n = math.prod(frames.counts)
     values = asked.values
     if columns is not None:

@@ -244,7 +244,7 @@ def _dataset(path: Path, item: Any) -> Any:
 
 def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
     """Rows of characters, or a cell array of them; None of other cells."""
-    rows = np.atleast_2d(item[()].T)
+    rows: Any = np.atleast_2d(item[()].T)
     if kind == b"cell":
         cells = [item.file[reference] for reference in rows.ravel()]
         if any(cell.attrs.get("MATLAB_class") != b"char" for cell in cells):
