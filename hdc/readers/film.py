@@ -93,7 +93,11 @@ class Film:
     def _decoded(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
         frames = enumerate(stream_video(self.path, self._window))
         for wanted in ordered:
-            yield next(frame for number, (_, frame) in frames if number == wanted)
+            found = (frame for number, (_, frame) in frames if number == wanted)
+            frame = next(found, None)
+            if frame is None:
+                raise BadFrame(f"{self.path}: expected a frame {wanted}, found none")
+            yield frame
 
 
 def stream_video(

@@ -48,9 +48,7 @@ def decode(file: Path) -> np.ndarray:
     try:
         data = file.read_bytes()
     except OSError as error:
-        raise BadFrame(
-            f"{file}: expected a readable file, found: {error.strerror}"
-        ) from error
+        raise BadFrame(f"{file}: expected a readable file, found none") from error
     return decoded(str(file), data)
 
 

@@ -130,7 +130,7 @@ class Recording(About):
             BadFrame: a frame cannot be used.
         """
         rows = np.arange(len(self))[index]
-        frames = [*self.each(np.atleast_1d(rows))]
+        frames = [*self.each(np.ravel(rows))]
         if np.ndim(rows) == 0:
             return frames[0]
         empty = np.empty((0, *self.frame_shape), self.dtype)
@@ -173,7 +173,7 @@ class Recording(About):
         self, indices: Sequence[int] | np.ndarray | slice = slice(None)
     ) -> Iterator[np.ndarray]:
         """:meth:`frames` [H, W] of the given indices (default: all), one after the other."""
-        return self.each(np.arange(len(self))[indices])
+        return self.each(np.ravel(np.arange(len(self))[indices]))
 
     def batches(self, indices: np.ndarray) -> Batches:
         """Frames of the given indices for a model, which takes them batch by batch, once."""

@@ -30,7 +30,7 @@ class OnDisk:
         self.shape, self.dtype, self._read = like.shape, like.dtype, read
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        return np.array(self._read(key))
+        return np.asarray(self._read(key))
 
     @property
     def T(self) -> OnDisk:
@@ -147,7 +147,7 @@ def _watched(path: Path, array: Any) -> OnDisk:
             raise BadFrame(
                 f"{path}: expected the file as it was opened, found it rewritten"
             )
-        return array[key]
+        return np.array(array[key])
 
     return OnDisk(array, read)
 

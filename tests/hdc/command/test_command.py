@@ -392,7 +392,7 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, tmp_path)
         (("train", tmp_path / "no", "-o", out), f"found nothing: {tmp_path}/no"),
         (
             ("train", folder / "a", "-o", out),
-            f"{folder}/a holds ",
+            f"{folder}/a: expected images in one sub-folder per class",
         ),
         (("train", folder, "-o", folder), f"{folder}: expected a regular file or"),
         (
