@@ -29,11 +29,12 @@ def look(source: Source) -> None:
     A RECORDING that can be read in several ways has a line for each.
     """
     file, _ = readers.split_name(source.path)
-    if file.exists():
-        for line in _shortened(contents(file)):
-            click.echo(line)
-    for taken, frames in _readings(source.words(Window()))[:MOST]:
-        click.echo("\n" + "\n".join(_described(taken, frames)))
+    with stores.loaded_once():
+        if file.exists():
+            for line in _shortened(contents(file)):
+                click.echo(line)
+        for taken, frames in _readings(source.words(Window()))[:MOST]:
+            click.echo("\n" + "\n".join(_described(taken, frames)))
 
 
 def _shortened(lines: list[str]) -> list[str]:

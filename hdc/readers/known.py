@@ -122,7 +122,7 @@ def _texts(path: Path, arrays: dict[str, Any], name: str) -> list[str] | None:
     """The items of an array as text, None where there is none; names have to be different."""
     if name not in arrays:
         return None
-    texts = [*map(str, np.ravel(arrays[name]))]
+    texts = [*map(str, np.ravel(arrays[name][...]))]
     if len(set(texts)) < len(texts) and name != "value_units":
         raise ValueError(f"{path}[{name}]: expected different names, found {texts}")
     return texts

@@ -130,11 +130,8 @@ class Recording(About):
             BadFrame: a frame cannot be used.
         """
         rows = np.arange(len(self))[index]
-        frames = [*self.each(np.ravel(rows))]
-        if np.ndim(rows) == 0:
-            return frames[0]
-        empty = np.empty((0, *self.frame_shape), self.dtype)
-        return np.stack(frames) if frames else empty
+        found = self.frames(np.ravel(rows))
+        return found if np.ndim(rows) else found[0]
 
     def __array__(
         self, dtype: np.dtype[Any] | None = None, copy: bool | None = None
@@ -166,14 +163,26 @@ class Recording(About):
         return self.samples.get("group")
 
     def frames(self, indices: Sequence[int] | np.ndarray) -> np.ndarray:
-        """Frames [len(indices), H, W] or [len(indices), D]; errors are those of an index."""
-        return self[indices]
+        """Frames [len(indices), H, W] or [len(indices), D].
+
+        Raises:
+            IndexError: an index is outside [0, N), or no integer.
+            BadFrame: a frame cannot be used.
+        """
+        frames = [*self.stream(indices)]
+        empty = np.empty((0, *self.frame_shape), self.dtype)
+        return np.stack(frames) if frames else empty
 
     def stream(
-        self, indices: Sequence[int] | np.ndarray | slice = slice(None)
+        self, indices: Sequence[int] | np.ndarray | None = None
     ) -> Iterator[np.ndarray]:
         """:meth:`frames` [H, W] of the given indices (default: all), one after the other."""
-        return self.each(np.ravel(np.arange(len(self))[indices]))
+        n = len(self)
+        index = np.arange(n) if indices is None else np.ravel(indices)
+        whole = index.dtype.kind in "iu"
+        if len(index) and not (whole and 0 <= index.min() <= index.max() < n):
+            raise IndexError(f"indices: expected values in [0, {n}), found {index}")
+        return self.each(index.astype(np.int64))
 
     def batches(self, indices: np.ndarray) -> Batches:
         """Frames of the given indices for a model, which takes them batch by batch, once."""

@@ -7,8 +7,10 @@ Vectors are in memory.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -68,12 +70,34 @@ class Store:
         return f" (not read: {why})" if why else ""
 
 
+_LOADED: ContextVar[dict[Path, Store] | None] = ContextVar("loaded", default=None)
+
+
+@contextmanager
+def loaded_once() -> Iterator[None]:
+    """Within it a file is loaded once, however often its arrays are asked for."""
+    before = _LOADED.set({})
+    try:
+        yield
+    finally:
+        _LOADED.reset(before)
+
+
 def load(path: Path) -> Store:
     """The arrays of a file.
 
     Raises:
         ValueError: it is damaged, or of another kind.
     """
+    kept = _LOADED.get()
+    if kept is None:
+        return _load(path)
+    if path not in kept:
+        kept[path] = _load(path)
+    return replace(kept[path], arrays=dict(kept[path].arrays))
+
+
+def _load(path: Path) -> Store:
     suffix = path.suffix.lower()
     readers = {
         ".mat": _matlab,

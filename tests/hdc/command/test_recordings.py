@@ -107,14 +107,14 @@ def test_frames_may_have_neither_labels_nor_values(tmp_path):
     np.savez(tmp_path / "a.npz", frames=frames)
     rows = [",".join(map(str, row)) for row in [range(20), *flat]]
     (tmp_path / "t.csv").write_text("\n".join(rows))
-    model = HDCClassifier().fit(frames, [0, 1, 1])
+    model = HDCClassifier().fit(frames, [0, 1, 2])
     cases = [("loose", None), ("wide", (1, 1, 5, 4)), ("a.npz", None), ("t.csv", None)]
     for name, crop in cases:
-        model.fit(flat if name == "t.csv" else frames, [0, 1, 1])
+        model.fit(flat if name == "t.csv" else frames, [0, 1, 2])
         found = frames_for(model, Window(crop), Source(tmp_path / name), 0)
         assert (found.labels, found.values) == (None, None)
         assert np.array_equal(found[:].reshape(3, 20), flat)
-    model.fit(frames, [0, 1, 1])
+    model.fit(frames, [0, 1, 2])
     with pytest.raises(BadFrame, match=r"wide/0\.png: expected 5 × 4 pixels"):
         frames_for(model, Window(), Source(tmp_path / "wide"), 0)
 

@@ -46,8 +46,8 @@ def test_a_folder_is_a_recording(folder, pixels, settings):
     assert np.array_equal(recording[-1], pixels[11])
     assert recording.frames([]).shape == (0, 20, 30)
     assert recording.place(5) == str(folder / "b" / "2.png")
-    for index in ([12], 0.5):
-        with pytest.raises(IndexError):
+    for index in ([12], [-1], [0.5]):
+        with pytest.raises(IndexError, match=r"expected values in \[0, 12\)"):
             recording.frames(index)
     part = open_recording(folder, crop=[3, 2, 20, 11], subsample=3, **settings)
     assert np.array_equal(part[:], pixels[:, 2:13:3, 3:23:3])
