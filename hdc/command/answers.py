@@ -13,8 +13,8 @@ from hdc import readers
 from hdc.command.messages import printable, with_units
 from hdc.command.work import check_fits, check_size, value_names
 from hdc.readers import VECTORS, VIDEO, Window, kind_of
+from hdc.readers.about import numbered
 from hdc.readers.images import stream_files
-from hdc.readers.known import numbered
 
 BATCH = 32
 """Frames asked about at a time: meanwhile threads decode the next ones."""

@@ -18,6 +18,7 @@ from hdc.command.train import train
 from hdc.command.use import evaluate, info, predict
 
 cli = click.Group(
+    "hdc",
     commands=[
         look,
         train,
@@ -45,6 +46,6 @@ cli = click.Group(
     a video          with a CSV of intervals (start_s, end_s, label) beside it
     """,
 )
-cli = click.version_option(
-    hdc.__version__, prog_name="hdc", message="%(prog)s %(version)s"
-)(cli)
+click.version_option(hdc.__version__, prog_name="hdc", message="%(prog)s %(version)s")(
+    cli
+)

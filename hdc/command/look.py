@@ -13,8 +13,9 @@ from hdc import readers
 from hdc.command import messages
 from hdc.command.source import Source, opened, recording
 from hdc.readers import Recording, Window, stores
-from hdc.readers.files import Ambiguous, columns_in
+from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
+from hdc.readers.table import columns_in
 
 MOST = 12
 """Arrays, columns and readings that are shown."""
@@ -60,7 +61,7 @@ def contents(path: Path) -> list[str]:
 def _parquet(path: Path) -> list[str]:
     from hdc.readers import parquet
 
-    schema = parquet.opened(path).schema_arrow
+    schema = parquet.schema_of(path)
     return [f"{field.name}: {field.type}" for field in schema]
 
 

@@ -9,20 +9,19 @@ only. Each error names the file, what was expected and what was found. Nothing i
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
-from hdc.readers import stores
-from hdc.readers.about import Asked
+from hdc.readers.about import Asked, natural_key
 from hdc.readers.files import (
     Ambiguous,
     BadFrame,
     SettingError,
     check_file,
-    missing_named,
-    natural_key,
-    require,
+    missing,
+    wrong,
 )
 from hdc.readers.recording import Recording, Window
 
@@ -40,13 +39,21 @@ __all__ = [
 FOLDER, ARRAY, IMAGES = "a folder", "a file of arrays", "a parquet"
 VECTORS, VIDEO = "a table", "a video"
 SUFFIXES = {
-    **dict.fromkeys(stores.SUFFIXES, ARRAY),
+    **dict.fromkeys((".npz", ".npy", ".mat", ".h5", ".hdf5", ".tif", ".tiff"), ARRAY),
     ".csv": VECTORS,
     ".parquet": IMAGES,
     **dict.fromkeys((".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm"), VIDEO),
 }
 """What kind of recording a file is, by its suffix."""
-_KINDS = {
+_READERS = {
+    FOLDER: "listing",
+    ARRAY: "arrays",
+    IMAGES: "parquet",
+    VECTORS: "vectors",
+    VIDEO: "video",
+}
+"""The module that opens each kind."""
+_SETTINGS = {
     "template": (FOLDER,),
     "table": (FOLDER, ARRAY, VIDEO),
     "axes": (ARRAY,),
@@ -54,10 +61,9 @@ _KINDS = {
     "skip_damaged": (FOLDER,),
     "skip_missing": (FOLDER,),
 }
-"""Settings, and the kinds of recordings that have them."""
+"""Settings that only some kinds of recordings have."""
 
 
-@missing_named()
 def open_recording(
     path: str | Path,
     crop: Sequence[int] | None = None,
@@ -110,58 +116,53 @@ def open_recording(
     """
     window = window or Window(crop, subsample)
     path, dataset = split_name(Path(path).expanduser())
-    kind = kind_of(path)
-    asked = _asked(labels, table, value_columns, fewest_classes)
-    _check_settings(
-        path,
-        kind,
-        template=template,
-        table=asked.table,
-        axes=axes,
-        labels=asked.labels,
-        skip_damaged=skip_damaged or None,
-        skip_missing=skip_missing or None,
-    )
-    # Libraries are imported where their files are read: OpenCV for images, and not for an array.
-    if kind == FOLDER:
-        from hdc.readers.images import open_listing, whole_images
-        from hdc.readers.listing import list_folder
-
-        whole = whole_images if skip_damaged else None
-        listing = list_folder(path, asked, template, image_column, skip_missing, whole)
-        return open_listing(path, listing, window, check, memory_bytes)
-    check_file(path)
-    if kind == ARRAY:
-        from hdc.readers.arrays import open_arrays
-
-        return open_arrays(path, dataset, window, axes, asked)
-    if kind == IMAGES:
-        from hdc.readers.parquet import open_parquet
-
-        return open_parquet(path, window, asked, image_column)
-    if kind == VECTORS:
-        from hdc.readers.table import open_table
-
-        return open_table(path, window, asked)
-    from hdc.readers.video import open_video
-
-    return open_video(path, window, asked, memory_bytes)
-
-
-def _asked(
-    labels: str | Path | None,
-    table: str | Path | None,
-    value_columns: Sequence[str],
-    fewest_classes: int,
-) -> Asked:
-    """What is learnt; a CSV of labels is a table, and its numbers are not learnt."""
-    name = None if labels is None else str(labels)
     values = value_columns if table is None or value_columns else None
-    if name is not None and kind_of(Path(name)) == VECTORS:
-        require(table is None, "table", table, "null where labels are a table")
-        name, table = None, name
-    where = None if table is None else Path(table).expanduser()
-    return Asked(name, where, values, fewest_classes)
+    if labels is not None and kind_of(Path(labels)) == VECTORS:
+        if table is not None:
+            raise wrong("table", table, "null where labels are a table")
+        labels, table = None, labels  # whose numbers are not learnt
+    asked = Asked(
+        labels=None if labels is None else str(labels),
+        table=None if table is None else Path(table).expanduser(),
+        values=values,
+        fewest_classes=fewest_classes,
+        axes=axes,
+        dataset=dataset,
+        template=template,
+        image_column=image_column,
+        skip_damaged=skip_damaged,
+        skip_missing=skip_missing,
+        check=check,
+        memory_bytes=memory_bytes,
+    )
+    reader = f"hdc.readers.{_READERS[_checked_kind(path, asked)]}"
+    try:  # libraries are imported where their files are read
+        opened: Recording = import_module(reader).open_frames(path, window, asked)
+    except ModuleNotFoundError as error:
+        raise missing(error) from error
+    return opened
+
+
+def _checked_kind(path: Path, asked: Asked) -> str:
+    """The kind of recording at a path; a SettingError for a setting that this does not have."""
+    if not path.exists():
+        raise SettingError(
+            f"path: expected a folder or a file of frames, found nothing: {path}"
+        )
+    kind = kind_of(path)
+    if not kind:
+        raise SettingError(
+            f"path: expected a folder or a file ({', '.join(SUFFIXES)}), found {path}"
+        )
+    if kind != FOLDER:
+        check_file(path)
+    for name, kinds in _SETTINGS.items():
+        setting = getattr(asked, name)
+        if setting and kind not in kinds:
+            raise wrong(
+                name, setting, f"null unless path is {' or '.join(kinds)} ({path})"
+            )
+    return kind
 
 
 def split_name(path: Path) -> tuple[Path, str]:
@@ -174,25 +175,7 @@ def split_name(path: Path) -> tuple[Path, str]:
 
 def kind_of(path: Path) -> str:
     """Kind of file or folder at a path, in words; empty where there is none of that name."""
-    if path.is_dir():
-        return FOLDER
-    return SUFFIXES.get(path.suffix.lower(), "")
-
-
-def _check_settings(path: Path, kind: str, **settings: object) -> None:
-    """Raise a SettingError for a setting that the kind of recording does not have."""
-    for name, setting in settings.items():
-        kinds = _KINDS[name]
-        expected = f"null unless path is {' or '.join(kinds)} ({path})"
-        require(setting is None or kind in kinds, name, setting, expected)
-    if not path.exists():
-        raise SettingError(
-            f"path: expected a folder or a file of frames, found nothing: {path}"
-        )
-    if not kind:
-        raise SettingError(
-            f"path: expected a folder or a file ({', '.join(SUFFIXES)}), found {path}"
-        )
+    return FOLDER if path.is_dir() else SUFFIXES.get(path.suffix.lower(), "")
 
 
 def camera(

@@ -15,7 +15,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdc.readers.files import SettingError, natural_key, parse_number, read_csv
+from hdc.readers.files import SettingError
+from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
 """Columns known by name, which are no numbers to learn."""
@@ -25,19 +26,27 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
 
 
 class Asked(NamedTuple):
-    """What a user asks to learn; see :func:`hdc.readers.open_recording`.
+    """What a user asks of a recording; see :func:`hdc.readers.open_recording`.
 
     Attributes:
         labels: name of the array or column of labels.
         table: a CSV.
         values: columns or arrays that are values; None means all numbers.
-        fewest_classes: fewer are refused; with 0 neither labels nor values are needed.
+        dataset: name of the array of frames; "" where the file has one that can be.
     """
 
     labels: str | None = None
     table: Path | None = None
     values: Sequence[str] | None = ()
     fewest_classes: int = 2
+    axes: Sequence[str] | None = None
+    dataset: str = ""
+    template: str | None = None
+    image_column: str = "image"
+    skip_damaged: bool = False
+    skip_missing: bool = False
+    check: bool = True
+    memory_bytes: int = 2**28
 
     @property
     def named(self) -> Sequence[str]:
@@ -91,20 +100,16 @@ class Columns:
 
     @classmethod
     def read(cls, path: Path, required: Sequence[str] = ()) -> Columns:
-        """The columns of a CSV; see :func:`hdc.readers.files.read_csv`."""
-        found = list(read_csv(path, required))
-        if not found:
-            raise ValueError(f"{path}: expected a row per frame, found none")
-        places, rows = zip(*found, strict=True)
-        return cls.of(path, places, rows)
+        """The columns of a CSV; see :func:`hdc.readers.table.read_csv`."""
+        return cls.of_rows(path, read_csv(path, required))
 
     @classmethod
-    def of(
-        cls, where: object, places: Sequence[str], rows: Sequence[Mapping[str, str]]
-    ) -> Columns:
+    def of_rows(cls, where: object, rows: Rows) -> Columns:
         """The columns of rows of text that all have the same names."""
-        texts = {name: [row[name] for row in rows] for name in rows[0]}
-        return cls.of_texts(where, len(rows), places.__getitem__, texts)
+        if not rows:
+            raise ValueError(f"{where}: expected a row per frame, found none")
+        texts = {name: [row[name] for _, row in rows] for name in rows[0][1]}
+        return cls.of_texts(where, len(rows), lambda i: rows[i][0], texts)
 
     @classmethod
     def of_texts(
@@ -120,7 +125,7 @@ class Columns:
             columns[name] = np.array(cells) if name == "label" else typed(cells)
         return cls(where, n, place, columns)
 
-    def only(self, names: Sequence[str]) -> Columns:
+    def only(self, *names: str) -> Columns:
         """Those of these columns that are there."""
         kept = {name: self.columns[name] for name in names if name in self.columns}
         return Columns(self.where, self.n, self.place, kept)
@@ -137,7 +142,7 @@ class Columns:
             ValueError: there is nothing to learn, or a column is not as it has to be.
         """
         labels = self.columns.pop("label", None)
-        samples = self.samples()
+        samples = self._samples()
         if value_columns is None or (labels is None and not value_columns):
             value_columns = self.numeric() if self.learnt is None else self.learnt
         if labels is None and not value_columns and fewest_classes > 0:
@@ -145,40 +150,52 @@ class Columns:
                 f"{self.where}: expected a label of each frame, or numbers to learn, found "
                 f"{', '.join(self.columns) or 'neither'}"
             )
-        units = tuple(self.units.get(name, "") for name in value_columns)
+        classes: tuple[str, ...] = ()
+        if labels is not None:
+            classes, labels = self._classes(normalised(labels), samples, fewest_classes)
         return About(
             samples,
-            *self._classes(labels, samples, fewest_classes),
+            classes,
+            labels,
             values=self.values(value_columns),
             value_names=tuple(value_columns),
-            value_units=units,
+            value_units=tuple(self.units.get(name, "") for name in value_columns),
         )
 
     def _classes(
-        self, labels: np.ndarray | None, samples: dict[str, np.ndarray], fewest: int
-    ) -> tuple[tuple[str, ...], np.ndarray | None]:
-        """Names of the classes, and the index of each label [N]."""
-        if labels is None:
-            return (), None
-        names = normalised(labels.tolist())
-        order = self._class_order(names, samples)
-        return class_indices(names, self.where, fewest, order)
-
-    def _class_order(
-        self, labels: Sequence[str], samples: dict[str, np.ndarray]
-    ) -> Sequence[str] | None:
-        """Names of the classes as they are stated, or by a column class_index; else None."""
-        indices = samples.pop("class_index", None)
-        if indices is None:
-            return self.classes
-        pairs = sorted(set(zip(indices.tolist(), labels, strict=True)))
-        if len(pairs) > len(set(labels)):
+        self, names: list[str], samples: dict[str, np.ndarray], fewest: int
+    ) -> tuple[tuple[str, ...], np.ndarray]:
+        """Names of the classes as stated, by a column class_index or in natural order; and the
+        index of each label [N]."""
+        if "" in names:
+            found = f"none of frame {names.index('')}"
             raise ValueError(
-                f"{self.where}: expected one class_index per label, found {pairs}"
+                f"{self.where}: expected a label of each frame, found {found}"
             )
-        return [label for _, label in pairs]
+        different = set(names)
+        classes = sorted(different, key=natural_key)
+        if self.classes is not None:
+            classes = normalised(self.classes)
+        indices = samples.pop("class_index", None)
+        if indices is not None:
+            pairs = sorted(set(zip(indices.tolist(), names, strict=True)))
+            classes = [name for _, name in pairs]
+            if len(pairs) > len(different):
+                raise ValueError(
+                    f"{self.where}: expected one class_index per label, found {pairs}"
+                )
+        if len(classes) < fewest:
+            found = ", ".join(classes)
+            raise ValueError(
+                f"{self.where}: expected two classes or more, found only {found!r}"
+            )
+        if unknown := different - set(classes):
+            raise ValueError(
+                f"{self.where}: expected one of the {len(classes)} classes, found {unknown}"
+            )
+        return tuple(classes), _places(names, classes)
 
-    def samples(self) -> dict[str, np.ndarray]:
+    def _samples(self) -> dict[str, np.ndarray]:
         """All columns, and an order; sessions and groups of other names than numbers by rank.
 
         Raises:
@@ -186,26 +203,22 @@ class Columns:
         """
         samples = {"order": np.arange(self.n), **self.columns}
         for name in KNOWN:
-            column = samples.get(name)
+            column = self.columns.get(name)
             if column is None:
                 continue
-            if name != "order" and column.dtype.kind == "U":
-                names = normalised(column.tolist())
-                self._check_complete(name, names)
-                samples[f"{name}_name"] = np.array(names)
-                samples[name] = natural_ranks(names)
-            elif name in self.columns:
+            if name == "order" or column.dtype.kind != "U":
                 numbers = self.numbers(name)
                 samples[name] = numbers if column.dtype.kind == "U" else column
+                continue
+            names = normalised(column)
+            missing = [_is_missing(text) for text in names]
+            if any(missing) and not all(missing):
+                first = missing.index(True)
+                found = f"expected the {name} of each row, found {names[first]!r}"
+                raise ValueError(f"{self.place(first)}: {found}")
+            samples[f"{name}_name"] = np.array(names)
+            samples[name] = _places(names, sorted(set(names), key=natural_key))
         return samples
-
-    def _check_complete(self, name: str, texts: Sequence[str]) -> None:
-        """Raise a ValueError where only some rows have a session or group."""
-        missing = np.array([_is_missing(text) for text in texts])
-        if missing.any() and not missing.all():
-            first = int(missing.argmax())
-            found = f"expected the {name} of each row, found {texts[first]!r}"
-            raise ValueError(f"{self.place(first)}: {found}")
 
     def numeric(self) -> list[str]:
         """Names of the columns of numbers, but for those of :data:`KNOWN` and those without a name.
@@ -239,10 +252,12 @@ class Columns:
             raise ValueError(
                 f"{self.where}: expected {self.n} numbers in the column {name}, found {found}"
             )
-        if column.dtype.kind in "iuf":
-            fits = np.isfinite(column)
+        if column.dtype.kind == "U":
+            fits = np.array(
+                [parse_number(cell) is not None for cell in column.tolist()]
+            )
         else:
-            fits = np.array([parse_number(str(c)) is not None for c in column.tolist()])
+            fits = np.isfinite(column)
         if not fits.all():
             first = int(fits.argmin())
             found = column.tolist()[first]
@@ -253,9 +268,8 @@ class Columns:
 
     def values(self, names: Sequence[str]) -> np.ndarray | None:
         """Columns of numbers, float64 [N, k]; None of no columns."""
-        if not names:
-            return None
-        return np.stack([self.numbers(name) for name in names], axis=1)
+        columns = [self.numbers(name) for name in names]
+        return np.stack(columns, axis=1) if columns else None
 
 
 def _is_mostly_numbers(column: np.ndarray) -> bool:
@@ -267,38 +281,8 @@ def _is_mostly_numbers(column: np.ndarray) -> bool:
     return numbers > 0 and 2 * (numbers + missing) > len(texts)
 
 
-def class_indices(
-    names: Sequence[str],
-    where: object,
-    fewest: int,
-    order: Sequence[str] | None,
-) -> tuple[tuple[str, ...], np.ndarray]:
-    """Class names in natural order (or the given one), and the index of each sample's [N].
-
-    The names are normalised already.
-
-    Raises:
-        ValueError: fewer classes than are needed, a name that is none of those given, or is empty.
-    """
-    if "" in names:
-        wanted = "a label of each frame"
-        raise ValueError(
-            f"{where}: expected {wanted}, found none of frame {names.index('')}"
-        )
-    if order is None:
-        classes = tuple(sorted(set(names), key=natural_key))
-    else:
-        classes = tuple(normalised(order))
-    if len(classes) < fewest:
-        found = f"only {classes[0]!r}" if classes else "none"
-        raise ValueError(f"{where}: expected two classes or more, found {found}")
-    if unknown := set(names) - set(classes):
-        raise ValueError(
-            f"{where}: expected one of the {len(classes)} classes, found {unknown}"
-        )
-    row_of = {name: row for row, name in enumerate(classes)}
-    rows = [row_of[name] for name in names]
-    return classes, np.array(rows, dtype=np.int64)
+def _is_missing(text: str) -> bool:
+    return text.casefold() in _MISSING
 
 
 def is_unnamed(column: str) -> bool:
@@ -306,20 +290,26 @@ def is_unnamed(column: str) -> bool:
     return not column or column.startswith("Unnamed: ")
 
 
-def _is_missing(text: str) -> bool:
-    return text.casefold() in _MISSING
-
-
-def normalised(texts: Sequence[str]) -> list[str]:
+def normalised(texts: Sequence[str] | np.ndarray) -> list[str]:
     """Names in Unicode's composed form (NFC): an é of one code point or two is the same name."""
-    return [unicodedata.normalize("NFC", text) for text in texts]
+    return [unicodedata.normalize("NFC", str(text)) for text in texts]
 
 
-def natural_ranks(names: Sequence[str]) -> np.ndarray:
-    """Rank [N] of each name among the different ones, in natural order."""
-    different = sorted(set(names), key=natural_key)
-    ranks = {name: rank for rank, name in enumerate(different)}
-    return np.array([ranks[name] for name in names])
+def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
+    """Sort key that puts frame2 before frame10, whatever the locale."""
+    key: list[tuple[int, int, str]] = []
+    for part in re.split(r"([0-9]+)", name):
+        if part.isdecimal():
+            key.append((0, int(part), part))
+        elif part:
+            key.append((1, 0, part.casefold()))
+    return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
+
+
+def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:
+    """Place [N] of each name among the different ones."""
+    place_of = {name: place for place, name in enumerate(different)}
+    return np.array([place_of[name] for name in names], dtype=np.int64)
 
 
 def typed(texts: Sequence[str]) -> np.ndarray:
@@ -331,6 +321,9 @@ def typed(texts: Sequence[str]) -> np.ndarray:
             return np.array(whole, dtype=np.int64)
         return np.array(texts)
     numbers = [parse_number(text) for text in texts]
-    if None in numbers:
-        return np.array(texts)
-    return np.array(numbers)
+    return np.array(texts if None in numbers else numbers)
+
+
+def numbered(n: int) -> list[str]:
+    """Names of columns that have none."""
+    return ["value"] if n == 1 else [f"value_{k}" for k in range(n)]

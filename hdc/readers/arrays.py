@@ -1,4 +1,4 @@
-"""Frames of an array: which axis is which, and what else of the file belongs to each frame.
+"""Frames of an array: which array, which axis is which, and what else of the file belongs to each.
 
 The axis of the frames is the one that is as long as there are labels; where two are, both readings
 are named. Without labels the axes are as the file's makers have them: frames first, or last in
@@ -7,6 +7,7 @@ MATLAB. How an array was read is noted.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
@@ -16,100 +17,69 @@ import numpy as np
 
 from hdc.readers.about import Asked, Columns
 from hdc.readers.axes import ALONG, Frames, reading
-from hdc.readers.files import Ambiguous, SettingError, columns_in, file_digest
+from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
 from hdc.readers.recording import Recording, Window
-from hdc.readers.stores import NUMPY, Refused, Store, load
+from hdc.readers.stores import Store, load
+from hdc.readers.table import columns_in
 
 
-def open_arrays(
-    path: Path,
-    dataset: str,
-    window: Window,
-    axes: Sequence[str] | None,
-    asked: Asked,
-) -> Recording:
+def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     """Open frames of an array, with labels or values beside it in the file, or in a table.
 
-    Args:
-        path: of the file.
-        dataset: name of the array of frames; "" where the file has one that can be.
-        window: pixels that are kept.
-        axes: names among :data:`~hdc.readers.axes.ALONG` and :data:`~hdc.readers.axes.INSIDE`; by
-            default one of :data:`~hdc.readers.axes.READINGS`.
-        asked: the table is beside the file by default, its suffix replaced by .csv, where the file
-            has no labels of its own.
+    The axes are names among :data:`~hdc.readers.axes.ALONG` and
+    :data:`~hdc.readers.axes.INSIDE`; by default one of :data:`~hdc.readers.axes.READINGS`. The
+    table is beside the file by default, its suffix replaced by .csv, where the file has no labels.
 
     Raises:
         Ambiguous: two arrays, or two orders of axes, can be meant.
         ValueError: the file or one of its arrays is not as described.
     """
     store = load(path)
-    name = _frames_name(path, store, dataset)
+    name = _frames_name(path, store, asked.dataset)
     array = store.arrays.pop(name)
     _check_pixels(path, name, array)
     # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
-    group = name[: name.rfind("/") + 1]
-    store.arrays = {key.removeprefix(group): a for key, a in store.arrays.items()}
-    arrays = beside(store, asked.labels, group)
+    arrays = beside(path, store, asked, name[: name.rfind("/") + 1])
     table = _table(path, arrays, asked)
     columns = None if table is None else Columns.read(table)
+    axes = asked.axes or store.axes.get(name)
     if axes is None:
-        n = columns.n if columns else count(arrays, asked.named)
-        where = f"{path}[{name}]"
-        axes = store.axes.get(name) or reading(where, array, n, store.frames_last)
-    frames = Frames(path, array, axes, window)
-    if columns is None:
-        asked, columns = _of_file(path, store, arrays, frames, axes, asked)
+        n_rows = columns.n if columns else count(arrays, asked.named)
+        axes = reading(f"{path}[{name}]", array, n_rows, store.frames_last)
+
+    def place(i: int) -> str:
+        return f"{path}, frame {i}" if n > 1 else str(path)
+
+    frames = Frames(place, array, axes, window)
+    n = math.prod(frames.counts)
+    values = asked.values
+    if columns is not None:
+        _check_rows(columns, n)
     else:
-        _check_rows(columns, len(frames))
-    read = dataset, tuple(axes)
-    notes = _notes(path, name, store, axes, array.shape)
-    if table is not None and asked.table is None:
-        notes.append(f"labels of {table.name}")
-    return Recording(
-        **vars(columns.about(asked.values, asked.fewest_classes)),
-        frame_shape=window.shape(*frames.shape),
-        dtype=frames.dtype,
-        each=frames.each,
-        place=frames.place,
-        digest=cache(lambda: _digest(path, *read)),
-        window=window,
-        notes=tuple(notes),
-        image_shape=tuple(frames.shape),
-    )
-
-
-def _notes(
-    path: Path, name: str, store: Store, axes: Sequence[str], shape: Sequence[int]
-) -> list[str]:
-    """How an array was read."""
-    notes = [f"{path.name}[{name}] {tuple(shape)} as {', '.join(axes)}"]
+        if "value" in axes and not values:
+            values = ("value",)
+        arrays |= _places(axes, frames.counts)
+        columns = columns_of(path, arrays, n, store.frames_last)
+        if asked.fewest_classes > 0 and not values:
+            check_learnt(path, store, columns, array.shape)
+    read = asked.dataset, tuple(axes)
+    notes = [f"{path.name}[{name}] {tuple(array.shape)} as {', '.join(axes)}"]
     notes += store.notes.get(name, [])
-    if path.suffix.lower() in NUMPY and store.unread:
-        notes.append(f"left out what is no array: {', '.join(store.unread)}")
+    if store.unread:
+        notes.append(f"not read: {', '.join(store.unread)}")
     if "channel" in axes:
         notes.append("channels are red, green, blue")
-    return notes
-
-
-def _of_file(
-    path: Path,
-    store: Store,
-    arrays: dict[str, Any],
-    frames: Frames,
-    axes: Sequence[str],
-    asked: Asked,
-) -> tuple[Asked, Columns]:
-    """Columns of the frames by the arrays beside them, and what is asked of these."""
-    if axes[0] != "frame" or len(frames.counts) > 1:
-        arrays |= _places(axes, frames.counts)
-    if "value" in axes and not asked.values:
-        asked = asked._replace(values=("value",))
-    columns = columns_of(path, arrays, len(frames), store.frames_last)
-    if asked.fewest_classes > 0 and not asked.values:
-        check_learnt(path, store, columns, frames.whole)
-    return asked, columns
+    if table is not None and asked.table is None:
+        notes.append(f"labels of {table.name}")
+    return Recording.of(
+        columns.about(values, asked.fewest_classes),
+        frames,
+        window,
+        digest=cache(lambda: _digest(path, *read)),
+        notes=tuple(notes),
+        image_shape=frames.size,
+    )
 
 
 def _table(path: Path, arrays: dict[str, Any], asked: Asked) -> Path | None:
@@ -135,12 +105,11 @@ def _check_rows(columns: Columns, n: int) -> None:
 
 
 def _places(axes: Sequence[str], counts: Sequence[int]) -> dict[str, np.ndarray]:
-    """Place along each axis of frames, of every frame [N]."""
+    """Place along each axis of frames that says something of them, of every frame [N]."""
     along = [axis for axis in axes if axis in ALONG]
     places = np.indices(counts).reshape(len(along), -1)
-    found = dict(zip(along, places, strict=True))
-    found.pop("frame", None)
-    return found
+    found = zip(along, places, strict=True)
+    return {axis: place for axis, place in found if axis != "frame"}
 
 
 def _digest(path: Path, dataset: str, axes: tuple[str, ...]) -> str:
@@ -150,19 +119,22 @@ def _digest(path: Path, dataset: str, axes: tuple[str, ...]) -> str:
     return own if usual and not dataset else repr((own, (dataset, axes)))
 
 
-# Which array, and which axes ----------------------------------------------------------------------
-
-
 def _frames_name(path: Path, store: Store, dataset: str) -> str:
     """The array that holds the frames."""
-    listed = ", ".join(f"{name} {array.shape}" for name, array in store.arrays.items())
+    wanted = dataset or "frames"
+    if wanted in store.arrays:
+        return wanted
+    if wanted in store.unread:
+        raise BadFrame(f"{path}[{wanted}]: {store.unread[wanted]}")
+    shapes = {name: array.shape for name, array in store.arrays.items()}
+    listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
     if dataset:
-        if dataset not in store.arrays:
-            raise SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
-        return dataset
-    if "frames" in store.arrays:
-        return "frames"
-    found = _stacks(store)
+        raise SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
+    numbers = [
+        name for name, array in store.arrays.items() if array.dtype.kind in "iuf"
+    ]
+    found = [name for name in numbers if len(shapes[name]) > 2]
+    found = found or [name for name in numbers if _is_table(shapes[name])]
     if not found:
         raise ValueError(
             f"{path}: expected an array of frames [N, H, W] or [N, D], found "
@@ -174,20 +146,11 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
     return found[0]
 
 
-def _stacks(store: Store) -> list[str]:
-    """Arrays of numbers that can be frames: those of three axes or more, or else tables."""
-    shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
-    deep = [name for name, shape in shapes.items() if len(shape) > 2]
-    return deep or [name for name, shape in shapes.items() if _is_table(shape)]
-
-
 def _is_table(shape: tuple[int, ...]) -> bool:
     return len(shape) == 2 and min(shape) > 1
 
 
 def _check_pixels(path: Path, name: str, array: Any) -> None:
-    if isinstance(array, Refused):
-        array[...]  # says why
     shape, kind = tuple(array.shape), array.dtype
     if 0 in shape or len(shape) < 2:
         raise ValueError(

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Iterator, Sequence
-from pathlib import Path
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
 
-from hdc.readers.files import Ambiguous, SettingError, require
+from hdc.readers.files import Ambiguous, SettingError, wrong
 from hdc.readers.recording import Window, check_finite
 
 ALONG = ("label", "order", "session", "group", "value", "frame")
@@ -22,110 +20,91 @@ _COLOURS, _SEVERAL = "frame,channel,height,width", "frame,order,height,width"
 READINGS = {
     2: ("frame,feature", "feature,frame"),
     3: ("frame,height,width", "height,width,frame"),
-    4: (
-        "frame,height,width,channel",
-        _COLOURS,
-        "height,width,channel,frame",
-    ),
+    4: ("frame,height,width,channel", _COLOURS, "height,width,channel,frame"),
 }
 
 
 def reading(where: str, array: Any, n: int | None, frames_last: bool) -> list[str]:
     """The reading of an array's axes that its shape and the number of labels leave.
 
+    Where nothing says how many frames there are, it is the usual one.
+
     Raises:
         Ambiguous: two are left, or planes [N, 3, H, W] of floats may be colours or frames.
         SettingError: none is left.
     """
-    shape = array.shape
-    possible = _possible(shape, n, frames_last)
+    shape = tuple(array.shape)
+    possible = []
+    for axes in READINGS.get(len(shape), ()):
+        lengths = dict(zip(axes.split(","), shape, strict=True))
+        if lengths.get("channel", 1) in CHANNELS and n in (None, lengths["frame"]):
+            possible.append(axes)
+    if n is None:
+        possible = possible[-1:] if frames_last else possible[:1]
     if not possible:
-        wanted = "shape [N, H, W] or [N, D]"
-        if n is not None:
-            wanted += f" with N = {n}, as there are labels or values"
+        labels = "" if n is None else f" with N = {n}, as there are labels or values"
         raise SettingError(
-            f"{where}: expected {wanted}, found {tuple(shape)} (--axes names them)"
+            f"{where}: expected shape [N, H, W] or [N, D]{labels}, found {shape} (--axes names "
+            "them)"
         )
     if _COLOURS in possible and shape[1] > 1 and array.dtype.kind == "f":
         possible.append(_SEVERAL)
     if len(possible) > 1:
         labels = "" if n is None else f" for {n} labels"
-        choices = [f"--axes {reading}" for reading in possible]
-        found = f"{array.dtype} {tuple(shape)}"
-        raise Ambiguous(f"{where} {found}{labels}", choices)
+        choices = [f"--axes {axes}" for axes in possible]
+        raise Ambiguous(f"{where} {array.dtype} {shape}{labels}", choices)
     return possible[0].split(",")
-
-
-def _possible(shape: Sequence[int], n: int | None, frames_last: bool) -> list[str]:
-    """Readings of a shape for so many frames; where nothing says how many, the usual one."""
-    fitting = [axes for axes in READINGS.get(len(shape), ()) if _fits(axes, shape)]
-    if n is not None:
-        return [axes for axes in fitting if _frames_of(axes, shape) == n]
-    return fitting[-1:] if frames_last else fitting[:1]
-
-
-def _frames_of(reading: str, shape: Sequence[int]) -> int:
-    return shape[reading.split(",").index("frame")]
-
-
-def _fits(reading: str, shape: Sequence[int]) -> bool:
-    axes = reading.split(",")
-    return "channel" not in axes or shape[axes.index("channel")] in CHANNELS
 
 
 class Frames:
     """Frames [H, W] or [D] of an array whose axes have names, as this machine's kind of numbers.
 
+    Args:
+        place: names a frame, for errors.
+        array: anything with ``shape``, ``dtype`` and ``[…]``.
+        axes: names among :data:`ALONG` and :data:`INSIDE`.
+        window: pixels that are kept.
+
     Attributes:
-        shape: (H, W) or (D,) before the window.
-        whole: of the array.
+        size: (H, W) or (D,) before the window.
+        shape, dtype: of a frame.
         counts: lengths of the axes along the frames.
     """
 
     def __init__(
-        self, path: Path, array: Any, axes: Sequence[str], window: Window
+        self,
+        place: Callable[[int], str],
+        array: Any,
+        axes: Sequence[str],
+        window: Window,
     ) -> None:
-        self._path, self._array, self._window = path, array, window
+        self.place, self._array, self._window = place, array, window
         self._along = [k for k, axis in enumerate(axes) if axis in ALONG]
         inside = [axis for axis in axes if axis in INSIDE]
-        self._order = [inside.index(axis) for axis in INSIDE if axis in inside]
-        self._check(axes, inside)
-        self.whole = tuple(array.shape)
-        self.counts = [array.shape[k] for k in self._along]
-        lengths = dict(zip(axes, array.shape, strict=True))
-        channels = lengths.get("channel", 1)
-        # Four may be the angles of a polariser as well as RGBA.
-        wanted = "1 or 3 channels (red, green and blue)"
-        require(channels in CHANNELS, "axes", channels, wanted)
-        self._has_channels = "channel" in inside
-        self.shape = [lengths[axis] for axis in INSIDE if axis in inside][:2]
-        self.dtype = array.dtype.newbyteorder("=")
-
-    def _check(self, axes: Sequence[str], inside: Sequence[str]) -> None:
-        image = {"height", "width"}
-        fits = (
-            len(axes) == len(self._array.shape) == len({*axes})
-            and len(self._along) + len(inside) == len(axes)
-            and len(self._along) > 0
-            and set(inside) in (image, image | {"channel"}, {"feature"})
-        )
-        if not fits:
-            n = len(self._array.shape)
+        ordered = tuple(axis for axis in INSIDE if axis in inside)
+        self._order = [inside.index(axis) for axis in ordered]
+        n = len(array.shape)
+        is_named = len(axes) == n == len({*axes}) == len(self._along) + len(inside)
+        if ordered not in (INSIDE[:2], INSIDE[:3], INSIDE[3:]) or not is_named:
             wanted = (
                 f"{n} different names among {', '.join(ALONG)}, then height and width"
             )
-            raise SettingError(f"axes: expected {wanted}, found {list(axes)}")
-
-    def __len__(self) -> int:
-        return math.prod(self.counts)
-
-    def place(self, i: int) -> str:
-        return f"{self._path}, frame {i}" if len(self) > 1 else str(self._path)
+            raise wrong("axes", [*axes], wanted)
+        lengths = dict(zip(axes, array.shape, strict=True))
+        if lengths.get("channel", 1) not in CHANNELS:
+            # Four may be the angles of a polariser as well as RGBA.
+            wanted = "1 or 3 channels (red, green and blue)"
+            raise wrong("axes", lengths["channel"], wanted)
+        self.counts = [array.shape[k] for k in self._along]
+        self.size = tuple(lengths[axis] for axis in ordered[:2])
+        self.shape = window.shape(*self.size)
+        self.dtype = array.dtype.newbyteorder("=")
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        """Frames of indices [n], one after the other."""
         for i in index:
             place, frame = self.place(i), self._frame(i)
-            if self._has_channels:
+            if frame.ndim == 3:
                 kept = _luminance(place, frame, self._window)
             else:
                 kept = self._window.of(frame)
@@ -136,8 +115,7 @@ class Frames:
         places = np.unravel_index(i, self.counts)
         for axis, place in zip(self._along, places, strict=True):
             key[axis] = int(place)
-        frame = np.asarray(self._array[tuple(key)])
-        return frame.transpose(self._order)
+        return np.asarray(self._array[tuple(key)]).transpose(self._order)
 
 
 def _luminance(place: str, frame: np.ndarray, window: Window) -> np.ndarray:

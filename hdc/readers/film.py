@@ -11,7 +11,6 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -23,68 +22,82 @@ from hdc.readers.files import BadFrame, check_file
 from hdc.readers.images import grey
 from hdc.readers.recording import Window
 
-EARLY_S = 5.1e-4
-"""Frames so much before a time belong to it: some containers round their times to 1 ms."""
-
 
 class Film:
-    """Frames of a video by their numbers.
+    """Frames of a video that are chosen.
 
     Attributes:
         path: of the file.
         count: of all frames that were read.
+        numbers, times: of the frames that are chosen, in s.
         shape, dtype: of a frame; known after :meth:`read`.
         notes: how frames are read where the file could be read otherwise.
     """
 
-    def __init__(self, path: Path, window: Window) -> None:
-        self.path, self._window = path, window
+    def __init__(self, path: Path, window: Window, memory_bytes: int) -> None:
+        self.path, self._window, self._memory_bytes = path, window, memory_bytes
         self.count = 0
+        self.numbers: list[int] = []
+        self.times: list[float] = []
         self.shape: tuple[int, ...] = ()
         self.dtype = np.dtype(np.uint8)
         self.notes: list[str] = []
         self._kept: dict[int, np.ndarray] = {}
 
     def read(
-        self,
-        is_wanted: Callable[[int, float], bool],
-        memory_bytes: int,
-        end: float = math.inf,
-    ) -> dict[int, float]:
-        """Number and time in s of each frame before ``end`` that is wanted by these two.
+        self, is_wanted: Callable[[int, float], bool], end: float = math.inf
+    ) -> None:
+        """Choose each frame before ``end`` that is wanted by its number and time in s.
 
-        Frames are kept in memory if all that are wanted fit.
+        Frames are kept in memory if all of them fit.
         """
-        times = {}
         frames = stream_video(self.path, self._window, end, self.notes)
         for number, (time, frame) in enumerate(frames):
             self.count = number + 1
             self.shape, self.dtype = frame.shape, frame.dtype
             if is_wanted(number, time):
-                times[number] = time
-                if len(times) * frame.nbytes <= memory_bytes:
+                self.numbers.append(number)
+                self.times.append(time)
+                if len(self.numbers) * frame.nbytes <= self._memory_bytes:
                     self._kept[number] = frame
-        if len(self._kept) < len(times):
+        if len(self._kept) < len(self.numbers):
             self._kept = {}
-        return times
 
-    def each(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
-        """Frames of these numbers; the video is decoded once more where they are not kept."""
+    def choose(self, table: Path, numbers: list[int]) -> None:
+        """Choose frames of these numbers, in this order, of those that were read for a table."""
+        time_of = dict(zip(self.numbers, self.times, strict=True))
+        if absent := sorted(set(numbers) - set(time_of)):
+            wanted = f"numbers of the {self.count} frames of {self.path.name}, from 0"
+            raise ValueError(f"{table}: expected {wanted}, found {absent[0]}")
+        self.numbers, self.times = numbers, [time_of[number] for number in numbers]
+
+    def samples(self) -> dict[str, np.ndarray]:
+        """Number and time in s of each frame."""
+        return {"frame": np.array(self.numbers), "time": np.array(self.times)}
+
+    def place(self, i: int) -> str:
+        """The video, and the number of a frame."""
+        return f"{self.path}, frame {self.numbers[i]}"
+
+    def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        """Frames [H, W] of indices [n]; the video is decoded once more where they are not kept."""
+        numbers = [self.numbers[i] for i in index]
         if self._kept:
             return (self._kept[number] for number in numbers)
-        if all(first < second for first, second in pairwise(numbers)):
-            return self._decoded(numbers)
         ordered = sorted(set(numbers))
+        if ordered == numbers:
+            return self._decoded(ordered)
         found = dict(zip(ordered, self._decoded(ordered), strict=True))
         return (found[number] for number in numbers)
 
-    def _decoded(self, numbers: Sequence[int]) -> Iterator[np.ndarray]:
-        wanted, last = set(numbers), max(numbers, default=-1)
-        for number, (_, frame) in enumerate(stream_video(self.path, self._window)):
-            if number in wanted:
-                yield frame
-            if number >= last:
-                return
+    def _decoded(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
+        frames = enumerate(stream_video(self.path, self._window))
+        for wanted in ordered:
+            found = (frame for number, (_, frame) in frames if number == wanted)
+            frame = next(found, None)
+            if frame is None:
+                raise BadFrame(f"{self.path}: expected a frame {wanted}, found none")
+            yield frame
 
 
 def stream_video(
@@ -101,20 +114,71 @@ def stream_video(
         BadFrame: a frame is damaged, or frames are missing.
         ValueError: it is no video that is read here.
     """
-    found = [] if notes is None else notes
+    times: list[float] = []
     with opened(path) as (container, stream):
-        times = _Times(path, container, stream)
+        start = lasts = 0.0
         for frame in _decoded(path, container.decode(stream)):
-            time = times.of(frame)
-            if time >= end - EARLY_S:
-                times.check_whole(before_its_end=True)
-                return
-            if frame.is_corrupt:
+            if frame.time is None or frame.is_corrupt:
                 raise BadFrame(
-                    f"{path}: expected whole frames, found a damaged one at {time:g} s"
+                    f"{path}: expected whole frames, found that number {len(times)} is damaged"
                 )
-            yield time, grey(window.of(_pixels(path, frame, found)))
-        times.check_whole()
+            start = start if times else frame.time
+            time = frame.time - start
+            if times and time <= times[-1]:
+                found = f"frame {len(times)} at {time:g} s after one at {times[-1]:g} s"
+                raise BadFrame(
+                    f"{path}: expected frames one after the other, found {found}"
+                )
+            times.append(time)
+            if time >= end:
+                break
+            lasts = float((frame.duration or 0) * frame.time_base)
+            yield time, grey(window.of(_pixels(path, frame, notes)))
+        stated_end = 0.0
+        if len(container.streams) == 1 and container.duration is not None:
+            stated_end = float(container.duration / av.time_base) - start
+        check_whole(path, times, end, stream.frames, stated_end, lasts)
+
+
+def check_whole(
+    path: Path,
+    times: Sequence[float],
+    end: float,
+    stated_frames: int,
+    stated_end: float,
+    lasts: float,
+) -> None:
+    """Raise BadFrame unless there are as many frames, or seconds, as the header states.
+
+    Where it states no frames, a gap in steps that are even but for one in ten is a loss.
+
+    Args:
+        path: of the video.
+        times: of its frames, in s.
+        end: seconds up to which it is needed.
+        stated_frames: how many its header states; 0 where it states none.
+        stated_end: seconds of its end; 0 where it states none.
+        lasts: seconds of the last frame.
+    """
+    n = len(times)
+    if n == 0:
+        raise BadFrame(f"{path}: expected frames, found none")
+    steps = np.diff(times)
+    if times[-1] < end:
+        step = max(lasts, *steps.tolist(), 0.0)
+        lacks_end = times[-1] + 1.5 * step < stated_end and not stated_frames
+        if n < stated_frames or lacks_end:
+            stated = f"{stated_frames} frames" if stated_frames else f"{stated_end:g} s"
+            found = f"{n} frames to {times[-1]:g} s"
+            raise BadFrame(
+                f"{path}: expected {stated} as its header says, found {found}"
+            )
+    gaps = int((steps > 1.5 * np.median(steps)).sum()) if n > 2 else 0
+    if 0 < 9 * gaps < len(steps) and not stated_frames:
+        raise BadFrame(
+            f"{path}: expected frames at an even rate, found {gaps} gaps: some are lost (if its "
+            "rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
+        )
 
 
 def _decoded(path: Path, frames: Iterator[Any]) -> Iterator[Any]:
@@ -162,120 +226,42 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
         raise BadFrame(f"{path}: expected a whole video, found: {found}") from error
 
 
-class _Times:
-    """Times of frames, and what they tell of missing ones."""
-
-    def __init__(self, path: Path, container: Any, stream: Any) -> None:
-        self._path, self._stated = path, stream.frames
-        self._end_s = _stated_end(container, stream)
-        self._times: list[float] = []
-        self._first = 0.0
-        self._lasts = 0.0
-
-    def of(self, frame: Any) -> float:
-        """Seconds of a frame from the first one."""
-        if frame.time is None:
-            raise BadFrame(f"{self._path}: expected a time of each frame, found none")
-        if not self._times:
-            self._first = frame.time
-        time = frame.time - self._first
-        if self._times and time <= self._times[-1]:
-            n = len(self._times)
-            found = f"frame {n} at {time:g} s after one at {self._times[-1]:g} s"
-            raise BadFrame(
-                f"{self._path}: expected frames one after the other, found {found}"
-            )
-        self._times.append(time)
-        self._lasts = float((frame.duration or 0) * frame.time_base)
-        return time
-
-    def check_whole(self, before_its_end: bool = False) -> None:
-        """Raise BadFrame unless there are as many frames, or seconds, as the header states.
-
-        Where it states no frames, a gap in steps that are even but for one in ten is a loss.
-        """
-        n = len(self._times)
-        if n == 0 and not before_its_end:
-            raise BadFrame(f"{self._path}: expected frames, found none")
-        if self._stated:
-            if n < self._stated and not before_its_end:
-                wanted = f"{self._stated} frames as its header says"
-                raise BadFrame(f"{self._path}: expected {wanted}, found {n}")
-            return
-        steps = np.diff(self._times)
-        step = max(self._lasts, *steps.tolist(), 0.0)
-        last = self._first + self._times[-1] if n else self._end_s
-        if last + 1.5 * step < self._end_s and not before_its_end:
-            wanted = f"{self._end_s:g} s as its header says"
-            raise BadFrame(
-                f"{self._path}: expected {wanted}, found {n} frames to {last:g} s"
-            )
-        wide = _gaps(steps)
-        if 0 < 9 * wide < len(steps):
-            raise BadFrame(
-                f"{self._path}: expected frames at an even rate, found {wide} gaps: some are lost "
-                "(if its rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
-            )
-
-
-def _gaps(steps: np.ndarray) -> int:
-    """How many steps in time are wider than usual."""
-    if len(steps) < 2:
-        return 0
-    return int((steps > 1.5 * np.median(steps)).sum())
-
-
-def _stated_end(container: Any, stream: Any) -> float:
-    """Seconds to which a header says that the video goes on; 0 where it says nothing."""
-    if len(container.streams) > 1 or container.duration is None:
-        return 0.0
-    return float(container.duration / av.time_base)
-
-
-def _pixels(path: Path, frame: Any, notes: list[str]) -> np.ndarray:
-    """Pixels [H, W] or [H, W, 3] (blue first) of a decoded frame, turned as the file says."""
+def _pixels(path: Path, frame: Any, notes: list[str] | None) -> np.ndarray:
+    """Pixels [H, W] or [H, W, 3] (blue first) of a decoded frame, shown as the file says."""
     bits = max(component.bits for component in frame.format.components)
-    is_grey = len(frame.format.components) == 1
-    if is_grey and frame.format.name.startswith("gray"):
-        image = frame.to_ndarray()
-        note(notes, bits > 8, f"{bits} bits per pixel")
+    form, said = "bgr24", []
+    if frame.format.name.startswith("gray"):
+        form = frame.format.name
+        said += [f"{bits} bits per pixel"] * (bits > 8)
     elif bits > 8:
-        image = frame.to_ndarray(format="gray16le")
-        note(notes, True, f"luminance of {bits} bits, scaled to 16")
-    else:
-        image = frame.to_ndarray(format="bgr24")
-    note(notes, frame.interlaced_frame, "interlaced: ffmpeg -vf yadif separates fields")
-    return _displayed(path, image, frame.side_data.get(Type.DISPLAYMATRIX), notes)
-
-
-def _displayed(
-    path: Path, image: np.ndarray, matrix: Any, notes: list[str]
-) -> np.ndarray:
-    """An image as the display matrix of its file says: turned by quarters, or mirrored.
-
-    The pixel at (x, y) is shown at (a·x + c·y, b·x + d·y), apart from a shift; the matrix is
-    a, b, 0, c, d, 0, …, in steps of 1/65536.
-    """
-    if matrix is None:
-        return image
-    a, b, _, c, d, *_ = np.frombuffer(bytes(matrix), np.int32) / 65536
-    if (abs(a), abs(b), abs(c), abs(d)) not in ((1, 0, 0, 1), (0, 1, 1, 0)):
-        found = f"{a:g}, {b:g}, {c:g}, {d:g}"
-        raise ValueError(
-            f"{path}: expected a display matrix of quarter turns, found {found} "
-            "(ffmpeg -i … out.mp4 applies it)"
-        )
-    if a == 0:
-        image = image.swapaxes(0, 1)
-    is_flipped = a + c < 0, b + d < 0
-    image = image[:: -1 if is_flipped[1] else 1, :: -1 if is_flipped[0] else 1]
-    turns = round(np.degrees(np.arctan2(-b, a))) % 360
-    how = "mirrored" if a * d - b * c < 0 else f"turned by {turns}°"
-    note(notes, how != "turned by 0°", f"{how} as the file says")
+        form = "gray16le"
+        said.append(f"luminance of {bits} bits, scaled to 16")
+    if frame.interlaced_frame:
+        said.append("interlaced: ffmpeg -vf yadif separates fields")
+    image = frame.to_ndarray(format=form)
+    matrix = frame.side_data.get(Type.DISPLAYMATRIX)
+    if matrix is not None:
+        turns = np.frombuffer(bytes(matrix), np.int32)[[0, 1, 3, 4]] / 65536
+        if turns.tolist() != [1, 0, 0, 1]:
+            image = _shown(path, image, *turns)
+            said.append("turned or mirrored as the file says")
+    if notes is not None:
+        notes += [text for text in said if text not in notes]
     return image
 
 
-def note(notes: list[str], condition: bool, text: str) -> None:
-    """Add a text to the notes, once, where a condition holds."""
-    if condition and text not in notes:
-        notes.append(text)
+def _shown(
+    path: Path, image: np.ndarray, a: float, b: float, c: float, d: float
+) -> np.ndarray:
+    """An image turned by quarters, or mirrored.
+
+    The pixel at (x, y) is shown at (a·x + c·y, b·x + d·y), apart from a shift.
+    """
+    if (abs(a), abs(b), abs(c), abs(d)) not in ((1, 0, 0, 1), (0, 1, 1, 0)):
+        raise ValueError(
+            f"{path}: expected a display matrix of quarter turns, found {a:g}, {b:g}, {c:g}, {d:g} "
+            "(ffmpeg -i … out.mp4 applies it)"
+        )
+    image = image if a else image.swapaxes(0, 1)
+    image = image if a + c > 0 else image[:, ::-1]
+    return image if b + d > 0 else image[::-1]

@@ -1,152 +1,193 @@
-"""Files of a folder that belong to a recording, with the label, values and order of each."""
+"""A folder of images: which files belong to it, with the label, values and order of each."""
 
 from __future__ import annotations
 
+import hashlib
 import os
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
+from functools import cache
 from pathlib import Path, PurePath, PurePosixPath
+from typing import NamedTuple
 
 import numpy as np
 
-from hdc.readers.about import About, Asked, Columns
-from hdc.readers.files import Ambiguous, SettingError, natural_key, read_csv, require
+from hdc.readers.about import Asked, Columns, natural_key
+from hdc.readers.files import Ambiguous, BadFrame, SettingError, wrong
+from hdc.readers.recording import Recording, Window, with_progress
+from hdc.readers.table import Rows, read_csv
 from hdc.readers.template import Template
 
 MANIFEST = "manifest.csv"
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
 
 
-@dataclass(frozen=True)
-class Listing:
-    """N images, what a recording takes of each, and names of files that are not among them."""
+Reader = Callable[[str], dict[str, str] | None]
+"""Texts that the path of an image says, by column; None where it says none."""
 
-    files: list[Path]
-    about: About
-    other_files: list[str]
+
+class _Listing(NamedTuple):
+    """Images as they were found.
+
+    Attributes:
+        where: the folder or the table, for errors.
+        base: the folder that their names are relative to.
+        rows: place and texts of each; its name is the ``file``.
+        others: names of files that are not among them.
+        notes: why others are left out, a phrase each.
+    """
+
+    where: Path
+    base: Path
+    rows: Rows
+    others: list[str]
     notes: list[str]
 
+    @property
+    def files(self) -> list[Path]:
+        return [self.base / row["file"] for _, row in self.rows]
 
-@dataclass(frozen=True)
-class _Rows:
-    """Images as they were found: where each is named, its path, and its texts by column."""
-
-    places: list[str]
-    names: list[str]
-    texts: list[dict[str, str]]
-    other_files: list[str]
-
-    @classmethod
-    def none(cls) -> _Rows:
-        return cls([], [], [], [])
-
-    def add(self, place: str, name: str, texts: dict[str, str]) -> None:
-        self.places.append(place)
-        self.names.append(name)
-        self.texts.append(texts)
-
-    def only(self, kept: np.ndarray, lack: str, notes: list[str]) -> _Rows:
-        """Those of a mask [N]; what the others lack is noted."""
-        if kept.all():
+    def only(self, kept: Sequence[bool], lack: str) -> _Listing:
+        """Those that are kept; what the others lack is noted."""
+        if all(kept):
             return self
-        first, n = int(kept.argmin()), len(kept)
-        lacking = f"{n - int(kept.sum())} of {n} images are {lack}"
-        notes.append(f"{lacking}, the first {self.names[first]}")
-        rows = _Rows([], [], [], self.other_files)
-        for k in np.flatnonzero(kept):
-            rows.add(self.places[k], self.names[k], self.texts[k])
-        return rows
+        n, first = len(kept), self.rows[kept.index(False)][1]["file"]
+        lacking = f"{n - sum(kept)} of {n} images are {lack}, the first {first}"
+        rows = [row for row, keep in zip(self.rows, kept, strict=True) if keep]
+        return self._replace(rows=rows, notes=[*self.notes, lacking])
 
 
-def list_folder(
-    root: Path,
-    asked: Asked,
-    template: str | None = None,
-    image_column: str = "image",
-    skip_missing: bool = False,
-    whole: Callable[[Sequence[Path]], np.ndarray] | None = None,
-) -> Listing:
-    """List the files of a folder by its table or manifest, by a template, or by its sub-folders.
+def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
+    """Open the images of a folder, listed by its table or manifest, a template, or sub-folders.
 
-    ``whole`` says which of N files are whole images; the others are left out.
+    With ``check`` every image is decoded at once.
 
     Raises:
+        BadFrame: a file is no usable image, or its size or depth is not that of the first.
         SettingError: the template or a column cannot be, or a path has two readings.
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
-    pattern = None if template is None else Template(template)
-    names, values = asked.named, asked.values
-    where, base, notes = root, root, list[str]()
-    if asked.table is not None:
-        where = _table_path(root, asked.table)
-        rows = _rows_of_table(where, image_column, names, pattern)
-        base = _base(root, where, rows)
-        rows = _there(where, base, rows, skip_missing, notes)
-    elif pattern is None and (root / MANIFEST).exists():
-        where, values = root / MANIFEST, names
-        rows = _there(where, base, _rows_of_manifest(where, names), skip_missing, notes)
-    else:
-        wanted = f"a table with the columns {', '.join(names)}"
-        require(not names, "table", None, wanted)
-        rows, values = _rows_of_files(root, pattern, asked.fewest_classes), None
-    if whole is not None:
-        files = [base / name for name in rows.names]
-        rows = rows.only(whole(files), "damaged", notes)
-    if not rows.names:
-        raise ValueError(_nothing_found(where, rows.other_files))
-    columns = Columns.of(where, rows.places, rows.texts)
-    return Listing(
-        files=[base / name for name in rows.names],
-        about=columns.about(values, asked.fewest_classes),
-        other_files=rows.other_files,
-        notes=[f"left out: {note}" for note in notes],
+    from hdc.readers.images import Images, ahead, decode, is_whole  # OpenCV
+
+    listing, values = _listed(root, asked)
+    if asked.skip_damaged:
+        whole = ahead(is_whole, listing.files)
+        shown = with_progress(whole, len(listing.rows), "Looking for damage")
+        listing = listing.only([*shown], "damaged")
+    if not listing.rows:
+        raise ValueError(_nothing_found(listing))
+    files = listing.files
+    for _, row in listing.rows:
+        del row["file"]
+    columns = Columns.of_rows(listing.where, listing.rows)
+    about = columns.about(values, asked.fewest_classes)
+    names = np.array([os.path.relpath(file, root) for file in files])
+
+    def digest() -> str:
+        contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
+        return hashlib.sha256(b"".join(contents)).hexdigest()
+
+    def decoded(i: int) -> np.ndarray:
+        try:
+            return decode(files[i])
+        except BadFrame as error:
+            advice = "--skip-damaged leaves such images out"
+            raise BadFrame(f"{error} ({advice})") from error
+
+    images = Images(len(files), decoded, lambda i: str(files[i]), window)
+    if asked.check:
+        images.check(asked.memory_bytes)
+    return Recording.of(
+        replace(about, samples={**about.samples, "file": names}),
+        images,
+        window,
+        digest=cache(digest),
+        image_shape=images.size,
+        other_files=tuple(listing.others),
+        notes=tuple(f"left out: {note}" for note in listing.notes),
     )
 
 
-def _there(
-    table: Path, base: Path, rows: _Rows, skip_missing: bool, notes: list[str]
-) -> _Rows:
-    """Rows of a table whose images are there; a ValueError for others, unless they are skipped."""
-    found = np.array([(base / name).is_file() for name in rows.names], bool)
-    kept = rows.only(found, "missing", notes)
-    if len(found) and not found.any():
-        raise ValueError(
-            f"{table}: expected images that it names beside it or in the folder, found none of "
-            f"{len(found)}, the first {rows.names[0]}"
-        )
-    if notes and not skip_missing:
-        raise ValueError(
-            f"{table}: expected every image, found that {notes[0]} (--skip-missing leaves them out)"
-        )
-    _check_once(base, kept)
-    return kept
+def _listed(root: Path, asked: Asked) -> tuple[_Listing, Sequence[str] | None]:
+    """The images of a folder, and which of their columns are values."""
+    read: Reader | None = (
+        None if asked.template is None else Template(asked.template).read
+    )
+    table, column, required = asked.table, asked.image_column, asked.named
+    values = asked.values
+    if table is None and read is None and (root / MANIFEST).exists():
+        table, column, values = root / MANIFEST, "file", asked.named
+        required = ("file", "label", *asked.named)
+    if table is None:
+        if asked.named:
+            wanted = f"a table with the columns {', '.join(asked.named)}"
+            raise wrong("table", None, wanted)
+        files = all_files(root)
+        rows = [(str(root / file), {"file": file}) for file in files if is_image(file)]
+        others = [file for file in files if not is_image(file)]
+        read = read or _by_folders(root, files, asked.fewest_classes)
+        return _Listing(root, root, *_read(rows, others, read), []), None
+    if not table.exists():
+        table = root / table  # which is an absolute one as it is
+    rows = read_csv(table, required)
+    for place, row in rows:
+        if column not in row:
+            raise ValueError(
+                f"{table}: expected different columns, with {column}, found {[*row]} "
+                "(--image-column names the column of images)"
+            )
+        name = row.pop(column)
+        if not name:
+            raise ValueError(f"{place}: expected a {column}, found none")
+        row["file"] = PurePosixPath(name).as_posix()
+    rows, others = _read(rows, [], read or (lambda _: {}))
+    listing = _Listing(table, _base(root, table, rows), rows, others, [])
+    return _there(listing, asked.skip_missing), values
 
 
-def _check_once(base: Path, rows: _Rows) -> None:
-    """Raise a ValueError for a file that is there twice, by whatever spelling of its folder."""
-    folders: dict[PurePath, Path] = {}
+def _read(rows: Rows, others: list[str], read: Reader) -> tuple[Rows, list[str]]:
+    """Rows with what their names say, and names of all others: those that do not say it."""
+    kept = []
+    for place, row in rows:
+        fields = read(row["file"])
+        if fields is None:
+            others.append(row["file"])
+        else:
+            kept.append((place, row | fields))
+    return kept, others
+
+
+def _there(listing: _Listing, skip_missing: bool) -> _Listing:
+    """Rows of a table whose images are there.
+
+    Raises:
+        ValueError: others are not skipped, or a file is there twice, by whatever spelling.
+    """
+    where, n = listing.where, len(listing.rows)
+    found = listing.only([file.is_file() for file in listing.files], "missing")
+    if n and not found.rows:
+        raise ValueError(
+            f"{where}: expected images that it names beside it or in the folder, found none of "
+            f"{n}, the first {listing.rows[0][1]['file']}"
+        )
+    if found.notes and not skip_missing:
+        raise ValueError(
+            f"{where}: expected every image, found that {found.notes[0]} (--skip-missing leaves "
+            "them out)"
+        )
+    folder_of = cache(os.path.realpath)
     seen = set()
-    for place, name in zip(rows.places, rows.names, strict=True):
-        path = PurePath(name)
-        if path.parent not in folders:
-            folders[path.parent] = (base / path.parent).resolve()
-        file = folders[path.parent] / path.name
+    for (place, row), path in zip(found.rows, found.files, strict=True):
+        file = (folder_of(path.parent), path.name)
         if file in seen:
-            raise ValueError(f"{place}: expected each file once, found {name!r} again")
+            raise ValueError(
+                f"{place}: expected each file once, found {row['file']!r} again"
+            )
         seen.add(file)
+    return found
 
 
-# Tables ------------------------------------------------------------------------------------------
-
-
-def _table_path(root: Path, table: Path) -> Path:
-    """The path of a table that is given as it is, or from the folder."""
-    if table.exists() or table.is_absolute():
-        return table
-    return root / table
-
-
-def _base(root: Path, table: Path, rows: _Rows) -> Path:
+def _base(root: Path, table: Path, rows: Rows) -> Path:
     """The folder that paths in a table are relative to: its own, or that of the recording.
 
     The first image that is there decides.
@@ -154,104 +195,47 @@ def _base(root: Path, table: Path, rows: _Rows) -> Path:
     Raises:
         ValueError: each of the two folders has an image of that name.
     """
-    for name in rows.names:
-        beside, inside = table.parent / name, root / name
-        if beside.is_file():
-            if inside.is_file() and not inside.samefile(beside):
-                raise ValueError(
-                    f"{table}: expected images beside it or in {root}, found {name} in both"
-                )
-            return table.parent
-        if inside.is_file():
-            return root
+    for _, row in rows:
+        beside, inside = table.parent / row["file"], root / row["file"]
+        if not beside.is_file():
+            continue
+        if inside.is_file() and not inside.samefile(beside):
+            raise ValueError(
+                f"{table}: expected images beside it or in {root}, found {row['file']} in both"
+            )
+        return table.parent
     return root
 
 
-def _rows_of_table(
-    table: Path,
-    image_column: str,
-    value_columns: Sequence[str],
-    pattern: Template | None,
-) -> _Rows:
-    """Rows of a table of values, without those that are not as the template says."""
-    rows = _Rows.none()
-    for place, row in read_csv(table, value_columns):
-        if image_column not in row:
-            raise ValueError(
-                f"{table}: expected different columns, with {image_column}, found "
-                f"{list(row)} (--image-column names the column of images)"
-            )
-        name = str(PurePosixPath(row.pop(image_column)))
-        if name == ".":
-            raise ValueError(f"{place}: expected a {image_column}, found none")
-        fields = {} if pattern is None else pattern.read(name)
-        if fields is None:
-            rows.other_files.append(name)
-            continue
-        rows.add(place, name, row | fields)
-    return rows
+def _by_folders(root: Path, files: Sequence[str], fewest_classes: int) -> Reader:
+    """Reads the class of an image: its folder.
 
+    Where no class is needed, images that all lie in the folder itself have none.
 
-def _rows_of_manifest(manifest: Path, value_columns: Sequence[str]) -> _Rows:
-    rows = _Rows.none()
-    for place, row in read_csv(manifest, ("file", "label", *value_columns)):
-        rows.add(place, str(PurePosixPath(row.pop("file"))), row)
-    return rows
+    Raises:
+        Ambiguous: every image in a folder lies in one of folders: which is the class?
+        SettingError: images lie at several depths.
+    """
+    inside = [file for file in files if is_image(file) and "/" in file]
+    depths = {file.count("/") for file in inside}
+    if min(depths, default=1) > 1 and len(depths) > 1:
+        deepest = max(inside, key=lambda file: file.count("/"))
+        raise SettingError(
+            f"{root}: expected images in folders of one depth, found {inside[0]} and {deepest} "
+            "(a manifest.csv names each)"
+        )
+    if min(depths, default=1) > 1:
+        rest = "/*" * (min(depths) - 1)
+        readings = (f"{{label}}/{{group}}{rest}", f"{{session}}/{{label}}{rest}")
+        raise Ambiguous(
+            f"{root}: folders of folders, such as {inside[0]}",
+            [f"--template '{reading}'" for reading in readings],
+        )
+    loose: dict[str, str] | None = {} if fewest_classes == 0 and not inside else None
+    return lambda file: {"label": file.split("/")[0]} if "/" in file else loose
 
 
 # Folders -----------------------------------------------------------------------------------------
-
-
-def _rows_of_files(root: Path, pattern: Template | None, fewest_classes: int) -> _Rows:
-    """Images of a folder as the template says, or by sub-folders.
-
-    Where no class is needed, images that all lie in the folder itself have none.
-    """
-    rows = _Rows.none()
-    files = all_files(root)
-    images = [file for file in files if is_image(file)]
-    read: Callable[[str], dict[str, str] | None]
-    read = _label if pattern is None else pattern.read
-    if pattern is None:
-        _check_depth(root, images)
-        if fewest_classes == 0 and not any("/" in file for file in images):
-            read = _unlabelled
-    for file in files:
-        fields = read(file) if is_image(file) else None
-        if fields is None:
-            rows.other_files.append(file)
-            continue
-        rows.add(str(root / file), file, fields)
-    return rows
-
-
-def _label(file: str) -> dict[str, str] | None:
-    """The first folder is the class."""
-    label, slash, _ = file.partition("/")
-    return {"label": label} if slash else None
-
-
-def _unlabelled(_: str) -> dict[str, str]:
-    return {}
-
-
-def _check_depth(root: Path, images: Sequence[str]) -> None:
-    """Raise Ambiguous where every image in a folder lies in one of folders: which is the class?"""
-    inside = [file for file in images if "/" in file]  # loose ones have no class
-    depths = {file.count("/") for file in inside}
-    if not depths or min(depths) < 2:
-        return
-    rest = "/*" * (min(depths) - 1)
-    if len(depths) > 1:
-        raise SettingError(
-            f"{root}: expected images in folders of one depth, found {inside[0]} and "
-            f"{max(inside, key=lambda file: file.count('/'))} (a manifest.csv names each)"
-        )
-    readings = (f"{{label}}/{{group}}{rest}", f"{{session}}/{{label}}{rest}")
-    raise Ambiguous(
-        f"{root}: folders of folders, such as {inside[0]}",
-        [f"--template '{reading}'" for reading in readings],
-    )
 
 
 def all_files(root: Path) -> list[str]:
@@ -268,31 +252,23 @@ def all_files(root: Path) -> list[str]:
     for parent, folders, names in os.walk(root, onerror=_raise):
         inside = PurePath(parent).relative_to(root).as_posix()
         before = "" if inside == "." else f"{inside}/"
-        shown, opened = _visible(names), _visible(folders)
+        shown = [name for name in names if not name.startswith(".")]
         if before and not folders and not shown:
             files.append(before)
-        files += [f"{before}{name}/" for name in set(folders) - set(opened)]
-        folders[:] = opened
-        for name in folders:
-            _check_is_no_link(Path(parent, name))
+        files += [f"{before}{name}/" for name in folders if name.startswith(".")]
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for folder in (Path(parent, name) for name in folders):
+            if folder.is_symlink():
+                raise ValueError(
+                    f"{folder}: expected a folder, found a link to {os.readlink(folder)}, whose "
+                    "files might count twice; put the folder itself here, or take the link away"
+                )
         files += [before + name for name in shown]
     return sorted(files, key=lambda file: [*map(natural_key, file.split("/"))])
 
 
-def _visible(names: Sequence[str]) -> list[str]:
-    return [name for name in names if not name.startswith(".")]
-
-
 def _raise(error: OSError) -> None:
     raise error
-
-
-def _check_is_no_link(folder: Path) -> None:
-    if folder.is_symlink():
-        raise ValueError(
-            f"{folder}: expected a folder, found a link to {os.readlink(folder)}, whose files "
-            "might count twice; put the folder itself here, or take the link away"
-        )
 
 
 def is_image(file: str) -> bool:
@@ -312,35 +288,13 @@ def image_files(root: Path) -> list[Path]:
     return files
 
 
-def _nothing_found(where: Path, other_files: list[str]) -> str:
-    """Why a folder or table gives no images, and what may have been meant."""
+def _nothing_found(listing: _Listing) -> str:
+    """Why a folder or table gives no images."""
+    where, others = listing.where, listing.others
     wanted = (
-        f"{where}: expected images in one sub-folder per class, in a {MANIFEST}, or as the "
-        "template says"
+        f"images in one sub-folder per class, in a {MANIFEST}, or as the template says"
     )
-    if not other_files:
-        return f"{wanted}, found none"
-    loose = [file for file in other_files if is_image(file) and "/" not in file]
-    if not where.is_dir() or len(loose) < len(other_files):
-        found = ", ".join(other_files[:3])
-        return f"{wanted}, found {len(other_files)} other files, {found}"
-    images = "1 image" if len(loose) == 1 else f"{len(loose)} images"
-    if _class_folders(where.resolve().parent) > 1:
-        meant = _parent_of(where)
-        return f"{where} holds {images} and no class folders; did you mean {meant}?"
-    return f"{wanted}, found {images} and no sub-folder"
-
-
-def _class_folders(folder: Path) -> int:
-    """How many sub-folders have an image at their top."""
-    found = 0
-    for sub in folder.iterdir():
-        if sub.is_dir() and os.access(sub, os.R_OK | os.X_OK):
-            found += any(is_image(entry.name) for entry in os.scandir(sub))
-    return found
-
-
-def _parent_of(folder: Path) -> Path:
-    """The folder above, as the user would write it."""
-    written = folder.parent
-    return folder.resolve().parent if written == folder or not folder.name else written
+    found = f"{len(others)} other files, {', '.join(others[:3])}" if others else "none"
+    if where.is_dir():
+        wanted += " (of the folder of one class give the one above)"
+    return f"{where}: expected {wanted}, found {found}"

@@ -8,12 +8,12 @@ import sys
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
-from typing import Any, TypeVar
+from typing import Any, Self, TypeVar
 
 import numpy as np
 
 from hdc.readers.about import About
-from hdc.readers.files import BadFrame, SettingError, require
+from hdc.readers.files import BadFrame, SettingError, wrong
 
 T = TypeVar("T")
 
@@ -33,11 +33,13 @@ class Window:
     def __post_init__(self) -> None:
         if self.crop is not None:
             crop = tuple(self.crop)
-            expected = "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1"
-            require(_is_crop(crop), "crop", self.crop, expected)
+            whole = all(isinstance(n, int | np.integer) for n in crop)
+            if len(crop) != 4 or not whole or min(crop) < 0 or min(crop[2:]) < 1:
+                expected = "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1"
+                raise wrong("crop", self.crop, expected)
             object.__setattr__(self, "crop", crop)
-        whole = isinstance(self.subsample, int | np.integer) and self.subsample >= 1
-        require(whole, "subsample", self.subsample, "an integer ≥ 1")
+        if not isinstance(self.subsample, int | np.integer) or self.subsample < 1:
+            raise wrong("subsample", self.subsample, "an integer ≥ 1")
 
     def shape(self, *sides: int) -> tuple[int, ...]:
         """(H, W) that is kept of an image [height, width], or (D,) of a vector.
@@ -45,10 +47,21 @@ class Window:
         Raises:
             SettingError: the crop does not lie inside it, or is of images of another size.
         """
+        kept = self._slices(sides)
+        return tuple(
+            len(range(*part.indices(n))) for part, n in zip(kept, sides, strict=True)
+        )
+
+    def of(self, image: np.ndarray) -> np.ndarray:
+        """A view [H, W], [H, W, channels] or [D] of the pixels that are kept."""
+        return image[self._slices(image.shape[:2])]
+
+    def _slices(self, sides: tuple[int, ...]) -> tuple[slice, ...]:
+        step = self.subsample
         if len(sides) == 1:
-            expected = "null for frames that are vectors"
-            require(self.crop is None, "crop", self.crop, expected)
-            return (-(-sides[0] // self.subsample),)
+            if self.crop is not None:
+                raise wrong("crop", self.crop, "null for frames that are vectors")
+            return (slice(None, None, step),)
         height, width = sides
         if self.image is not None and self.image != sides:
             wanted = f"images {self.image[1]} px wide and {self.image[0]} px high as in training"
@@ -56,28 +69,8 @@ class Window:
         x, y, w, h = self.crop or (0, 0, width, height)
         if x + w > width or y + h > height:
             wanted = f"a window inside frames {width} px wide and {height} px high"
-            raise SettingError(
-                f"crop: expected {wanted}, found {list(self.crop or ())}"
-            )
-        return -(-h // self.subsample), -(-w // self.subsample)
-
-    def of(self, image: np.ndarray) -> np.ndarray:
-        """A view [H, W], [H, W, channels] or [D] of the pixels that are kept."""
-        self.shape(*image.shape[:2])
-        if image.ndim == 1:
-            return image[:: self.subsample]
-        height, width = image.shape[:2]
-        x, y, w, h = self.crop or (0, 0, width, height)
-        rows = slice(y, y + h, self.subsample)
-        columns = slice(x, x + w, self.subsample)
-        return image[rows, columns]
-
-
-def _is_crop(crop: tuple[int, ...]) -> bool:
-    whole = all(isinstance(n, int | np.integer) for n in crop)
-    if len(crop) != 4 or not whole:
-        return False
-    return min(crop) >= 0 and min(crop[2:]) >= 1
+            raise wrong("crop", [x, y, w, h], wanted)
+        return slice(y, y + h, step), slice(x, x + w, step)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -116,29 +109,29 @@ class Recording(About):
         """(N, H, W) or (N, D)."""
         return (len(self), *self.frame_shape)
 
+    @classmethod
+    def of(cls, about: About, frames: Any, window: Window, **settings: Any) -> Self:
+        """The recording of frames that have ``shape``, ``dtype``, ``each`` and ``place``."""
+        return cls(
+            **vars(about),
+            frame_shape=frames.shape,
+            dtype=frames.dtype,
+            each=frames.each,
+            place=frames.place,
+            window=window,
+            **settings,
+        )
+
     def __getitem__(self, index: Any) -> np.ndarray:
         """A frame of an integer; frames [n, H, W] of a slice, of integers or of a mask [N].
 
         Raises:
-            TypeError: the index is of another kind, such as a float.
-            IndexError: an index is outside [-N, N), or a mask is not of N.
+            IndexError: an index is outside [-N, N), a mask is not of N, or it is of another kind.
+            BadFrame: a frame cannot be used.
         """
-        rows = self._rows(index)
-        return self.frames(rows) if rows.ndim else self.frames(rows[None])[0]
-
-    def _rows(self, index: Any) -> np.ndarray:
-        """The numbers of the frames that an index names."""
-        every = np.arange(len(self))
-        if isinstance(index, slice):
-            return every[index]
-        chosen = np.asarray(index)
-        if chosen.size == 0 and chosen.ndim == 1:
-            return every[:0]
-        if chosen.dtype.kind not in "iub" or (chosen.dtype == bool) > chosen.ndim:
-            raise TypeError(
-                f"index: expected integers, a slice or a mask [{len(self)}], found {index!r}"
-            )
-        return every[chosen]
+        rows = np.arange(len(self))[index]
+        found = self.frames(np.ravel(rows))
+        return found if np.ndim(rows) else found[0]
 
     def __array__(
         self, dtype: np.dtype[Any] | None = None, copy: bool | None = None
@@ -173,28 +166,22 @@ class Recording(About):
         """Frames [len(indices), H, W] or [len(indices), D].
 
         Raises:
-            IndexError: an index is outside [0, N).
-            TypeError: indices are no integers.
+            IndexError: an index is outside [0, N), or no integer.
             BadFrame: a frame cannot be used.
         """
-        frames = list(self.stream(indices))
-        if not frames:
-            return np.empty((0, *self.frame_shape), self.dtype)
-        return np.stack(frames)
+        frames = [*self.stream(indices)]
+        empty = np.empty((0, *self.frame_shape), self.dtype)
+        return np.stack(frames) if frames else empty
 
     def stream(
         self, indices: Sequence[int] | np.ndarray | None = None
     ) -> Iterator[np.ndarray]:
         """:meth:`frames` [H, W] of the given indices (default: all), one after the other."""
-        if indices is None:
-            return self.each(np.arange(len(self)))
-        index = np.asarray(indices).reshape(-1)
-        if len(index) and index.dtype.kind not in "iu":
-            raise TypeError(f"indices: expected integers, found {index.dtype}")
-        if len(index) and not 0 <= index.min() <= index.max() < len(self):
-            raise IndexError(
-                f"indices: expected values in [0, {len(self)}), found {index}"
-            )
+        n = len(self)
+        index = np.arange(n) if indices is None else np.ravel(indices)
+        whole = index.dtype.kind in "iu"
+        if len(index) and not (whole and 0 <= index.min() <= index.max() < n):
+            raise IndexError(f"indices: expected values in [0, {n}), found {index}")
         return self.each(index.astype(np.int64))
 
     def batches(self, indices: np.ndarray) -> Batches:
@@ -203,16 +190,10 @@ class Recording(About):
 
     def left_out(self, most: int = 3) -> str:
         """One line on the files that are no frames, with the first names; or nothing."""
-        n = len(self.other_files)
-        if n == 0:
+        if not self.other_files:
             return ""
-        names = ", ".join(self.other_files[:most])
-        if n > most:
-            names += ", …"
-        files = "file" if n == 1 else "files"
-        if any(name.endswith("/") for name in self.other_files):
-            files = "files and folders"
-        return f"left out {n} other {files}: {names}"
+        shown = [*self.other_files[:most], *(["…"] if self.other_files[most:] else [])]
+        return f"left out {len(self.other_files)} other files: {', '.join(shown)}"
 
     def fingerprint(self) -> str:
         """SHA-256 over the recorded bytes, the pixels kept of them, labels, values and order."""
@@ -220,8 +201,7 @@ class Recording(About):
         kept = (self.digest(), window, self.classes)
         digest = hashlib.sha256(repr(kept).encode())
         if self.labels is not None:
-            labels = np.ascontiguousarray(self.labels, dtype="<i8")
-            digest.update(labels.data)
+            digest.update(self.labels.astype("<i8").tobytes())
         digest.update(repr(self.order.tolist()).encode())
         if self.values is not None:
             values = (self.value_names, self.values.tolist())
@@ -239,7 +219,7 @@ class Batches:
     def __init__(self, recording: Recording, index: np.ndarray) -> None:
         self._frames = with_progress(recording.stream(index), len(index), "Training")
         self.shape = (len(index), *recording.frame_shape)
-        self._batch = np.empty(0)
+        self._batch = np.empty(0, recording.dtype)
         self._given = 0
 
     def __len__(self) -> int:
@@ -252,9 +232,9 @@ class Batches:
                 f"batch: expected one from frame {self._given}, each frame once, found {batch}"
             )
         self._given = stop
+        if not len(self._batch):
+            self._batch = np.empty((stop - start, *self.shape[1:]), self._batch.dtype)
         for k, frame in enumerate(islice(self._frames, stop - start)):
-            if not len(self._batch):
-                self._batch = np.empty((stop - start, *frame.shape), frame.dtype)
             self._batch[k] = frame
         return self._batch[: stop - start]
 

@@ -1,12 +1,13 @@
 """Files of arrays by name: .npz, .npy, MATLAB's .mat, HDF5, stacks of TIFF. Nothing is unpickled.
 
 An .npz and a .mat of version 5 are read as a whole, the others from disk as frames are asked for.
+Vectors are in memory.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
@@ -17,43 +18,32 @@ import numpy as np
 
 from hdc.readers.files import BadFrame
 
-NUMPY = (".npz", ".npy")
-HDF5 = (".h5", ".hdf5")
-TIFF = (".tif", ".tiff")
-SUFFIXES = (*NUMPY, ".mat", *HDF5, *TIFF)
+_PLAINLY = "expected numbers or text that are saved plainly, found others"
+_ADVICE = (
+    "in MATLAB, before saving: cellstr({0}) for text, double({0}) for numbers, "
+    "cat(3, {0}{{:}}) for frames in cells"
+)
 
 
-class Refused:
-    """An array that is there and not read; whoever asks for its content is told why."""
+class OnDisk:
+    """An array that is read as it is asked for."""
 
-    def __init__(self, shape: tuple[int, ...], dtype: Any, why: str) -> None:
-        self.shape, self.dtype, self.why = shape, np.dtype(dtype), why
-
-    def __getitem__(self, _: Any) -> np.ndarray:
-        raise BadFrame(self.why)
-
-
-class Watched:
-    """An array on disk that is read as it is asked for, as long as its file stays as it was.
-
-    A file that is rewritten meanwhile would end the process with a bus error.
-    """
-
-    def __init__(self, path: Path, array: Any) -> None:
-        self._path, self._array = path, array
-        self._state = self._look()
-        self.shape, self.dtype = array.shape, array.dtype
-
-    def _look(self) -> tuple[int, int]:
-        status = self._path.stat()
-        return status.st_size, status.st_mtime_ns
+    def __init__(self, like: Any, read: Callable[[Any], Any]) -> None:
+        self.shape, self.dtype, self._read = like.shape, like.dtype, read
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        if self._look() != self._state:
-            raise BadFrame(
-                f"{self._path}: expected the file as it was opened, found it rewritten"
-            )
-        return np.array(self._array[key])
+        return np.asarray(self._read(key))
+
+    @property
+    def T(self) -> OnDisk:
+        """With its axes in the other order, as MATLAB shows what it writes to HDF5."""
+
+        def read(key: Any) -> np.ndarray:
+            return self[key[::-1] if isinstance(key, tuple) else key].T
+
+        turned = OnDisk(self, read)
+        turned.shape = self.shape[::-1]
+        return turned
 
 
 @dataclass
@@ -63,7 +53,7 @@ class Store:
     Attributes:
         arrays: anything with ``shape``, ``dtype`` and ``[…]``, by name.
         frames_last: MATLAB shows a stack as [H, W, N].
-        unread: names of what is there and not read, and why.
+        unread: why arrays that are there are not read, by name.
         axes: of arrays whose file states them, by name.
         notes: how an array was read, by its name.
     """
@@ -75,15 +65,9 @@ class Store:
     notes: dict[str, list[str]] = field(default_factory=dict)
 
     def advice(self) -> str:
-        """Why something is not read, and how to save it anew; empty if it is read."""
-        if not self.unread:
-            return ""
-        first, why = next(iter(self.unread.items()))
-        return (
-            f" (not read: {', '.join(self.unread)}: {why}; in MATLAB, before saving: "
-            f"cellstr({first}) for text, double({first}) for numbers, cat(3, {first}{{:}}) for "
-            "frames in cells)"
-        )
+        """What is not read, and why; empty if all is."""
+        why = "; ".join(f"{name}: {why}" for name, why in self.unread.items())
+        return f" (not read: {why})" if why else ""
 
 
 _LOADED: ContextVar[dict[Path, Store] | None] = ContextVar("loaded", default=None)
@@ -115,18 +99,15 @@ def load(path: Path) -> Store:
 
 def _load(path: Path) -> Store:
     suffix = path.suffix.lower()
-    if suffix in TIFF:
-        from hdc.readers import tiff
-
-        stacks = tiff.stacks(path)
-        axes = {name: stack.axes for name, stack in stacks.items()}
-        notes = {name: stack.notes() for name, stack in stacks.items()}
-        watched = {name: Watched(path, stack) for name, stack in stacks.items()}
-        return Store(watched, axes=axes, notes=notes)
+    readers = {
+        ".mat": _matlab,
+        ".npy": _npy,
+        ".npz": _npz,
+        ".h5": _hdf5,
+        ".hdf5": _hdf5,
+    }
     try:
-        if suffix in NUMPY:
-            return _numpy(path)
-        return _hdf5(path) if suffix in HDF5 else _matlab(path)
+        return readers.get(suffix, _tiff)(path)
     except (ImportError, BadFrame):
         raise
     except Exception as error:  # damage makes these libraries raise many types
@@ -137,38 +118,65 @@ def _load(path: Path) -> Store:
         ) from error
 
 
-def _numpy(path: Path) -> Store:
-    if path.suffix.lower() == ".npy":
-        array = np.load(path, mmap_mode="r", allow_pickle=False)
-        return Store({"frames": Watched(path, array)})
+def _npy(path: Path) -> Store:
+    return Store({"frames": _watched(path, np.load(path, mmap_mode="r"))})
+
+
+def _npz(path: Path) -> Store:
     store = Store({})
-    with np.load(path, allow_pickle=False) as archive:
+    with np.load(path) as archive:
         for name in archive.files:
             try:
                 found = archive[name]
             except ValueError as error:
                 if "Object arrays" not in str(error):
                     raise
-                why = f"{path}: expected plain arrays, found: {_plain(path, name)}"
-                store.arrays[name] = Refused((), object, why)
+                store.unread[name] = (
+                    "expected plain arrays, found Python objects, which are not opened here "
+                    f"(if the file is your own, save np.array({name}.tolist()))"
+                )
                 continue
             if isinstance(found, np.ndarray):
                 store.arrays[name] = found
             else:
-                store.unread[name] = "no .npy"
+                store.unread[name] = "expected an .npy, found another file"
     return store
 
 
-def _plain(path: Path, name: str) -> str:
-    """How to save an array of objects anew; that opens it as only its owner may."""
-    text = f"a = dict(np.load({path.name!r}, allow_pickle=True)); "
-    return (
-        f"{name} holds Python objects, which are not opened here; if the file is your own: "
-        f"{text}a[{name!r}] = np.array(a[{name!r}].tolist()); np.savez({path.name!r}, **a)"
+def _tiff(path: Path) -> Store:
+    from hdc.readers import tiff
+
+    stacks = tiff.stacks(path)
+    return Store(
+        {name: _watched(path, stack) for name, stack in stacks.items()},
+        axes={name: stack.axes for name, stack in stacks.items()},
+        notes={name: stack.notes() for name, stack in stacks.items()},
     )
 
 
-# MATLAB ------------------------------------------------------------------------------------------
+def _watched(path: Path, array: Any) -> OnDisk:
+    """An array on disk that is read as long as its file stays as it was.
+
+    A file that is rewritten meanwhile would end the process with a bus error.
+    """
+
+    def state() -> tuple[int, int]:
+        status = path.stat()
+        return status.st_size, status.st_mtime_ns
+
+    opened = state()
+
+    def read(key: Any) -> Any:
+        if state() != opened:
+            raise BadFrame(
+                f"{path}: expected the file as it was opened, found it rewritten"
+            )
+        return np.array(array[key])
+
+    return OnDisk(array, read)
+
+
+# MATLAB and HDF5 ---------------------------------------------------------------------------------
 
 
 def _matlab(path: Path) -> Store:
@@ -194,28 +202,12 @@ def _add(store: Store, found: dict[str, Any], before: str) -> None:
         array = np.asarray(item)
         if array.dtype == object and all(isinstance(c, str) for c in array.flat):
             array = np.array(array.ravel().tolist())  # a cell array of texts
+        if array.dtype.kind == "U":
+            array = np.char.rstrip(array)  # rows of characters are equally long
         if array.dtype.kind not in "iufbU":
-            store.unread[path] = "no numbers or text that MATLAB saves plainly"
+            store.unread[path] = f"{_PLAINLY} ({_ADVICE.format(name)})"
         elif array.ndim:
-            store.arrays[path] = _unpadded(array)
-
-
-def _unpadded(array: np.ndarray) -> np.ndarray:
-    """Texts without the spaces that make rows of characters equally long."""
-    return np.char.rstrip(array) if array.dtype.kind == "U" else array
-
-
-class Reversed:
-    """A dataset with its axes in the order that MATLAB shows."""
-
-    def __init__(self, dataset: Any) -> None:
-        self._dataset = dataset
-        self.shape = dataset.shape[::-1]
-        self.dtype = dataset.dtype
-
-    def __getitem__(self, key: Any) -> np.ndarray:
-        backwards = key[::-1] if isinstance(key, tuple) else key
-        return np.asarray(self._dataset[backwards]).T
+            store.arrays[path] = array
 
 
 def _hdf5(path: Path) -> Store:
@@ -227,33 +219,18 @@ def _hdf5(path: Path) -> Store:
     def visit(name: str, item: Any) -> None:
         if not isinstance(item, h5py.Dataset) or name.startswith("#"):
             return
-        if "MATLAB_class" in item.attrs:
-            store.frames_last = True
+        store.frames_last |= "MATLAB_class" in item.attrs
+        if why := _filled_in(path, item):
+            store.unread[name] = why
+            return
         array = _dataset(path, item)
         if array is None:
-            store.unread[name] = "no numbers or text that are saved plainly"
+            store.unread[name] = f"{_PLAINLY} ({_ADVICE.format(name)})"
         elif array.shape:
             store.arrays[name] = array
 
     file.visititems(visit)
     return store
-
-
-class Dataset:
-    """A dataset of HDF5; its errors name the file."""
-
-    def __init__(self, path: Path, dataset: Any) -> None:
-        self._where, self._dataset = f"{path}[{dataset.name[1:]}]", dataset
-        self.shape, self.dtype = dataset.shape, dataset.dtype
-
-    def __getitem__(self, key: Any) -> np.ndarray:
-        try:
-            return np.asarray(self._dataset[key])
-        except (OSError, RuntimeError) as error:
-            wanted = "a dataset that can be read"
-            raise BadFrame(
-                f"{self._where}: expected {wanted}, found: {error}"
-            ) from error
 
 
 def _dataset(path: Path, item: Any) -> Any:
@@ -263,63 +240,56 @@ def _dataset(path: Path, item: Any) -> Any:
     kind = item.attrs.get("MATLAB_class", b"")
     if "MATLAB_object_decode" in item.attrs or "MATLAB_empty" in item.attrs:
         return None
-    if why := _filled_in(path, item):
-        return Refused(item.shape, item.dtype, why)
     if kind in (b"cell", b"char"):
         return _matlab_text(item, kind)
-    if h5py.check_enum_dtype(item.dtype) and len(item.shape) == 1:
-        return _enumerated(item, h5py.check_enum_dtype(item.dtype))
+    names = h5py.check_enum_dtype(item.dtype)
+    if names and len(item.shape) == 1:
+        by_number = {number: name for name, number in names.items()}
+        return np.array([by_number.get(n, str(n)) for n in item[()].tolist()])
     if h5py.check_string_dtype(item.dtype):
         return np.array(np.ravel(item.asstr()[()]).tolist())
     if item.dtype.kind not in "iufb":
         return None
-    array = Dataset(path, item)
-    return Reversed(array) if kind else array
 
+    def read(key: Any) -> Any:
+        try:
+            return item[key]
+        except (OSError, RuntimeError) as error:
+            wanted = f"{path}[{item.name[1:]}]: expected a dataset that can be read"
+            raise BadFrame(f"{wanted}, found: {error}") from error
 
-def _enumerated(item: Any, names: dict[str, int]) -> np.ndarray:
-    """The names [N] of an enumeration's numbers."""
-    by_number = {number: name for name, number in names.items()}
-    return np.array([by_number.get(n, str(n)) for n in item[()].tolist()])
+    array = OnDisk(item, read)
+    if len(item.shape) == 1:
+        return array[:]
+    if kind and len(item.shape) == 2 and 1 in item.shape:
+        return array[:].ravel()  # a column or a row of MATLAB
+    return array.T if kind else array
 
 
 def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
     """Rows of characters, or a cell array of them; None of other cells."""
-    if kind == b"char":
-        rows = [_text(row) for row in np.atleast_2d(item[()].T)]
-        return _unpadded(np.array(rows))
-    cells = [item.file[reference] for reference in np.ravel(item[()])]
-    if not all(cell.attrs.get("MATLAB_class") == b"char" for cell in cells):
-        return None
-    return np.array([_text(np.ravel(cell[()])) for cell in cells])
+    rows: Any = np.atleast_2d(item[()].T)
+    if kind == b"cell":
+        cells = [item.file[reference] for reference in rows.ravel()]
+        if any(cell.attrs.get("MATLAB_class") != b"char" for cell in cells):
+            return None
+        rows = [cell[()].ravel() for cell in cells]
+    return np.array(["".join(map(chr, row)).rstrip() for row in rows])
 
 
 def _filled_in(path: Path, item: Any) -> str:
     """Why HDF5 would give numbers that nobody wrote; empty where it would not."""
-    where = f"{path}[{item.name[1:]}]"
     names = [name for name, *_ in item.external or ()]
     if item.is_virtual:
         names += [source.file_name for source in item.virtual_sources()]
     for name in names:
         if name != "." and not (path.parent / name).is_file():
-            return f"{where}: expected its source {name}, found none"
-    if names:
+            return f"expected its source {name}, found none"
+    wanted, found = 1, int(item.id.get_storage_size() > 0)
+    if item.chunks is not None:
+        sides = zip(item.shape, item.chunks, strict=True)
+        wanted = math.prod(-(-n // side) for n, side in sides)
+        found = item.id.get_num_chunks()
+    if names or item.size == 0 or found == wanted:
         return ""
-    wanted, found = _chunks(item)
-    if found < wanted:
-        return f"{where}: expected {wanted} chunks, found {found}: the others were not written"
-    return ""
-
-
-def _chunks(item: Any) -> tuple[int, int]:
-    """How many chunks a dataset has, and how many of them were written."""
-    if item.size == 0:
-        return 0, 0
-    if item.chunks is None:
-        return 1, int(item.id.get_storage_size() > 0)
-    sides = zip(item.shape, item.chunks, strict=True)
-    return math.prod(-(-n // side) for n, side in sides), item.id.get_num_chunks()
-
-
-def _text(codes: Iterable[int]) -> str:
-    return "".join(chr(code) for code in codes)
+    return f"expected {wanted} chunks, found {found}: the others were not written"

@@ -1,77 +1,132 @@
-"""A CSV with a row per frame: vectors such as spectra, one number per column.
+"""Tables that people write: a CSV with a header, as programs and spreadsheets save it.
 
-``label``, ``order``, ``session`` and ``group`` are known by name, columns that are chosen as values
-are what is learnt, and all others are the numbers of the frame, in their order.
+It is UTF-8, or UTF-16 with or without a mark at its beginning. Where the header has more semicolons
+or tabs than commas, these separate, and a comma in a number is the decimal one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from functools import cache
+import csv
+import math
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
+from typing import IO
 
-import numpy as np
+from hdc.readers.files import check_file
 
-from hdc.readers.about import KNOWN, Asked, Columns, is_unnamed
-from hdc.readers.files import file_digest, parse_number
-from hdc.readers.recording import Recording, Window
+Rows = list[tuple[str, dict[str, str]]]
+"""Place of each row, such as "t.csv, line 3", and its texts by column."""
+_NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
+_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:\.\d{3})+(?:,\d*)?")
+"""A number with points between thousands; in English it may be a fraction."""
 
 
-def open_table(path: Path, window: Window, asked: Asked) -> Recording:
-    """Open a CSV of vectors [N, D]; see the module's description.
+def parse_number(text: str) -> float | None:
+    """A finite number as tables write one; None for other text, such as ``nan`` or ``1_0``."""
+    if not _NUMBER.fullmatch(text):
+        return None
+    number = float(text)
+    return number if math.isfinite(number) else None
+
+
+def read_csv(path: Path, required: Sequence[str] = ()) -> Rows:
+    """The rows of a CSV.
 
     Raises:
-        ValueError: the table is not as described; a cell that is no number is named.
+        ValueError: no such file, not a table, a column missing, a row of another length, a required
+            value or a label that is empty, or a number of two readings.
     """
-    wanted = asked.named
-    columns = Columns.read(path, wanted if asked.fewest_classes > 0 else ())
-    _check_header(path, [*columns.columns])
-    chosen = [name for name in wanted if name in columns.columns]
-    known = columns.only(("label", *KNOWN, *chosen))
-    if asked.fewest_classes > 0 and not chosen and "label" not in known.columns:
+    check_file(path)
+    try:
+        with _opened(path) as (file, separator):
+            reader = csv.reader(file, strict=True, delimiter=separator)
+            header = _stripped(next(reader, []))
+            lines = [
+                (f"{path}, line {reader.line_num}", _stripped(cells))
+                for cells in reader
+                if cells
+            ]
+    except (UnicodeError, csv.Error) as error:
         raise ValueError(
-            f"{path}: expected a column label, or a chosen column of values, found neither"
-        )
-    numbers = [name for name in columns.columns if name not in known.columns]
-    about = known.about(chosen, asked.fewest_classes)
-    frames = _frames(path, columns, numbers)
-
-    def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        return (np.ascontiguousarray(window.of(frames[i])) for i in index)
-
-    return Recording(
-        **vars(about),
-        frame_shape=window.shape(frames.shape[1]),
-        dtype=frames.dtype,
-        each=each,
-        place=columns.place,
-        digest=cache(lambda: file_digest(path)),
-        window=window,
-        features=tuple(numbers[:: window.subsample]),
-    )
+            f"{path}: expected a CSV table in UTF-8 (in a spreadsheet: save as CSV UTF-8), found: "
+            f"{error}"
+        ) from error
+    if not set(required) <= set(header) or len(set(header)) < len(header):
+        wanted = ", ".join(("different columns", *required))
+        raise ValueError(f"{path}: expected {wanted}, found {header}")
+    if separator != ",":
+        lines = _with_points(lines)
+    return [(place, _row(place, header, cells, required)) for place, cells in lines]
 
 
-def _frames(path: Path, columns: Columns, numbers: list[str]) -> np.ndarray:
-    """The vectors [N, D] of these columns."""
-    unnamed = [name for name in numbers if is_unnamed(name)]
-    if unnamed:
+def columns_in(path: Path) -> list[str]:
+    """Names of the columns of a CSV; none where there is no such table."""
+    try:
+        with _opened(path) as (file, separator):
+            return _stripped(next(csv.reader(file, delimiter=separator), []))
+    except (OSError, UnicodeError, csv.Error):  # whoever reads it says so
+        return []
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[tuple[IO[str], str]]:
+    """A table before its header, and what separates; spreadsheets may state it in a line sep=;."""
+    with path.open("rb") as file:
+        start = file.read(2)
+    encoding = "utf-8-sig"
+    if start in (b"\xff\xfe", b"\xfe\xff"):
+        encoding = "utf-16"
+    elif start[1:] == b"\0":  # every second byte of plain characters is zero
+        encoding = "utf-16-le"
+    with path.open(encoding=encoding, newline="") as text:
+        first = text.readline()
+        if re.fullmatch(r"sep=.\s*", first):
+            yield text, first[4]
+        else:
+            text.seek(0)
+            yield text, max(",;\t", key=first.count)
+
+
+def _stripped(cells: Sequence[str]) -> list[str]:
+    return [cell.strip() for cell in cells]
+
+
+def _row(
+    place: str, header: list[str], cells: list[str], required: Sequence[str]
+) -> dict[str, str]:
+    if len(cells) != len(header):
+        raise ValueError(f"{place}: expected {len(header)} values, found {len(cells)}")
+    row = dict(zip(header, cells, strict=True))
+    for name in (*required, "label"):
+        if row.get(name) == "":
+            raise ValueError(f"{place}: expected a {name}, found none")
+    return row
+
+
+def _with_points(lines: list[tuple[str, list[str]]]) -> list[tuple[str, list[str]]]:
+    """Cells with decimal points for decimal commas.
+
+    Raises:
+        ValueError: 1.000 may be one or a thousand, for commas are decimal.
+    """
+    numbers = [
+        (place, cell)
+        for place, cells in lines
+        for cell in cells
+        if _DECIMAL_COMMA.fullmatch(cell) or _THOUSANDS.fullmatch(cell)
+    ]
+    thousands = [found for found in numbers if _THOUSANDS.fullmatch(found[1])]
+    if thousands and any("," in cell for _, cell in numbers):
+        place, cell = thousands[0]
         raise ValueError(
-            f"{path}: expected a name of each column, found {unnamed[0]!r} (pandas leaves its "
-            "index out with to_csv(…, index=False))"
+            f"{place}: expected 1000 or 1,0, found {cell!r} (points between thousands, where "
+            "commas are decimal)"
         )
-    frames = columns.values(numbers)
-    if frames is None:
-        found = [*columns.columns]
-        raise ValueError(f"{path}: expected columns of numbers, found {found}")
-    return frames
+    return [(place, [*map(_with_point, cells)]) for place, cells in lines]
 
 
-def _check_header(path: Path, names: list[str]) -> None:
-    """Raise a ValueError where the first line is a frame: numbers that neither rise nor fall."""
-    numbers = [number for name in names if (number := parse_number(name)) is not None]
-    in_order = sorted(numbers, reverse=numbers[:1] > numbers[-1:])
-    if len(numbers) == len(names) and numbers != in_order:
-        found = ", ".join(names[:3])
-        raise ValueError(
-            f"{path}: expected names of columns in the first line, found {found}, …"
-        )
+def _with_point(cell: str) -> str:
+    return cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell

@@ -5,33 +5,26 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from hdc.readers.files import SettingError, require
+from hdc.readers.files import SettingError, wrong
 
-FIELDS = {
-    "label": "text",
-    "session": "text",
-    "group": "text",
-    "order": "number",
-    "value": "signed",
+_FIELDS = {
+    "*": ("", "anything"),
+    "{order}": ("order", "number"),
+    "{value}": ("value", "signed"),
 }
-"""Fields of a template, and what each stands for."""
-_LONGEST = {
-    "text": r"[^/]+",
-    "anything": r"[^/]*",
-    "word": r"[^\W\d_]+",
-    "whole": r"\d+",
-    "number": r"\d+(?:\.\d+)?",
-    "signed": r"[-+]?\d+(?:\.\d+)?",
+for _name in ("label", "session", "group"):
+    for _form, _kind in (("", "text"), (":d", "whole"), (":w", "word")):
+        _FIELDS[f"{{{_name}{_form}}}"] = (_name, _kind)
+"""Name of each field of a template, and what it stands for."""
+_FORMS = {
+    "text": r"[^/]+~",
+    "anything": r"[^/]*~",
+    "word": r"[^\W\d_]+~",
+    "whole": r"\d+~",
+    "number": r"\d+~(?:\.\d+~)?~",
+    "signed": r"[-+]?~\d+~(?:\.\d+~)?~",
 }
-_SHORTEST = {
-    "text": r"[^/]+?",
-    "anything": r"[^/]*?",
-    "word": r"[^\W\d_]+?",
-    "whole": r"\d+?",
-    "number": r"\d+?(?:\.\d+?)??",
-    "signed": r"[-+]??\d+?(?:\.\d+?)??",
-}
-_FORMS = {"d": "whole", "w": "word"}
+"""Regular expressions; ``~`` is nothing in the longest reading, and ``?`` in the shortest."""
 _FREE = ("text", "anything")
 # Beside free text a number is as long as it can be: "wood12" is wood and 12, not wood1 and 2.
 _BEFORE = {
@@ -61,8 +54,9 @@ class Template:
         self._template = unicodedata.normalize("NFC", template.removeprefix("./"))
         # The first fields of a name are longest in one reading and shortest in the other:
         # where these two agree there is no third.
-        self._longest = re.compile(self._pattern(_LONGEST))
-        self._shortest = re.compile(self._pattern(_SHORTEST))
+        pattern = self._pattern()
+        self._longest = re.compile(pattern.replace("~", ""))
+        self._shortest = re.compile(pattern.replace("~", "?"))
 
     def read(self, file: str) -> dict[str, str] | None:
         """Texts of a file's path, by field; None where the path does not fit the template.
@@ -85,49 +79,26 @@ class Template:
             )
         return fields
 
-    def _pattern(self, forms: dict[str, str]) -> str:
-        parts = self._parts()
+    def _pattern(self) -> str:
+        parts = [part for part in re.split(r"(\{[^{}]*\}|\*)", self._template) if part]
+        fields = [_FIELDS.get(part, ("", "")) for part in parts]
+        names = [name for name, _ in fields if name]
+        unknown = [
+            p for p in parts if p not in _FIELDS and p[0] == "{" and p[-1] == "}"
+        ]
+        if unknown or len({*names}) < len(names):
+            expected = f"fields among {', '.join(_FIELDS)}, each once"
+            raise wrong("template", self._template, expected)
+        free = [False, *(kind in _FREE for _, kind in fields), False]
         pattern = ""
-        for number, (kind, text) in enumerate(parts):
-            if kind == "literal":
-                pattern += re.escape(text)
-                continue
-            form = forms[kind]
-            if number > 0 and parts[number - 1][0] in _FREE:
+        for k, (part, (name, kind)) in enumerate(zip(parts, fields, strict=True)):
+            form = _FORMS.get(kind) or re.escape(part).replace(r"\~", r"\x7e")
+            if free[k]:
                 form = _BEFORE.get(kind, "") + form
-            if number + 1 < len(parts) and parts[number + 1][0] in _FREE:
+            if free[k + 2]:
                 form += _AFTER.get(kind, "")
-            pattern += f"(?P<{text}>{form})" if text else form
+            pattern += f"(?P<{name}>{form})" if name else form
         return pattern
-
-    def _parts(self) -> list[tuple[str, str]]:
-        """Kind and text of each part: what is literal, or a field's name (none of a ``*``)."""
-        parts: list[tuple[str, str]] = []
-        seen = []
-        for part in re.split(r"(\{[^{}]*\}|\*)", self._template):
-            if part == "*":
-                parts.append(("anything", ""))
-            elif part.startswith("{") and part.endswith("}"):
-                kind, name = self._field(part[1:-1])
-                self._require(name not in seen)
-                seen.append(name)
-                parts.append((kind, name))
-            elif part:
-                parts.append(("literal", part))
-        return parts
-
-    def _field(self, text: str) -> tuple[str, str]:
-        name, colon, form = text.partition(":")
-        self._require(name in FIELDS)
-        if not colon:
-            return FIELDS[name], name
-        self._require(form in _FORMS and FIELDS[name] == "text")
-        return _FORMS[form], name
-
-    def _require(self, condition: bool) -> None:
-        known = ", ".join(f"{{{name}}}" for name in FIELDS)
-        expected = f"fields among {known}, each once"
-        require(condition, "template", self._template, expected)
 
 
 def _shown(fields: dict[str, str]) -> str:

@@ -13,13 +13,14 @@ import tempfile
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from logging.handlers import BufferingHandler
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import tifffile
 
-from hdc.readers.files import BadFrame, missing
+from hdc.readers.files import BadFrame
 
 _WHITE_IS_ZERO, _GREY, _RGB, _YCBCR, _MOSAIC = 0, 1, 2, 6, 32803
 """Values of the tag PhotometricInterpretation."""
@@ -41,8 +42,7 @@ class Stack:
 
     def __init__(self, place: str, series: Any, on_disk: bool) -> None:
         self._page = series.keyframe
-        _check_meaning(place, series)
-        _check_samples(place, self._page)
+        _check_samples(place, series)
         _check_whole(place, series)
         pixels = _on_disk(place, series) if on_disk else series.asarray()
         channels = self._page.samplesperpixel
@@ -59,16 +59,13 @@ class Stack:
     def notes(self) -> list[str]:
         """How the pixels were read, a phrase each."""
         page = self._page
-        found = []
-        if int(page.photometric) == _WHITE_IS_ZERO:
-            found.append("white is zero: inverted")
-        if int(page.photometric) == _MOSAIC:
-            found.append("a Bayer mosaic, left as it is")
-        if page.extrasamples:
-            found.append("alpha left out")
-        if page.bitspersample not in (8, 16, 32, 64):
-            found.append(f"{page.bitspersample} bits per pixel")
-        return found
+        found = {
+            "white is zero: inverted": int(page.photometric) == _WHITE_IS_ZERO,
+            "a Bayer mosaic, left as it is": int(page.photometric) == _MOSAIC,
+            "alpha left out": bool(page.extrasamples),
+            f"{page.bitspersample} bits per pixel": page.bitspersample % 8 > 0,
+        }
+        return [note for note, holds in found.items() if holds]
 
     def __getitem__(self, key: Any) -> np.ndarray:
         """Pixels with white the largest; those of one bit are 0 and 255."""
@@ -83,11 +80,9 @@ class Stack:
 
 def _on_disk(place: str, series: Any) -> Any:
     """Pixels that are read as they are asked for, out of the file or of a temporary one."""
-    if series.dataoffset is not None:
-        return series.asarray(out="memmap")
     folder = tempfile.gettempdir()
     needed, free = series.nbytes, shutil.disk_usage(folder).free
-    if needed > free:
+    if series.dataoffset is None and needed > free:
         raise BadFrame(
             f"{place}: expected {needed} bytes free in {folder}, where compressed pages are "
             f"decoded, found {free} (TMPDIR names another folder)"
@@ -95,37 +90,26 @@ def _on_disk(place: str, series: Any) -> Any:
     return series.asarray(out="memmap")
 
 
-def _check_meaning(place: str, series: Any) -> None:
-    """Raise BadFrame for pixels of a meaning that is not read here."""
+def _check_samples(place: str, series: Any) -> None:
+    """Raise BadFrame for pixels that are neither grey nor RGB, with at most alpha beside them.
+
+    A fourth sample of RGB is alpha even where its tag does not say so, as some writers leave it.
+    """
     page = series.keyframe
-    meaning = int(page.photometric)
-    as_rgb = meaning == _YCBCR and int(page.compression) in _JPEG
-    if meaning not in (_WHITE_IS_ZERO, _GREY, _RGB, _MOSAIC) and not as_rgb:
-        found = getattr(page.photometric, "name", meaning)
+    meaning, samples = int(page.photometric), page.samplesperpixel
+    if meaning == _YCBCR and int(page.compression) in _JPEG:
+        meaning = _RGB
+    colours = {_WHITE_IS_ZERO: 1, _GREY: 1, _MOSAIC: 1, _RGB: 3}.get(meaning, 0)
+    is_alpha = colours == 3 or all(int(kind) in _ALPHA for kind in page.extrasamples)
+    if not colours or samples not in (colours, colours + is_alpha):
+        name = getattr(page.photometric, "name", meaning)
         raise BadFrame(
-            f"{place}: expected grey or RGB, found {found} (PIL.Image.open(file).convert('RGB')"
-            ".save('x.png') converts it)"
+            f"{place}: expected grey or RGB, and at most alpha beside them, found {samples} of "
+            f"{name} (save a page each, or as PNG)"
         )
     if meaning == _WHITE_IS_ZERO and series.dtype.kind not in "ub":
         wanted = "unsigned pixels where white is zero"
         raise BadFrame(f"{place}: expected {wanted}, found {series.dtype}")
-
-
-def _check_samples(place: str, page: Any) -> None:
-    """Raise BadFrame for samples of a pixel that are neither grey, RGB nor alpha.
-
-    A fourth sample of RGB is alpha even where its tag does not say so, as some writers leave it.
-    """
-    is_colour = int(page.photometric) in (_RGB, _YCBCR)
-    extras = page.samplesperpixel - (3 if is_colour else 1)
-    is_alpha = is_colour or all(int(kind) in _ALPHA for kind in page.extrasamples)
-    if extras > 1 or (extras == 1 and not is_alpha):
-        wanted = "one sample a pixel, or three of RGB, and at most alpha beside them"
-        name = getattr(page.photometric, "name", page.photometric)
-        found = f"{page.samplesperpixel} of {name}"
-        raise BadFrame(
-            f"{place}: expected {wanted}, found {found} (a page each keeps them apart)"
-        )
 
 
 def _check_whole(place: str, series: Any) -> None:
@@ -170,7 +154,8 @@ def image(place: str, data: bytes) -> np.ndarray:
 @contextmanager
 def _strict(place: str) -> Iterator[None]:
     """Turn what tifffile logs or raises into a BadFrame: it goes on where pages are lost."""
-    said = _Said()
+    said = BufferingHandler(2**20)
+    said.setLevel(logging.WARNING)
     logger = logging.getLogger("tifffile")
     logger.addHandler(said)
     try:
@@ -179,22 +164,12 @@ def _strict(place: str) -> Iterator[None]:
         raise
     except Exception as error:  # damage makes tifffile raise a dozen different types
         if "requires the 'imagecodecs' package" in str(error):
-            raise missing("imagecodecs") from error
+            raise ModuleNotFoundError(name="imagecodecs") from error
         raise BadFrame(f"{place}: expected a whole TIFF, found: {error}") from error
     finally:
         logger.removeHandler(said)
-    if said.lines:
-        raise BadFrame(f"{place}: expected a whole TIFF, found: {said.lines[0]}")
-
-
-class _Said(logging.Handler):
-    """Keeps what was logged in the thread that made it."""
-
-    def __init__(self) -> None:
-        super().__init__(logging.WARNING)
-        self._thread = threading.get_ident()
-        self.lines: list[str] = []
-
-    def emit(self, record: logging.LogRecord) -> None:
-        if record.thread == self._thread:
-            self.lines.append(record.getMessage())
+    for record in said.buffer:
+        if record.thread == threading.get_ident():
+            raise BadFrame(
+                f"{place}: expected a whole TIFF, found: {record.getMessage()}"
+            )

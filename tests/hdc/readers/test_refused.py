@@ -1,0 +1,247 @@
+"""Files of arrays that would be learnt wrongly are refused, in one line that names them."""
+
+import pickle
+import subprocess
+import sys
+import zipfile
+from types import SimpleNamespace
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+import tifffile
+
+from hdc.readers import BadFrame, open_recording, tiff
+from tests.hdc.readers.writers import (
+    BYTES,
+    CUBE,
+    FRAMES,
+    LABELS,
+    NAMES,
+    TEXTS,
+    H,
+    N,
+    W,
+    check,
+    h5,
+    npz,
+    pages,
+    save_v73,
+    tiff_of,
+)
+
+
+class Trap:
+    """Fails the test if it is unpickled."""
+
+    def __reduce__(self):
+        return (pytest.fail, ("it was unpickled",))
+
+
+TRAPS = np.array([Trap()] * N, dtype=object)
+HOLE = np.where(np.arange(N) == 2, np.nan, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("changed", "message"),
+    [
+        ({"frames": None}, r": expected an array of frames \[N, H, W\] or .*labels \(4,\)"),
+        ({"labels": None}, ": expected arrays frames and labels, found no labels"),
+        ({"frames": TRAPS}, r"\[frames\]: expected plain arrays, found Python objects"),
+        ({"labels": TRAPS}, r"\[labels\]: expected plain arrays, found Python objects"),
+        ({"frames": FRAMES[:0]}, r"\[frames\]: expected shape \[N, H, W\]"),
+        ({"frames": FRAMES > 9}, r"\[frames\]: expected integers or floats, found bool"),
+        ({"labels": TEXTS[:3]}, r"\[frames\]: expected shape .* N = 3, as there are"),
+        ({"labels": LABELS / 4}, r"\[labels\]: .* found float64"),
+        ({"labels": [1, np.inf, 2, 1]}, r"\[labels\]: .* found float64"),
+        ({"labels": LABELS + 2.0**53}, r"\[labels\]: .* found float64"),
+        ({"labels": LABELS[:, None]}, r"\[labels\]: expected integers or strings \(4,\)"),
+        ({"labels": ["a"] * N}, ": expected two classes or more, found only 'a'"),
+        ({"labels": ["a", "", "b", "a"]}, ": expected a label of each .* of frame 1"),
+        ({"classes": ["c", "d"]}, ": expected one of the 2 classes, found"),
+        ({"classes": ["a", "a", "bb"]}, r"\[classes\]: expected different names"),
+        ({"order": LABELS.astype("M8[s]")}, "4 numbers in the column order, .*datetime64"),
+        ({"session": LABELS[:3]}, r"4 numbers in the column session, found .*\(3,\)"),
+        ({"group": LABELS[:, None]}, r"4 numbers in the column group, found .*\(4, 1\)"),
+        ({"session": HOLE}, ", frame 2: expected a number in session, found nan"),
+        ({"order": [np.inf, 1, 2, 3]}, ", frame 0: expected a number in order, found inf"),
+        ({"labels": None, "values": HOLE}, ", frame 2: expected a number in value"),
+        ({"labels": None, "values": np.zeros((3, 2))}, r"N = 3, as there are labels or"),
+        ({"labels": None, "values": np.zeros((N, 2, 1))}, r"values\]: expected shape \(4, k"),
+        ({"labels": None, "values": np.full((N, 2), "a")}, "0: expected a number in value_0"),
+        ({"values": np.zeros((N, 2)), "value_names": ["x"]}, "expected a name and a unit"),
+        ({"values": np.zeros((N, 2)), "value_names": ["x", "x"]}, "different names"),
+    ],
+)  # fmt: skip
+def test_arrays_that_would_be_learnt_wrongly_are_refused(tmp_path, changed, message):
+    arrays = {"frames": FRAMES, "labels": TEXTS, **changed}
+    npz(tmp_path / "x.npz", **{k: a for k, a in arrays.items() if a is not None})
+    with pytest.raises(ValueError, match=rf"x.npz.*{message}"):
+        open_recording(tmp_path / "x.npz")
+
+
+def test_pixels_that_are_not_finite_are_refused_when_they_are_asked_for(tmp_path):
+    frames = FRAMES.astype(float)
+    frames[3, 0, 0] = np.inf
+    npz(tmp_path / "x.npz", frames=frames, labels=TEXTS)
+    recording = open_recording(tmp_path / "x.npz")
+    assert np.array_equal(recording[:3], frames[:3])
+    with pytest.raises(BadFrame, match=r"x.npz, frame 3: expected finite numbers"):
+        recording[:]
+
+
+def matlab_string(path):
+    save_v73(path, cube=CUBE)
+    with h5py.File(path, "r+") as file:
+        file["labels"] = np.zeros((1, 6), np.uint32)
+        file["labels"].attrs["MATLAB_object_decode"] = 3
+
+
+def mixed_cells(path):
+    cells = np.empty(2, object)
+    cells[:] = [np.zeros(2), "a"]
+    scipy.io.savemat(path, {"cube": CUBE, "labels": cells})
+
+
+def with_labels(make):
+    def write(path):
+        with h5py.File(path, "w") as file:
+            make(file)
+            file["labels"] = NAMES
+
+    return write
+
+
+@with_labels
+def virtual(file):
+    layout = h5py.VirtualLayout((N, H, W), np.uint16)
+    layout[:] = h5py.VirtualSource("moved.h5", "frames", (N, H, W))
+    file.create_virtual_dataset("frames", layout)
+
+
+@with_labels
+def external(file):
+    file.create_dataset("frames", (N, H, W), np.uint8, external=[("gone.raw", 0, 60)])
+
+
+@with_labels
+def half_written(file):
+    file.create_dataset("frames", (N, H, W), np.uint8, chunks=(2, H, W))[:2] = 1
+
+
+@with_labels
+def unwritten(file):
+    file.create_dataset("frames", (N, H, W), np.uint8)
+
+
+def cut(suffix, share):
+    def write(path):
+        pages(path) if suffix == ".tif" else h5(path, frames=FRAMES, labels=NAMES)
+        data = path.read_bytes()
+        path.write_bytes(data[: int(len(data) * share)])
+
+    return write
+
+
+PALETTE = {"photometric": "palette", "colormap": np.zeros((3, 256), np.uint16)}
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "message"),
+    [
+        ("x.npz", lambda path: path.write_bytes(pickle.dumps({})), "an intact .npz"),
+        ("x.mat", matlab_string, r"\[labels\]: .*: cellstr\(labels\) for text"),
+        ("x.mat", mixed_cells, r"\[labels\]: .*: cellstr\(labels\) for text"),
+        # HDF5 fills zeros in, without a word.
+        ("x.h5", virtual, r"\[frames\]: expected its source moved.h5, found none"),
+        ("x.h5", external, r"\[frames\]: expected its source gone.raw, found none"),
+        ("x.h5", half_written, r"\[frames\]: expected 2 chunks, found 1"),
+        ("x.h5", unwritten, r"\[frames\]: expected 1 chunks, found 0"),
+        ("x.h5", cut(".h5", 0.5), ": expected an intact .h5, found"),
+        ("x.tif", cut(".tif", 0.01), ": expected a whole"),
+        ("x.tif", cut(".tif", 0.97), ": expected a whole"),
+        ("x.tif", tiff_of(BYTES[..., 0], **PALETTE), "grey or RGB, .* 1 of PALETTE"),
+        ("x.tif", tiff_of(FRAMES.astype("i2"), photometric="miniswhite"),
+         "unsigned pixels where white is zero, found int16"),
+        # Four grey samples, such as a polariser's angles, were read as red, green and blue.
+        ("x.tif", tiff_of(BYTES, photometric="minisblack", planarconfig="contig",
+                          extrasamples=["unspecified"] * 3), "found 4 of MINISBLACK"),
+        ("x.tif", tiff_of(BYTES[..., :2], photometric="minisblack", planarconfig="contig",
+                          extrasamples=["unspecified"]), "found 2 of MINISBLACK"),
+    ],
+)  # fmt: skip
+def test_files_that_would_be_read_wrongly_are_refused(tmp_path, name, write, message):
+    write(tmp_path / name)
+    with pytest.raises(ValueError, match=rf"{name}.*{message}") as caught:
+        open_recording(tmp_path / name)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_virtual_dataset_beside_its_source_is_read(tmp_path):
+    h5(tmp_path / "moved.h5", frames=FRAMES)
+    virtual(tmp_path / "v.h5")
+    check(open_recording(tmp_path / "v.h5"))
+
+
+def test_a_dataset_that_cannot_be_read_is_named(tmp_path):
+    path = tmp_path / "c.h5"
+    with h5py.File(path, "w") as file:
+        chunks = {"chunks": (1, H, W), "compression": "gzip", "fletcher32": True}
+        file.create_dataset("frames", data=FRAMES, **chunks)
+        file["labels"] = NAMES
+        start = file["frames"].id.get_chunk_info(3).byte_offset
+    data = bytearray(path.read_bytes())
+    data[start + 9] ^= 255
+    path.write_bytes(data)
+    recording = open_recording(path)
+    assert np.array_equal(recording[:3], FRAMES[:3])
+    with pytest.raises(BadFrame, match=r"c\.h5\[frames\]: expected a dataset that can"):
+        recording[3]
+
+
+def test_what_is_no_array_of_an_archive_is_left_out_and_said(tmp_path):
+    """An object that nobody needs, and files beside the arrays, made all of it unreadable."""
+    path = tmp_path / "x.npz"
+    npz(path, frames=FRAMES, labels=TEXTS, notes=TRAPS)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("meta.json", "{}")
+        archive.writestr("folder/", "")
+    recording = open_recording(path)
+    check(recording)
+    assert recording.notes[1] == "not read: notes, meta.json, folder/"
+
+
+@pytest.mark.parametrize(
+    ("name", "write"),
+    [("a.npy", np.save), ("a.tif", tifffile.imwrite)],
+)
+def test_a_file_that_is_rewritten_meanwhile_is_an_error(tmp_path, name, write):
+    """It ended the process with a bus error."""
+    write(tmp_path / name, np.zeros((40, 200, 300), np.uint8))
+    recording = open_recording(tmp_path / name, fewest_classes=0)
+    assert recording[39].sum() == 0
+    write(tmp_path / name, np.zeros((1, 200, 300), np.uint8))
+    with pytest.raises(BadFrame, match=f"{name}: expected the file as it was opened"):
+        recording[39]
+
+
+def test_a_folder_without_room_for_compressed_pages_is_named(tmp_path, monkeypatch):
+    pages(tmp_path / "z.tif", compression="zlib")
+    usage = SimpleNamespace(free=100)
+    monkeypatch.setattr(tiff.shutil, "disk_usage", lambda _: usage)
+    with pytest.raises(BadFrame, match=r"z\.tif: expected 120 bytes free in .* 100"):
+        open_recording(tmp_path / "z.tif")
+
+
+def test_a_missing_library_is_named_with_its_extra(tmp_path):
+    pages(tmp_path / "x.tif", compression="lzw")
+    code = (
+        "import sys; sys.modules['imagecodecs'] = None\n"
+        "from hdc.readers import open_recording\n"
+        f"try: open_recording({str(tmp_path / 'x.tif')!r})\n"
+        "except ModuleNotFoundError as error: print(error, '.', error.name)"
+    )
+    said = subprocess.check_output([sys.executable, "-c", code], text=True)
+    package = "expected the package imagecodecs, found none"
+    assert said == f"{package}; pip install 'speckle-hdc[files]' . imagecodecs\n"

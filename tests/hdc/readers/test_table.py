@@ -1,0 +1,131 @@
+"""Tables that people write, and what their columns mean."""
+
+import numpy as np
+import pytest
+
+from hdc.readers import open_recording
+from hdc.readers.about import Columns, typed
+from hdc.readers.table import columns_in, read_csv
+
+
+@pytest.mark.parametrize(
+    ("text", "encoding", "expected"),
+    [
+        # With a mark of UTF-8, spaces, empty lines, and commas and line feeds in quotes.
+        ('\ufeffx , y\r\na.png, 1 \r\n\r\n"b,\r\nc.png",2\r\nd.png,""\r\n', "utf-8",
+         [("2", "a.png", "1"), ("5", "b,\r\nc.png", "2"), ("6", "d.png", "")]),
+        ("x;y\na,b;-1,5\n", "utf-16", [("2", "a,b", "-1.5")]),
+        ("x\ty\n 2,5e3 \t1,2,3\n", "utf-8", [("2", "2.5e3", "1,2,3")]),
+        ("sep=;\nx;y\n1,5;b\n", "utf-8", [("3", "1.5", "b")]),
+        ("x;y\n1,5;b\n", "utf-16-le", [("2", "1.5", "b")]),
+        ("x;y\n1.000;a\n2.500;a\n", "utf-8", [("2", "1.000", "a"), ("3", "2.500", "a")]),
+        # A column of 1.000,5 was not learnt, and 1.000 was read as 1.
+        ("x;y\n1.000,5;a\n2,5;a\n", "utf-8", "2: expected 1000 or 1,0, found '1.000,5'"),
+        ("x;y\n2,5;a\n1.000;a\n", "utf-8", "3: expected 1000 or 1,0, found '1.000'"),
+        ("x,y\n\xff,1\n", "latin1", "expected a CSV table in UTF-8"),
+        ('x,y\n"a,1\n', "utf-8", "expected a CSV table in UTF-8"),
+    ],
+)  # fmt: skip
+def test_tables_are_read_as_programs_and_spreadsheets_write_them(
+    tmp_path, text, encoding, expected
+):
+    path = tmp_path / "t.csv"
+    path.write_bytes(text.encode(encoding))
+    if isinstance(expected, str):
+        with pytest.raises(ValueError, match=rf"t\.csv.*{expected}"):
+            read_csv(path, ["x"])
+        return
+    rows = [(f"{path}, line {n}", {"x": x, "y": y}) for n, x, y in expected]
+    if "sep=" in text:
+        rows = [(f"{path}, line 2", row) for _, row in rows]
+    assert read_csv(path, ["x"]) == rows
+    assert columns_in(path) == ["x", "y"]
+
+
+@pytest.mark.parametrize(
+    ("texts", "expected"),
+    [
+        (["1", "-2", "+3"], np.array([1, -2, 3])),
+        (["1", "2.5", "1e3"], np.array([1, 2.5, 1000])),
+        # More than 64 bits hold: as floats, different ones would be one class.
+        (["7", "1" + "0" * 20], np.array(["7", "1" + "0" * 20])),
+        (["1", "1_0"], np.array(["1", "1_0"])),  # which was session 10
+        (["1", "nan"], np.array(["1", "nan"])),
+    ],
+)
+def test_cells_are_integers_or_else_numbers_or_else_text(texts, expected):
+    assert typed(texts).tolist() == expected.tolist()
+    assert typed(texts).dtype == expected.dtype
+
+
+@pytest.mark.parametrize(
+    ("texts", "learnt"),
+    [
+        ("1 2", ["depth"]),
+        ("1 2 a b", []),  # half of them are numbers
+        ("1 - a b", []),
+        ("1 2 a", "row 2: expected a number in depth, found 'a'"),
+        # The column was left out, without a word.
+        *((f"1 2 {gap}", "row 2: expected a number in depth") for gap in
+          ("nan", "NA", "inf", "1_0", "1,5", "?", "٣")),
+    ],
+)  # fmt: skip
+def test_a_column_of_which_more_than_half_are_numbers_is_one_of_numbers(texts, learnt):
+    rows = [(f"row {i}", {"depth": cell}) for i, cell in enumerate(texts.split())]
+    columns = Columns.of_rows("t.csv", rows)
+    if isinstance(learnt, list):
+        assert columns.numeric() == learnt
+        return
+    with pytest.raises(ValueError, match=learnt):
+        columns.numeric()
+
+
+@pytest.mark.parametrize("name", ["", "Unnamed: 0"])
+def test_a_column_that_nobody_named_is_not_learnt(folder, name):
+    """The index that pandas writes told the classes of a sorted table apart."""
+    (folder / "t.csv").write_text(f"{name},image,x\n0,a/1.png,5\n1,a/2.png,6\n")
+    recording = open_recording(folder, table="t.csv")
+    assert (recording.value_names, recording.values.tolist()) == (("x",), [[5], [6]])
+
+
+# Vectors -----------------------------------------------------------------------------------------
+
+
+def test_a_table_of_vectors_is_a_recording(tmp_path):
+    path = tmp_path / "v.csv"
+    path.write_text("400,401,order,force\n1,2,7,0.5\n3,4,6,1.5\n")
+    found = open_recording(path, value_columns=["force"])
+    assert found[:].tolist() == [[1, 2], [3, 4]]
+    assert (found.labels, found.value_names) == (None, ("force",))
+    assert found.values.tolist() == [[0.5], [1.5]]
+    assert found.order.tolist() == [7, 6]
+    assert found.place(1) == f"{path}, line 3"
+    assert found.features == ("400", "401")
+    bare = open_recording(path, value_columns=["z"], fewest_classes=0, subsample=2)
+    assert (bare.labels, bare.values) == (None, None)
+    assert bare[1].tolist() == [3, 1.5]
+    for names in ("400,401,402", "402,401.5,-1"):  # in order, such as wavelengths
+        path.write_text(f"{names}\n3,1,2\n4,5,6\n")
+        assert len(open_recording(path, fewest_classes=0)) == 2
+
+
+@pytest.mark.parametrize(
+    ("rows", "settings", "message"),
+    [
+        ("400,z\n1,2", {}, ": expected a column label, or"),
+        ("400,401\n1,2", {"value_columns": ["z"]}, ": expected different columns, z, found"),
+        ("label,400\na,1\na,2", {}, ": expected two classes or more"),
+        ("label,order\na,1\nb,2", {}, ": expected columns of numbers, found"),
+        ("label,400,401\na,1,2\nb,?,3", {}, r", line 3: expected a number in 400, found '\?'"),
+        ("label,400", {}, ": expected a row per frame, found none"),
+        # Its first frame was lost.
+        ("3,1,2\n4,5,6", {"fewest_classes": 0}, ": expected a name of each column .* '3, 1, 2'"),
+        (",label,400\n0,a,1\n1,b,2", {}, r": .* found '' \(pandas"),
+    ],
+)  # fmt: skip
+def test_a_table_of_vectors_that_cannot_be_used_is_named(
+    tmp_path, rows, settings, message
+):
+    (tmp_path / "v.csv").write_text(rows)
+    with pytest.raises(ValueError, match=rf"v\.csv{message}"):
+        open_recording(tmp_path / "v.csv", **settings)

@@ -1,0 +1,115 @@
+"""Files of arrays as programs write them: frames of 3 × 5 pixels that are all different.
+
+One that is turned, or an axis that is taken for another, is seen.
+"""
+
+import h5py
+import numpy as np
+import scipy.io
+import tifffile
+
+N, H, W = 4, 3, 5
+RNG = np.random.default_rng(0)
+FRAMES = RNG.permutation(N * H * W).astype(np.uint16).reshape(N, H, W) * 300
+NAMES = ["a", "bb", "a", "bb"]
+LABELS = np.array([1.0, 2, 1, 2])
+CUBE = np.moveaxis(FRAMES, 0, -1)  # [H, W, N], as MATLAB shows a stack
+TEXTS = np.array(NAMES)
+
+
+BYTES = RNG.integers(0, 256, (N, H, W, 4), np.uint8)
+
+
+def check(recording, names=NAMES, frames=FRAMES):
+    assert recording.shape == frames.shape
+    assert recording.dtype == frames.dtype.newbyteorder("=")
+    assert np.array_equal(recording[:], frames)
+    assert np.array_equal(recording[[2, 0]], frames[[2, 0]])
+    assert np.array_equal(next(recording.stream([1])), frames[1])
+    assert recording[[]].shape == (0, *frames.shape[1:])
+    assert recording.names == names
+
+
+def beside(path, *rows):
+    path.with_suffix(".csv").write_text("\n".join(rows))
+
+
+def save_v73(path, **arrays):
+    """As MATLAB writes version 7.3: axes reversed, text as codes, cells as references."""
+    with h5py.File(path, "w", userblock_size=512) as file:
+        for name, array in arrays.items():
+            if isinstance(array, list):
+                references = [
+                    _text(file, f"#refs#/{k}", t) for k, t in enumerate(array)
+                ]
+                cells = np.array([references], dtype=h5py.ref_dtype)
+                file[name] = cells
+                file[name].attrs["MATLAB_class"] = np.bytes_("cell")
+            else:
+                file[name] = array.T
+                file[name].attrs["MATLAB_class"] = np.bytes_(array.dtype.name)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
+def _text(file, name, value):
+    codes = np.array([[ord(c)] for c in value], np.uint16)
+    file[name] = codes
+    file[name].attrs["MATLAB_class"] = np.bytes_("char")
+    return file[name].ref
+
+
+def npz(path, **arrays):
+    np.savez(path, **arrays)
+
+
+def npy(path, frames, labels):
+    np.save(path, frames)
+    beside(path, "label", *map(str, labels))
+
+
+def mat(path, **arrays):
+    cells = {k: np.array(a, object) for k, a in arrays.items() if isinstance(a, list)}
+    scipy.io.savemat(path, arrays | cells)
+
+
+def h5(path, **arrays):
+    with h5py.File(path, "w") as file:
+        for name, array in arrays.items():
+            file[name.replace("__", "/")] = array
+
+
+def enumerated(path, frames, labels):
+    with h5py.File(path, "w") as file:
+        file["frames"] = frames
+        kind = h5py.enum_dtype({"a": 0, "bb": 1})
+        file.create_dataset("labels", data=np.array(labels) == "bb", dtype=kind)
+
+
+def characters(path, **arrays):
+    """As MATLAB writes rows of characters."""
+    save_v73(path, cube=CUBE)
+    codes = [[ord(c) for c in name.ljust(2)] for name in NAMES]
+    with h5py.File(path, "r+") as file:
+        file["labels"] = np.array(codes, np.uint16).T
+        file["labels"].attrs["MATLAB_class"] = np.bytes_("char")
+
+
+def pages(path, **options):
+    names = ("imagej", "ome", "bigtiff", "byteorder")
+    own = {name: options.pop(name) for name in names if name in options}
+    one_by_one = options.pop("one_by_one", False)
+    with tifffile.TiffWriter(path, **own) as file:
+        for frames in FRAMES if one_by_one else [FRAMES]:
+            file.write(
+                frames, photometric="minisblack", contiguous=not one_by_one, **options
+            )
+    beside(path, "label", *NAMES)
+
+
+def tiff_of(frames, **options):
+    def write(path):
+        tifffile.imwrite(path, frames, **options)
+        beside(path, "label", *NAMES)
+
+    return write
