@@ -30,7 +30,7 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tm
     before = contents(tmp_path)
     for words, message in (
         (("train", tmp_path / "no", "-o", out), f"found nothing: {tmp_path}/no"),
-        (("train", folder / "a", "-o", out), f"{folder}/a: expected images in one sub-folder per class"),
+        (("train", folder / "a", "-o", out), f"{folder}/a: expected images in one sub-folder"),
         (("train", folder, "-o", folder), f"{folder}: expected a regular file or"),
         (("train", folder, "-o", tmp_path / "no" / "m"), "expected a folder to save m in"),
         (("train", one, "-o", out, "--choose"), f"{one}: expected two classes or more, found "),
