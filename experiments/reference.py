@@ -123,19 +123,19 @@ def _tell_older(answers: Answers, console: Console) -> int:
 def parts(answers: Answers) -> dict[str, Callable[[], str]]:
     """Contents of the marked parts of README.md and of the docs, by their names."""
 
-    def rows(name: str) -> str:
-        table = answers.table(name)
-        return table.rows() if table is not None else documents.NOT_MEASURED
-
     def claims() -> str:
         table = answers.table("claims")
         return current(table).rows() if table is not None else documents.NOT_MEASURED
 
     return {
         "findings": lambda: _findings(answers),
+        "opening": lambda: documents.opening(answers.table("recording_costs")),
+        "forms": lambda: documents.forms(answers.table("recording_costs")),
         "costs": lambda: documents.costs(answers.table("recording_costs")),
-        "table1": lambda: rows("table1"),
-        "results": lambda: documents.results_page(answers),
+        "table1": lambda: documents.table1(answers.table("table1")),
+        "results": lambda: documents.results_page(
+            answers, findings.answers_of_studies(answers)
+        ),
         "scenes": lambda: documents.scene_list(answers.results),
         "claims": claims,
         "reproduction": _reproduction,

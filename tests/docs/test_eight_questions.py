@@ -1,4 +1,4 @@
-"""The first 70 lines of README answer the eight questions of a stranger, each in one line of text."""
+"""The first 70 lines of README answer the eight questions of a stranger, each in one paragraph."""
 
 import csv
 import re

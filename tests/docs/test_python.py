@@ -13,8 +13,7 @@ def examples(name):
     return re.findall(r"```python\n(.*?)```", text, re.DOTALL)
 
 
-def test_readme(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
+def test_readme():
     rng = np.random.default_rng(0)
     touches = rng.integers(0, 200, (2, 24, 32))
     labels = np.arange(20) % 2
@@ -22,9 +21,8 @@ def test_readme(tmp_path, monkeypatch):
     names = {"frames": frames, "labels": labels, "queries": frames[:2]}
     (code,) = examples("README.md")
     exec(code, names)
-    assert len([line for line in code.splitlines() if line]) == 6
-    assert names["model"].predict(frames[:2]).tolist() == [0, 1]
-    assert (tmp_path / "touch.safetensors").is_file()
+    assert len(code.splitlines()) == 2
+    assert names["answers"].tolist() == [0, 1]
 
 
 def test_a_camera(capsys):

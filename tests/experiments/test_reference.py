@@ -129,10 +129,11 @@ def test_it_adopts_writes_the_tables_and_fills_readme_and_docs(target, write_run
     assert reference.main([]) == 0
     assert "/figures/" in page.read_text()
     assert "    python -m experiments." in page.read_text()
-    lines = (target / "tables" / "table1.md").read_text().splitlines()
-    table = "\n".join(line for line in lines if line.startswith("|"))
-    assert "98 [93" in table
-    assert reference.README.read_text() == f"{begin}{table}{end}"
+    assert "98 [93" in (target / "tables" / "table1.md").read_text()
+    filled = reference.README.read_text()
+    assert filled.startswith(f"{begin}| Model | Seeds |")
+    assert "\n| HDC | 1 |" in filled
+    assert filled.endswith(f" | ×356, 93 |{end}")
 
     def files():
         return {path: path.read_bytes() for path in target.rglob("*") if path.is_file()}

@@ -1,4 +1,5 @@
-"""Findings in a few sentences, for the first screen of README: findings.yaml, filled from tables.
+"""Findings in a few sentences, for README and for the page of results: findings.yaml and
+answers.yaml, filled from tables.
 
 A field of a sentence is ``{row.column:format}``, where ``row`` is a row that the finding names, and
 ``format`` is one of :data:`FORMATS`, with `` interval`` after it if the bounds are to follow.
@@ -6,7 +7,7 @@ A field of a sentence is ``{row.column:format}``, where ``row`` is a row that th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,28 +18,42 @@ from omegaconf import OmegaConf
 
 from experiments.reporting.answers import Answers
 from experiments.reporting.columns import display_name, scene_name
+from experiments.reporting.documents import NOT_MEASURED
 from experiments.reporting.table import ENDS
-from experiments.reporting.text import interval, percent, two_digits
+from experiments.reporting.text import interval, number, percent, size, two_digits
 
 PATH = Path(__file__).with_name("findings.yaml")
+ANSWERS = Path(__file__).with_name("answers.yaml")
 FORMATS: Mapping[str, Callable[[Any], str]] = {
     "": str,
     "points": lambda value: f"{value:+.1f}".replace("-", "−"),
+    "percentage": lambda value: f"{value:+.1f}".replace("-", "−"),
+    "loss": lambda value: f"{-100 * value:.1f}".replace("-", "−"),
     "percent": percent,
+    "number": number,
+    "size": size,
     "two": two_digits,
     "count": "{:.0f}".format,
     "model": display_name,
     "scene": scene_name,
 }
+# Units that stand between a number and its bounds.
+UNITS = {"points": " points", "percentage": " percentage points"}
 
 
-class Ratio(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """A column of one model relative to that of another, on each recording at its largest n."""
+class Spread(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A column over recordings, each at its largest n: ``least``, ``median`` and ``most``.
+
+    Attributes:
+        table, column: whose numbers.
+        of: values of other columns that tell the rows, one on each recording.
+        over: the same of the rows by which those are divided; empty: they are not.
+    """
 
     table: str
     column: str
-    model: str
-    over: str
+    of: dict[str, Any]
+    over: dict[str, Any] = {}
 
 
 class Finding(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
@@ -47,16 +62,16 @@ class Finding(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         text: the sentence.
         rows: by name, a ``table`` and the values that tell one of its rows.
-        ratios: by name; has the columns ``least`` and ``most``.
-        texts: a sentence for each ``word`` that these fields give, or for ``yes`` and ``no``:
-            whether the inequality ``holds``.
+        later: as `rows`, of rows that may not be there yet: their fields are "not measured yet".
+        spreads: by name.
+        texts: a sentence for each ``word`` that these fields give.
     """
 
     text: str = ""
     rows: dict[str, dict[str, Any]] = {}
-    ratios: dict[str, Ratio] = {}
+    later: dict[str, dict[str, Any]] = {}
+    spreads: dict[str, Spread] = {}
     word: str = ""
-    holds: str = ""
     texts: dict[str, str] = {}
 
 
@@ -79,14 +94,15 @@ class Cell:
         if self.value is None or pd.isna(self.value):
             raise NotMeasured
         show = FORMATS[name]
-        unit = " points" if name == "points" and with_bounds else ""
+        unit = UNITS.get(name, "") if with_bounds else ""
         if not with_bounds or any(map(pd.isna, self.bounds)):
             return show(self.value) + unit
         return interval(show(self.value) + unit, *map(show, self.bounds))
 
 
 class Line:
-    """A row whose columns are attributes, as fields of a sentence have them."""
+    """A row whose columns are attributes, as fields of a sentence have them: ``{row.name}``, or
+    ``{row[name]}`` where a name has a dot."""
 
     def __init__(self, where: str, values: Mapping[str, Any]) -> None:
         self._where, self._values = where, values
@@ -98,46 +114,77 @@ class Line:
         low, high = (self._values.get(f"{name}{end}") for end in ENDS[1:])
         return Cell(self._values[name], (low, high))
 
+    __getitem__ = __getattr__
+
+
+class NoLine:
+    """Stands for a row that is not there yet."""
+
+    def __getattr__(self, name: str) -> NoLine:
+        return self
+
+    def __format__(self, text: str) -> str:
+        return NOT_MEASURED
+
 
 def findings(answers: Answers) -> list[str]:
-    """Sentences in Markdown, in their order; none of what was not measured.
+    """Sentences of README in Markdown, in their order; none of what was not measured.
 
     Raises:
         ValueError: naming the finding and what of it the tables do not have.
     """
-    sentences = []
-    for place, finding in enumerate(_read(), 1):
+    numbered = enumerate(_read(PATH, list[Finding]), 1)
+    named = ((f"finding {place}", finding) for place, finding in numbered)
+    return list(_sentences(PATH, named, answers).values())
+
+
+def answers_of_studies(answers: Answers) -> dict[str, str]:
+    """A sentence in Markdown for each study that was measured: what it found.
+
+    Raises:
+        ValueError: naming the study and what of its sentence the tables do not have.
+    """
+    by_study = _read(ANSWERS, dict[str, Finding])
+    return _sentences(ANSWERS, by_study.items(), answers)
+
+
+def _sentences(
+    path: Path, found: Iterable[tuple[str, Finding]], answers: Answers
+) -> dict[str, str]:
+    sentences = {}
+    for name, finding in found:
         try:
-            sentences.append(_sentence(finding, answers))
+            sentences[name] = _sentence(finding, answers)
         except NotMeasured:
             continue
         except ValueError as error:
-            raise ValueError(f"{PATH.name}, finding {place}: {error}") from None
+            raise ValueError(f"{path.name}, {name}: {error}") from None
     return sentences
 
 
-def _read() -> list[Finding]:
-    """The findings of the file.
+def _read(path: Path, kind: Any) -> Any:
+    """The findings of a file.
 
     Raises:
         ValueError: naming the file and the key that is wrong.
     """
     try:
-        return msgspec.convert(
-            OmegaConf.to_container(OmegaConf.load(PATH)), list[Finding]
-        )
+        return msgspec.convert(OmegaConf.to_container(OmegaConf.load(path)), kind)
     except msgspec.ValidationError as error:
-        raise ValueError(f"{PATH}: {error}") from None
+        raise ValueError(f"{path}: {error}") from None
 
 
 def _sentence(finding: Finding, answers: Answers) -> str:
-    lines = {name: _line(wanted, answers) for name, wanted in finding.rows.items()}
-    lines |= {name: _ratio(wanted, answers) for name, wanted in finding.ratios.items()}
+    lines: dict[str, Line | NoLine] = {
+        name: _line(wanted, answers) for name, wanted in finding.rows.items()
+    }
+    for name, wanted in finding.later.items():
+        lines[name] = _line_or_none(wanted, answers)
+    for name, spread in finding.spreads.items():
+        lines[name] = _spread(spread, answers)
     if not finding.texts:
         return _filled(finding.text, lines)
     word = _filled(finding.word, lines)
-    if finding.holds:
-        word = "yes" if pd.eval(_filled(finding.holds, lines)) else "no"
     if word not in finding.texts:
         raise ValueError(
             f"texts: expected one for {word}, found {', '.join(finding.texts)}"
@@ -145,7 +192,7 @@ def _sentence(finding: Finding, answers: Answers) -> str:
     return _filled(finding.texts[word], lines)
 
 
-def _filled(text: str, lines: Mapping[str, Line]) -> str:
+def _filled(text: str, lines: Mapping[str, Line | NoLine]) -> str:
     try:
         return text.format(**lines)
     except KeyError as error:
@@ -166,6 +213,24 @@ def _values(name: str, answers: Answers) -> pd.DataFrame:
 
 def _line(wanted: Mapping[str, Any], answers: Answers) -> Line:
     """The only row of a table that has these values; an empty one stands for none."""
+    where, data = _rows(wanted, answers)
+    if len(data) != 1:
+        values = {key: wanted[key] for key in wanted if key != "table"}
+        raise ValueError(f"{where}: expected one row with {values}, found {len(data)}")
+    return Line(where, data.iloc[0].to_dict())
+
+
+def _line_or_none(wanted: Mapping[str, Any], answers: Answers) -> Line | NoLine:
+    """The only row of a table that has these values, if the table has it already."""
+    data = _values(wanted["table"], answers)
+    is_known = set(wanted) - {"table"} <= set(data)
+    if not is_known or not len(_rows(wanted, answers)[1]):
+        return NoLine()
+    return _line(wanted, answers)
+
+
+def _rows(wanted: Mapping[str, Any], answers: Answers) -> tuple[str, pd.DataFrame]:
+    """The rows of a table that have these values, and what the table is called."""
     values = {**wanted}
     name = values.pop("table")
     data = _values(name, answers)
@@ -176,23 +241,26 @@ def _line(wanted: Mapping[str, Any], answers: Answers) -> Line:
                 f"{where} has no column {column}; it has {', '.join(data)}"
             )
         data = data[data[column].fillna("").astype(str) == str(value)]
-    if len(data) != 1:
-        raise ValueError(f"{where}: expected one row with {values}, found {len(data)}")
-    return Line(where, data.iloc[0].to_dict())
+    return where, data
 
 
-def _ratio(wanted: Ratio, answers: Answers) -> Line:
-    """The least and the most over recordings of a column of one model relative to another's."""
-    data = _values(wanted.table, answers)
-    at_most = data[data.n == data.groupby("recording").n.transform("max")]
-    by_model = at_most.pivot(index="recording", columns="model", values=wanted.column)
-    for model in (wanted.model, wanted.over):
-        if model not in by_model:
-            known = ", ".join(by_model)
-            raise ValueError(
-                f"table {wanted.table} has no model {model}; it has {known}"
-            )
-    ratio = by_model[wanted.model] / by_model[wanted.over]
-    return Line(
-        f"ratio of {wanted.column}", {"least": ratio.min(), "most": ratio.max()}
-    )
+def _spread(wanted: Spread, answers: Answers) -> Line:
+    """The least, the median and the most over recordings."""
+    numbers = _by_recording(wanted, wanted.of, answers)
+    if wanted.over:
+        numbers = numbers / _by_recording(wanted, wanted.over, answers)
+    found = {"least": numbers.min(), "median": numbers.median(), "most": numbers.max()}
+    return Line(f"spread of {wanted.column}", found)
+
+
+def _by_recording(
+    wanted: Spread, values: Mapping[str, Any], answers: Answers
+) -> pd.Series:
+    """A column of the rows with these values, a number per recording, at its largest n."""
+    where, data = _rows({"table": wanted.table, **values}, answers)
+    data = data[data.n == data.groupby("recording").n.transform("max")]
+    if not len(data) or data.recording.duplicated().any():
+        raise ValueError(
+            f"{where}: expected one row per recording with {values}, found {len(data)}"
+        )
+    return data.set_index("recording")[wanted.column]

@@ -1,12 +1,15 @@
-"""Findings are sentences of findings.yaml, filled from tables; what is not there is named."""
+"""Findings are sentences of two YAMLs, filled from tables; what is not there is named."""
 
+import re
 from types import SimpleNamespace
 
 import pandas as pd
 import pytest
+from omegaconf import OmegaConf
 
 from experiments.reporting.text import two_digits
 from experiments.studies.claims import findings as module
+from experiments.studies.claims.judge import read
 
 VALUES = pd.DataFrame(
     {
@@ -17,6 +20,7 @@ VALUES = pd.DataFrame(
         "share": [0.884, 1.0],
         "ratio": [2236.0, 4.22],
         "word": ["no", None],
+        "a.b": [0.25, None],
     }
 )
 COSTS = pd.DataFrame(
@@ -61,6 +65,8 @@ HDC = "- rows: {hdc: {table: values, model: hdc}, soft: {table: values, model: s
         ("{hdc.ratio:two}", "2200"),
         ("{hdc.word}", "no"),
         ("{hdc.model:model}", "HDC"),
+        ("{hdc[a.b]:loss}", "−25.0"),
+        ("{hdc.gain:percentage interval}", "−4.2 percentage points [−6.0, −2.0]"),
     ],
 )
 def test_a_field_is_a_cell_in_its_format(filled, field, shown):
@@ -76,22 +82,21 @@ def test_the_verdict_chooses_the_sentence(filled):
         filled(text.replace('"no": behind, ', ""))
 
 
-@pytest.mark.parametrize(("sign", "chosen"), [("<", "equal"), (">", "apart")])
-def test_an_inequality_chooses_the_sentence(filled, sign, chosen):
-    holds = f"abs({{hdc.share}} - {{soft.share}}) {sign} 0.5"
-    assert filled(
-        f'{HDC}  holds: "{holds}"\n  texts: {{"yes": equal, "no": apart}}'
-    ) == [chosen]
+def test_a_spread_is_over_recordings_each_at_its_most_frames(filled):
+    of = "table: costs, column: fit_best_s, of: {model: hdc_lda}"
+    text = "- spreads: {time: {%s}}\n  text: '{time.least:two}, {time.median:two}, {time.most:two}'"
+    assert filled(text % of) == ["3, 6.0, 9"]
+    assert filled(text % f"{of}, over: {{model: hdc}}") == ["3.0, 3.8, 4.5"]
+    for wrong in ("{model: ridge}", "{n: 50}"):
+        with pytest.raises(ValueError, match="costs: expected one row per recording"):
+            filled(text % of.replace("{model: hdc_lda}", wrong))
 
 
-def test_a_ratio_is_taken_on_each_recording_at_its_most_frames(filled):
-    ratio = "{table: costs, column: fit_best_s, model: hdc_lda, over: hdc}"
-    text = f"- ratios: {{time: {ratio}}}\n  text: '{{time.least:two}} to {{time.most:two}}'"
-    assert filled(text) == ["3.0 to 4.5"]
-    with pytest.raises(
-        ValueError, match="table costs has no model ridge; it has hdc, hdc_lda"
-    ):
-        filled(text.replace("over: hdc", "over: ridge"))
+@pytest.mark.parametrize("row", ["model: cnn1", "model: hdc, size: 5"])
+def test_a_row_of_later_may_be_missing_and_is_named_so(filled, row):
+    text = "- later: {a: {table: values, %s}}\n  text: 'so: {a.gain:points interval}'"
+    assert filled(text % row) == ["so: *not measured yet*"]
+    assert filled(text % "model: hdc") == ["so: −4.2 points [−6.0, −2.0]"]
 
 
 @pytest.mark.parametrize(
@@ -149,7 +154,17 @@ def test_every_finding_of_readme_is_filled_from_the_reference(committed):
     sentences = module.findings(committed)
     assert len(sentences) == 7
     assert not any("{" in sentence for sentence in sentences)
-    assert "−19.6 points [−33.1, −6.2] on standardised frames, *no*" in sentences[0]
+    assert "−19.6 percentage points [−33.1, −6.2] on standardised" in sentences[0]
+
+
+def test_no_finding_has_a_word_of_a_verdict(committed):
+    for sentence in module.findings(committed):
+        assert not re.search(r"\*(yes|no|partly|undecided|open)\*", sentence), sentence
+
+
+def test_every_study_has_an_answer(committed):
+    found = module.answers_of_studies(committed)
+    assert set(found) == {study.name for study in committed.studies}
 
 
 def test_the_training_times_of_readme_are_those_of_its_table_of_costs(committed):
@@ -160,3 +175,20 @@ def test_the_training_times_of_readme_are_those_of_its_table_of_costs(committed)
         ratios.append(last.fit_best_s["hdc_levels_lda"] / last.fit_best_s["hdc"])
     said = f"takes {two_digits(min(ratios))} to {two_digits(max(ratios))} times as long"
     assert said in module.findings(committed)[2]
+
+
+def test_most_accuracy_is_lost_by_equal_weights_as_readme_says(committed):
+    steps = committed.table("decomposition").data.groupby("step").change.median()
+    assert steps.idxmin() == "lda to class means: equal weights"
+
+
+def test_what_is_to_come_is_of_rules_4():
+    rules = read(module.PATH.with_name("rules_4.yaml"))
+    later = [
+        row for f in OmegaConf.load(module.PATH) for row in f.get("later", {}).values()
+    ]
+    assert len(later) == 3
+    for row in later:
+        sizes = rules.claims[row.claim].sizes or rules.sizes
+        assert row.rules == 4
+        assert row["size"] in sizes
