@@ -24,7 +24,7 @@ from hdc.parameters import check_choice
 from hdc.readouts.arithmetic import gram
 
 KERNELS = ("unit", "unit_centred", "raw", "standard_global", "standardised", "bits")
-"""Scalings of pixels (baselines.pixels) whose products follow from those of the grey values."""
+"""Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""
 _WHITE = {torch.uint8: 255, torch.uint16: 65535}
 
 
@@ -35,8 +35,8 @@ class Bank(hdc.bank.Bank):
         frames: uint8 or uint16 [N, H, W] or [N, D].
         labels: class indices int64 [N].
         n_classes: L.
-        groups: of each frame [N]: those of one are alike, such as of one session or object, and
-            belong on one side of a split; None where that is not known.
+        groups: of each frame [N]. Frames of one group, such as a session or an object, are alike
+            and belong on one side of a split. None where groups are not known.
     """
 
     def __init__(
@@ -194,7 +194,7 @@ class Rows:
 def standardised(
     greys: Tensor, rows: Moments, columns: Moments, dimension: int
 ) -> Tensor:
-    """Products of standardised frames [n, m] from those of their greys and the moments of both."""
+    """Products of standardised frames [n, m] from products of grey values and both moments."""
     across = torch.outer(rows.first, columns.first) / dimension
     ours = deviations(rows, dimension)
     theirs = deviations(columns, dimension)

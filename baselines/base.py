@@ -81,7 +81,7 @@ class Classifier(ABC):
 
         Raises:
             RuntimeError: before ``train``.
-            ValueError: if the frames differ in size or type from those of the training.
+            ValueError: if the frames differ in size or type from the training frames.
         """
         frames = self.queries(frames)
         best = []

@@ -88,7 +88,7 @@ class Chosen(Classifier):
         yield from library.train(self.model_, images, targets)
 
     def predict(self, frames: Any) -> np.ndarray:
-        """As of :meth:`baselines.base.Classifier.predict`."""
+        """See :meth:`baselines.base.Classifier.predict`."""
         frames = self.queries(frames)
         found = [np.empty(0, np.int64)]
         for start in range(0, len(frames), self.prediction_batch):
@@ -97,7 +97,7 @@ class Chosen(Classifier):
         return self.classes_[np.concatenate(found)]
 
     def scores(self, batch: Tensor) -> Tensor:
-        """Those of the chosen model; of HDC two columns for two classes."""
+        """Scores of the chosen model; HDC has two columns for two classes, too."""
         if not isinstance(self.model_, HDCClassifier):
             return self.model_.scores(batch)
         found = torch.from_numpy(self.model_.decision_function(batch))
@@ -111,7 +111,7 @@ class Chosen(Classifier):
         return library.predict_from(model, bank, train, queries)
 
     def state_tensors(self) -> dict[str, Tensor] | None:
-        """Those of the chosen model."""
+        """Tensors of the chosen model."""
         return library.state_tensors(self.model_)
 
 

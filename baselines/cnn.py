@@ -26,7 +26,7 @@ class CNN(IterativeClassifier):
     Args:
         filters: number of filters, layer by layer: [16] or [16, 32, 64].
 
-    Others are those of :class:`baselines.training.IterativeClassifier`.
+    For others see :class:`baselines.training.IterativeClassifier`.
 
     Weights that start at zero are refused: no gradient would reach any layer but the last.
     """

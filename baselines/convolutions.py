@@ -23,7 +23,7 @@ from baselines.features import FeatureClassifier
 from baselines.pixels import standardise
 
 ALPHAS = np.logspace(-3, 3, 10)
-"""Penalties of the ridge regression, those of MiniRocket's own code."""
+"""Penalties of the ridge regression, as in MiniRocket's own code."""
 
 
 @dataclass(kw_only=True, eq=False)
@@ -38,7 +38,7 @@ class RidgeOfFeatures(FeatureClassifier):
 class FixedConvolutions(RidgeOfFeatures):
     """Shares of pixels at which fixed filters exceed fixed thresholds.
 
-    The filters are those of MiniRocket (Dempster, Schmidt, Webb, KDD 2021) on a square of 3 × 3
+    The filters are MiniRocket's (Dempster, Schmidt, Webb, KDD 2021) on a square of 3 × 3
     instead of a row of 9: weights −1 but for three of 2, all 84 of them, at each dilation. Frames
     are standardised first, and thresholds are in standard deviations of a frame, so that no frame
     decides about another.
@@ -66,7 +66,7 @@ class FixedConvolutions(RidgeOfFeatures):
         return torch.tensor(found, dtype=torch.float64).view(len(images), -1)
 
     def _shares(self, image: Tensor, filters: Tensor, dilation: int) -> Iterator[float]:
-        """Of one frame [1, 1, H, W], threshold by threshold."""
+        """Features of one frame [1, 1, H, W], threshold by threshold."""
         found = F.conv2d(image, filters, padding=dilation, dilation=dilation)
         answers = found[0].flatten(1).cpu().numpy()
         for threshold in self.thresholds:

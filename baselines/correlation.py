@@ -63,7 +63,7 @@ class CorrelationClassifier(Classifier):
 
     @property
     def scale_(self) -> float:
-        """Templates are made alike, so that those of equal frames are equal but for a last bit."""
+        """Templates of equal frames are equal but for a last bit: they are computed alike."""
         return 0.3
 
     def predict_from(

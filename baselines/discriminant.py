@@ -1,7 +1,7 @@
 """Discriminant analysis of grey values: what HDC's read-outs ``lda`` and ``kernel`` do with bits.
 
 The problem is that of :mod:`hdc.readouts.discriminant`, and so are its closed forms. Linear: the
-products G are those of the frames, the covariance is shrunken as there. With a kernel:
+G holds the products of the frames, and the covariance is shrunken as there. With a kernel:
 G = exp(−d/(s·m)) of the Euclidean distances d between frames and their median m.
 """
 

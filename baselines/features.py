@@ -131,7 +131,7 @@ class Brightness(FeatureClassifier):
 
 @dataclass(kw_only=True, eq=False)
 class Thumbnail(FeatureClassifier):
-    """A picture of a few pixels, each the mean of those of the frame that it covers.
+    """A picture of a few pixels, each the mean of the pixels of the frame that it covers.
 
     Args:
         width, height: of the picture, in pixels.

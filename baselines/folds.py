@@ -47,8 +47,8 @@ def folds(
 def _folds_of_units(
     labels: np.ndarray, rows: np.ndarray, units: np.ndarray, most: int
 ) -> list[Fold]:
-    """Units [N], sessions or groups, in order; where that leaves out a class, those of each class
-    one by one."""
+    """Units [N], sessions or groups, in order; where that leaves out a class, the units of each
+    class one by one."""
     unit = units[rows]
     known = np.unique(unit)
     if len(known) < 2:
@@ -65,7 +65,7 @@ def _folds_of_units(
 
 
 def _dealt(unit: np.ndarray, labels: np.ndarray, count: int) -> list[list[Any]]:
-    """Units dealt out class by class, so that one of few classes is beside those of others."""
+    """Units dealt out class by class, so that the units of a fold are of several classes."""
     by_class = [np.unique(unit[labels == label]) for label in np.unique(labels)]
     order = list(dict.fromkeys(np.concatenate(by_class).tolist()))
     return [order[k::count] for k in range(count)]

@@ -21,7 +21,7 @@ from baselines.linear import DualLinearClassifier
 class MeanImage(DualLinearClassifier):
     """Nearest mean frame.
 
-    Arguments and attributes are those of :class:`baselines.linear.DualLinearClassifier`. A class
+    For arguments and attributes see :class:`baselines.linear.DualLinearClassifier`. A class
     without training frames is never predicted.
     """
 

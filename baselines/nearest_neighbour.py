@@ -114,7 +114,7 @@ class NearestNeighbour(Classifier):
         """Like :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`, of grey values.
 
         A query q is as far from a training frame t as q + before − after, whose products with t are
-        those of the three.
+        the products of these three.
         """
         if self.pixels == "bits":
             raise ValueError("pixels: expected raw or standardised greys, found 'bits'")

@@ -4,7 +4,7 @@ A product of int8 matrices in int32 runs on the byte instructions of a recent CP
 eight times faster than the float32 product of the same size, and makes no rounding error. Without
 these instructions it may be slow or wrong; then it is one in float32, of so few terms at a time
 that these are exact, too. Pixels become signed bytes by subtracting :func:`constant_of` their type;
-those of 16 bits are two bytes.
+pixels of 16 bits are two bytes.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class Moments(NamedTuple):
     second: Tensor
 
     def of(self, rows: object) -> Moments:
-        """Those of some of the frames."""
+        """Moments of some of the frames."""
         return Moments(self.first[rows], self.second[rows])  # type: ignore[index]
 
 

@@ -25,7 +25,7 @@ class RidgeReadout(PenalisedClassifier):
     Args:
         alpha: strength of the penalty, above zero.
 
-    Others are those of :class:`baselines.linear.DualLinearClassifier`.
+    For others see :class:`baselines.linear.DualLinearClassifier`.
     """
 
     alpha: float = 1.0

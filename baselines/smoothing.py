@@ -1,7 +1,7 @@
 """Frames smoothed by a Gaussian before a baseline sees them, as hdc's encoder ``smoothed`` does.
 
-The weights along an axis are those of :func:`hdc.encoders.smoothed.gaussian`, and beyond an edge
-the image is mirrored at its outermost pixels. OpenCV computes the means; they are rounded to 16
+The weights along an axis follow :func:`hdc.encoders.smoothed.gaussian`, and beyond an edge the
+image is mirrored at its outermost pixels. OpenCV computes the means; they are rounded to 16
 bits, in which a grey level of 8 bits has 256 steps.
 """
 

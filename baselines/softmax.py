@@ -14,7 +14,7 @@ from baselines.training import IterativeClassifier
 class SoftmaxRegression(IterativeClassifier):
     """One linear layer from H·W pixels to L logits, by minibatches or by L-BFGS.
 
-    Arguments and attributes are those of :class:`baselines.training.IterativeClassifier`. Where a
+    For arguments and attributes see :class:`baselines.training.IterativeClassifier`. Where a
     training ends before the optimum, its accuracy depends on the initial weights: plain gradient
     descent never changes what lies outside the span of the frames.
 

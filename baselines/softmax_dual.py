@@ -36,7 +36,7 @@ class DualSoftmaxRegression(PenalisedClassifier):
     Attributes:
         objective_: F at the end; ``train`` yields F/(C·N) as the loss.
 
-    Others are those of :class:`baselines.linear.DualLinearClassifier`.
+    For others see :class:`baselines.linear.DualLinearClassifier`.
     """
 
     C: float = 1.0

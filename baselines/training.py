@@ -103,8 +103,8 @@ class IterativeClassifier(Classifier):
         """Train from new initial weights; yields samples_seen, epoch, steps, loss, batch_accuracy.
 
         ``samples_seen`` counts a frame every time it is used, ``steps`` are the optimiser's, and
-        ``loss`` is the mean of F over those of the last epoch. ``batch_accuracy`` is the share of
-        frames since the last report that the network had right just before it learnt from them:
+        ``loss`` is the mean of F over the frames of the last epoch. ``batch_accuracy`` is the share
+        of frames since the last report that the network had right just before it learnt from them:
         it costs no look at the frames. Stopping is up to the caller, also at a loss that is not
         finite; L-BFGS returns on convergence.
         """

@@ -3,7 +3,7 @@
 Frames become FOLDER/CLASS/00000.png, lossless 8- or 16-bit PNG, numbered as in the scene.
 FOLDER/manifest.csv has the label, class index and properties (``order``, ``session`` …) of each
 file, with every digit. ``scene=recorded scene.path=FOLDER`` reads the same scene back. The other
-arguments are those of ``experiments.run``.
+arguments are overrides of ``experiments.run``.
 """
 
 from __future__ import annotations

@@ -46,13 +46,14 @@ class FilmScene:
         subsample: every n-th pixel on both axes.
 
     Attributes:
-        samples: ``order``, ``group`` (the number of a film among those of its label and session)
-            and ``session``.
+        samples: ``order``, ``group`` (the number of a film among the films of its label and
+            session) and ``session``.
         sha256: digest of the files that are read; others: see :class:`scenes.frames.Scene`.
 
     Raises:
         FileNotFoundError: the repository is not there; the message says how to get it.
-        ValueError: its files are not those of ``source.sha256``, or a setting does not fit.
+        ValueError: its files do not have the digests of ``source.sha256``, or a setting does not
+            fit.
     """
 
     origin = "measured"
@@ -123,7 +124,7 @@ def _films(
 
 
 def _numbers_of_groups(films: Sequence[_Film]) -> np.ndarray:
-    """The number of each film among those of its label and session, int64 [films]."""
+    """The number of each film among the films of its label and session, int64 [films]."""
     names: dict[tuple[str, int], list[str]] = {}
     for film in films:
         names.setdefault((film.label, film.session), []).append(film.group)

@@ -32,7 +32,7 @@ class MeasuredScene:
     Args:
         source: the repository, arguments of :class:`scenes.source.Source`.
         template, table, image_column, crop, subsample: see :func:`hdc.readers.open_recording`.
-        folders: folders of the repository. Of two or more, each is a session.
+        folders: folders of the repository. Where there are two or more, each is a session.
         values: continuous quantities, a mapping each: ``name``, ``unit``, and a ``column`` of the
             table or ``labels``, the value of each label.
         levels: classes where there are no labels: the name of a ``value`` and the upper ``edges``
@@ -50,7 +50,8 @@ class MeasuredScene:
 
     Raises:
         FileNotFoundError: the repository is not there; the message says how to get it.
-        ValueError: its files are not those of ``source.sha256``, or a setting does not fit.
+        ValueError: its files do not have the digests of ``source.sha256``, or a setting does not
+            fit.
     """
 
     origin = "measured"

@@ -40,7 +40,8 @@ def split(
         groups: group of each sample [N], numbers or strings, for ``"grouped"``.
 
     Returns:
-        train [N − n_test], test [n_test]. Of ``"grouped"``, n_test is as near as whole groups come.
+        train [N − n_test], test [n_test]. With ``"grouped"``, n_test is as near as whole groups
+            allow.
 
     Raises:
         ValueError: an argument is out of range, or a class would have no training or test sample.
