@@ -184,7 +184,7 @@ def table1(table: Table | None) -> str:
 
 
 def results_page(answers: Answers, found: Mapping[str, str]) -> str:
-    """What each study found, its figures with their captions, its tables, and the commands.
+    """The result of each study, its figures with their captions, its tables, and the commands.
 
     Args:
         answers: of the studies.
