@@ -81,10 +81,12 @@ class NotMeasured(Exception):
 
 @dataclass(frozen=True)
 class Cell:
-    """A number or a text with its bounds, as a field of a sentence."""
+    """A number or a text with its bounds, as a field of a sentence; `later` if it may not be there
+    yet."""
 
     value: Any
     bounds: tuple[Any, Any]
+    later: bool = False
 
     def __format__(self, text: str) -> str:
         name, _, with_bounds = text.partition(" ")
@@ -92,6 +94,8 @@ class Cell:
             known = ", ".join(filter(None, FORMATS))
             raise ValueError(f"format: expected one of {known}, found {text}")
         if self.value is None or pd.isna(self.value):
+            if self.later:
+                return NOT_MEASURED
             raise NotMeasured
         show = FORMATS[name]
         unit = UNITS.get(name, "") if with_bounds else ""
@@ -104,27 +108,19 @@ class Line:
     """A row whose columns are attributes, as fields of a sentence have them: ``{row.name}``, or
     ``{row[name]}`` where a name has a dot."""
 
-    def __init__(self, where: str, values: Mapping[str, Any]) -> None:
-        self._where, self._values = where, values
+    def __init__(
+        self, where: str, values: Mapping[str, Any], later: bool = False
+    ) -> None:
+        self._where, self._values, self._later = where, values, later
 
     def __getattr__(self, name: str) -> Cell:
-        if name not in self._values:
+        if name not in self._values and not self._later:
             known = ", ".join(self._values)
             raise ValueError(f"{self._where} has no column {name}; it has {known}")
         low, high = (self._values.get(f"{name}{end}") for end in ENDS[1:])
-        return Cell(self._values[name], (low, high))
+        return Cell(self._values.get(name), (low, high), self._later)
 
     __getitem__ = __getattr__
-
-
-class NoLine:
-    """Stands for a row that is not there yet."""
-
-    def __getattr__(self, name: str) -> NoLine:
-        return self
-
-    def __format__(self, text: str) -> str:
-        return NOT_MEASURED
 
 
 def findings(answers: Answers) -> list[str]:
@@ -175,13 +171,9 @@ def _read(path: Path, kind: Any) -> Any:
 
 
 def _sentence(finding: Finding, answers: Answers) -> str:
-    lines: dict[str, Line | NoLine] = {
-        name: _line(wanted, answers) for name, wanted in finding.rows.items()
-    }
-    for name, wanted in finding.later.items():
-        lines[name] = _line_or_none(wanted, answers)
-    for name, spread in finding.spreads.items():
-        lines[name] = _spread(spread, answers)
+    lines = {name: _line(wanted, answers) for name, wanted in finding.rows.items()}
+    lines |= {name: _later_line(row, answers) for name, row in finding.later.items()}
+    lines |= {name: _spread(each, answers) for name, each in finding.spreads.items()}
     if not finding.texts:
         return _filled(finding.text, lines)
     word = _filled(finding.word, lines)
@@ -192,7 +184,7 @@ def _sentence(finding: Finding, answers: Answers) -> str:
     return _filled(finding.texts[word], lines)
 
 
-def _filled(text: str, lines: Mapping[str, Line | NoLine]) -> str:
+def _filled(text: str, lines: Mapping[str, Line]) -> str:
     try:
         return text.format(**lines)
     except KeyError as error:
@@ -220,13 +212,16 @@ def _line(wanted: Mapping[str, Any], answers: Answers) -> Line:
     return Line(where, data.iloc[0].to_dict())
 
 
-def _line_or_none(wanted: Mapping[str, Any], answers: Answers) -> Line | NoLine:
-    """The only row of a table that has these values, if the table has it already."""
+def _later_line(wanted: Mapping[str, Any], answers: Answers) -> Line:
+    """The only row of a table that has these values; a line without values until there is one."""
     data = _values(wanted["table"], answers)
-    is_known = set(wanted) - {"table"} <= set(data)
-    if not is_known or not len(_rows(wanted, answers)[1]):
-        return NoLine()
-    return _line(wanted, answers)
+    found: Mapping[str, Any] = {}
+    if set(wanted) - {"table"} <= set(data):
+        where, rows = _rows(wanted, answers)
+        if len(rows) > 1:
+            raise ValueError(f"{where}: expected one row, found {len(rows)}")
+        found = rows.iloc[0].to_dict() if len(rows) else {}
+    return Line("", found, later=True)
 
 
 def _rows(wanted: Mapping[str, Any], answers: Answers) -> tuple[str, pd.DataFrame]:
