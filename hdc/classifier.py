@@ -48,14 +48,14 @@ class HDCClassifier(Adapting):
             ``"lda"``, ``"trained"`` or ``"kernel"``; an object of
             :class:`hdc.readouts.Readout`; or the dotted name of such a class. By ``"majority"`` and
             ``"counts"`` a class with more frames takes frames of the others, as published; to count
-            classes alike: ``readout=Majority(balance=True)``.
+            classes alike: ``readout=Majority(class_weight="balanced")``.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
             numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
             ``"auto"``, which is decided once, at fit or load, by
             :func:`hdc.backends.choose_backend`. Not saved with the model.
 
-    Parameters of the parts are ``encoder__ties``, ``readout__balance`` and so on.
+    Parameters of the parts are ``encoder__ties``, ``readout__ties`` and so on.
 
     Attributes:
         encoder_: the encoder, trained.
@@ -133,8 +133,8 @@ class HDCClassifier(Adapting):
         if isinstance(self.readout, str) and more > _UNEQUAL:
             warnings.warn(
                 f"fit: the largest class has {more:.0%} more frames than the smallest and may be "
-                "favoured; record as many of each (in Python, Majority(balance=True) counts "
-                "classes alike)",
+                "favoured; record as many of each (in Python, "
+                "Majority(class_weight='balanced') counts classes alike)",
                 stacklevel=3,
             )
 

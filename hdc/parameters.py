@@ -28,6 +28,28 @@ class Parametrised:
     """Parameter → the function that makes the part of a name or an object."""
     stand_ins: ClassVar[Mapping[str, str]] = {}
     """Parameter → what stands in a file for a value that is no JSON, such as an array."""
+    renamed: ClassVar[Mapping[str, str]] = {}
+    """Parameter of an earlier version → its name now."""
+
+    def __new__(cls, *_: Any, **given: Any) -> Self:
+        cls._check_names(given)
+        return super().__new__(cls)
+
+    @classmethod
+    def _check_names(cls, given: Iterable[str]) -> None:
+        """Raise TypeError for a parameter by the name that it had in an earlier version."""
+        for old in cls.renamed.keys() & given:
+            new = cls.renamed[old]
+            raise TypeError(
+                f"{cls.__name__}: expected {new}, found {old!r}, its old name"
+            )
+
+    @classmethod
+    def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Parameters of a file, which may have the names of an earlier version, by those of now."""
+        return {
+            cls.renamed.get(name, name): value for name, value in parameters.items()
+        }
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Constructor parameters by name; with `deep`, those of the parts as ``part__name``."""
@@ -44,9 +66,13 @@ class Parametrised:
 
         Raises:
             ValueError: for a name that is none of them.
+            TypeError: for one of an earlier version.
         """
         for name, value in sorted(params.items(), key=lambda item: "__" in item[0]):
             part, _, inner = name.partition("__")
+            if inner and part in self.parts:
+                self.parts[part](getattr(self, part))._check_names([inner])
+            self._check_names([name])
             known = self.get_params(deep=bool(inner))
             if name not in known:
                 raise ValueError(f"set_params: {not_among(name, known)}")
@@ -316,7 +342,7 @@ def rebuild(
     kind = find_class(name, what, known)
     if not issubclass(kind, Parametrised):
         raise ValueError(f"{what}: expected a part of a model, found {name!r}")
-    parameters = dict(description["parameters"])
+    parameters = kind.of_today(description["parameters"])
     for key, value in parameters.items():
         if isinstance(value, Mapping):
             parameters[key] = rebuild(value, key, known, trusted)

@@ -252,11 +252,11 @@ def _classifier(samples: Sequence[Sample], readout: str) -> HDCClassifier | None
         return None
     part: Any = readout
     if readout == "majority":  # lessons are of any length
-        part = Majority(balance=True)
+        part = Majority(class_weight="balanced")
     first, *others = sorted({sample.lesson for sample in samples})
     model = HDCClassifier(readout=part).fit(*_of_lesson(samples, first))
     for lesson in others:
-        given: dict[str, Any] = {"p": lesson.p, "seed": lesson.number}
+        given: dict[str, Any] = {"p": lesson.p, "random_state": lesson.number}
         used = {name: given[name] for name in given.keys() & model.readout_.adapts_by}
         model.recalibrate(*_of_lesson(samples, lesson), **used)
     return model

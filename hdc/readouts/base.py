@@ -59,7 +59,7 @@ class Readout(Parametrised, ABC):
 
     A subclass names its kind of `State`, and writes :meth:`fit` and :meth:`scores`. Classes are
     rows 0 … L − 1; which labels they have is the model's business. One that can follow a drift also
-    has a method ``adapt(state, words, rows, p, seed, method)``, which returns a state for
+    has a method ``adapt(state, words, rows, p, random_state, method)``, which returns a state for
     new hypervectors of known classes. It is given those arguments of
     :meth:`hdc.HDCClassifier.recalibrate` that `adapts_by` names.
 
@@ -88,7 +88,7 @@ class Readout(Parametrised, ABC):
     """The class of its states."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of the tensors that a prediction needs; by default all of a state."""
-    adapts_by: ClassVar[tuple[str, ...]] = ("p", "seed", "method")
+    adapts_by: ClassVar[tuple[str, ...]] = ("p", "random_state", "method")
     """Arguments of :meth:`hdc.HDCClassifier.recalibrate` that ``adapt`` is given."""
 
     def check(self) -> None:

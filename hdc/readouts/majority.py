@@ -18,6 +18,7 @@ from hdc.readouts.base import HeldOut, State, Updatable
 from hdc.tensors import checked
 
 METHODS = ("replace", "merge")
+WEIGHTS = (None, "balanced")
 EXTRAS = (-2, -1, 0, 1, 2)
 """Hypervectors more or less that :mod:`hdc.conformal` asks for."""
 
@@ -55,19 +56,30 @@ class Counting(Updatable):
     """Counters of ones per class and their majority; what Majority and Counts share."""
 
     State = Counted
+    renamed: ClassVar = {"balance": "class_weight", "seed": "random_state"}
     methods: ClassVar[tuple[str, ...]] = METHODS
     """Ways to adapt, the first by default."""
 
-    def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
+    def __init__(
+        self, ties: str = "zero", class_weight: str | None = None, random_state: int = 0
+    ):
         self.ties = ties
-        self.balance = balance
-        self.seed = seed
+        self.class_weight = class_weight
+        self.random_state = random_state
 
     def check(self) -> None:
         check_choice("ties", self.ties, planes.TIES)
-        check_choice("balance", self.balance, (True, False))
-        if isinstance(self.seed, bool) or not isinstance(self.seed, Integral):
-            raise ValueError(f"seed: expected an integer, found {self.seed!r}")
+        check_choice("class_weight", self.class_weight, WEIGHTS)
+        given = self.random_state
+        if isinstance(given, bool) or not isinstance(given, Integral):
+            raise ValueError(f"random_state: expected an integer, found {given!r}")
+
+    @classmethod
+    def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        found = super().of_today(parameters)
+        if isinstance(found.get("class_weight"), bool):  # to 3.0 it was ``balance``
+            found["class_weight"] = WEIGHTS[found["class_weight"]]
+        return found
 
     # Counting ------------------------------------------------------------------------------------
 
@@ -120,7 +132,7 @@ class Counting(Updatable):
         counts, n = state.planes, state.n
         size = self._size(n)
         if size is not None:
-            thinned = state.counters().thinned(size, self.seed)
+            thinned = state.counters().thinned(size, self.random_state)
             counts, n = thinned.planes, thinned.n
         for c in changed.nonzero().flatten().tolist():
             breaker = self._tie_breaker(c, state)
@@ -129,7 +141,7 @@ class Counting(Updatable):
 
     def _size(self, n: Tensor) -> int | None:
         """Samples a class that prototypes count as, where some of n [L] are thinned."""
-        if not self.balance:
+        if self.class_weight is None:
             return None
         least = smallest(n)
         return least if (n > least).any() else None
@@ -137,7 +149,9 @@ class Counting(Updatable):
     def _tie_breaker(self, c: int, state: Counted) -> Tensor | None:
         if self.ties != "random":
             return None
-        return tie_breaker(state.dimension, self.seed, c).to(state.planes.device)
+        return tie_breaker(state.dimension, self.random_state, c).to(
+            state.planes.device
+        )
 
     # Adapting ------------------------------------------------------------------------------------
 
@@ -147,7 +161,7 @@ class Counting(Updatable):
         words: Hypervectors,
         rows: Tensor,
         share: float,
-        seed: int,
+        random_state: int,
         method: str | None,
     ) -> Counted:
         """Move the prototypes of some classes to new hypervectors.
@@ -156,7 +170,7 @@ class Counting(Updatable):
             state: what was learned.
             words, rows: the new hypervectors and their classes int64 [N].
             share: probability with which a bit is replaced, or share of the new in the votes.
-            seed: of the choice of bits that are replaced.
+            random_state: seed of the choice of bits that are replaced.
             method: ``"replace"``, as published, or ``"merge"`` (:func:`hdc.prototypes.merged`);
                 None is the first of `methods`.
 
@@ -177,9 +191,9 @@ class Counting(Updatable):
         new.add(words.packed, torch.searchsorted(torch.tensor(classes), rows))
         state = replace(state, deciding=self.deciding(state))
         if method == "merge":
-            moved = self._merge_votes(state, new, classes, share, seed)
+            moved = self._merge_votes(state, new, classes, share, random_state)
         else:
-            moved = self._replace_bits(state, new, classes, share, seed)
+            moved = self._replace_bits(state, new, classes, share, random_state)
         return replace(moved, recalibrated=state.recalibrated + 1)
 
     def _merge_votes(
@@ -192,10 +206,10 @@ class Counting(Updatable):
     ) -> Counted:
         """Prototypes of the votes of old and new hypervectors."""
         old = state.counters()
-        if self.balance:
+        if self.class_weight is not None:
             new = new.thinned(smallest(new.n), seed)
             if not state.recalibrated:
-                old = old.thinned(smallest(old.n), self.seed)
+                old = old.thinned(smallest(old.n), self.random_state)
         placed = Counters(len(old.n), old.dimension, old.device)
         placed.merge(new, classes)
         votes, weights = merged(old, placed, share)
@@ -204,7 +218,7 @@ class Counting(Updatable):
         voted = replace(state, planes=votes.planes, n=votes.n)
         for c in classes:
             deciding[c] = self._deciding_of(voted, c, weights[c])
-        prototypes = votes.majority(self.ties, self.seed)
+        prototypes = votes.majority(self.ties, self.random_state)
         return replace(voted, prototypes=prototypes, deciding=deciding)
 
     def _replace_bits(
@@ -223,8 +237,8 @@ class Counting(Updatable):
         mask = replaced_bits(len(before), new.dimension, share, seed, number)
         mask = mask.to(before.device)
         after = before.clone()
-        size = smallest(new.n) if self.balance else None
-        fresh = new.majority(self.ties, self.seed, size)
+        size = smallest(new.n) if self.class_weight is not None else None
+        fresh = new.majority(self.ties, self.random_state, size)
         counted = replace(state, planes=new.planes, n=new.n)
         for i, c in enumerate(classes):
             after[c] ^= (before[c] ^ fresh[i]) & mask[c]
@@ -297,13 +311,13 @@ class Majority(Counting):
         ties: a prototype bit with as many ones as zeros becomes ``"zero"`` (as published),
             ``"one"``, or, with ``"random"``, that of an extra random vector (Schmuck et al., ACM
             JETC 15, 32 (2019)).
-        balance: True makes classes of unequal size comparable; False is Eq. 1. A majority raises a
-            prototype's correlation with every frame, the more so the more frames it bundles, so
-            that by Eq. 1 a larger class takes frames of the others, with 5 frames against 4
-            already. With True, prototypes are made as if each class had as many frames as the
-            smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as published.
-        seed: of the random vectors for ``ties="random"``, and of `balance`.
-
+        class_weight: ``"balanced"`` makes classes of unequal size comparable; None is Eq. 1. A
+            majority raises a prototype's correlation with every frame, the more so the more frames
+            it bundles, so that by Eq. 1 a larger class takes frames of the others, with 5 frames
+            against 4 already. Balanced, prototypes are made as if each class had as
+            many frames as the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are
+            as published.
+        random_state: seed of the random vectors for ``ties="random"``, and of balancing.
     """
 
     needs = ("prototypes",)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
@@ -35,18 +35,19 @@ class Neighbours(Updatable):
     nothing; of classes with as many votes the one with the nearest frame wins.
 
     Args:
-        n_neighbours: k.
+        n_neighbors: k.
     """
 
     State = Kept
     needs = ("frames",)
     adapts_by = ()
+    renamed: ClassVar = {"n_neighbours": "n_neighbors"}
 
-    def __init__(self, n_neighbours: int = 1):
-        self.n_neighbours = n_neighbours
+    def __init__(self, n_neighbors: int = 1):
+        self.n_neighbors = n_neighbors
 
     def check(self) -> None:
-        check_integer("n_neighbours", self.n_neighbours, 1)
+        check_integer("n_neighbors", self.n_neighbors, 1)
 
     def empty(self, n_classes: int, dimension: int, device: torch.device | str) -> Kept:
         shape = 0, bits.words_for(dimension)
@@ -108,9 +109,9 @@ class Neighbours(Updatable):
         far = dimension + 1
         farthest = distances.new_full((len(distances), n_classes), far)
         scores = -farthest.scatter_reduce(1, rows, distances, "amin")
-        if self.n_neighbours > 1:
+        if self.n_neighbors > 1:
             by_distance_and_class = distances * n_classes + rows
-            k = min(self.n_neighbours, len(state.frames))
+            k = min(self.n_neighbors, len(state.frames))
             nearest = by_distance_and_class.topk(k, dim=1, largest=False)
             voting = nearest.values % n_classes
             is_there = nearest.values // n_classes <= dimension

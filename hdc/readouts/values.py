@@ -95,17 +95,19 @@ class NeighbourValues(ValueReadout):
     Of equally near frames those that were learnt first come first.
 
     Args:
-        n_neighbours: k.
+        n_neighbors: k.
     """
 
-    def __init__(self, n_neighbours: int = 1):
-        self.n_neighbours = n_neighbours
+    renamed: ClassVar = {"n_neighbours": "n_neighbors"}
+
+    def __init__(self, n_neighbors: int = 1):
+        self.n_neighbors = n_neighbors
 
     def check(self) -> None:
-        check_integer("n_neighbours", self.n_neighbours, 1)
+        check_integer("n_neighbors", self.n_neighbors, 1)
 
     def fit(self, words: Hypervectors, values: Tensor) -> ValueState:
-        k = min(self.n_neighbours, max(1, len(words) - 1))
+        k = min(self.n_neighbors, max(1, len(words) - 1))
         means = []
         for start in range(0, len(words), _ROWS):  # not all pairs at a time
             distances = _distances(words[start : start + _ROWS], words)
@@ -117,12 +119,12 @@ class NeighbourValues(ValueReadout):
 
     def values(self, state: ValueState, words: Hypervectors) -> Tensor:
         distances = _distances(words, state.words)
-        places = self._nearest(distances)[:, : self.n_neighbours]
+        places = self._nearest(distances)[:, : self.n_neighbors]
         return state.targets[places].mean(1)
 
     def without(self, state: ValueState, words: Hypervectors) -> tuple[Tensor, Tensor]:
         n = len(state.words)
-        if self.n_neighbours >= n:  # all are near
+        if self.n_neighbors >= n:  # all are near
             total = state.targets.sum(0)
             others = (total - state.targets) / max(1, n - 1)
             means = (total / n).repeat(len(words), 1)
@@ -141,7 +143,7 @@ class NeighbourValues(ValueReadout):
     def _nearest(self, distances: np.ndarray) -> Tensor:
         """The k nearest frames of each query and the next one, [Q, k + 1], or all N."""
         order = distances.argsort(axis=1, kind="stable")
-        return torch.from_numpy(order[:, : self.n_neighbours + 1])
+        return torch.from_numpy(order[:, : self.n_neighbors + 1])
 
     def restored(
         self, tensors: Mapping[str, Tensor], words: Hypervectors, values: Tensor

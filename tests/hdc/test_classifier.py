@@ -102,7 +102,7 @@ def test_same_bits_on_an_accelerator():
         ),
         (
             lambda f, y, _: HDCClassifier(readout=Neighbours(0)).fit(f, y),
-            "n_neighbours: expected an int",
+            "n_neighbors: expected an int",
         ),
         (
             lambda f, y, _: HDCClassifier().partial_fit([], []),
@@ -195,7 +195,7 @@ def test_equal_distances_go_to_the_first_class():
     "change",
     [
         {"readout": "ridge"},
-        {"readout__seed": 3},
+        {"readout__random_state": 3},
         {"encoder": "levels"},
         {"encoder__ties": "raster"},
     ],

@@ -52,7 +52,7 @@ class Speckle:
 def learned(words: list[torch.Tensor], ties: str = "zero", d: int = 14, seed: int = 0):
     """A majority of each class, and the peers of its frames."""
     rows = torch.cat([torch.full((len(w),), c) for c, w in enumerate(words)])
-    part = Majority(ties, seed=seed)
+    part = Majority(ties, random_state=seed)
     model = fitted(part, torch.cat(words), rows, len(words), d)
     deciding = part.deciding(model.state)
     return model, [Peers.of(w, deciding[c]) for c, w in enumerate(words)]

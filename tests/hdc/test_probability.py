@@ -70,8 +70,8 @@ def without_each(readout: Readout, words: Tensor, rows: Tensor) -> Tensor:
 @pytest.mark.parametrize("readout", CLOSED, ids=repr)
 @pytest.mark.parametrize("sizes", [[7, 7, 7], [2, 5, 9]], ids=str)
 def test_held_out_scores_are_those_without_the_frame(readout, sizes):
-    if hasattr(readout, "balance"):
-        readout = readout.unlearned().set_params(balance=False)
+    if hasattr(readout, "class_weight"):
+        readout = readout.unlearned().set_params(class_weight=None)
     words, rows = drawn(sizes)
     trained = fitted(readout.unlearned(), words, rows, L, D)
     scores, of = trained.held_out(words, rows)
@@ -88,16 +88,16 @@ def test_a_larger_class_is_held_out_as_it_is_compared():
     torch.testing.assert_close(found[large], expected[large])
 
 
-@pytest.mark.parametrize("balance", [False, True])
-def test_a_frame_is_held_out_of_counts_of_a_larger_class(balance):
+@pytest.mark.parametrize("weight", [None, "balanced"])
+def test_a_frame_is_held_out_of_counts_of_a_larger_class(weight):
     """The class without it is compared as a random subset of the size of the smallest."""
     words, rows = drawn([4, 4, 12])
-    trained = fitted(Counts(balance=balance), words, rows, L, D)
+    trained = fitted(Counts(class_weight=weight), words, rows, L, D)
     found = trained.held_out(words, rows).scores
-    size = 4 if balance else None
+    size = 4 if weight else None
     for i in range(len(rows)):
         others = torch.arange(len(rows)) != i
-        without = fitted(Counts(balance=False), words[others], rows[others], L, D)
+        without = fitted(Counts(), words[others], rows[others], L, D)
         expected = cosines(without.counters(), words[i : i + 1], size)[0, rows[i]]
         torch.testing.assert_close(found[i, rows[i]], expected / D**0.5)
 

@@ -116,13 +116,15 @@ def test_votes_of_unequal_classes_are_of_as_many_as_the_smallest(ties):
 
     words, rows, old = drawn([9, 4, 6])
     new_words, new_rows, new = drawn([7, 5, 3])
-    readout = fitted(Majority(ties, balance=True, seed=11), words, rows, 3, d)
+    readout = fitted(
+        Majority(ties, class_weight="balanced", random_state=11), words, rows, 3, d
+    )
     readout = readout.adapted(new_words, new_rows, 0.6, 5, "merge")
     votes, _ = merged(old.thinned(4, seed=11), new.thinned(3, seed=5), 0.6)
     assert torch.equal(readout.n, votes.n)
     assert torch.equal(readout.counters().counts(), votes.counts())
     assert torch.equal(readout.prototypes_, votes.majority(ties, 11))
-    published = fitted(Majority(ties, balance=False, seed=11), words, rows, 3, d)
+    published = fitted(Majority(ties, random_state=11), words, rows, 3, d)
     published = published.adapted(new_words, new_rows, 0.6, 5, "merge")
     votes, _ = merged(old, new, 0.6)
     assert torch.equal(published.counters().counts(), votes.counts())
@@ -359,10 +361,10 @@ def test_one_new_frame_of_each_class_is_the_nearest_mean_mixed_in(readout):
     ("readout", "argument", "default"),
     [
         ("ridge", {"p": 0.75}, "0.5"),
-        ("neighbours", {"seed": 1}, "0"),
+        ("neighbours", {"random_state": 1}, "0"),
         ("ridge", {"method": "merge"}, "None"),
         ("lda", {"method": "replace"}, "None"),
-        ("kernel", {"seed": 3}, "0"),
+        ("kernel", {"random_state": 3}, "0"),
     ],
 )
 def test_an_argument_that_a_readout_ignores_is_refused(readout, argument, default):
@@ -374,7 +376,7 @@ def test_an_argument_that_a_readout_ignores_is_refused(readout, argument, defaul
         model.recalibrate(new, labels, **argument)
     assert str(caught.value).endswith(f"does not use it, found {value!r}")
     assert (model.decision_function(new) == before).all()
-    model.recalibrate(new, labels, p=0.5, seed=0, method=None)
+    model.recalibrate(new, labels, p=0.5, random_state=0, method=None)
     assert model.score(new, labels) == 1
 
 

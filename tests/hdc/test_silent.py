@@ -307,7 +307,7 @@ def test_a_name_that_is_much_like_another_is_answered_with_it(parameters, meant)
     ("name", "meant"),
     [
         ("enocder", "encoder"),
-        ("readout__balnce", "readout__balance"),
+        ("readout__clas_weight", "readout__class_weight"),
         ("encoder__base__tise", "encoder__base__ties"),
     ],
 )

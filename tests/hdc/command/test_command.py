@@ -329,7 +329,9 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["classes"] == {"a": 12, "b": 12, "c": 12}
     assert found["kind"] == "HDCClassifier"
     assert found["encoder"] == "Median(ties='spread')"
-    assert found["readout"] == "Majority(ties='zero', balance=False, seed=0)"
+    assert (
+        found["readout"] == "Majority(ties='zero', class_weight=None, random_state=0)"
+    )
     assert found["encoder in words"].endswith(".")
     assert "`" not in "".join(out)
     assert found["bits per pixel and class"] == pytest.approx(1, abs=0.2)
