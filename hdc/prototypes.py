@@ -7,6 +7,7 @@ have it set. Counts are kept bit-sliced (:mod:`hdc.planes`), L·P·D bits for cl
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd
@@ -135,15 +136,9 @@ class Counters:
         :meth:`thinned`.
         """
         counters = self if size is None else self.thinned(size, seed)
-        prototypes = torch.zeros_like(counters.planes[:, 0])
-        for c, n in enumerate(counters.n.tolist()):
-            if n:
-                breaker = None
-                if ties == "random":
-                    breaker = tie_breaker(self.dimension, seed, c).to(self.device)
-                counts = counters.planes[c]
-                prototypes[c] = planes.majority(counts, n, ties, breaker)
-        return prototypes
+        breaker = functools.partial(tie_breaker, self.dimension, seed)
+        rows = range(len(self.n))
+        return planes.majorities(counters.planes, counters.n, rows, ties, breaker)
 
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""

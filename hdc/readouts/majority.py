@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral
@@ -15,7 +16,6 @@ from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_choice, check_share
 from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
 from hdc.readouts.base import HeldOut, State, Updatable
-from hdc.tensors import checked
 
 METHODS = ("replace", "merge")
 WEIGHTS = (None, "balanced")
@@ -46,6 +46,11 @@ class Counted(State):
     """int64 [L, 5, W], see :data:`EXTRAS`, where the counts do not tell them."""
 
     dimension: int
+
+    def check(self) -> None:
+        out_of_range = (self.n < 0) | (self.n >= 2**53)
+        if out_of_range.any() or not self.n.any():
+            raise ValueError(f"sample counts {self.n.tolist()}")
 
     def counters(self) -> Counters:
         """The counts."""
@@ -128,15 +133,16 @@ class Counting(Updatable):
 
     def _with_prototypes(self, state: Counted, changed: Tensor) -> Counted:
         """A state with prototypes of its counts, for the classes bool [L] that have changed."""
-        made = state.prototypes.clone()
-        counts, n = state.planes, state.n
-        size = self._size(n)
+        counted: Counted | Counters = state
+        size = self._size(state.n)
         if size is not None:
-            thinned = state.counters().thinned(size, self.random_state)
-            counts, n = thinned.planes, thinned.n
-        for c in changed.nonzero().flatten().tolist():
-            breaker = self._tie_breaker(c, state)
-            made[c] = planes.majority(counts[c], int(n[c]), self.ties, breaker)
+            counted = state.counters().thinned(size, self.random_state)
+        rows = changed.nonzero().flatten().tolist()
+        breaker = functools.partial(tie_breaker, state.dimension, self.random_state)
+        made = state.prototypes.clone()
+        made[rows] = planes.majorities(
+            counted.planes, counted.n, rows, self.ties, breaker
+        )
         return replace(state, prototypes=made)
 
     def _size(self, n: Tensor) -> int | None:
@@ -145,13 +151,6 @@ class Counting(Updatable):
             return None
         least = smallest(n)
         return least if (n > least).any() else None
-
-    def _tie_breaker(self, c: int, state: Counted) -> Tensor | None:
-        if self.ties != "random":
-            return None
-        return tie_breaker(state.dimension, self.random_state, c).to(
-            state.planes.device
-        )
 
     # Adapting ------------------------------------------------------------------------------------
 
@@ -269,7 +268,10 @@ class Counting(Updatable):
         one.
         """
         counts, n = state.planes[c], int(state.n[c])
-        breaker = self._tie_breaker(c, state)
+        breaker = None
+        if self.ties == "random":
+            breaker = tie_breaker(state.dimension, self.random_state, c)
+            breaker = breaker.to(counts.device)
         made = []
         for extra in EXTRAS:
             n_with = n + weight * extra
@@ -285,21 +287,6 @@ class Counting(Updatable):
         if 0 in state.n.tolist():
             distances[:, state.n == 0] = words.dimension + 1
         return distances
-
-    # Files ---------------------------------------------------------------------------------------
-
-    def restored(
-        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> Counted:
-        kinds = dict(Counted.kinds)
-        if "deciding" not in tensors:
-            del kinds["deciding"]
-        found: dict[str, Any] = dict(checked(tensors, kinds, L=n_classes, D=dimension))
-        n = found["n"]
-        out_of_range = (n < 0) | (n >= 2**53)
-        if out_of_range.any() or not n.any():
-            raise ValueError(f"sample counts {n.tolist()}")
-        return Counted(dimension=dimension, **found)
 
 
 class Majority(Counting):

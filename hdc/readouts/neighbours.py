@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -13,7 +13,6 @@ from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_integer
 from hdc.readouts.base import HeldOut, State, Updatable
-from hdc.tensors import checked
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -26,6 +25,10 @@ class Kept(State):
     rows: Tensor
     """int64 [N] (CPU), their classes."""
     n_classes: int
+
+    def check(self) -> None:
+        if self.rows.min() < 0 or self.rows.max() >= self.n_classes:
+            raise ValueError(f"rows: expected classes in [0, {self.n_classes})")
 
 
 class Neighbours(Updatable):
@@ -119,14 +122,3 @@ class Neighbours(Updatable):
             votes.scatter_add_(1, voting, is_there.to(votes.dtype))
             scores += (far + 1) * votes
         return scores
-
-    def restored(
-        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> Kept:
-        found: dict[str, Any] = dict(
-            checked(tensors, Kept.kinds, L=n_classes, D=dimension)
-        )
-        rows = found["rows"]
-        if rows.min() < 0 or rows.max() >= n_classes:
-            raise ValueError(f"rows: expected classes in [0, {n_classes})")
-        return Kept(n_classes=n_classes, **found)
