@@ -164,22 +164,20 @@ class HDCClassifier(Adapting):
             allowed = list(classes)  # in any order, such as that of a set
             allowed = inputs.label_array(allowed, len(allowed)).tolist()
             inputs.check_among(labels, allowed)
-        known = [] if head is None else head.labels.tolist()
-        inputs.classes_of([*known, *allowed])
-        backend = self._decided(frames) if head is None else self.backend_
+        is_first = head is None
+        backend = self._decided(frames) if is_first else self.backend_
         with backends.computing(backend):
             if head is None:
                 encoder, shape = self._learned_encoder(encoder, frames)
                 words = joined(self._batches(frames, encoder, shape))
-                empty = self._empty(inputs.classes_of(allowed), words.dimension)
-                extended = empty.extended(words, labels)
+                head = self._empty(inputs.classes_of(allowed), words.dimension)
             else:
                 words = joined(self._encoded(frames))
-                extended = head.with_classes(allowed).extended(words, labels)
-        if head is None:
+            head = head.with_classes(allowed).extended(words, labels)
+        if is_first:
             self._begin(encoder, shape, backend)
             self._columns = columns
-        self._head = extended
+        self._head = head
         return self
 
     @needs("add")
@@ -199,20 +197,17 @@ class HDCClassifier(Adapting):
         self._check_kind(other)
         other._check_is_trained()
         assert theirs is not None
+        start = other if head is None else self
         if head is None:
-            encoder, shape = other.encoder_, other.frame_shape_
-            backend = other.backend_
             head = self._empty(theirs.labels, theirs.dimension)
         else:
             kind = type(self).__name__
             inputs.check_shape(other.frame_shape_, self.frame_shape_, kind)
             self._check_columns(other._columns)
             check_alike(self.encoder_, other.encoder_, "merge")
-            encoder, shape, backend = self.encoder_, self.frame_shape_, self.backend_
         merged = head.merged(theirs)
-        columns = self._columns or other._columns
-        self._begin(encoder, shape, backend)
-        self._columns = columns
+        self._begin(start.encoder_, start.frame_shape_, start.backend_)
+        self._columns = self._columns or other._columns
         self._head = merged
         return self
 

@@ -227,11 +227,13 @@ def shrunken(
     problem: Problem, dimension: int, shrinkage: float | str
 ) -> tuple[float, Solution]:
     """α, and what is learned with it from a problem in D dimensions."""
-    alpha = _share_of_target(problem, dimension, shrinkage)
-    return alpha, problem.solve(_penalty(problem, dimension, alpha))
+    alpha = share_of_target(problem, dimension, shrinkage)
+    if alpha == 1:
+        return alpha, problem.solve(None)
+    return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
 
 
-def _share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -> float:
+def share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -> float:
     """α for a problem in D dimensions; 1 is the nearest mean."""
     if problem.is_empty:
         return 1.0
@@ -243,13 +245,6 @@ def _share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -
     return closed_form(
         shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
     )
-
-
-def _penalty(problem: Problem, dimension: int, alpha: float) -> float | None:
-    """ℓ; None for the nearest mean."""
-    if alpha == 1:
-        return None
-    return alpha / (1 - alpha) * problem.trace / dimension
 
 
 def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:

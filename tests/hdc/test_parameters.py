@@ -10,14 +10,9 @@ from sklearn.base import clone
 
 from hdc import HDCClassifier, HDCRegressor
 from hdc.availability import UnavailableError
+from hdc.described import describe, rebuild
 from hdc.encoders import ENCODERS, Deviation, Levels, Median, Quantile, Reference
-from hdc.parameters import (
-    Named,
-    Parametrised,
-    describe,
-    make_part,
-    rebuild,
-)
+from hdc.parameters import Named, Parametrised, make_part
 from hdc.readouts import LDA, Counts, Majority, Neighbours, NeighbourValues
 
 

@@ -13,7 +13,7 @@ from hdc import backends, bits
 from hdc.readouts import LDA
 from hdc.readouts.arithmetic import combinations, gram
 from hdc.readouts.discriminant import Problem
-from hdc.readouts.lda import _penalty, _share_of_target
+from hdc.readouts.lda import shrunken
 from tests.hdc.own import by, fitted
 
 
@@ -50,8 +50,7 @@ def primal(
 def dual(words: torch.Tensor, rows: torch.Tensor, d: int, shrinkage):
     """A, α and G·E of the dual form."""
     problem = Problem.of(gram(words, words, d), rows)
-    alpha = _share_of_target(problem, d, shrinkage)
-    solution = problem.solve(_penalty(problem, d, alpha))
+    alpha, solution = shrunken(problem, d, shrinkage)
     return solution.dual, alpha, problem.of_means
 
 
