@@ -139,20 +139,6 @@ def test_a_class_without_samples_has_zeros():
     assert counters.majority().any(1).tolist() == [True, False, True]
 
 
-@given(st.lists(st.integers(0, 9), min_size=1, max_size=4), st.integers(1, 40))
-@settings(max_examples=30, deadline=None)
-def test_scaled_counters_are_repeated_samples(weights, n):
-    index = torch.arange(n * len(weights)) % len(weights)
-    words = bits.pack(vectors(len(index), 130))
-    counters, repeated = Counters(len(weights), 130), Counters(len(weights), 130)
-    counters.add(words, index)
-    times = torch.tensor(weights)[index]
-    repeated.add(words.repeat_interleave(times, 0), index.repeat_interleave(times))
-    scaled = counters.scaled(weights)
-    assert torch.equal(scaled.n, repeated.n)
-    assert torch.equal(scaled.counts(), repeated.counts())
-
-
 @pytest.mark.parametrize("ties", ["zero", "one", "random"])
 def test_prototypes_of_a_size_are_those_of_thinned_counters(ties):
     counters = Counters(3, 200)
