@@ -85,6 +85,8 @@ class Head:
 
     def with_classes(self, labels: Iterable[Label]) -> Head:
         """With rows for these labels, of which some may be new."""
+        labels = list(labels)
+        inputs.check_one_kind([*self.index, *labels])  # True would be 1
         new = [label for label in labels if label not in self.index]
         if not new:
             return self

@@ -220,39 +220,3 @@ def test_parts_that_were_set_after_training_are_named(change):
         with pytest.raises(ValueError, match=message):
             call(model)
     assert model.fit(frames, labels).score(frames, labels) > 0.9
-
-
-def test_numpy_numbers_are_taken_for_plain_ones():
-    frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels)
-    mixed = np.concatenate([frames, 255 - frames])
-    for share in (np.float32(0.25), np.float64(0.25)):
-        assert np.array_equal(model.is_known(mixed, share), model.is_known(mixed, 0.25))
-    for method in METHODS:
-        models = [HDCClassifier().fit(frames, labels) for _ in range(2)]
-        for some, p in zip(models, (0.5, np.float32(0.5)), strict=True):
-            some.recalibrate(255 - frames, labels, p=p, method=method)
-        assert torch.equal(models[0].prototypes_, models[1].prototypes_)
-
-
-@pytest.mark.parametrize(
-    ("readout", "learns", "adapts"),
-    [
-        ("majority", True, True),
-        ("counts", True, True),
-        ("neighbours", True, True),
-        ("ridge", False, True),
-        ("lda", False, True),
-        ("trained", False, False),
-        ("nonsense", False, False),
-    ],
-)
-def test_methods_that_always_raise_are_absent(readout, learns, adapts):
-    model = HDCClassifier(readout=readout)
-    assert hasattr(model, "partial_fit") == hasattr(model, "merge") == learns
-    assert hasattr(model, "recalibrate") == adapts
-    assert HDCClassifier.partial_fit.__doc__.startswith("Learn a further batch")
-    if readout == "nonsense":
-        for kind in (AttributeError, ValueError):
-            with pytest.raises(kind, match=r"^merge: .*one of majority, "):
-                _ = model.merge
