@@ -11,7 +11,7 @@ from typing import Any, Self
 from hdc import inputs
 from hdc.answers import Answering
 from hdc.availability import needs, renamed
-from hdc.hypervectors import joined
+from hdc.estimator import joined
 
 
 class Adapting(Answering):

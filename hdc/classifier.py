@@ -15,9 +15,9 @@ from hdc import backends, inputs
 from hdc.adapting import Adapting
 from hdc.availability import needs
 from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.estimator import check_alike
+from hdc.estimator import check_alike, joined
 from hdc.head import Head
-from hdc.hypervectors import Hypervectors, joined
+from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
 from hdc.sample import Reservoir, Sample
 

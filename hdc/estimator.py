@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import sys
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from math import prod
 from typing import Any, ClassVar, Self
 
@@ -18,7 +19,7 @@ import torch
 from hdc import backends, bits, inputs
 from hdc.described import describe
 from hdc.encoders import ENCODERS, Encoder
-from hdc.hypervectors import Hypervectors, joined
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import Named, Parametrised
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
@@ -233,6 +234,15 @@ class Estimator(Parametrised):
             regressor_tags=None if classifier else RegressorTags(poor_score=True),
             input_tags=InputTags(two_d_array=True, three_d_array=True),
         )
+
+
+def joined(parts: Iterable[Hypervectors]) -> Hypervectors:
+    """Hypervectors of one encoder, one after another; at least one part."""
+    first, *others = parts
+    if not others:
+        return first
+    packed = torch.cat([first.packed, *(part.packed for part in others)])
+    return replace(first, packed=packed)
 
 
 def check_alike(

@@ -13,7 +13,8 @@ from torch import Tensor
 from hdc import backends, circular, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.hypervectors import Hypervectors, joined
+from hdc.estimator import joined
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share, is_number
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.values import ValueReadout, ValueState

@@ -189,15 +189,15 @@ def _stored(
     planes, scales, offsets = _quantised(*learned)
     unit = 2**_UNIT_BITS / float(scales.max())
     state = Discriminants(
-        weights=planes.new_zeros(n_classes, *planes.shape[1:]),
+        weights=planes.new_zeros(n_classes, *planes.shape[1:], device=device),
         scales=torch.zeros(n_classes, dtype=torch.int64),
         offsets=torch.full((n_classes,), NOWHERE // 2),
         shrinkage=torch.tensor(alpha, dtype=torch.float64),
     )
-    state.weights[known] = planes
+    state.weights[known.to(device)] = planes.to(device)
     state.scales[known] = (scales * unit).round().long()
     state.offsets[known] = (offsets * unit).round().long()
-    return state.to(device), unit
+    return state, unit
 
 
 def closed_form(
