@@ -42,21 +42,6 @@ def counters_of(counts: torch.Tensor, n: torch.Tensor) -> Counters:
     return counters
 
 
-def test_equal_votes_are_those_of_exact_fractions():
-    rng = np.random.default_rng(3)
-    n_old, n_new = torch.tensor([41, 80, 7]), torch.tensor([13, 0, 21])
-    counts = [
-        torch.from_numpy(rng.integers(0, n[:, None] + 1, (3, 500)))
-        for n in (n_old, n_new)
-    ]
-    old, new = map(counters_of, counts, (n_old, n_new))
-    votes, _ = merged(old, new, 0.5)
-    signs = [2 * c - n[:, None] for c, n in zip(counts, (n_old, n_new), strict=True)]
-    expected = n_new[:, None] * signs[0] + n_old[:, None] * signs[1] > 0
-    expected[1] = signs[0][1] > 0  # no new frames: as it was
-    assert torch.equal(bits.unpack(votes.majority(), 500), expected)
-
-
 def test_votes_are_the_least_whole_numbers_of_their_shares():
     """By hand, p = 3/4: 4 old and 6 new frames count (1·6 : 3·4) = 1 and 2; 1 and 1 count 1 and 3;
     where one side has none, frames count 1; a class without any has no votes."""
