@@ -285,7 +285,7 @@ def _warn_of_missing(missing: Sequence[Label]) -> None:
     warnings.warn(
         f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
         "alike, frames of these classes will be taken for the others",
-        stacklevel=4,
+        stacklevel=5,
     )
 
 

@@ -188,22 +188,15 @@ class Counting(Updatable):
             )
         new = Counters(len(classes), state.dimension, words.packed.device)
         new.add(words.packed, torch.searchsorted(torch.tensor(classes), rows))
-        state = replace(state, deciding=self.deciding(state))
-        if method == "merge":
-            moved = self._merge_votes(state, new, classes, share, random_state)
-        else:
-            moved = self._replace_bits(state, new, classes, share, random_state)
-        return replace(moved, recalibrated=state.recalibrated + 1)
+        deciding = self.deciding(state).clone()
+        move = self._merge_votes if method == "merge" else self._replace_bits
+        moved, deciding[classes] = move(state, new, classes, share, random_state)
+        return replace(moved, deciding=deciding, recalibrated=state.recalibrated + 1)
 
     def _merge_votes(
-        self,
-        state: Counted,
-        new: Counters,
-        classes: list[int],
-        share: float,
-        seed: int,
-    ) -> Counted:
-        """Prototypes of the votes of old and new hypervectors."""
+        self, state: Counted, new: Counters, classes: list[int], share: float, seed: int
+    ) -> tuple[Counted, Tensor]:
+        """Prototypes of the votes of old and new hypervectors; those that decide, [K, 5, W]."""
         old = state.counters()
         if self.class_weight is not None:
             new = new.thinned(smallest(new.n), seed)
@@ -212,39 +205,27 @@ class Counting(Updatable):
         placed = Counters(len(old.n), old.dimension, old.device)
         placed.merge(new, classes)
         votes, weights = merged(old, placed, share)
-        assert state.deciding is not None
-        deciding = state.deciding.clone()
-        voted = replace(state, planes=votes.planes, n=votes.n)
-        for c in classes:
-            deciding[c] = self._deciding_of(voted, c, weights[c])
         prototypes = votes.majority(self.ties, self.random_state)
-        return replace(voted, prototypes=prototypes, deciding=deciding)
+        voted = replace(state, planes=votes.planes, n=votes.n, prototypes=prototypes)
+        near = [self._deciding_of(voted, c, weights[c]) for c in classes]
+        return voted, torch.stack(near)
 
     def _replace_bits(
-        self,
-        state: Counted,
-        new: Counters,
-        classes: list[int],
-        share: float,
-        seed: int,
-    ) -> Counted:
+        self, state: Counted, new: Counters, classes: list[int], share: float, seed: int
+    ) -> tuple[Counted, Tensor]:
         """Prototypes of which each bit is the new one's with a probability (paper, Fig. 8(a))."""
-        before = state.prototypes
-        assert state.deciding is not None
-        deciding = state.deciding.clone()
         number = int(state.recalibrated)
-        mask = replaced_bits(len(before), new.dimension, share, seed, number)
-        mask = mask.to(before.device)
-        after = before.clone()
+        drawn = replaced_bits(len(state.n), new.dimension, share, seed, number)
+        mask = drawn[classes].to(state.prototypes.device)
         size = smallest(new.n) if self.class_weight is not None else None
         fresh = new.majority(self.ties, self.random_state, size)
         counted = replace(state, planes=new.planes, n=new.n)
-        for i, c in enumerate(classes):
-            after[c] ^= (before[c] ^ fresh[i]) & mask[c]
-            near = self._deciding_of(counted, i)
-            replaced = (before[c] ^ near) & mask[c]
-            deciding[c] = before[c] ^ replaced
-        return replace(state, prototypes=after, deciding=deciding)
+        near = torch.stack([self._deciding_of(counted, i) for i in range(len(classes))])
+        before = state.prototypes[classes]
+        after = state.prototypes.clone()
+        after[classes] = before ^ ((before ^ fresh) & mask)
+        decided = before[:, None] ^ ((before[:, None] ^ near) & mask[:, None])
+        return replace(state, prototypes=after), decided
 
     # Left out ------------------------------------------------------------------------------------
 
