@@ -96,9 +96,12 @@ class Peers:
         return len(self.most)
 
     def compared(self, words: Tensor) -> np.ndarray:
-        """Distances d_i [Q, m] with each of the hypervectors [Q, W] as if of this class."""
+        """Distances d_i [Q, m] with each of the hypervectors [Q, W] as if of this class.
+
+        [1, m] where they do not depend on it.
+        """
         if self.masks is None:
-            return np.broadcast_to(self.most, (len(words), len(self)))
+            return self.most[None]
         to_masks = bits.hamming(words, self.masks).numpy(force=True)
         found: np.ndarray = (self.twice + to_masks[:, 1:] - to_masks[:, :1]) // 2
         return found
@@ -192,7 +195,9 @@ class Conformal:
             own = self.peers[c]
             assert own is not None
             asked = near[:, c]
-            of_asked = words if asked.all() else words[torch.from_numpy(asked)]
+            of_asked = words
+            if own.masks is not None and not asked.all():
+                of_asked = words[torch.from_numpy(asked)]
             d_i = own.compared(of_asked)
             found[asked, c] = _p_values(d[asked, c], d_i, rule.pools[c])
         return found
@@ -232,7 +237,7 @@ class Conformal:
 
 
 def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:
-    """p of Q frames at distances d [Q], with d_i [Q, m] and the deviations of other classes."""
+    """p of Q frames at distances d [Q], with d_i [Q or 1, m] and deviations of other classes."""
     m = d_i.shape[1]
     as_far = (d_i >= d[:, None]).sum(1)
     if pool is None:
