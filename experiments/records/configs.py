@@ -16,7 +16,8 @@ from omegaconf import OmegaConf
 from experiments.records.files import ROOT
 
 CONFIGS = ROOT / "configs"
-SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
+SEEDS = ("seed", "random_state", "sampling_seed")
+"""Keys of what differs from repetition to repetition."""
 _DISPLAYS = {"model": "display", "scene": "scene_display"}
 _FRAMES = {
     "frames": "recording",

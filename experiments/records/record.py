@@ -18,7 +18,7 @@ from typing import Any, Literal
 import msgspec
 import numpy as np
 
-from experiments.records import revision
+from experiments.records import names, revision
 from experiments.records.configs import SEEDS
 from experiments.records.environment import Environment, changes
 from experiments.records.revision import Revisions
@@ -147,7 +147,7 @@ def name_of(
     data: str,
 ) -> str:
     """Name of a record: what it is, and a hash of everything that determines it."""
-    return f"{name}-{digest_of([config, data])}"
+    return f"{name}-{digest_of([names.of_version_3_0(config), data])}"
 
 
 def digest_of(value: Any) -> str:

@@ -15,7 +15,7 @@ import msgspec
 import numpy as np
 from rich.console import Console
 
-from experiments.records import locks
+from experiments.records import locks, names
 from experiments.records.record import Measurement, Record, to_line
 from experiments.records.revision import Revisions
 from experiments.records.rows import unpack_labels
@@ -56,6 +56,7 @@ def read(folder: Path, name: str = "") -> Iterator[AnyRecord | ValueError]:
         except (ValueError, RecursionError) as error:
             yield ValueError(f"{path}, line {number}: {error}")
             continue
+        record.config = names.of_today(record.config)
         if isinstance(record, Made) or not isinstance(records.get(record.id), Made):
             records.pop(record.id, None)  # in the order of the lines that count
             records[record.id] = record

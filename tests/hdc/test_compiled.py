@@ -214,12 +214,12 @@ def test_no_backend_changes_between_fit_and_load(fresh, tmp_path):
 @pytest.mark.parametrize(
     "encoder", ["median", Quantile("2/3", "raster"), Levels(3)], ids=repr
 )
-@pytest.mark.parametrize("balance", [True, False])
-def test_a_model_is_the_same_file_by_both(balance, encoder, tmp_path):
+@pytest.mark.parametrize("weight", [None, "balanced"])
+def test_a_model_is_the_same_file_by_both(weight, encoder, tmp_path):
     frames, labels = frames_of(400, 70), np.arange(400) % 7 % 3
     files = []
     for backend in backends.BACKENDS:
-        readout = Majority(balance=balance)
+        readout = Majority(class_weight=weight)
         model = HDCClassifier(encoder, readout, backend=backend).fit(frames, labels)
         model.save(tmp_path / backend)
         files.append((tmp_path / backend).read_bytes())

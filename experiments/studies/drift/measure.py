@@ -254,7 +254,7 @@ def recalibrated(
         updated = copy.deepcopy(stored)
         given = {
             "p": _EQUAL if share is None else share,
-            "seed": seed,
+            "random_state": seed,
             "method": method,
         }
         used: Any = {name: given[name] for name in readout.adapts_by}

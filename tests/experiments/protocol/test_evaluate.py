@@ -23,7 +23,7 @@ HDC = {"_target_": "hdc.HDCClassifier"}
 KINDS = {
     "ridge": HDC | {"readout": "ridge"},
     "neighbours": HDC
-    | {"readout": {"_target_": "hdc.readouts.Neighbours", "n_neighbours": 3}},
+    | {"readout": {"_target_": "hdc.readouts.Neighbours", "n_neighbors": 3}},
     "counts": HDC | {"readout": "counts"},
     "levels and lda": HDC | {"encoder": "levels", "readout": "lda"},
     "reference": HDC | {"encoder": "reference"},

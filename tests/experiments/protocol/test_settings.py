@@ -27,8 +27,8 @@ from experiments.protocol.settings import checked, settings_of
         ("device=cuda:7", r"device: expected one of cpu.*, found 'cuda:7'"),
         ("model.device=cuda:99", r"model\.device: expected one of cpu"),
         (
-            "model.readout.seed=abc",
-            r"model\.readout\.seed: expected an integer, found 'abc'",
+            "model.readout.random_state=abc",
+            r"model\.readout\.random_state: expected an integer, found 'abc'",
         ),
     ],
 )

@@ -6,7 +6,7 @@ import math
 import pytest
 
 import experiments
-from experiments.records import record, store
+from experiments.records import names, record, store
 from experiments.records.rows import pack_labels
 
 
@@ -93,3 +93,25 @@ def test_the_name_of_a_run_depends_on_every_value_and_stays(config, data, same):
     """Under another name, every run would be carried out again."""
     name = record.name_of("touch-hdc", config, data)
     assert (name == "touch-hdc-a379c5298fb1") is same
+
+
+def test_parameters_that_have_other_names_now_are_the_same_record():
+    """With balance, seed and n_neighbours of version 3.0, and with their names of now."""
+    configs = []
+    for majority, neighbours in (
+        ({"balance": True, "seed": 3}, {"n_neighbours": 5}),
+        ({"class_weight": "balanced", "random_state": 3}, {"n_neighbors": 5}),
+    ):
+        parts = [
+            {"_target_": "hdc.readouts.Majority", **majority},
+            {"_target_": "hdc.readouts.Neighbours", **neighbours},
+        ]
+        configs.append({"seed": 1, "models": parts})
+    old, new = configs
+    assert names.of_today(old) == names.of_today(new) == new
+    assert record.name_of("x", old, "f") == record.name_of("x", new, "f")
+    expected = record.digest_of([old, "f"])
+    assert record.name_of("x", new, "f") == f"x-{expected}"
+    plain = {"_target_": "hdc.readouts.Majority", "class_weight": None}
+    assert names.of_version_3_0(plain)["balance"] is False
+    assert names.of_today(names.of_version_3_0(plain)) == plain
