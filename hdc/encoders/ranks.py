@@ -31,6 +31,7 @@ _STEP, _STEP_ON_GPU = 2**20, 2**25
 _SMALL = 4096
 """Pixels per frame up to which that is faster than one frame after another."""
 _BLOCK = 16  # frames that are counted one after another, the bits of each being kept
+_COMPILED = (torch.uint8, torch.uint16, torch.int32)  # types that the kernels take
 Route = Callable[[Tensor, Sequence[int], str], list[Level]]
 
 
@@ -123,9 +124,9 @@ def encode_ranks(
     width = bits.words_for(len(ones) * n_pixels)
     words = torch.empty(n, width, dtype=torch.int64, device=frames.device)
     kernels = backends.in_use.get()
-    if kernels and frames.dtype == torch.uint8 and n_pixels > 1:
+    if kernels and frames.dtype in _COMPILED:
         images = frames.reshape(n, n_pixels).numpy()
-        equal, split = kernels.encode_uint8(images, words.numpy(), ones, rule)
+        equal, split = kernels.encode(images, words.numpy(), ones, rule)
         return words, ties_of(equal, split, n_pixels)
     if n == 0:
         return words, Ties([], 0)

@@ -77,7 +77,7 @@ def test_any_sample_gives_the_same(said, ties, kinds_of_frames, brightest):
         frames[:, 64 * first + (first * 0x9E37_79B1 >> 8) % 64] = said
         expected = brightest(frames, "1/2", ties)
         words = np.zeros((len(frames), bits.words_for(d)), np.int64)
-        equal, split = compiled.encode_uint8(frames, words, [d // 2], ties)
+        equal, split = compiled.encode(frames, words, [d // 2], ties)
         found = bits.unpack(torch.from_numpy(words), d).numpy()
         assert np.array_equal(found, expected)
         falling = np.sort(-frames.astype(int), axis=1)
