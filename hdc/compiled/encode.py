@@ -171,20 +171,22 @@ def _narrow(images, i, bottom, top, rank, above, within, n_within, places, value
     many were added and left. No step is a branch that depends on pixels, which processors guess.
     """
     filled = np.empty(len(within), np.int64)
-    n = 0
+    n_filled = n = 0
     for w in range(len(within)):
-        filled[n] = w
-        n += within[w] != 0
-    n = 0
-    for k in range(n_within):
-        w = filled[n]
-        word = within[w]
-        j = w * WORD + ones(~word & (word - np.uint64(1)))  # the lowest one
-        places[k] = j
-        values[k] = images[i, j] - bottom
-        word &= word - np.uint64(1)
-        within[w] = word
-        n += word == 0
+        filled[n_filled] = w
+        n_filled += within[w] != 0
+    while n_filled > 0:  # take the lowest one of each word that has one left
+        kept = 0
+        for w in filled[:n_filled]:
+            word = within[w]
+            j = w * WORD + ones(~word & (word - np.uint64(1)))
+            places[n], values[n] = j, images[i, j] - bottom
+            n += 1
+            word &= word - np.uint64(1)
+            within[w] = word
+            filled[kept] = w
+            kept += word != 0
+        n_filled = kept
     level, n_above, n_equal = _select(values[:n_within], top - bottom, rank)
     level += bottom
     for j in places[:n_within]:
@@ -266,19 +268,22 @@ def _encode(images, words, wanted, rule, n_equal, missing):
     rotations = rotations_of(width)
     levels = np.empty(n_levels, np.int64)
     ranks = np.maximum(wanted, 1)  # of the thresholds, each of which is a pixel
-    if len(images):
-        _draw(images, 0, sample, bins)
-        for t in range(n_levels):
-            place = _walk(sample, _BINS, -1, ranks[t])
-            levels[t] = bins[0] + (place << bins[1])
     for i in range(len(images)):
         words[i] = 0
+        if i == 0:
+            _draw(images, i, sample, bins)
         for t in range(n_levels):
-            near = np.int64((1 << bins[1]) >> 2)
+            if bins[2] == i:  # the first frame, or unlike the one before
+                place = _walk(sample, _BINS, -1, ranks[t])
+                levels[t] = bins[0] + (place << bins[1])
+                near = np.int64(1) << bins[1]
+                bottom, top = levels[t], levels[t] + near - 1
+            else:
+                near = np.int64((1 << bins[1]) >> 2)
+                bottom, top = levels[t] - near, levels[t] + near
             level, top, n_above, n_at = _search(
-                images, i, ranks[t], levels[t] - near, levels[t] + near, sample, bins,
-                above, equals,
-            )  # fmt: skip
+                images, i, ranks[t], bottom, top, sample, bins, above, equals
+            )
             if level < top:
                 level, n_more, n_at = _narrow(
                     images, i, level, top, ranks[t] - n_above, above, equals, n_at,
