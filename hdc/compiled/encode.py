@@ -93,8 +93,8 @@ def _walk(sample, place, step, n):
 @compile_kernel(
     *of_pixels("UniTuple(uint64, 2)(pixel[:, ::1], intp, intp, pixel, pixel)")
 )
-def _masks(images, i, start, bottom, top):
-    """The pixels above `top`, and those from `bottom` to `top`, of a word that is not full."""
+def rest_of(images, i, start, bottom, top):
+    """The pixels above `top`, and those from `bottom` to `top`, of a last word that is not full."""
     above = within = np.uint64(0)
     for j in range(start, images.shape[1]):
         pixel = images[i, j]
@@ -120,7 +120,7 @@ def _look(images, i, bottom, top, above, within):
         n_above += ones(more)
         n_within += ones(these)
     if rest:
-        more, these = _masks(images, i, whole * WORD, bottom, top)
+        more, these = rest_of(images, i, whole * WORD, bottom, top)
         above[whole] = np.int64(more)
         within[whole] = these
         n_above += ones(more)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from hdc.compiled.encode import put
+from hdc.compiled.encode import put, rest_of
 from hdc.compiled.operations import WORD, compile_kernel, greater, of_pixels, share
 
 
@@ -92,8 +92,6 @@ def _exceed(values, levels, words):
             for w in range(whole):
                 row[w] = np.int64(greater(values, i, w * WORD, levels[i, t]))
             if rest:
-                row[whole] = 0
-                for j in range(rest):
-                    is_above = values[i, whole * WORD + j] > levels[i, t]
-                    row[whole] |= np.int64(is_above) << j
+                above, _ = rest_of(values, i, whole * WORD, levels[i, t], levels[i, t])
+                row[whole] = np.int64(above)
             put(row, words[i], t * n_pixels)

@@ -11,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import inputs
+from hdc import backends, inputs
 from hdc.encoders.base import Encoder
 from hdc.encoders.ranks import warn_of_constant
 from hdc.encoders.standardised import FRACTION, standardised
@@ -19,7 +19,9 @@ from hdc.tensors import checked
 
 GIVEN = "given"
 """Stands in a file for a frame that was given."""
-_STEP = 2**20  # pixels of several frames at a time; 8 bytes each, several times
+_STEP = 2**18
+"""Pixels at a time, at 8 bytes each, several times: what the cache of a processor holds."""
+_STEP_OF_MANY = 2**20  # of kernels, which share frames among threads, and of a GPU
 
 
 class RelativeEncoder(Encoder):
@@ -136,5 +138,6 @@ def _largest(n_pixels: int) -> int:
 
 
 def _frames_at_a_time(frames: Any) -> int:
+    many = backends.in_use.get() or getattr(frames, "is_cuda", False)
     n_pixels = math.prod(frames.shape[1:])
-    return max(1, _STEP // max(1, n_pixels))
+    return max(1, (_STEP_OF_MANY if many else _STEP) // max(1, n_pixels))

@@ -39,25 +39,9 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
         divisors = np.array(deviations, np.float64)
         values = kernels.in_steps(images, totals.astype(float), divisors, _STEPS)
         return torch.from_numpy(values)
-    if flat.dtype == torch.uint8:
-        values = torch.empty(flat.shape, dtype=torch.int32, device=flat.device)
-        for frame, row in zip(flat, values, strict=True):
-            counts = torch.bincount(frame, minlength=256)
-            table = values_of_greys(counts[None])[0]
-            torch.index_select(table, 0, frame.int(), out=row)
-        return values
     pixels = integers(flat, first)
     squares = (pixels * pixels).sum(1)
     return _in_steps(pixels, pixels.sum(1), squares, n_pixels)
-
-
-def values_of_greys(counts: Tensor) -> Tensor:
-    """Values of the greys 0 to G − 1 in frames of such histograms: int64 to int32 [N, G]."""
-    greys = torch.arange(counts.shape[1], device=counts.device)
-    totals = (counts * greys).sum(1)
-    squares = (counts * greys * greys).sum(1)
-    n_pixels = int(counts[:1].sum())
-    return _in_steps(greys.expand(counts.shape), totals, squares, n_pixels)
 
 
 def _in_steps(pixels: Tensor, sums: Tensor, squares: Tensor, n_pixels: int) -> Tensor:
@@ -65,9 +49,8 @@ def _in_steps(pixels: Tensor, sums: Tensor, squares: Tensor, n_pixels: int) -> T
     squares, in steps of 2⁻¹⁶ deviations: int32 [N, k]."""
     deviations = _deviations(sums, squares, n_pixels)
     divisors = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
-    centred = n_pixels * pixels - sums[:, None]
-    scaled = centred.double() * _STEPS
-    return (scaled / divisors[:, None]).floor().to(torch.int32)
+    values = pixels.double().mul_(n_pixels).sub_(sums[:, None])  # in place, still whole
+    return values.mul_(_STEPS).div_(divisors[:, None]).floor_().to(torch.int32)
 
 
 def _deviations(sums: Any, squares: Any, n_pixels: int) -> list[int]:
