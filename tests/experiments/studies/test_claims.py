@@ -44,8 +44,8 @@ def test_the_frozen_verdicts_are_those_of_the_committed_table(history):
             for column in frozen.keys() & row.keys():
                 assert frozen[column] == row[column], column
                 same += 1
-    assert not by_name
-    assert same >= 18 * 20
+    assert set(by_name) == {("objects", "published")}  # which says nothing
+    assert same >= 17 * 20
 
 
 @pytest.mark.parametrize(("version", "name"), [(2, "rules.yaml"), (3, "rules_3.yaml")])
@@ -85,9 +85,14 @@ def test_verdicts_are_read_as_rules_3_say(history):
     assert others == {"recalibration": "undecided"}
 
 
-def test_the_table_shows_every_verdict(committed):
+def test_the_table_shows_every_verdict_that_says_something(committed):
     table = committed.table("claims")
-    assert table.csv() == view.HISTORY.read_text("utf-8")
+    left = [
+        line
+        for line in view.HISTORY.read_text("utf-8").splitlines(keepends=True)
+        if "-100,0," not in line
+    ]
+    assert table.csv() == "".join(left)
     cells = {}
     for row, texts in zip(records(table.data), table.cells(), strict=True):
         cells[tuple(row[key] for key in table.key)] = dict(
