@@ -12,6 +12,7 @@ from experiments.records.results import RUNS, Results
 from experiments.records.run import Finished, Unfinished
 from experiments.reporting import comparison
 from experiments.reporting.columns import Column
+from experiments.reporting.plot import save
 from experiments.reporting.study import Figure, Quantity, Study
 from experiments.reporting.table import Table, frame, text_for
 from experiments.reporting.text import number
@@ -142,10 +143,6 @@ class Answers:
 
     def _draw(self, folder: Path) -> Iterator[Path]:
         """Draw every figure; the files, with the CSV of what no table of the study shows."""
-        from experiments.reporting.plot import (
-            save,  # --help does not wait for matplotlib
-        )
-
         for study in self.studies:
             shown = {table.name for table in study.tables}
             for figure, table in self.figures(study):

@@ -34,6 +34,7 @@ import pandas as pd
 from experiments.records import configs
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
+from experiments.reporting.plot import STYLE, head, literal
 from experiments.reporting.table import Table, Text, text_for
 from experiments.reporting.text import frames_of
 
@@ -96,10 +97,11 @@ class Figure:
 
     def draw(self, data: pd.DataFrame) -> Canvas:
         """The matplotlib figure of some values."""
-        from experiments.reporting.plot import STYLE, head, literal, plt
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure as Canvas
 
-        with plt.rc_context(fname=STYLE):
-            figure = plt.figure(figsize=self.size, layout="constrained")
+        with rc_context(fname=STYLE):
+            figure = Canvas(figsize=self.size, layout="constrained")
             self.draws(figure, data)
             texts = (self.title, self.details)
             title, details = (text_for(text, data) for text in texts)

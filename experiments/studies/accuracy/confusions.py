@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
 
 from experiments.records import configs
 from experiments.records.results import RUNS, by_scene, of_experiment
@@ -19,6 +18,10 @@ from experiments.reporting.resamples import mean_matrix
 from experiments.reporting.study import RUN, Figure
 from experiments.reporting.table import Table
 from experiments.reporting.trained import split_of, whole
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
 SPATIAL = "spatial"
 SPATIAL_CORRELATION = (

@@ -4,12 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
 from experiments.records.results import ROW, RUNS
@@ -36,6 +33,10 @@ from experiments.reporting.trained import (
     whole,
 )
 from experiments.studies.accuracy import confusions, own
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
 ALL_SCENES = "all_scenes"
@@ -115,9 +116,9 @@ def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
         axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
     _draw_published(panels, shown[0])
     below = panels[-1].xaxis
-    below.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400]))
-    below.set_minor_locator(NullLocator())
-    below.set_major_formatter(FuncFormatter(lambda n, _: f"{n:g}"))
+    ticks = [n for n in (5, 10, 20, 50, 100, 200, 400) if n >= min(sizes) / 1.35]
+    below.set_ticks(ticks, map(str, ticks))
+    below.set_ticks([], minor=True)
     panels[-1].set_xlabel("training samples N")
 
 

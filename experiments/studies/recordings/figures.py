@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
-from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
 
 from experiments.records import configs
 from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.facets import intervals
 from experiments.reporting.plot import (
     LETTERS,
+    entry,
     handle,
     legend_below,
     literal,
@@ -36,6 +33,10 @@ from experiments.studies.recordings.accuracies import (
     unsaturated,
 )
 from experiments.studies.recordings.tables import COSTS_OF, costs
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
 SPLIT = "test frames of another time, session, group or position than those of training"
 WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
@@ -66,6 +67,8 @@ def forest(frame: pd.DataFrame) -> pd.DataFrame:
 
 def draw_forest(figure: Canvas, data: pd.DataFrame) -> None:
     """Two panels: five frames per class, and the most."""
+    from matplotlib.patches import Patch
+
     rows = _rows(data)
     figure.set_size_inches(WIDTH, 1.2 + 0.22 * len(rows))
     panels = figure.subplots(1, 2, sharey=True, sharex=True)
@@ -93,8 +96,7 @@ def draw_forest(figure: Canvas, data: pd.DataFrame) -> None:
     for label, name in zip(panels[0].get_yticklabels(), rows, strict=True):
         label.set_fontweight("bold" if name in HEADINGS else "normal")
     handles: list[Any] = [
-        Line2D([], [], ls="", ms=5, label=NAMES[form], **LOOKS[form])
-        for form in CONFIRMATORY
+        entry(NAMES[form], ls="", ms=5, **LOOKS[form]) for form in CONFIRMATORY
     ]
     handles.append(Patch(color="0.88", label=f"±{MARGIN:g} points"))
     legend_below(figure, handles, 3)
@@ -163,7 +165,7 @@ def draw_errors(figure: Canvas, data: pd.DataFrame) -> None:
         axes.set(xlabel="training (s)", ylabel="test error (%)")
         axes.set_ylim(bottom=-4 * rows.error.max())  # shows a whole marker at zero
     named = [handle(model) for model in NAMED if model in set(data.model)]
-    legend_below(figure, [*named, Line2D([], [], label="other models", **_OTHER)], 4)
+    legend_below(figure, [*named, entry("other models", **_OTHER)], 4)
 
 
 _OTHER: Any = {"ls": "", "marker": ".", "color": "0.7"}

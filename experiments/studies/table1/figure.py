@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
 
 from experiments.records import configs
 from experiments.records.results import ROW, RUNS, of_experiment
@@ -22,6 +22,10 @@ from experiments.reporting.table import Table
 from experiments.reporting.trained import extra_models, learning
 from experiments.studies.table1 import models
 from experiments.studies.table1.tables import OF, on_scene, with_hdc_seconds
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
 _LEGEND_WIDTH = 22  # characters of a name on one line
 
