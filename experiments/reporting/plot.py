@@ -8,7 +8,7 @@ from __future__ import annotations
 import io
 import re
 import textwrap
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -37,7 +37,6 @@ _OPTIONS: dict[str, dict[str, Any]] = {
     "svg": {"metadata": {"Date": None}},
     "webp": {"pil_kwargs": {"quality": 40}},
 }
-_MOST_ENTRIES = 4  # of the legend of a panel
 _LINE = 60 / 3.4  # characters of a head's line, an inch
 
 
@@ -78,12 +77,6 @@ def entry(label: str, **look: Any) -> Line2D:
 def handle(model: str, width: int = 100, **look: Any) -> Line2D:
     """The legend's entry of a model; its name in lines of so many characters."""
     return entry(wrapped(display_name(model), width), **(look or look_of(model)))
-
-
-def by_panel(models: Sequence[str]) -> list[Sequence[str]]:
-    """Models in groups, one per panel, as many in each as its legend may name."""
-    places = range(0, len(models), _MOST_ENTRIES)
-    return [models[k : k + _MOST_ENTRIES] for k in places]
 
 
 def published_point(axes: Axes, model: str, x: float, y: float, size: float) -> None:

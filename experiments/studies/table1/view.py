@@ -16,9 +16,14 @@ from experiments.reporting.study import RUN, Numbers, Quantity, Study
 from experiments.reporting.table import Table, records
 from experiments.reporting.text import counted, number, percent, two_digits
 from experiments.reporting.trained import caption
-from experiments.studies.table1 import figure, models, tables
-from experiments.studies.table1.models import PAPER
-from experiments.studies.table1.tables import AT_LEAST, AT_PAPERS, OVER_NUMPY, RATIO
+from experiments.studies.table1 import figure, tables
+from experiments.studies.table1.tables import (
+    AT_LEAST,
+    AT_PAPERS,
+    OVER_NUMPY,
+    PAPER,
+    RATIO,
+)
 from experiments.studies.table1.times import grid
 
 KEY = ("scene", "model", "n_train", "pixels")
@@ -78,7 +83,7 @@ def note(data: pd.DataFrame) -> str:
 
 
 def _papers_levels() -> Iterator[str]:
-    levels = {model: models.papers_training_accuracy(model) for model in models.PAPER}
+    levels = {model: tables.papers_training_accuracy(model) for model in PAPER}
     known = [f"{display_name(m)} {percent(v)} %" for m, v in levels.items() if v]
     yield f"The paper's training accuracies: {'; '.join(known)}."
 
@@ -94,7 +99,7 @@ def _over_numpy(rows: list[dict[str, Any]]) -> Iterator[str]:
     known = [
         f"{display_name(r['model'])} {two_digits(r[OVER_NUMPY])}"
         for r in rows
-        if models.papers_row(r["model"]) == "softmax" and r.get(OVER_NUMPY)
+        if tables.papers_row(r["model"]) == "softmax" and r.get(OVER_NUMPY)
     ]
     if known:
         yield f"Time relative to HDC by numpy.median: {'; '.join(known)}."

@@ -9,7 +9,7 @@ import pytest
 from experiments.records import store
 from experiments.reporting import published
 from experiments.reporting.table import records
-from experiments.studies.table1.models import LINES
+from experiments.studies.table1.tables import LINES
 from experiments.studies.table1.view import STUDY
 
 RATIO = "training_time_over_hdc"

@@ -20,7 +20,7 @@ from experiments.reporting.table import ENDS, Table
 from experiments.reporting.table import frame as table_of
 from experiments.reporting.text import interval, number, percent, two_digits
 from experiments.reporting.trained import split_of
-from experiments.studies.table1 import models
+from experiments.studies.table1 import tables
 from experiments.studies.table1.tables import on_scene
 
 if TYPE_CHECKING:
@@ -96,7 +96,7 @@ def _line(
     known = hdc_s.notna()
     ratios = (seconds / hdc_s)[known].tolist()
     ratio, coverage = median_range(ratios)
-    line: Line = {"way": way, "model": model, "scene": models.scene()}
+    line: Line = {"way": way, "model": model, "scene": tables.scene()}
     line |= {"seconds": float(np.median(seconds)), **ratio.columns("ratio")}
     line |= {"at_least": None, "runs": len(ratios), "coverage": coverage}
     if ratio.value == math.inf:
