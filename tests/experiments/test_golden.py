@@ -45,7 +45,7 @@ def run(compose):
 def test_table_1_of_a_small_scene_is_the_committed_one(
     results, one_thread, monkeypatch, run
 ):
-    monkeypatch.setattr(models, "scene", lambda: "small")
+    monkeypatch.setattr(tables, "scene", lambda: "small")
     for model in tables.LINES:
         for seed in ("0", "1") if model in ("hdc", "softmax_dual") else ("0",):
             run(*SMALL, *SHORT, f"model={model}", f"seed.run={seed}", scene="small", model=model,

@@ -24,7 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-ALL_SCENES, SPATIAL = "all_scenes", "spatial"
+ALL_SCENES = "all_scenes"
+SPATIAL = "spatial"
 SPATIAL_CORRELATION = (
     f"{RUN}correlation scene=spatial 'task.kinds=[prototype]' 'task.samples=[held-out]'"
 )

@@ -49,8 +49,8 @@ def several(table: pd.DataFrame) -> pd.DataFrame | None:
 def accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
     """Accuracies against the number N of training samples, of one's own models, too."""
     (scene,) = configs.sweep("accuracy_vs_n")["scene"]
-    models = ["hdc", *extra_models(runs, scene)]
-    here = runs[runs.model.isin(models) & (runs.scene == scene) & (runs.asked_d == 0)]
+    wanted = runs.model.isin(extra_models(runs, scene)) | runs.model.eq("hdc")
+    here = runs[wanted & (runs.scene == scene) & (runs.asked_d == 0)]
     own_rows = of_runs(here)[lambda rows: rows.model != "hdc"]
     rows = swept(runs, "accuracy_vs_n")
     return several(pd.concat([rows, own_rows]) if len(own_rows) else rows)
@@ -63,9 +63,9 @@ def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
     size = rows.asked_n.where(rows.asked_n > 0, math.inf).astype(float)
     rows = rows.loc[size.groupby([rows.scene, rows.model], sort=False).idxmax()]
     is_hdc = rows.model.str.partition(" (")[0].eq("hdc")
-    ordered = rows.assign(hdc=~is_hdc, at=rows.scene.map(by_place))
-    ordered = ordered.sort_values(["at", "hdc"], kind="stable")
-    return ordered.drop(columns=["hdc", "at", *ROW[2:]])
+    ordered = rows.assign(other=~is_hdc, at=rows.scene.map(by_place))
+    ordered = ordered.sort_values(["at", "other"], kind="stable")
+    return ordered.drop(columns=["other", "at", *ROW[2:]])
 
 
 def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:

@@ -50,16 +50,6 @@ def built(*tables, figure="a_figure", text="f", known=None, folder="mine"):
     return Page(page.render([part], numbers, [text]))
 
 
-def test_it_needs_files_beside_it_only_and_every_anchor_once():
-    found = built()
-    names = [value for key in ("src", "href") for value in found.all(key)]
-    links = {name for name in names if not name.startswith(("#", "data:,"))}
-    assert links == {"../mine/figures/a_figure.svg", "../mine/tables/some.csv"}
-    anchors = found.all("id")
-    assert len(set(anchors)) == len(anchors)
-    assert {name[1:] for name in names if name.startswith("#")} <= set(anchors)
-
-
 def test_the_reference_stands_in_a_cell_that_differs_and_in_no_other():
     for known, beside in ((0.75, 1), (0.5, 0)):
         found = built(known=a_table(value=known, text="f"))

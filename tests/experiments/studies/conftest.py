@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-from matplotlib import pyplot as plt
 
 CLASSES = {
     "finger": ["L1", "L2", "L3", "R1", "R2", "R3", "None"],
@@ -49,8 +48,7 @@ def figures(answers):
         made = answers(study).figures(study)
         return {figure.name: figure.draw(table.data) for figure, table in made}
 
-    yield draw
-    plt.close("all")
+    return draw
 
 
 @pytest.fixture
