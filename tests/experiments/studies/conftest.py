@@ -60,7 +60,7 @@ def drawn(figures):
         found = {}
         for name, figure in figures(study).items():
             figure.draw_without_rendering()
-            box = figure.get_tightbbox(figure.canvas.get_renderer())  # in inches
+            box = figure.get_tightbbox()  # in inches
             assert min(box.x0, box.y0) >= 0, name
             assert box.x1 <= figure.get_figwidth(), name
             assert box.y1 <= figure.get_figheight(), name
