@@ -174,7 +174,8 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
         ]
         if not sections and shown:
             continue  # one's own have it all
-        shown |= {one.name for s in sections for one in (*s.tables, *s.figures)}
+        shown |= {table.name for section in sections for table in section.tables}
+        shown |= {figure.name for section in sections for figure in section.figures}
         own = answers.name == MINE
         drawn = (REFERENCE / "figures").glob("*[!csv]") if own else ()
         yield Part(

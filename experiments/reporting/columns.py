@@ -93,25 +93,12 @@ COLUMNS: dict[str, Column] = {
     "n_train": Column("N"),
     "pixels": Column("D", _pixels),
     "seeds": Column("Seeds"),
-    "stop": Column("Stop"),
     "status": Column("Status", cell=_status),
     "training_time_s": Column(
         "Training time, s",
         note="Training time: iterative models, until training accuracy exceeds 90 %; one-pass "
         "models, until fitted. Median over seeds; empty where runs were timed beside others.",
         of_machine=True,
-    ),
-    "total_time_s": Column("Until it stopped, s", of_machine=True),
-    "train_accuracy_at_target": Column("Training accuracy at 90 %, %", percent),
-    "test_accuracy_at_target": Column(
-        "Test accuracy when training passes 90 %, %", percent
-    ),
-    "train_accuracy_max": Column("Training accuracy, maximum, %", percent),
-    "train_accuracy_final": Column("Training accuracy, %", percent),
-    "test_accuracy_max": Column(
-        "Test accuracy, maximum, %",
-        percent,
-        note="A maximum over a run has no interval.",
     ),
     "test_accuracy_final": Column(
         "Test accuracy, % [95 %]",
@@ -125,18 +112,11 @@ COLUMNS: dict[str, Column] = {
         note="Difference from HDC: paired by seed on the same test samples; above zero, the model "
         "is more accurate.",
     ),
-    "n_test": Column("Test samples"),
     "model_bytes": Column("Size", size),
     "predict_single_s": Column(
         "Prediction, ms per frame", milliseconds, of_machine=True
     ),
-    "predict_batch_s_per_frame": Column(
-        "Prediction in a batch, ms per frame", milliseconds, of_machine=True
-    ),
     "origin": Column("Frames"),
-    "cpu": Column("Processor"),
-    "threads": Column("Threads"),
-    "code": Column("Code"),
     # Of measurements.
     "accuracy": Column("Accuracy, %", percent),
     "test_accuracy": Column("Test accuracy, %", percent),

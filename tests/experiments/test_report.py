@@ -108,6 +108,7 @@ def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
     assert 0 < page.index("<h2>Your results") < page.index("<h2>Reference results")
     assert page.count('id="table1"') == 1  # one's own
     assert "of your numbers lie outside the interval of the reference" in page
+    assert "<small>reference: 99.5 to 100</small>" in page
 
 
 def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):

@@ -289,21 +289,11 @@ COSTS = Table(
         "model": Column("Model", display_name),
         "error": Column("Error, %", percent),
         "fit_s": Column("Training, s", cell=_of_either("fit", number), of_machine=True),
-        "fit_compiled_s": Column("Training by kernels, s", of_machine=True),
-        "fit_best_s": Column("Training, s", of_machine=True),
-        "fit_relative": Column("Training relative to softmax", number),
         "predict_frame_s": Column(
             "Prediction, ms per frame",
             cell=_of_either("predict_frame", milliseconds),
             of_machine=True,
         ),
-        "predict_frame_compiled_s": Column(
-            "Prediction by kernels, ms per frame", milliseconds, of_machine=True
-        ),
-        "predict_frame_best_s": Column(
-            "Prediction, ms per frame", milliseconds, of_machine=True
-        ),
-        "predict_frame_relative": Column("Prediction relative to softmax", number),
         "bytes": Column("Stored", size),
         "bits": Column("Bits per pixel and class", two_digits),
     },
