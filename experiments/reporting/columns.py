@@ -7,7 +7,7 @@ A table shows a column ``x`` that has ``x_low`` and ``x_high`` beside it as one 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -61,15 +61,6 @@ def scene_name(scene: str) -> str:
     name = re.match(r"[\w.-]*", scene)[0]  # type: ignore[index]  # matches any text
     shown = configs.scene_display(name)["name"]
     return f"{shown}{scene.removeprefix(name)}"
-
-
-def model_columns(
-    models: Iterable[str],
-    unit: str,
-    show: Callable[[Any], str],
-) -> dict[str, Column]:
-    """A column for each model, with its name and the unit as its head."""
-    return {model: Column(f"{display_name(model)}{unit}", show) for model in models}
 
 
 def milliseconds(seconds: float) -> str:

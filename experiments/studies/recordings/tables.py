@@ -15,7 +15,6 @@ from experiments.reporting.columns import (
     Column,
     display_name,
     milliseconds,
-    model_columns,
     scene_name,
 )
 from experiments.reporting.resamples import RIVAL, models_of, saturated
@@ -117,7 +116,7 @@ def _values_of(data: pd.DataFrame) -> list[str]:
 def _columns(data: pd.DataFrame) -> dict[str, Column]:
     """How the columns are shown: what a row is of, and a column per model."""
     models = [name for name in _values_of(data) if name not in ABOUT]
-    return {**ABOUT, **model_columns(models, ", %", percent)}
+    return ABOUT | {m: Column(f"{display_name(m)}, %", percent) for m in models}
 
 
 def _shown(data: pd.DataFrame) -> list[str]:
