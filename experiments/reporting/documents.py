@@ -102,11 +102,9 @@ def results_page(answers: Answers) -> str:
         parts += map(_figure, figures)
         links = [f"[{t.name}]({_RESULTS}/tables/{t.name}.csv)" for t in tables]
         parts.append(f"Tables: {', '.join(links)}." if links else "")
-        commands: dict[str, None] = {}
-        made = [*(f.commands for f in figures), *(t.commands for t in tables)]
-        for made_by in made:
-            commands |= dict.fromkeys(map(_bare, made_by))
-        known = filter(_can_run, commands)
+        made = [command for figure in figures for command in figure.commands]
+        made += [command for table in tables for command in table.commands]
+        known = filter(_can_run, dict.fromkeys(map(_bare, made)))
         parts.append("\n".join(f"    {command}" for command in known))
     return "\n\n".join(filter(None, parts))
 

@@ -17,7 +17,7 @@ from experiments.protocol.train_test import train_and_test
 from experiments.records import store
 from experiments.records.results import Results
 from experiments.reporting.answers import Answers
-from experiments.studies.table1 import models, view
+from experiments.studies.table1 import tables, view
 from hdc import HDCClassifier
 
 GOLDEN = Path(__file__).parent / "golden" / "table1.csv"
@@ -45,8 +45,8 @@ def run(compose):
 def test_table_1_of_a_small_scene_is_the_committed_one(
     results, one_thread, monkeypatch, run
 ):
-    monkeypatch.setattr(models, "scene", lambda: "small")
-    for model in models.LINES:
+    monkeypatch.setattr(tables, "scene", lambda: "small")
+    for model in tables.LINES:
         for seed in ("0", "1") if model in ("hdc", "softmax_dual") else ("0",):
             run(*SMALL, *SHORT, f"model={model}", f"seed.run={seed}", scene="small", model=model,
                 stop="short")  # fmt: skip

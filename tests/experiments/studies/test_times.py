@@ -216,11 +216,11 @@ def table(answers):
 
 
 def test_a_ratio_is_the_median_over_seeds_between_order_statistics(
-    table, write_measurement, write_run, drawn
+    table, write_measurement, write_run
 ):
     rows = [row("tuned", "cnn1", t, 10.0 + 2 * t) for t in range(7)]
     rows += [row("tuned", "hdc", t, 2.0) for t in range(7)]
-    rows += [row("tuned", "cnn3", 0, 40.0), row("libraries", "cnn3", 0, None)]
+    rows += [row("libraries", "cnn3", 0, None)]
     rows += [row("default", "cnn1", 0, 7.0)]  # of a time before the runs had it
     write_measurement("times_grid", rows, scene="touch")
     other = {"scene": "diffuser", "changed": {"scene.template": '"x"'}}  # frames
@@ -231,35 +231,28 @@ def test_a_ratio_is_the_median_over_seeds_between_order_statistics(
         beside = {"hdc": 3.0}  # the mean of before and after, not a run of HDC
         write_run("cnn1", seed=seed, curve=reached_after(seconds), beside_s=beside)
     write_run("ridge", curve=[{"training_s": 4.0}])  # none beside it: no ratio
-    write_run("hdc", scene="fibre_grouped", origin="computed", classes="abcde")
     made = table()
     found = {(line["way"], line["model"]): line for line in records(made.data)}
     assert list(found) == [
         ("libraries", "cnn3"), ("default", "hdc"), ("default", "cnn1"),
-        ("tuned", "hdc"), ("tuned", "cnn1"), ("tuned", "cnn3"),
+        ("tuned", "hdc"), ("tuned", "cnn1"),
     ]  # fmt: skip
     for place, expected in (
         (("tuned", "cnn1"), (16, 8, 5, 11, 7)),
-        (("tuned", "cnn3"), (40, 20, None, None, 1)),
         (("default", "cnn1"), (60, 20, 10, 30, 3)),
         (("libraries", "cnn3"), (np.inf, np.inf, None, None, 1)),
     ):
         names = ("seconds", "ratio", "ratio_low", "ratio_high", "runs")
         assert tuple(found[place][name] for name in names) == expected, place
     assert found["tuned", "cnn1"]["coverage"] == pytest.approx(1 - 2 / 2**7)
-    ours = found["default", "cnn1"]
-    assert [ours["train_accuracy"], ours["test_accuracy"]] == pytest.approx([0.95, 0.8])
+    assert found["default", "cnn1"]["test_accuracy"] == pytest.approx(0.8)
     assert found["libraries", "cnn3"]["at_least"] == 30
     cells = {tuple(cells[:2]): cells[2:] for cells in made.cells()}
     assert cells["tuned", "CNN, 1 layer"][:3] == ["16.0", "8.0 [5.0, 11]", "7"]
     assert cells["standard libraries", "CNN, 3 layers"][:2] == ["not reached", "> 30"]
-    words = drawn(STUDY)["times_grid"]
-    assert "training time relative to HDC" in words
-    assert "Touch, simulated frames, random split, 20 % test" in words
     # The row of Table I has the same ratio.
     line = next(r for r in records(table("table1").data) if r["model"] == "cnn1")
-    ratios = [line[f"training_time_over_hdc{end}"] for end in ENDS]
-    assert ratios == [ours[f"ratio{end}"] for end in ENDS]
+    assert [line[f"training_time_over_hdc{end}"] for end in ENDS] == [20, 10, 30]
 
 
 def test_a_training_that_never_got_there_is_drawn_at_its_bound(

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from matplotlib.figure import Figure as Canvas
 
 from experiments.reporting.columns import Column
 from experiments.reporting.plot import legend_below
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 NAMES = [
     *("case", "part", "extreme", "naive", "ours", "unit", "tolerance"),

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from matplotlib.figure import Figure as Canvas
-from matplotlib.lines import Line2D
 
 from experiments.reporting.columns import Column
-from experiments.reporting.plot import LETTERS, legend_below, panel
+from experiments.reporting.plot import LETTERS, entry, legend_below, panel
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import number
 from experiments.reporting.trained import split_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 # Okabe and Ito's.
 COLOURS = {
@@ -83,7 +84,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
             )
         axes.set(xlabel="run time (ms)", ylabel="loss minus optimum")
         panel(axes, letter, f"condition number {small(kappa)}")
-    lines = [Line2D([], [], color=c, label=name) for name, c in COLOURS.items()]
+    lines = [entry(name, color=c) for name, c in COLOURS.items()]
     legend_below(figure, lines, len(lines))
 
 
