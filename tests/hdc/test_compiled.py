@@ -183,12 +183,12 @@ def test_no_backend_changes_between_fit_and_load(fresh, tmp_path):
 
 
 @needs_numba
-@pytest.mark.parametrize("balance", [True, False])
-def test_a_model_is_the_same_file_by_both(balance, tmp_path):
+@pytest.mark.parametrize("weight", [None, "balanced"])
+def test_a_model_is_the_same_file_by_both(weight, tmp_path):
     frames, labels = frames_of(400, 70), np.arange(400) % 7 % 3
     files = []
     for backend in backends.BACKENDS:
-        readout = Majority(balance=balance)
+        readout = Majority(class_weight=weight)
         model = HDCClassifier(Levels(3), readout, backend=backend).fit(frames, labels)
         model.save(tmp_path / backend)
         files.append((tmp_path / backend).read_bytes())

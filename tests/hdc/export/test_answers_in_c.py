@@ -160,7 +160,7 @@ def test_rejection_by_distances_of_left_out_frames(unequal, gcc, tmp_path):
         return (base[classes] + rng.integers(0, 90, (len(classes), d))).astype(np.uint8)
 
     frames = of(labels)
-    balanced = Majority(balance=True)  # thinned, where classes are unequal
+    balanced = Majority(class_weight="balanced")  # thinned, where classes are unequal
     model = HDCClassifier(readout=balanced).fit(frames, labels)
     plan = Plan.of(model, "touch", alpha=0.2)
     junk = rng.integers(0, 256, (20, d), np.uint8)
