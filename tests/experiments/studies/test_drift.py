@@ -26,8 +26,7 @@ from experiments.studies.drift.measure import (
     updates,
     ways,
 )
-from experiments.studies.drift.numbers import ratio
-from experiments.studies.drift.sessions import accuracies
+from experiments.studies.drift.numbers import accuracies, ratio
 from experiments.studies.drift.zeroing import Unlabelled, first_of_each, rezeroed
 from hdc import HDCClassifier
 from hdc.encoders import Reference

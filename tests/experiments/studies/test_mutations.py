@@ -10,6 +10,7 @@ from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol.experiment import Run
 from experiments.records import configs
 from experiments.studies.footprint import measure as footprint
+from experiments.studies.limits.numerics import measure as numerics
 from experiments.studies.limits.stability.measure import CASES
 from hdc import bits, prototypes
 from hdc.encoders import Levels, Median, deviation, ranks, relative, smoothed
@@ -112,9 +113,6 @@ MUTANTS = {
         Problem, "trace", constant(property(lambda problem: 1.0)), "Kernel, queries"),
     "full steps of Newton": (
         DualSoftmaxRegression, "_objective", after(Accepted), "steps that overshoot"),
-    "phases in float32": (
-        MountedCamera, "intensity", before(lambda c, p: (c, p.float().double())),
-        "phases of a million turns"),
 }  # fmt: skip
 
 
@@ -124,6 +122,17 @@ def test_a_mutant_is_dead(monkeypatch, mutant):
     changed = make(getattr(owner, name, None))
     monkeypatch.setattr(owner, name, changed, raising=name != "min")
     assert BY_NAME[noticed_by].row()["verdict"] == "fails"
+
+
+def test_a_camera_with_phases_in_float32_fails_in_numerics(monkeypatch):
+    def failing():
+        rows = [row for row, _ in numerics.phases() if row["ours"]]
+        return [row["method"] for row in rows if row["error"] > row["tolerance"]]
+
+    assert failing() == []
+    in_float32 = before(lambda camera, phases: (camera, phases.float().double()))
+    monkeypatch.setattr(MountedCamera, "intensity", in_float32(MountedCamera.intensity))
+    assert "to 1e+07 rad" in failing()
 
 
 def test_a_module_that_the_library_does_not_need_fails(tmp_path, monkeypatch):

@@ -1,5 +1,5 @@
-"""Distances, majority, counters and correlations at the sizes where counting goes wrong; references
-are whole numbers."""
+"""Distances, majority and counters at the sizes where counting goes wrong; references are whole
+numbers."""
 
 from __future__ import annotations
 
@@ -11,8 +11,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from experiments.studies.correlation.pairs import mean_pair_correlations
-from experiments.studies.limits.numerics.measure import exact_mean
 from experiments.studies.limits.stability.case import Case, differing, largest
 from hdc import HDCClassifier, bits
 from hdc.prototypes import Counters, merged
@@ -116,22 +114,6 @@ def repeated_merges(times: int = 12, d: int = 2000) -> Any:
     return naive, ours, shares > Fraction(1, 2)
 
 
-def correlation(frames: Array, naive: Any) -> Any:
-    """Of two frames, beside the exact integer sums."""
-    ours = partial(mean_pair_correlations, *[frames.astype(np.uint16)] * 2)
-    return partial(naive, *frames), ours, exact_mean(frames), 1e-10
-
-
-def one_pass(x: Array, y: Array) -> float:
-    """The textbook's (⟨xy⟩ − ⟨x⟩⟨y⟩)/√(…), in float32."""
-    x, y = x.astype(np.float32), y.astype(np.float32)
-    covariance = (x * y).mean() - x.mean() * y.mean()
-    variances = ((x * x).mean() - x.mean() ** 2) * ((y * y).mean() - y.mean() ** 2)
-    return float(covariance / np.sqrt(variances))
-
-
-_drawn = np.random.default_rng(0).integers(0, 65_536, (2, D))
-_drawn[1, ::2] = _drawn[0, ::2]  # half of the pixels are shared
 CASES = [
     Case("counting", "tail bits of 65 pixels", "a complement also sets bits beyond the last pixel",
          "~majority(words, ties to zero)", "hdc.bits.majority(words, 'one')", "bits",
@@ -154,13 +136,4 @@ CASES = [
     Case("counting", "repeated merges",
          "twelve merges of a tenth: votes of 10^12 do not fit, and are halved",
          "uint16 votes", "hdc.prototypes.merged", "bits", differing, repeated_merges),
-    Case("correlations", "mean far above the deviation",
-         "mean 10^6 times the deviation: 65,000² has 10 digits, float32 seven",
-         "⟨xy⟩ − ⟨x⟩⟨y⟩ in float32", "mean_pair_correlations", "correlation",
-         # One pixel in 236 is brighter by one.
-         largest, partial(correlation, 65_000 + (_drawn < 278), one_pass)),
-    Case("correlations", "two samples of a class",
-         "one pair; the mean over a whole Gram matrix counts each frame with itself",
-         "mean of numpy.corrcoef", "mean_pair_correlations", "correlation",
-         largest, partial(correlation, _drawn // 256, lambda *xy: np.corrcoef(*xy).mean())),
 ]  # fmt: skip

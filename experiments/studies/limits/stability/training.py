@@ -1,8 +1,7 @@
-"""Learning and sensing from extreme data; references are integers, closed forms and definitions."""
+"""Learning from extreme or degenerate data; references are closed forms and definitions."""
 
 from __future__ import annotations
 
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -13,23 +12,7 @@ from torch import Tensor
 
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
-from experiments.studies.limits.numerics.measure import camera_of, exact_intensity
-from experiments.studies.limits.stability.case import Case, largest, relative
-from scenes.sensor.camera import Camera
-from scenes.sensor.seeds import stream
-
-
-def phases_of_a_million_turns() -> Any:
-    camera = Camera(grid=64, crop=60, pupil=24)
-    drawn = stream(3, "numerics").uniform(-1e7, 1e7, camera.path_count)
-    phases = torch.from_numpy(drawn)[None]
-    intensity = camera_of(camera).intensity
-    return (
-        lambda: intensity(phases.float().double()),
-        partial(intensity, phases),
-        exact_intensity(camera, drawn)[None],
-        1e-4,
-    )
+from experiments.studies.limits.stability.case import Case, relative
 
 
 def logits_of_ten_thousand() -> Any:
@@ -90,10 +73,6 @@ def steps_that_overshoot(c: float = 1e6) -> Any:
 
 
 CASES = [
-    Case("sensor", "phases of a million turns",
-         "phases of up to 10^7 rad, a million turns: float32 resolves 1 rad there",
-         "phases in float32", "MountedCamera.intensity", "mean intensities",
-         largest, phases_of_a_million_turns),
     Case("training", "logits of ten thousand",
          "logits of ±10,160 and a wrong label: e^10160 is above any float, ∞/∞ is NaN",
          "−log(exp(z) / Σ exp(z))", "SoftmaxRegression", "relative",
