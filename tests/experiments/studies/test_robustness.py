@@ -160,10 +160,8 @@ OF_FLOATS = [
     ("name", "cases"),
     [
         ("hdc", CASES),
-        ("hdc_levels_lda", CASES),
         ("bits_chosen", CASES),
         ("ridge", CASES + OF_FLOATS),
-        ("nearest_neighbour", CASES),
     ],
 )
 def test_every_model_is_measured_and_left_as_it_was(name, cases, scene, monkeypatch):

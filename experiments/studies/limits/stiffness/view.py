@@ -140,8 +140,8 @@ TABLE = Table(
     "condition number; frames are centred. Each method starts at zero weights and ends at a "
     "millionth of the first error (arrived), with its time, or where it goes no further. Adam: the "
     "rate falls to zero by a cosine; that which arrived first, or came nearest. SoftmaxRegression "
-    "and DualSoftmaxRegression are those of this project. Newton's method in extended precision finds "
-    "the optimum.",
+    "and DualSoftmaxRegression are those of this project. Newton's method in extended precision "
+    "finds the optimum.",
 )
 FIGURE = Figure(
     "stiffness",
