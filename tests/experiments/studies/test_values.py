@@ -49,12 +49,6 @@ def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
     assert min(inside.values()) > 0.8
 
 
-def test_values_below_the_least_are_left_out(scene):
-    mean, *_ = values.rows(Run(), {}, SPLITS, n_train=[20], draws=1, at_least=5.0)
-    assert 25 < mean["n_test"] < 55
-    assert mean["error"] < 1.6  # of 5 mm; of all 10 mm, it is 2.5
-
-
 @pytest.mark.filterwarnings("ignore:lda. no class has two")
 def test_sets_hold_their_promise_and_noise_is_refused(scene):
     rows = pd.DataFrame(
@@ -70,15 +64,6 @@ def test_sets_hold_their_promise_and_noise_is_refused(scene):
     assert (many.refused < 0.18).all()
     assert (many.unknown_refused == 1).all()
     assert (rows.answers.isna() == (rows.n == 1)).all()  # one frame fits no probability
-    at_most = rows[rows.n == most]
-    for line in at_most.itertuples():  # tenths of the probability
-        answers, sure = np.array(line.answers), np.array(line.sure)
-        assert (answers * np.arange(10) / 10 <= sure + 1e-9).all()
-        assert (sure <= answers * np.arange(1, 11) / 10 + 1e-9).all()
-    bins = at_most[["answers", "right", "sure"]].map(np.sum)
-    assert (bins.answers == at_most.n_test).all()
-    assert (bins.right > 0.8 * bins.answers).all()
-    assert bins.sure.sum() == pytest.approx(bins.right.sum(), rel=0.1)
 
 
 # Calibration --------------------------------------------------------------------------------------
@@ -112,14 +97,6 @@ def test_perfect_probabilities_have_the_error_of_chance():
     lines = [bins_of(sure, rng.random(1000) < sure, draw) for draw in range(200)]
     found = view.calibrated(pd.concat(lines))
     assert found.perfect[0] == pytest.approx(found.calibration.mean(), rel=0.1)
-
-
-def test_a_bin_of_few_answers_is_not_drawn():
-    sure, right = np.repeat([0.25, 0.85], [19, 20]), np.arange(39) % 2 == 0
-    few = bins_of(sure, right).assign(n=10, sure=0)  # not the most training frames
-    drawn = view.reliability(pd.concat([few, bins_of(sure, right)]))
-    assert drawn.place.tolist() == [8]
-    np.testing.assert_allclose(drawn[["probability", "right"]], [[85, 50]])
 
 
 def test_ridge_of_values_is_that_of_scikit_learn():
