@@ -231,7 +231,10 @@ def _left_out(answers: Answers) -> Iterator[str]:
     known = {name for study in answers.studies for name in _experiments(study)}
     for measured in answers.results.measurements:
         module = measured.task.rpartition(".")[0]
-        if measured.name not in known and module.partition(".")[0] != "experiments":
+        if (
+            measured.experiment not in known
+            and module.partition(".")[0] != "experiments"
+        ):
             yield f"{measured.id}: no table shows it; if {module} has a STUDY: --study {module}"
 
 

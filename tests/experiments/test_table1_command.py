@@ -11,11 +11,11 @@ from rich.console import Console
 from experiments import report, table1
 from experiments.protocol.settings import checked
 from experiments.protocol.stop import StopRule
-from experiments.records import configs
 from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.reporting import terminal
 from experiments.studies.table1.view import STUDY, TABLE1
+from tests.experiments.composed import part
 
 
 def epochs(*pairs):
@@ -195,7 +195,7 @@ def test_the_time_that_is_promised_stands_in_the_readme():
 @pytest.mark.parametrize(("steps", "reason"), [(99, None), (100, "steps")])
 def test_a_slow_machine_trains_the_networks_as_far_as_a_quick_one(steps, reason):
     """The third network ended after 110 s, with 20 to 47 % of its training frames learnt."""
-    rule = checked(configs.part("stop", "quick")["stop"], StopRule)
+    rule = checked(part("stop", "quick")["stop"], StopRule)
     assert rule.check(training_s=1000.0, steps=steps, loss=1.4) == reason
 
 

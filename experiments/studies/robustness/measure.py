@@ -9,7 +9,7 @@ a second time with 8 bits a number: is it the method that tolerates faults, or t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -19,52 +19,57 @@ from experiments.protocol import data
 from experiments.protocol.clock import Clock
 from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import train_until
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.robustness import disturbances as faults
 from hdc import HDCClassifier
 from scenes.frames import Scene
 
 
-@experiment(revision=3, uses=("hdc.HDCClassifier",))
-def robustness(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Split,
-    models: Mapping[str, Mapping[str, Any]],
-    stop: StopRule,
-    stops: Mapping[str, StopRule],
-    seeds: Sequence[int],
-    disturbances: Mapping[str, Sequence[float]],
-    bit_error_rates: Sequence[float],
-    query_error_rates: Sequence[float] = (),
-    spared: Mapping[str, Sequence[str]] | None = None,
-) -> Iterator[Row]:
+class Robustness(Task, frozen=True):
     """One row: a trained model under one disturbance, ``right`` of ``n_test`` samples.
 
     ``level`` is that of the ``disturbance``, a fraction or pixels. Models are on the CPU.
     Arguments: configs/experiment/robustness.yaml.
     """
-    for seed, sensor in run.scenes(scene, seeds):
-        train, test = choose(sensor, split, seed)
-        frames = data.take(sensor, train, Clock())
-        for name, model in models_of(at_seed(models, seed)).items():
-            rule = stops.get(name, stop)
-            train_until(model, rule, frames, sensor.labels[train])
-            keep = (spared or {}).get(name, ())
-            rates = Rates(bit_error_rates, query_error_rates)
-            made = rows_of(model, sensor, test, disturbances, rates, keep, seed)
-            for row in made:
-                yield {
-                    "origin": sensor.origin,
-                    "model": name,
-                    "seed": seed,
-                    **row,
-                }
-            run.note(f"seed {seed}, {name}")
+
+    revision: ClassVar = 3
+    uses: ClassVar = ("hdc.HDCClassifier",)
+
+    scene: Mapping[str, Any]
+    split: Split
+    models: Mapping[str, Mapping[str, Any]]
+    stop: StopRule
+    stops: Mapping[str, StopRule]
+    seeds: Sequence[int]
+    disturbances: Mapping[str, Sequence[float | int]]
+    bit_error_rates: Sequence[float | int]
+    query_error_rates: Sequence[float | int] = ()
+    spared: Mapping[str, Sequence[str]] | None = None
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        for seed, sensor in context.scenes(self.scene, self.seeds):
+            train, test = choose(sensor, self.split, seed)
+            frames = data.take(sensor, train, Clock())
+            for name, model in models_of(at_seed(self.models, seed)).items():
+                rule = self.stops.get(name, self.stop)
+                train_until(model, rule, frames, sensor.labels[train])
+                keep = (self.spared or {}).get(name, ())
+                rates = Rates(self.bit_error_rates, self.query_error_rates)
+                made = rows_of(
+                    model, sensor, test, self.disturbances, rates, keep, seed
+                )
+                for row in made:
+                    yield {
+                        "origin": sensor.origin,
+                        "model": name,
+                        "seed": seed,
+                        **row,
+                    }
+                context.note(f"seed {seed}, {name}")
 
 
 class Rates(NamedTuple):

@@ -11,12 +11,13 @@ import torch
 from baselines import library
 from baselines.softmax import SoftmaxRegression
 from experiments.protocol.evaluate import bank_of, evaluate, train_until
-from experiments.protocol.experiment import Run
 from experiments.protocol.stop import StopRule
+from experiments.protocol.task import Context
 from experiments.records.rows import unpack_labels
-from experiments.studies.drift.measure import drift
-from experiments.studies.recordings.measure import recordings
+from experiments.studies.drift.measure import Drift
+from experiments.studies.recordings.measure import Recordings
 from scenes.frames import Frames
+from tests.experiments.composed import made
 
 RANDOM = {"kind": "random", "test_fraction": 0.3, "group": None, "n_train": None}
 HDC = {"_target_": "hdc.HDCClassifier"}
@@ -54,7 +55,7 @@ def scene(monkeypatch):
     samples = {"session": session, "order": np.tile(np.arange(60), 2)}
     images = torch.from_numpy(frames.clip(0, 255).astype(np.uint8))
     scene = Frames(images, labels, ("A", "B", "C"), samples, origin="simulated")
-    monkeypatch.setattr(Run, "scene", lambda *_: scene)
+    monkeypatch.setattr(Context, "scene", lambda *_: scene)
     return scene
 
 
@@ -89,15 +90,9 @@ def test_a_study_says_of_a_model_what_the_model_says_itself(kind, scene, monkeyp
 
     models = {"model": {"model": KINDS[kind]}}
     monkeypatch.setattr("experiments.studies.recordings.measure.evaluate", watched)
-    made = recordings.rows(
-        Run(force=True),
-        scene={},
-        splits={"random": RANDOM},
-        models=models,
-        n_per_class=[1, 4],
-        draws=2,
-    )
-    rows = pd.DataFrame(made)
+    asked = {"splits": {"random": RANDOM}, "models": models, "n_per_class": [1, 4]}
+    task = made(Recordings, scene={}, **asked, draws=2)
+    rows = pd.DataFrame(task.rows(Context()))
     truths = rows.groupby(["seed", "split", "draw"]).labels.transform("first")
     right = [
         int((unpack_labels(text) == unpack_labels(truth)).sum())
@@ -111,8 +106,8 @@ def test_a_study_says_of_a_model_what_the_model_says_itself(kind, scene, monkeyp
 def test_updates_that_a_read_out_refuses_have_no_row(scene):
     models = {name: {"model": part} for name, part in KINDS.items()}
     arguments = {"old_split": RANDOM, "seeds": [0], "n_test": 30, "n_new": [6]}
-    made = drift.rows(Run(), scene={}, models=models, p=[0.5], **arguments)
-    rows = pd.DataFrame(made)
+    task = made(Drift, scene={}, models=models, p=[0.5], **arguments)
+    rows = pd.DataFrame(task.rows(Context()))
     methods = {name: set(part.method) for name, part in rows.groupby("model")}
     always = {"stored", "new", "pooled", "balanced"}
     assert methods["counts"] == methods["own"] == always

@@ -12,8 +12,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.protocol.experiment import Run
 from experiments.protocol.settings import Split
+from experiments.protocol.task import Context
 from experiments.studies.correlation import measure, view
 from experiments.studies.correlation.pairs import (
     CorrelationSums,
@@ -175,7 +175,7 @@ def test_pictures_are_squares_of_the_first_frame_its_bits_and_the_prototype():
 
 
 def test_a_kind_that_there_is_not_is_an_error_that_names_the_key():
-    rows = measure.correlation.rows(Run(), {}, SPLIT, [0], ["speckles"])
+    rows = measure.Correlation({}, SPLIT, [0], ["speckles"]).rows(Context())
     with pytest.raises(ValueError, match=r"task\.kinds: .* found \['speckles'\]"):
         next(rows)
 

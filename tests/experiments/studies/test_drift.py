@@ -12,16 +12,14 @@ import torch
 
 from baselines.linear import PenalisedClassifier
 from experiments.protocol.evaluate import bank_of, evaluate
-from experiments.protocol.experiment import Run
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.records.rows import unpack_labels
 from experiments.studies.drift import measure
 from experiments.studies.drift.measure import (
     Choice,
     choose,
-    drift,
     subsets,
     updates,
     ways,
@@ -34,6 +32,7 @@ from hdc.encoders import Reference
 from hdc.encoders.standardised import FRACTION, standardised
 from hdc.readouts import Counts
 from scenes.frames import Frames
+from tests.experiments import composed
 
 SPLIT = Split("random", 0.2)
 # Samples of the old session, of the new one, and of both.
@@ -41,7 +40,7 @@ OLD, NEW, ASKED = np.arange(40), np.arange(60, 72), np.r_[40:60, 72:120]
 
 
 def built(name):
-    return models_of({name: configs.part("model", name)})[name]
+    return models_of({name: composed.part("model", name)})[name]
 
 
 @pytest.fixture(scope="module")
@@ -241,17 +240,22 @@ def test_what_is_updated_without_labels_in_the_seeds_that_are_asked_for(
     whose number is the seed; one trained on the first three new samples; and one that has a
     reference of the class without touch alone."""
     monkeypatch.setattr(
-        Run, "scenes", lambda run, config, seeds: ((seed, scene) for seed in seeds)
+        Context, "scenes", lambda run, config, seeds: ((seed, scene) for seed in seeds)
     )
     names = ["ridge_standardised", "hdc_reference"]
     options = {
-        "scene": {}, "old_split": SPLIT, "models": {"hdc": configs.part("model", "hdc")},
+        "scene": {}, "old_split": SPLIT, "models": {"hdc": composed.part("model", "hdc")},
         "seeds": [0, 1], "n_test": 30, "n_new": [3], "p": [],
-        "zeroing": {name: configs.part("model", name) for name in names},
+        "zeroing": {name: composed.part("model", name) for name in names},
         "zeroing_seeds": [1], "n_alone": [3], "n_zero": [6, 600], "shares": [0.6],
         "n_shares": [10], "n_untouched": [4, 99],
     }  # fmt: skip
-    rows = pd.DataFrame(drift.rows(Run(), **options, no_touch="None"))
+
+    def rows_of(**more):
+        task = composed.made(measure.Drift, **options, **more)
+        return pd.DataFrame(task.rows(Context()))
+
+    rows = rows_of(no_touch="None")
     labelled = rows[rows.model == "hdc"]
     assert labelled.method.tolist() == 2 * ["stored", "new", "balanced", "pooled"]
     assert rows.seed.tolist() == 4 * [0] + 14 * [1]
@@ -285,7 +289,7 @@ def test_what_is_updated_without_labels_in_the_seeds_that_are_asked_for(
         assert found.share.fillna(0).tolist() == [0, 0, 0.6, 0, 0]
         for predicted, expected in zip(found.predicted, made, strict=True):
             assert (unpack_labels(predicted) == expected).all()
-    rows = pd.DataFrame(drift.rows(Run(), **options, no_touch="air"))
+    rows = rows_of(no_touch="air")
     assert "untouched" not in set(rows.method)
 
 

@@ -8,11 +8,11 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from experiments.protocol.experiment import Run
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.studies.limits.stiffness import measure, newton, view
 from experiments.studies.limits.stiffness.problem import Problem, condition
 from scenes.frames import Frames
+from tests.experiments import composed
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 ARRIVING = ["gradient descent", "momentum", "Adam, rate 1", "L-BFGS", "Newton"]
@@ -149,7 +149,7 @@ def test_a_gradient_that_is_wrong_does_not_arrive_at_the_optimum(monkeypatch):
 
 
 def test_a_line_is_a_point_of_a_method_on_a_problem_and_the_best_rate_of_adam_counts():
-    class OnFrames(Run):
+    class OnFrames(Context):
         def scene(self, config, seed):
             rng = np.random.default_rng(0)
             labels = np.arange(60) % 3
@@ -158,13 +158,13 @@ def test_a_line_is_a_point_of_a_method_on_a_problem_and_the_best_rate_of_adam_co
             images = torch.from_numpy(frames).byte()
             return Frames(images, labels, ("a", "b", "c"), origin="simulated")
 
-    task = configs.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
+    task = composed.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
     task["problems"] = [
         {"contrast": 1, "strength": 0.01},
         {"contrast": 0.01, "strength": 1e-8},
     ]
     del task["_target_"]
-    frame = pd.DataFrame(measure.stiffness.rows(OnFrames(), **task))
+    frame = pd.DataFrame(composed.made(measure.Stiffness, **task).rows(OnFrames()))
     ends = view.ends(frame)
     assert frame.kappa.nunique() == ends.kappa.nunique() == 2
     assert len(ends) == 2 * 5

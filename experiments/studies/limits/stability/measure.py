@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
-from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.limits.stability.case import CASES
 from experiments.studies.limits.stability.cases import (  # noqa: F401  (their cases register themselves)
     correlations,
@@ -16,10 +17,13 @@ from experiments.studies.limits.stability.cases import (  # noqa: F401  (their c
 )
 
 
-@experiment(revision=3)
-def stability(run: Run) -> Iterator[Row]:
+class Stability(Task, frozen=True):
     """One row: a case, with the errors of both computations."""
-    for case in CASES:
-        row = case.row()
-        run.note(f"{row['verdict']}: {case.name}")
-        yield row
+
+    revision: ClassVar = 3
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        for case in CASES:
+            row = case.row()
+            context.note(f"{row['verdict']}: {case.name}")
+            yield row

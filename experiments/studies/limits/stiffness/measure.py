@@ -10,13 +10,13 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.limits.stiffness import methods
 from experiments.studies.limits.stiffness.newton import optimum
 from experiments.studies.limits.stiffness.problem import Array, Problem, condition
@@ -25,18 +25,7 @@ from scenes.frames import Scene
 _LATER = 1.25  # factor between the times of two points of a curve
 
 
-@experiment(revision=2, timed=True)
-def stiffness(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Split,
-    seed: int,
-    side: int,
-    problems: Sequence[Mapping[str, float]],
-    adam_rates: Sequence[float],
-    budget_s: float,
-    goal: float,
-) -> Iterator[Row]:
+class Stiffness(Task, frozen=True):
     """One row: a point of the curve of a method on a problem.
 
     Columns: ``problem``, counted from 0; its ``contrast``, ``strength`` and ``kappa``; ``method``;
@@ -45,23 +34,37 @@ def stiffness(
     it ended: ``arrived``, ``out of time``, or what failed. Arguments:
     configs/experiment/stiffness.yaml.
     """
-    made = run.scene(scene, seed)
-    train, _ = choose(made, split, seed)
-    frames, onehot = pixels_of(made, train, side)
-    every = named_methods(adam_rates)
-    warm_up(Problem(frames / 255, onehot, 1.0), every)
-    for number, how in enumerate(problems):
-        x = of_contrast(frames, how["contrast"])
-        problem = Problem(x, onehot, how["strength"])
-        best = optimum(problem)
-        least, _ = problem.evaluate(best)
-        same = {"problem": number, **how, "origin": made.origin}
-        same["kappa"] = condition(problem, best.astype(np.float64))
-        for name, method in every.items():
-            run.note(f"κ = {same['kappa']:.1e}, {name}")
-            watch = Watch(problem, least, budget_s, goal)
-            for point in watch.follow(method):
-                yield same | {"method": name, **point}
+
+    revision: ClassVar = 2
+    timed: ClassVar = True
+
+    scene: Mapping[str, Any]
+    split: Split
+    seed: int
+    side: int
+    problems: Sequence[Mapping[str, float | int]]
+    adam_rates: Sequence[float | int]
+    budget_s: float | int
+    goal: float | int
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        made = context.scene(self.scene, self.seed)
+        train, _ = choose(made, self.split, self.seed)
+        frames, onehot = pixels_of(made, train, self.side)
+        every = named_methods(self.adam_rates)
+        warm_up(Problem(frames / 255, onehot, 1.0), every)
+        for number, how in enumerate(self.problems):
+            x = of_contrast(frames, how["contrast"])
+            problem = Problem(x, onehot, how["strength"])
+            best = optimum(problem)
+            least, _ = problem.evaluate(best)
+            same = {"problem": number, **how, "origin": made.origin}
+            same["kappa"] = condition(problem, best.astype(np.float64))
+            for name, method in every.items():
+                context.note(f"κ = {same['kappa']:.1e}, {name}")
+                watch = Watch(problem, least, self.budget_s, self.goal)
+                for point in watch.follow(method):
+                    yield same | {"method": name, **point}
 
 
 def pixels_of(scene: Scene, train: Array, side: int) -> tuple[Array, Array]:
