@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -35,6 +35,7 @@ from experiments.records.rows import pack_labels
 from hdc.accuracy import accuracy
 from scenes.frames import Scene
 
+_SHARES = ("train_accuracy", "test_accuracy")
 _SINGLE_FRAMES = 20
 _BATCH_TIMES = 3  # of a prediction in a batch, of which the shortest counts …
 _LONG_S = 1.0  # … fewer where they take this long
@@ -117,21 +118,21 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         beside = _Beside(self, shape, trained)
         model: Model = instantiate(self.model, "model")
         digests = trained.digest, tested.digest
+        tests = _Tests(model, trained, tested, target)
+        samples = trained.frames, trained.labels
+        beside.train()
+        curve: tuple[Report, ...] = ()
         # Without automatic refreshing: no thread draws while the clock runs.
         with Live(console=context.console, transient=True, auto_refresh=False) as live:
-
-            def show(text: str) -> None:
-                live.update(Text(f"train {name} {text}"), refresh=True)
-
-            show("")
-            tests = _Tests(model, trained, tested, target, show)
-            samples = trained.frames, trained.labels
-            beside.train()
-            curve: tuple[Report, ...] = ()
+            live.update(Text(f"train {name}"), refresh=True)
             for trial in train(model, name, *samples, self.stop, clock, tests):
                 yield from trial.curve[len(curve) :]
                 curve = trial.curve
-            beside.train()
+                if curve:
+                    live.update(
+                        Text(f"train {name} {_progress(curve[-1])}"), refresh=True
+                    )
+        beside.train()
         if not curve:
             raise ValueError(f"model {name}: expected at least one report, found none")
         if "train_accuracy" not in curve[-1]:  # it was not tested at its end
@@ -229,11 +230,9 @@ class _Tests:
         trained: Samples,
         tested: Samples,
         target: float,
-        show: Callable[[str], None],
     ):
         self._model, self._trained, self._tested = model, trained, tested
         self._checkpoints = Checkpoints(target, len(trained.labels))
-        self._show = show
         self.predicted = np.empty(0, np.int64)
         self.train_accuracy = 0.0
 
@@ -244,8 +243,6 @@ class _Tests:
         found: Report = {}
         if np.isfinite(report.get("loss", 0.0)):
             found = self.all_frames() if due is Due.ALL else self.test_frames()
-            shares = (f"  {key.partition('_')[0]} {x:.1%}" for key, x in found.items())
-            self._show(f"{report['training_s']:.2f} s{''.join(shares)}")
         self._checkpoints.passed(report, found.get("train_accuracy"))
         return found
 
@@ -259,6 +256,14 @@ class _Tests:
         """Accuracy on the test frames."""
         self.predicted = np.asarray(self._model.predict(self._tested.frames))
         return {"test_accuracy": accuracy(self.predicted, self._tested.labels)}
+
+
+def _progress(row: Report) -> str:
+    """The time and the accuracies of a checkpoint."""
+    shares = (
+        f"  {k.partition('_')[0]} {x:.1%}" for k, x in row.items() if k in _SHARES
+    )
+    return f"{row['training_s']:.2f} s{''.join(shares)}"
 
 
 def _of_trial(trial: Trial, target: float) -> Row:

@@ -22,7 +22,7 @@ _DISPLAYS = {"model": "display", "scene": "scene_display"}
 _FRAMES = {
     "frames": "recording",
     "kind": "captured",
-    "place": math.inf,
+    "order": math.inf,
     "fitted": False,
     "figure": "",
 }
@@ -105,7 +105,7 @@ def display(model: str) -> dict[str, str]:
 def scene_display(scene: str) -> dict[str, Any]:
     """How tables and figures show a scene: ``name``, ``frames`` (what they are), ``kind``
     (``captured`` by a camera, ``computed`` from measured matrices, or ``simulated``), ``family``
-    (the laboratory it comes from), ``place`` among the others, ``fitted``: whether parameters of
+    (the laboratory it comes from), ``order`` among the others, ``fitted``: whether parameters of
     the scene were chosen by HDC's own accuracy on it, and ``figure``: of the paper, which shows the
     confusion of its classes.
 

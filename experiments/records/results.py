@@ -110,7 +110,7 @@ class Results:
 
     def _order(self, scene: str) -> tuple[float, str]:
         with configs.shown_as(self.displays):
-            return configs.scene_display(scene)["place"], scene
+            return configs.scene_display(scene)["order"], scene
 
     def _part(self, name: str) -> pd.DataFrame:
         if name == RUNS:

@@ -14,13 +14,17 @@ import msgspec
 from rich.console import Console
 
 from experiments.records import locks
-from experiments.records.record import Record
+from experiments.records.record import SCHEMA, Record
 from experiments.records.revision import Revisions
 from hdc.io import write_atomically
 
 FILE = "records.jsonl"
 _LOCKS = Path("cache", "locks")
 _DECODER = msgspec.json.Decoder(Record)
+
+
+class _Version(msgspec.Struct):
+    schema: int
 
 
 def to_line(record: Record) -> str:
@@ -48,8 +52,9 @@ def append(folder: Path, record: Record) -> None:
 
 def read(folder: Path, name: str = "") -> Iterator[Record | ValueError]:
     """Every record of a folder whose line has the name in it, in their order: the last finished
-    one of each id, else its last. A line that is no record gives an error that names it."""
-    path = folder / FILE
+    one of each id, else its last. A line that is no record gives an error that names it; those of
+    earlier versions give one together."""
+    path, earlier = folder / FILE, 0
     records: dict[str, Record] = {}
     lines = path.read_bytes().splitlines() if path.is_file() else []
     for number, line in enumerate(lines, 1):
@@ -58,13 +63,29 @@ def read(folder: Path, name: str = "") -> Iterator[Record | ValueError]:
         try:
             record = _DECODER.decode(line)
         except (ValueError, RecursionError) as error:
-            yield ValueError(f"{path}, line {number}: {error}")
+            if _is_earlier(line):
+                earlier += 1
+            else:
+                yield ValueError(f"{path}, line {number}: {error}")
             continue
         known = records.get(record.id)
         if known is None or record.is_finished or not known.is_finished:
             records.pop(record.id, None)  # in the order of the lines that count
             records[record.id] = record
+    if earlier:
+        yield ValueError(
+            f"{path}: {earlier} records of an earlier version, which this version does not read; "
+            "set RESULTS_DIR to another folder, or report on them by that version"
+        )
     yield from records.values()
+
+
+def _is_earlier(line: bytes) -> bool:
+    """Whether a line is a record of an earlier version."""
+    try:
+        return msgspec.json.decode(line, type=_Version).schema < SCHEMA
+    except (ValueError, RecursionError):
+        return False
 
 
 def find(folder: Path, name: str) -> Record | None:

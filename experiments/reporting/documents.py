@@ -163,7 +163,7 @@ def _scenes_of(kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
     for path in sorted((configs.CONFIGS / "scene").glob("*.yaml")):
         shown = configs.scene_display(path.stem)
         if shown["kind"] == kind and path.stem != "recorded":
-            found.append((shown["place"], path.stem))
+            found.append((shown["order"], path.stem))
     for _, name in sorted(found):
         yield name, _config_of(name)
 

@@ -2,12 +2,9 @@
 
 import csv
 import io
-import time
 from pathlib import Path
 
-import numpy as np
 import pytest
-import torch
 from rich.console import Console
 
 from experiments.protocol import runner
@@ -18,7 +15,6 @@ from experiments.records import store
 from experiments.records.results import Results
 from experiments.reporting.answers import Answers
 from experiments.studies.table1 import models, view
-from hdc import HDCClassifier
 
 GOLDEN = Path(__file__).parent / "golden" / "table1.csv"
 EXCERPT = Path(__file__).parents[1] / "data" / "mmf_disorder"
@@ -92,24 +88,3 @@ def test_a_measured_excerpt_goes_through_the_runner(results, one_thread, run):
     assert (made.results["n_test"], made.results["origin"]) == (100, "computed")
     assert 0.35 < made.results["test_accuracy_final"] < 0.9  # 0.2 by chance
     assert store.find(results, made.id) is not None
-
-
-def test_training_takes_less_than_five_times_plain_numpy(one_thread):
-    frames = np.random.default_rng(0).integers(0, 256, (400, 250, 250), dtype=np.uint8)
-    labels = np.arange(400) % 5
-
-    def plain():
-        pixels = frames.reshape(400, -1)
-        bits = pixels > np.median(pixels, axis=1, keepdims=True)
-        return np.stack([bits[labels == c].mean(0) > 0.5 for c in range(5)])
-
-    def fastest(compute):
-        seconds = []
-        for _ in range(3):
-            start = time.perf_counter()
-            compute()
-            seconds.append(time.perf_counter() - start)
-        return min(seconds)
-
-    tensor = torch.from_numpy(frames)
-    assert fastest(lambda: HDCClassifier().fit(tensor, labels)) < 5 * fastest(plain)

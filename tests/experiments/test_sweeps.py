@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -112,23 +111,6 @@ def test_a_kill_at_any_write_leaves_runs_that_the_next_call_completes(
         assert len(outcome(results)) == n
     assert n > 1  # the record written
     assert len(outcome(results)) == n
-
-
-def short_of_disk(limit):
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
-
-def test_a_full_disk_is_one_line_and_finished_records_stay(results, scene, start):
-    start(*scene).join(60)
-    before, size = outcome(results), (results / store.FILE).stat().st_size
-    process = start(*scene, "seed.run=1", before=lambda: short_of_disk(size + 300))
-    process.join(60)
-    assert process.exitcode == 1
-    (line,) = process.out.read_text().splitlines()
-    assert line.startswith("error: [Errno 27] File too large")
-    assert outcome(results) == before
-    start(*scene, "seed.run=1").join(60)
-    assert len(outcome(results)) == 2
 
 
 def test_two_sweeps_at_once_run_nothing_twice(results, scene, start):

@@ -92,24 +92,6 @@ def test_rows_that_were_not_measured_are_those_of_the_reference_and_say_so(
     assert "not measured" in " ".join(alone)
 
 
-def test_a_row_follows_the_ones_before_in_the_same_columns(first_look):
-    first = shown(lambda c: terminal.show_row(c, first_look, "hdc", heads=True))
-    next_one = shown(lambda c: terminal.show_row(c, first_look, "cnn1", heads=False))
-    assert [line for line in first if line.startswith("Model")]
-    assert not [line for line in next_one if line.startswith("Model")]
-    (hdc,) = (line for line in first if line.startswith("HDC"))
-    (cnn1,) = (line for line in next_one if line.startswith("CNN, 1 layer"))
-    assert hdc.index("0.035") + len("0.035") == cnn1.index("8.9") + len("8.9")
-
-
-def test_the_last_line_says_what_one_seed_is_worth(first_look, tmp_path, write_run):
-    text = "One seed decides nothing: make reproduce QUICK=1 · page: a.html"
-    assert terminal.last_line(first_look, "a.html") == text
-    write_run("hdc", seed=1)
-    assert terminal.last_line(the_table(tmp_path), "a.html") == "page: a.html"
-    assert terminal.last_line(None, "a.html") == "page: a.html"
-
-
 def test_a_brief_report_shows_the_table_once_and_no_reference(
     tmp_path, write_run, monkeypatch
 ):
@@ -230,14 +212,3 @@ def test_words_of_the_command_line_train_nothing(
     assert end.value.code == status
     assert said in " ".join(capsys.readouterr())
     assert called.words == []
-
-
-def test_a_table_that_cannot_be_written_is_one_line(called, monkeypatch, capsys):
-    def full(*_, **__):
-        raise OSError(28, "No space left on device", "report.html")
-
-    monkeypatch.setattr(report, "write", full)
-    assert table1.main() == 1
-    assert capsys.readouterr().out.splitlines()[-1] == (
-        "error: [Errno 28] No space left on device: 'report.html'"
-    )

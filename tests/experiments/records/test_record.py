@@ -48,7 +48,7 @@ RESULTS = [
 @pytest.mark.parametrize(
     ("key", "value", "expected"),
     [
-        ("schema", 5, "schema"),
+        ("schema", 7, "schema"),
         ("config", 7, "config"),
         ("config", {}, "config.seed.run: expected a value, found none"),
         ("config.split", {}, "config.split.n_train: expected a value, found none"),

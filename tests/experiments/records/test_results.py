@@ -201,7 +201,8 @@ def test_every_cell_of_the_committed_reference_is_a_scalar(committed_results):
 def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
     good = write_run("hdc")
     path = tmp_path / store.FILE
-    path.write_text(f"{path.read_text()}no\n{json.dumps({'schema': 5})}\n")
+    earlier = f"{json.dumps({'schema': 5})}\n"
+    path.write_text(f"{path.read_text()}no\n{2 * earlier}")
     (tmp_path / "runs.jsonl").write_text("{}\n")
     (tmp_path / "measured").mkdir()
     results = Results(tmp_path)
@@ -212,7 +213,7 @@ def test_what_is_no_record_costs_itself_only(tmp_path, write_run):
             f"{tmp_path / 'runs.jsonl'}: records of version 2.0",
             f"{tmp_path / 'measured'}: records of version 2.0",
             f"{path}, line 2: ",
-            f"{path}, line 3: ",
+            f"{path}: 2 records of an earlier version",
         ),
         strict=True,
     ):
