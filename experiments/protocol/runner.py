@@ -35,7 +35,7 @@ NOT_IDENTITY = (
 )
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 # Keys of an experiment that say which frames there are, and which of them test.
-_OF_FRAMES = {"scene", "split", "old_split"}
+_OF_FRAMES = ("scene.", "split.", "old_split.")
 _GROUPS = ("scene", "model", "stop")  # of configs/, that make a training
 _ORDER = {"scene": 0, "split": 1, "model": 2, "stop": 3}  # of what was changed
 _NO_CHANGE = ("device", "threads")
@@ -133,11 +133,8 @@ def _about(
     """What a record says that is known before anything is made."""
     is_training = isinstance(task, Training)
     scene, model, stop = (asked.choices.get(g) or "custom" for g in _GROUPS)
-    experiment, kind, data = (
-        asked.choices.get("experiment"),
-        type(task),
-        task.fingerprint(),
-    )
+    experiment, kind = asked.choices.get("experiment"), type(task)
+    data, has_scene = task.fingerprint(), own.get("scene") is not None
     about: dict[str, Any] = {"config": own, "data": data, "timed": task.timed}
     about["changed"] = changed = _changed(own, asked.keys)
     if is_training:
@@ -151,11 +148,9 @@ def _about(
         name = experiment = experiment or kind.__name__
         about["task"] = target = f"{kind.__module__}.{kind.__qualname__}"
         about["revisions"] = revisions({"_target_": target, **own})
-        of_frames = {key.partition(".")[0] for key in changed} & _OF_FRAMES
-        about["elsewhere"] = bool(of_frames) or (
-            asked.other_scene and own.get("scene") is not None
-        )
-    if own.get("scene") is not None:
+        others = asked.other_scene or any(map(_is_of_frames, asked.keys))
+        about["elsewhere"] = has_scene and others
+    if has_scene:
         about["scene"] = Named(scene, scene, config.get("scene_display") or {})
     determining = own
     if config["device"] != "cpu":
@@ -163,6 +158,13 @@ def _about(
     about["id"] = name_of(name, determining, data)
     about |= {"experiment": experiment or "", "command": command()}
     return {"schema": SCHEMA, "status": "interrupted", **about}
+
+
+def _is_of_frames(key: str) -> bool:
+    """Whether a key says which frames there are, or which of them test; seeds do not."""
+    key = key.removeprefix("task.")
+    same = key == "scene.path" or key.rpartition(".")[2] in configs.SEEDS
+    return key.startswith(_OF_FRAMES) and not same
 
 
 def _changed(own: Config, keys: Sequence[str]) -> dict[str, str]:
@@ -209,13 +211,12 @@ def _made(
     scene = begun.scene.name if begun.scene else ""
     context = Context(name, scene, how.cache, how.force, console, begun)
     rows: list[Row] = []
-    begun.seconds, start = None, time.perf_counter()
+    start = time.perf_counter()
     try:
         for row in task.rows(context):
             rows.append(row)  # noqa: PERF402  (as far as they come)
-        done = _ended(
-            begun, rows, status="finished", seconds=time.perf_counter() - start
-        )
+        seconds = time.perf_counter() - start
+        done = _ended(begun, rows, status="finished", seconds=seconds)
     except BaseException as error:
         text = "".join(traceback.format_exception_only(error)).strip()
         status = "failed" if isinstance(error, Exception) else "interrupted"

@@ -243,7 +243,7 @@ def write_measurement(tmp_path):
     def write(name, rows, config=None, scene="", environment=None, **entry):
         config = config or {}
         of_file = composed.task(name) if configs.is_known("experiment", name) else {}
-        of_frames = runner._OF_FRAMES & config.keys()
+        of_frames = {"scene", "split", "old_split"} & config.keys()
         entry = {
             "elsewhere": any(config[key] != of_file.get(key) for key in of_frames),
             "timed": any(key.endswith("_s") for row in rows for key in row),

@@ -1,7 +1,6 @@
 """Every study asks the model that it is given, whatever kind it is."""
 
 import copy
-from types import SimpleNamespace
 
 import numpy as np
 import pandas as pd
@@ -167,12 +166,3 @@ def test_a_training_ends_by_what_the_training_frames_say(rule, reason, reports):
     model = ThreeReports(learns_by_steps=False)
     ended = "budget" if reason == "budget" else "finished"
     assert train_until(model, StopRule(**rule), frames, labels) == ended
-
-
-def test_steps_that_a_model_does_not_report_are_none(scene):
-    def train(frames, labels):
-        yield {"samples_seen": len(frames), "loss": 0.0}
-
-    model = SimpleNamespace(train=train)
-    rule = StopRule(least_steps=1, most_steps=1)
-    assert train_until(model, rule, scene.images, scene.labels) == "finished"

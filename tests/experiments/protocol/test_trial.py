@@ -147,6 +147,12 @@ def test_a_model_that_writes_into_its_frames_is_refused(carry_out, fake):
         carry_out()
 
 
+def test_a_model_whose_size_is_not_known_is_finished_without_it(carry_out, fake):
+    fake({"samples_seen": 1}, state_tensors=lambda self: {"w": [1]})
+    assert carry_out().results["model_bytes"] is None
+    assert "model_bytes: not known, 'list' object has no" in carry_out.said
+
+
 def test_an_object_that_is_no_model_is_refused_with_a_hint():
     for model in (types.SimpleNamespace(fit=None), {"lr": 1}):
         with pytest.raises(ValueError, match=r"^model: expected an object with train"):
