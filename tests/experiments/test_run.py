@@ -11,8 +11,11 @@ import time
 
 import numpy as np
 import pytest
+from hydra import compose, initialize_config_dir
 
+from experiments import run
 from experiments.records import locks, store
+from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 
 HEAVY = (
@@ -81,6 +84,36 @@ print(before == (warnings.filters, warnings.showwarning))
 def test_neither_import_nor_a_run_changes_warnings_for_good(command_line):
     done = command_line(script=IMPORTED)
     assert done.stdout.split() == ["True", "False", "True"], done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "keys", "other_scene"),
+    [
+        (
+            ["model.device=cpu", "~model.backend"],
+            ["model.device", "model.backend"],
+            False,
+        ),
+        (["experiment=drift"], ["experiment"], False),
+        (["experiment=drift", "scene=touch"], ["experiment", "scene"], True),
+        (["experiment=stiffness", "scene=touch"], ["experiment", "scene"], False),
+        (
+            ["experiment=robustness", "+model@task.models.cnn1=cnn1"],
+            ["experiment", "task.models.cnn1"],
+            False,
+        ),
+        (["experiment=times_grid"], ["experiment", "stop.budget_s"], False),
+    ],
+    ids=str,
+)
+def test_what_was_chosen_and_set_is_known_from_the_words_and_the_experiments_file(
+    words, keys, other_scene
+):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        found = compose("config", overrides=words, return_hydra_config=True)
+    asked = run._asked(found.hydra)
+    assert (list(asked.keys), asked.other_scene) == (keys, other_scene)
+    assert asked.choices["model"] == "hdc"
 
 
 # Runs ---------------------------------------------------------------------------------------------

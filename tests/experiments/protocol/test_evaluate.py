@@ -1,20 +1,15 @@
 """Every study asks the model that it is given, whatever kind it is."""
 
-import copy
-
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
-from baselines import library
 from baselines.softmax import SoftmaxRegression
 from experiments.protocol.evaluate import bank_of, evaluate, train_until
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context
-from experiments.records.rows import unpack_labels
 from experiments.studies.drift.measure import Drift
-from experiments.studies.recordings.measure import Recordings
 from scenes.frames import Frames
 from tests.experiments.composed import made
 
@@ -65,41 +60,6 @@ def test_a_bank_knows_what_frames_belong_together(scene):
     assert bank.labels.tolist() == scene.labels[chosen].tolist()
     assert torch.equal(bank.frames, scene.frames(chosen))
     assert bank_of(scene, chosen).groups is None
-
-
-def plain(model, scene, train, test):
-    """Right answers of a new model trained on the frames themselves."""
-    for _ in library.train(model, scene.frames(train), scene.labels[train]):
-        pass
-    return int((model.predict(scene.frames(test)) == scene.labels[test]).sum())
-
-
-@pytest.mark.filterwarnings("ignore:lda. no class has two")  # of one frame a class
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_study_says_of_a_model_what_the_model_says_itself(kind, scene, monkeypatch):
-    """Every row's count is that of the model trained alone on the frames of that row."""
-    from experiments.protocol import evaluate as protocol
-
-    expected = []
-
-    def watched(model, bank, train, test, stop=None):
-        alone = copy.deepcopy(model)
-        expected.append(plain(alone, scene, train, test))
-        return protocol.evaluate(model, bank, train, test, stop)
-
-    models = {"model": {"model": KINDS[kind]}}
-    monkeypatch.setattr("experiments.studies.recordings.measure.evaluate", watched)
-    asked = {"splits": {"random": RANDOM}, "models": models, "n_per_class": [1, 4]}
-    task = made(Recordings, scene={}, **asked, draws=2)
-    rows = pd.DataFrame(task.rows(Context()))
-    truths = rows.groupby(["seed", "split", "draw"]).labels.transform("first")
-    right = [
-        int((unpack_labels(text) == unpack_labels(truth)).sum())
-        for texts, truth in zip(rows.predicted, truths, strict=True)
-        for text in texts
-    ]
-    assert right == expected
-    assert len(set(expected)) > 1 or kind == "own"
 
 
 def test_updates_that_a_read_out_refuses_have_no_row(scene):
