@@ -109,7 +109,7 @@ def _films(
     root: Path, sessions: Sequence[Mapping[str, str]], labels: Sequence[str] | None
 ) -> list[_Film]:
     """The films of each session, in order of their names."""
-    found = []
+    found: list[_Film] = []
     for number, session in enumerate(sessions):
         template, before = Template(session["template"]), len(found)
         for path in sorted((root / session["folder"]).iterdir()):

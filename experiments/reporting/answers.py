@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
+from experiments.records.record import Record
 from experiments.records.results import RUNS, Results
-from experiments.records.run import Finished, Unfinished
 from experiments.reporting import comparison
 from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table, frame, text_for
@@ -96,7 +96,10 @@ class Answers:
         known = {name for table in tables for name in table.experiments}
         for measured in self.results.measurements:
             module = measured.task.rpartition(".")[0]
-            if measured.name in known or module.partition(".")[0] == "experiments":
+            if (
+                measured.experiment in known
+                or module.partition(".")[0] == "experiments"
+            ):
                 continue
             text = f"no table shows it; if {module} has a STUDY: --study {module}"
             lines.append(f"{measured.id}: {text}")
@@ -104,7 +107,7 @@ class Answers:
 
     def older_tables(self) -> list[str]:
         """Names of the tables that take an experiment with records of older code."""
-        older = {one.name for one in self.results.measurements if one.outdated}
+        older = {one.experiment for one in self.results.measurements if one.outdated}
         if any(run.outdated for run in self.results.runs):
             older.add(RUNS)
         found = self.every_table()
@@ -163,7 +166,7 @@ class Answers:
 
 def runs_table(results: Results) -> Table:
     """One row per run, finished or not; each key that was changed of the configs has a column."""
-    records: list[Finished | Unfinished] = [*results.runs, *results.unfinished]
+    records = [*results.runs, *results.unfinished]
     rows = sorted(map(_row_of_run, records), key=lambda row: list(row.values())[:3])
     return Table(
         "runs",
@@ -179,30 +182,27 @@ def runs_table(results: Results) -> Table:
     )
 
 
-def _row_of_run(run: Finished | Unfinished) -> Mapping[str, Any]:
-    environment = run.environment
-    changed: Mapping[str, str] = {}
-    n_train, accuracy, code = run.config["split"]["n_train"], None, []
-    if isinstance(run, Finished):
-        changed, n_train, code = run.differences, run.n_train, run.outdated
-        accuracy = run.test_accuracy_final
+def _row_of_run(run: Record) -> Mapping[str, Any]:
+    environment, config, results = run.environment, run.config, run.results
+    changed = run.changed.items()
+    last = run.curve[-1]["training_s"] if run.curve else None
     return {
-        "scene": run.choices.scene,
-        "model": run.choices.model,
+        "scene": run.scene.name if run.scene else "",
+        "model": run.model.name if run.model else "",
         "id": run.id,
-        "overrides": " ".join(f"{key}={value}" for key, value in changed.items()),
-        "stop_rule": run.choices.stop,
-        "n_train": n_train,
-        "pixels": run.config["data"]["pixels"],
-        "seed": run.seed,
+        "overrides": " ".join(f"{key}={value}" for key, value in changed),
+        "stop_rule": run.stop,
+        "n_train": results.get("n_train", config["split"]["n_train"]),
+        "pixels": config["data"]["pixels"],
+        "seed": config["seed"]["run"],
         "status": ": ".join(filter(None, [run.status, run.error])),
-        "test_accuracy_final": accuracy,
-        "training_s": run.training_s,
-        "origin": run.scene.origin,
+        "test_accuracy_final": results.get("test_accuracy_final"),
+        "training_s": results.get("total_time_s", last),
+        "origin": results.get("origin"),
         "cpu": environment.cpu,
         "threads": environment.threads,
         "exclusive": environment.exclusive,
-        "code": ", ".join(code) or "current",
+        "code": ", ".join(run.outdated if run.is_finished else ()) or "current",
         "command": run.command,
-        **changed,
+        **run.changed,
     }

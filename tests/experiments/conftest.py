@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import copy
-import functools
+import io
 import json
 import multiprocessing
 import os
 import sys
 import tempfile
 
-import hydra
 import msgspec
 import numpy as np
 import pytest
@@ -20,18 +19,20 @@ from rich.console import Console
 
 import hdc
 from experiments import report, run, studies
-from experiments.protocol import job
+from experiments.protocol import runner
+from experiments.protocol.measure_run import _of_trial
 from experiments.protocol.settings import resolved
+from experiments.protocol.trial import Trial
 from experiments.records import configs, record, store
-from experiments.records.configs import CONFIGS
-from experiments.records.environment import environment
+from experiments.records.environment import Environment, environment
 from experiments.records.files import REFERENCE
 from experiments.records.results import Results
 from experiments.records.revision import revisions
 from experiments.records.rows import Rows, pack_labels
-from experiments.records.run import Finished, Unfinished
 from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
+from tests.experiments import composed
+from tests.experiments.composed import tree
 
 
 @pytest.fixture(autouse=True)
@@ -114,47 +115,18 @@ def _command_line(out, overrides, environment, before):
     run.entry_point()
 
 
-def composed_of(*words):
-    """The config that Hydra composes of a command line."""
-    with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        return hydra.compose("config", overrides=list(words))
-
-
 @pytest.fixture(scope="session")
 def compose():
     """compose(*words) → the config that Hydra composes of a command line."""
-    return composed_of
-
-
-@pytest.fixture(scope="session")
-def composed():
-    """composed(scene, model, stop) → a config as composed; each combination is made once."""
-    known = functools.cache(
-        lambda *names: composed_of(
-            *map("=".join, zip(("scene", "model", "stop"), names, strict=True))
-        )
-    )
-    return lambda *names: copy.deepcopy(known(*names))
+    return lambda *words: copy.deepcopy(tree(*words))
 
 
 MADE_ON = {"cpu": "A CPU", "threads": 2, "commit": "c" * 40, "dirty": False}
-
-
-def _changed(values):
-    """What a record says of values that are not those of the files, but for seeds."""
-    changed = [key for key in values if key.rpartition(".")[2] not in configs.SEEDS]
-    groups = ["scene", "split", "data", "model", "stop"]  # as a run has them
-    changed.sort(key=lambda key: groups.index(key.partition(".")[0]))
-    return {key: json.dumps(values[key]) for key in changed}
-
-
-def _changed_task(name, config):
-    task = configs.task(name)
-    return configs.differences(config, {key: task.get(key) for key in config})
+_GROUPS = ["scene", "split", "data", "model", "stop"]  # as a label names changes
 
 
 @pytest.fixture
-def write_run(tmp_path, composed):
+def write_run(tmp_path, compose):
     """write_run(model, …) → id of a record in tmp_path, as the runner would have left it."""
 
     def write(
@@ -176,79 +148,90 @@ def write_run(tmp_path, composed):
         fingerprint="f" * 64,
         environment=None,
         made_by=None,
+        choices=None,
+        display=None,
+        scene_display=None,
+        experiment="",
+        error="ValueError: it broke",
+        beside_s=None,
+        command="",
         **results,
     ):
-        cfg = composed(scene, model, stop)
+        cfg = compose(f"scene={scene}", f"model={model}", f"stop={stop}")
         cfg.seed.run, cfg.split.n_train, cfg.data.pixels = seed, n_train, pixels
         for key, value in (change or {}).items():
             OmegaConf.update(cfg, key, value)
-        config = OmegaConf.to_container(cfg, resolve=True)
-        for key in record.NOT_IDENTITY:
-            config.pop(key, None)
+        whole = OmegaConf.to_container(cfg, resolve=True)
+        config = {k: v for k, v in whole.items() if k not in runner.NOT_IDENTITY}
         config["threads"] = 2
-        choices = {"scene": scene, "model": model, "stop": stop}
-        choices |= results.pop("choices", {})
-        name = f"{choices['scene']}-{choices['model']}"
-        identity = record.name_of(name, config, fingerprint)
-        entry = {
-            "schema": record.SCHEMA,
-            "id": identity,
-            "choices": choices,
-            "experiment": None,
-            "config": config,
-            "environment": MADE_ON | (environment or {}),
-            "data": fingerprint,
-            "revisions": revisions(config) if made_by is None else made_by,
-            "changed": _changed(change or {}),
-            "scene": {
-                "name": choices["scene"],
-                "origin": origin,
-                "classes": list(classes),
-                "shape": [500, 500],
-                "n": 500,
-            },
-        }
-        if status != "finished":
-            entry["error"] = results.pop("error", "ValueError: it broke")
-            entry["status"] = status
-            store.append(tmp_path, msgspec.convert(entry, Unfinished))
-            return identity
+        names = {"scene": scene, "model": model, **(choices or {})}
+        changed = runner._changed(
+            config,
+            sorted(change or {}, key=lambda key: _GROUPS.index(key.split(".")[0])),
+        )
+        name = f"{names['scene']}-{names['model']}"
+        curve = curve or [{"training_s": 0.5, "samples_seen": 400}]
         truth = np.arange(100) % len(classes) if truth is None else np.asarray(truth)
         if predicted is None:
             is_wrong = np.isin(np.arange(len(truth)), list(wrong))
             predicted = np.where(is_wrong, (truth + 1) % len(classes), truth)
-        curve = curve or [{"training_s": 0.5, "samples_seen": 400}]
-        final = float(np.mean(np.asarray(predicted) == truth))
+        right = np.asarray(predicted) == truth
+        begun = record.Record(
+            schema=record.SCHEMA,
+            id=record.name_of(name, config, fingerprint),
+            experiment=experiment,
+            scene=record.Named(names["scene"], names["scene"], scene_display or {}),
+            model=record.Named(names["model"], names["model"], display or {}),
+            stop=stop,
+            config=config,
+            changed=changed,
+            timed=True,
+            command=command,
+            data=fingerprint,
+            revisions=revisions(config) if made_by is None else made_by,
+            environment=msgspec.convert(MADE_ON | (environment or {}), Environment),
+            status="interrupted",
+        )
+        if status != "finished":
+            rows, about = curve if results.get("trained") else [], {"error": error}
+            store.append(tmp_path, runner._ended(begun, rows, status=status, **about))
+            return begun.id
+        final = float(right.mean())
         rows = [{"train_accuracy": 1.0, "test_accuracy": final, **row} for row in curve]
-
-        def first(key, value="training_s"):
-            return next((row[value] for row in rows if row[key] > 0.9), None)
-
-        entry |= {
-            "stop": "trained" if "loss" in rows[0] else "finished",
-            "training_s": rows[-1]["training_s"],
-            "time_to_target_train_s": first("train_accuracy"),
-            "time_to_target_test_s": first("test_accuracy"),
-            "train_accuracy_at_target": first("train_accuracy", "train_accuracy"),
-            "test_accuracy_at_target": first("train_accuracy", "test_accuracy"),
-            "train_accuracy_max": max(row["train_accuracy"] for row in rows),
-            "train_accuracy_final": rows[-1]["train_accuracy"],
-            "test_accuracy_max": max(row["test_accuracy"] for row in rows),
-            "test_accuracy_final": final,
-            "model_bytes": 1000,
+        reason = "trained" if "loss" in rows[0] else "finished"
+        trial = Trial(
+            tuple(rows), results.get("stopped", reason), rows[-1]["training_s"]
+        )
+        last = {
+            "origin": origin,
+            "saturated": "",
+            "classes": json.dumps(list(classes)),
+            "n_classes": len(classes),
+            "n_samples": 500,
+            "height": 500,
+            "width": 500,
+            "n_pixels": 250_000,
             "n_train": n_train or 400,
             "n_test": len(truth),
-            "test_labels": np.asarray(truth),
-            "predicted": np.asarray(predicted),
+            "labels": pack_labels(truth),
+            **_of_trial(trial, 0.9),
+            **{f"beside.{name}_s": s for name, s in (beside_s or {}).items()},
+            "train_accuracy_final": rows[-1]["train_accuracy"],
+            "test_accuracy_final": final,
+            "right": int(right.sum()),
+            "predicted": pack_labels(predicted),
             "predict_single_s": 1e-3,
             "predict_batch_s_per_frame": 1e-4,
-            "data_sha256": {"train": "a", "test": f"test of seed {seed}"},
-            **results,
+            "train_set": "a",
+            "test_set": f"test of seed {seed}",
+            "model_bytes": 1000,
         }
-        made = msgspec.convert(entry, Finished)
-        made.rows = Rows.of_curve(rows)
-        store.append(tmp_path, made)
-        return identity
+        last |= {key: value for key, value in results.items() if key in last}
+        store.append(
+            tmp_path,
+            runner._ended(begun, [*rows, last], status="finished", seconds=1.0),
+        )
+        return begun.id
 
     return write
 
@@ -257,24 +240,33 @@ def write_run(tmp_path, composed):
 def write_measurement(tmp_path):
     """write_measurement(name, rows, …) leaves a measurement in tmp_path, as the runner would."""
 
-    def write(name, rows, **entry):
+    def write(name, rows, config=None, scene="", environment=None, **entry):
+        config = config or {}
+        of_file = composed.task(name) if configs.is_known("experiment", name) else {}
+        of_frames = {"scene", "split", "old_split"} & config.keys()
         entry = {
-            "schema": record.SCHEMA,
-            "name": name,
-            "config": {},
+            "elsewhere": any(config[key] != of_file.get(key) for key in of_frames),
+            "timed": any(key.endswith("_s") for row in rows for key in row),
             "seconds": 1.5,
             "command": f"python -m experiments.run experiment={name}",
-            "environment": MADE_ON,
-            "changed": _changed_task(name, entry.get("config", {})),
+            "label": scene,
             **entry,
         }
-        entry["id"] = record.name_of(name, entry["config"], "")
+        named = record.Named(scene, entry.pop("label")) if scene else None
         if "revisions" not in entry:  # which imports what the config names
-            entry["revisions"] = revisions(entry["config"])
-        made = msgspec.convert(entry, record.Measurement)
-        made.rows = Rows.of(rows)
+            entry["revisions"] = revisions(config)
+        made = record.Record(
+            schema=record.SCHEMA,
+            id=record.name_of(name, config, ""),
+            experiment=name,
+            scene=named,
+            config=config,
+            environment=msgspec.convert(MADE_ON | (environment or {}), Environment),
+            rows=Rows.of(rows),
+            **{key: value for key, value in entry.items() if key != "label"},
+        )
         store.append(tmp_path, made)
-        return entry
+        return made
 
     return write
 
@@ -395,12 +387,12 @@ def recording(tmp_path, frames_and_labels):
 
 
 @pytest.fixture
-def composed_run(recording):
+def composed_run(recording, compose):
     """composed_run(*overrides, scene=None) → the resolved config of a run on a small recording."""
 
     def make(*overrides, scene=None):
         path = f"scene.path={scene or recording()}"
-        return resolved(composed_of("scene=recorded", path, "threads=1", *overrides))
+        return resolved(compose("scene=recorded", path, "threads=1", *overrides))
 
     return make
 
@@ -408,21 +400,20 @@ def composed_run(recording):
 @pytest.fixture
 def carry_out(results, one_thread, composed_run):
     """carry_out(*overrides, scene=None) → the record of that run, carried out in this process, or
-    found; carry_out.repeated tells whether the last one was there before."""
+    found: carry_out.repeated tells which, carry_out.said what was printed."""
 
     def do(*overrides, scene=None):
-        names = dict(
-            word.split("=")
-            for word in overrides
-            if word.split("=")[0] in ("model", "stop")
+        words = dict(word.split("=", 1) for word in overrides)
+        names = {key: words[key] for key in ("model", "stop") if key in words}
+        choices = {"scene": "recorded", "model": "hdc", "stop": "paper", **names}
+        keys = [word.lstrip("+") for word in words]
+        config = composed_run(*overrides, scene=scene)
+        console = Console(record=True, width=300, file=io.StringIO())
+        made, do.repeated = runner.carry_out(
+            config, runner.Asked(choices, keys), console
         )
-        entry, do.repeated = job.run(
-            composed_run(*overrides, scene=scene),
-            {"scene": "recorded", "model": "hdc", "stop": "paper", **names},
-            list(overrides),
-            Console(quiet=True),
-        )
-        return entry
+        do.said = console.export_text()
+        return made
 
     return do
 

@@ -14,7 +14,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import json
-import pkgutil
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
@@ -24,22 +23,22 @@ from typing import Any
 
 import numpy as np
 import torch
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 from rich.console import Console
 
 from experiments.protocol import data
 from experiments.protocol.evaluate import train_until
-from experiments.protocol.experiment import Run
 from experiments.protocol.model import instantiate
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
+from experiments.protocol.task import Context, named
 from experiments.records import configs
 from experiments.records.revision import revisions
 from experiments.records.rows import unpack_labels
 from hdc import backends
 from scenes.frames import Frames
+from tests.experiments.composed import composed, made, part
 
 FILE = Path(__file__).parent / "golden" / "numbers.json"
 FRAMES = 300  # more than a chunk of 256
@@ -161,11 +160,11 @@ def of_words() -> Iterator[tuple[str, Item]]:
     """Hypervectors and integer distances of HDC, exactly."""
     backends = ["numpy"] + (["compiled"] if bits_are_compiled() else [])
     for name in OF_BITS:
-        part = configs.part("model", name)
+        model = part("model", name)["model"]
         for dimension in SIDES:
             for dtype in DTYPES:
                 for backend in backends:
-                    config = {**part["model"], "backend": backend}
+                    config = {**model, "backend": backend}
                     make = functools.partial(hdc_numbers, config, dimension, dtype)
                     yield (
                         f"{name}, {backend}, D = {dimension}, {dtype}",
@@ -206,9 +205,9 @@ def of_models() -> Iterator[tuple[str, Item]]:
         needed = _NEEDS.get(path.stem.partition("_")[0])
         if needed and find_spec(needed) is None:
             continue
-        part = configs.part("model", path.stem)
-        make = functools.partial(labels_of, part["model"])
-        yield f"model {path.stem}", Item(part["model"], make)
+        model = part("model", path.stem)["model"]
+        make = functools.partial(labels_of, model)
+        yield f"model {path.stem}", Item(model, make)
 
 
 def labels_of(config: Mapping[str, Any]) -> list[int | None]:
@@ -313,11 +312,9 @@ def of_studies() -> Iterator[tuple[str, Item]]:
 
 def study_numbers(task: Mapping[str, Any]) -> dict[str, Any]:
     """Number of rows, and the sum of each column of numbers that are not times."""
-    arguments = configs.without(("display",), dict(task))
-    rows_of = pkgutil.resolve_name(arguments.pop("_target_")).rows
-    rows = list(
-        rows_of(Run("golden", console=Console(quiet=True), force=True), **arguments)
-    )
+    context = Context("golden", force=True, console=Console(quiet=True))
+    config = configs.without(("display",), dict(task))
+    rows = list(made(named(task), **config).rows(context))
     sums: dict[str, float] = {}
     for row in rows:
         for key, value in row.items():
@@ -335,14 +332,6 @@ def total_of(value: Any) -> float:
     except (TypeError, ValueError):
         return 0.0
     return float(np.nansum(np.where(np.isfinite(numbers), numbers, 0.0)))
-
-
-def composed(*words: str) -> dict[str, Any]:
-    """The resolved config of a command line."""
-    with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
-        config = compose("config", overrides=list(words))
-    found: Any = OmegaConf.to_container(config, resolve=True)
-    return found
 
 
 # The file -----------------------------------------------------------------------------------------

@@ -49,15 +49,15 @@ def counting(runs: list[dict], model: str) -> list[dict]:
     stop of which there are some."""
     own = []
     for run in runs:
-        config, choices = run["config"], run["choices"]
+        config = run["config"]
         whole = config["split"]["n_train"] is config["data"]["pixels"] is None
-        named = (choices["scene"], choices["model"]) == (SCENE, model)
+        named = (run["scene"]["name"], run["model"]["name"]) == (SCENE, model)
         if named and whole and not run.get("changed"):
             own.append(run)
 
     def place(run: dict) -> tuple[bool, int]:
         alone = run["environment"].get("exclusive", True)
-        return not alone, STOPS.index(run["choices"]["stop"])
+        return not alone, STOPS.index(run["stop"])
 
     first = min(map(place, own), default=None)
     by_seed = {run["config"]["seed"]["run"]: run for run in own if place(run) == first}
@@ -65,26 +65,24 @@ def counting(runs: list[dict], model: str) -> list[dict]:
 
 
 def is_iterative(run: dict) -> bool:
-    return "loss" in run["rows"]["columns"]
+    return any("loss" in row for row in run["curve"])
 
 
 def seconds(run: dict) -> float:
     """Training time: of an iterative model that until training accuracy passes 90 %."""
     if not is_iterative(run):
-        return run["training_s"]
-    reached = run.get("time_to_target_train_s")
+        return run["results"]["total_time_s"]
+    reached = run["results"].get("time_to_target_train_s")
     return math.inf if reached is None else reached
 
 
 def at_papers(run: dict, level: float | None) -> float | None:
     """Test accuracy at the first report with the paper's training accuracy, or after one pass."""
     if not is_iterative(run):
-        return run["test_accuracy_final"]
-    names = run["rows"]["columns"]
-    for values in run["rows"]["values"]:
-        report = dict(zip(names, values, strict=True))
-        if level is not None and (report["train_accuracy"] or 0) >= level:
-            return report["test_accuracy"]
+        return run["results"]["test_accuracy_final"]
+    for report in run["curve"]:
+        if level is not None and (report.get("train_accuracy") or 0) >= level:
+            return report.get("test_accuracy")
     return None
 
 
@@ -156,7 +154,7 @@ def median_range(name: str, values: list[float]) -> dict[str, float]:
 
 def recompute(runs: list[dict], model: str) -> dict[str, float]:
     """The measured cells of a row by column; nan where there is no number."""
-    own = counting(runs, model)
+    own = [run["results"] for run in counting(runs, model)]
     n = float(np.mean([run["n_test"] for run in own]))
     finals = [run["test_accuracy_final"] for run in own]
     early = [run.get("test_accuracy_at_target") for run in own]
@@ -164,17 +162,18 @@ def recompute(runs: list[dict], model: str) -> dict[str, float]:
     found |= mean_share("test_accuracy_final", finals, n)
     found["test_accuracy_at_target"] = _mean(early)
     found["train_accuracy_final"] = _mean([run["train_accuracy_final"] for run in own])
-    times = [seconds(run) for run in own]
+    times = [seconds(run) for run in counting(runs, model)]
     if math.inf not in times:
         found["training_time_s"] = float(np.median(times))
-    found["total_time_s"] = float(np.median([run["training_s"] for run in own]))
+    found["total_time_s"] = float(np.median([run["total_time_s"] for run in own]))
     for name, key in (("hdc", "hdc"), ("numpy_hdc", "hdc_numpy")):
-        beside = [run.get("beside_s", {}).get(key) for run in own]
+        beside = [run.get(f"beside.{key}_s") for run in own]
         if model != "hdc" and None not in beside and math.inf not in times:
             ratios = [time / of for time, of in zip(times, beside, strict=True)]
             found |= median_range(f"training_time_over_{name}", ratios)
     level = papers_level(model)
-    known = [share for run in own if (share := at_papers(run, level)) is not None]
+    shares = (at_papers(run, level) for run in counting(runs, model))
+    known = [share for share in shares if share is not None]
     return found | mean_share("test_accuracy_at_papers", known, n)
 
 

@@ -176,8 +176,9 @@ def test_a_study_that_fails_costs_its_own_table_and_says_so_in_one_line(
 
 BAD = [
     ("environment.cpu", "A\nCPU | <b>\x1b[31m` \\", False),
-    ("choices.stop", "\x1b[31m<b>", False),
-    ("scene.classes", ["<b>", "$x_{$", "\x1b[31m", "\\", "a\nb"], False),
+    ("stop", "\x1b[31m<b>", False),
+    # The names of the classes.
+    ("rows.values.-1.6", '["<b>", "$x_{$", "\\u001b[31m", "\\\\", "a\\nb"]', False),
     ("config", None, True),
 ]
 
@@ -190,7 +191,9 @@ def test_a_bad_record_costs_itself_only(tmp_path, write_run, alone):
     lines = path.read_text().splitlines()
     for k, (key, value, _) in enumerate(BAD, 1):
         entry = part = json.loads(lines[k])
-        *parents, last = key.split(".")
+        *parents, last = [
+            int(k) if k.strip("-").isdigit() else k for k in key.split(".")
+        ]
         for parent in parents:
             part = part[parent]
         part[last] = value

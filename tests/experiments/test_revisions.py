@@ -11,7 +11,6 @@ import pytest
 import hdc
 from experiments.records import revision, store
 from experiments.records.files import ROOT
-from experiments.records.run import Finished
 from tests.experiments import golden_numbers as golden
 
 
@@ -31,7 +30,7 @@ def test_no_number_moved_without_a_revision(one_thread):
 def words(one_thread, monkeypatch, tmp_path):
     """The items of HDC alone, with a golden file of their own."""
     monkeypatch.setattr(golden, "FILE", tmp_path / "numbers.json")
-    part = golden.configs.part("model", "hdc")["model"]
+    part = golden.part("model", "hdc")["model"]
     item = golden.Item(part, lambda: golden.hdc_numbers(part, 65, "uint8"))
     monkeypatch.setattr(golden, "items", lambda: {"words": item})
     assert golden.write() == []
@@ -124,4 +123,4 @@ def test_a_word_in_a_progress_bar_or_a_docstring_outdates_no_record(
         (copy / path).write_text(text.replace(before, after))
     assert "finished before" in run()
     (entry,) = store.read(tmp_path / "own")
-    assert isinstance(entry, Finished)
+    assert entry.is_finished

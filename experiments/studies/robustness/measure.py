@@ -9,7 +9,7 @@ a second time with 8 bits a number: is it the method that tolerates faults, or t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -19,61 +19,74 @@ from experiments.protocol import data
 from experiments.protocol.clock import Clock
 from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import train_until
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.robustness import disturbances as faults
 from hdc import HDCClassifier
 
 
-@experiment(revision=3, uses=("hdc.HDCClassifier",))
-def robustness(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Split,
-    models: Mapping[str, Mapping[str, Any]],
-    stop: StopRule,
-    stops: Mapping[str, StopRule],
-    seeds: Sequence[int],
-    disturbances: Mapping[str, Sequence[float]],
-    bit_error_rates: Sequence[float],
-    query_error_rates: Sequence[float] = (),
-    spared: Mapping[str, Sequence[str]] | None = None,
-) -> Iterator[Row]:
+class Robustness(Task, frozen=True):
     """One row: a trained model under one disturbance, ``right`` of ``n_test`` samples.
 
     ``level`` is that of the ``disturbance``, a fraction or pixels. Models are on the CPU.
     Arguments: configs/experiment/robustness.yaml.
     """
-    rates = {"stored": bit_error_rates, "asked": query_error_rates}
-    for seed, sensor in run.scenes(scene, seeds):
-        train, test = choose(sensor, split, seed)
-        frames = data.take(sensor, train, Clock())
-        for name, model in models_of(at_seed(models, seed)).items():
-            rule = stops.get(name, stop)
-            train_until(model, rule, frames, sensor.labels[train])
-            state = library.state_tensors(model) or {}
-            keep = (spared or {}).get(name, ())
-            damaged = [state[part] for part in state if part not in keep]
-            same = {
-                "n_test": len(test),
-                "n_classes": len(sensor.classes),
-                "model_bytes": sum(tensor.nbytes for tensor in state.values()),
+
+    revision: ClassVar = 3
+    uses: ClassVar = ("hdc.HDCClassifier",)
+
+    scene: Mapping[str, Any]
+    split: Split
+    models: Mapping[str, Mapping[str, Any]]
+    stop: StopRule
+    stops: Mapping[str, StopRule]
+    seeds: Sequence[int]
+    disturbances: Mapping[str, Sequence[float | int]]
+    bit_error_rates: Sequence[float | int]
+    query_error_rates: Sequence[float | int] = ()
+    spared: Mapping[str, Sequence[str]] | None = None
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        for seed, sensor in context.scenes(self.scene, self.seeds):
+            train, test = choose(sensor, self.split, seed)
+            frames = data.take(sensor, train, Clock())
+            asked = data.take(sensor, test, Clock())[:]
+            for name, model in models_of(at_seed(self.models, seed)).items():
+                rule = self.stops.get(name, self.stop)
+                train_until(model, rule, frames, sensor.labels[train])
+                same = {"origin": sensor.origin, "model": name, "seed": seed}
+                for row in self._of_model(
+                    name, model, asked, sensor.labels[test], seed
+                ):
+                    yield {**same, **row, "n_classes": len(sensor.classes)}
+                context.note(f"seed {seed}, {name}")
+
+    def _of_model(
+        self,
+        name: str,
+        model: Model,
+        frames: torch.Tensor,
+        labels: np.ndarray,
+        seed: int,
+    ) -> Iterator[Row]:
+        """The rows of one trained model."""
+        state = library.state_tensors(model) or {}
+        spared = (self.spared or {}).get(name, ())
+        damaged = [state[part] for part in state if part not in spared]
+        size = sum(tensor.nbytes for tensor in state.values())
+        rates = {"stored": self.bit_error_rates, "asked": self.query_error_rates}
+        made = _answers(model, frames, damaged, self.disturbances, rates, seed)
+        for disturbance, level, predicted in made:
+            yield {
+                "disturbance": disturbance,
+                "level": float(level),
+                "right": int((predicted == labels).sum()),
+                "n_test": len(labels),
+                "model_bytes": size,
             }
-            given = data.take(sensor, test, Clock())[:], damaged, disturbances, rates
-            for disturbance, level, predicted in _answers(model, *given, seed):
-                yield {
-                    "origin": sensor.origin,
-                    "model": name,
-                    "seed": seed,
-                    "disturbance": disturbance,
-                    "level": float(level),
-                    "right": int((predicted == sensor.labels[test]).sum()),
-                    **same,
-                }
-            run.note(f"seed {seed}, {name}")
 
 
 def _answers(

@@ -103,8 +103,7 @@ def test_models_differ_seed_by_seed_on_the_same_samples(of_model, write_run):
     write_run("hdc", seed=1, wrong=range(10))
     # A seed whose test frames were others is no pair.
     write_run("hdc", seed=2)
-    others = {"train": "", "test": "of others"}
-    write_run("softmax", seed=2, wrong=range(50), data_sha256=others)
+    write_run("softmax", seed=2, wrong=range(50), test_set="of others")
     half = T1 * np.std([-0.03, 0.08], ddof=1) / math.sqrt(2)
     assert difference() == approx(0.025, 0.025 - half, 0.025 + half)
 

@@ -8,8 +8,8 @@ import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.protocol.experiment import Run
 from experiments.protocol.settings import Split
+from experiments.protocol.task import Context
 from experiments.studies.correlation import measure
 from experiments.studies.correlation.pairs import (
     CorrelationSums,
@@ -132,7 +132,7 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
     [
         (lambda: sums_of(samples(2, 30)[:, :0, None]).means_with([[1, 2]]), "class, found 0"),
         (lambda: sums_of(samples(2, 30)[:, None]).pair_means(), "two of each class, found 1"),
-        (lambda: next(measure.correlation.rows(Run(), {}, SPLIT, [0], ["speckles"])),
+        (lambda: next(measure.Correlation({}, SPLIT, [0], ["speckles"]).rows(Context())),
          r"task\.kinds: .* found \['speckles'\]"),
     ],
 )  # fmt: skip

@@ -12,16 +12,14 @@ import torch
 
 from baselines.linear import PenalisedClassifier
 from experiments.protocol.evaluate import bank_of, evaluate
-from experiments.protocol.experiment import Run
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.records.rows import unpack_labels
 from experiments.studies.drift import measure
 from experiments.studies.drift.measure import (
     Choice,
     choose,
-    drift,
     subsets,
     updates,
     ways,
@@ -32,6 +30,7 @@ from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.standardised import FRACTION, standardised
 from scenes.frames import Frames
+from tests.experiments import composed
 
 SPLIT = Split("random", 0.2)
 # Samples of the old session, of the new one, and of both.
@@ -39,7 +38,7 @@ OLD, NEW, ASKED = np.arange(40), np.arange(60, 72), np.r_[40:60, 72:120]
 
 
 def built(name):
-    return models_of({name: configs.part("model", name)})[name]
+    return models_of({name: composed.part("model", name)})[name]
 
 
 @pytest.fixture(scope="module")
@@ -229,18 +228,17 @@ def test_rows_have_answers_in_the_seeds_and_sessions_that_are_asked_for(
 ):
     """The true classes stand once a seed, the new session first."""
     monkeypatch.setattr(
-        Run, "scenes", lambda run, _, seeds: [(s, scene) for s in seeds]
+        Context, "scenes", lambda run, _, seeds: [(s, scene) for s in seeds]
     )
     of = {
-        name: {name: configs.part("model", name)} for name in ("hdc", "hdc_reference")
+        name: {name: composed.part("model", name)} for name in ("hdc", "hdc_reference")
     }
-    rows = pd.DataFrame(
-        drift.rows(
-            Run(), scene={}, old_split=SPLIT, models=of["hdc"], seeds=[0, 1], n_test=30,
-            n_new=[3], p=[], zeroing=of["hdc_reference"], zeroing_seeds=[1], n_zero=[6, 600],
-            n_untouched=[4, 99], no_touch="None",
-        )
+    task = composed.made(
+        measure.Drift, scene={}, old_split=SPLIT, models=of["hdc"], seeds=[0, 1], n_test=30,
+        n_new=[3], p=[], zeroing=of["hdc_reference"], zeroing_seeds=[1], n_zero=[6, 600],
+        n_untouched=[4, 99], no_touch="None",
     )  # fmt: skip
+    rows = pd.DataFrame(task.rows(Context()))
     labelled = ["stored", "new", "balanced", "pooled"]
     assert rows.method.tolist() == 2 * labelled + ["stored", "zeroed", "untouched"]
     assert rows.seed.tolist() == 4 * [0] + 7 * [1]

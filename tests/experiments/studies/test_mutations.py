@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from baselines.softmax_dual import DualSoftmaxRegression
-from experiments.protocol.experiment import Run
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.studies.footprint import measure as footprint
 from experiments.studies.limits.numerics import measure as numerics
 from experiments.studies.limits.stability.measure import CASES
@@ -18,6 +17,7 @@ from hdc.prototypes import Counters
 from hdc.readouts import discriminant, kernel, lda, ridge
 from hdc.readouts.discriminant import Problem
 from scenes.sensor.camera import MountedCamera
+from tests.experiments import composed
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 BY_NAME = {case.case: case for case in CASES}
@@ -146,6 +146,6 @@ def test_a_module_that_the_library_does_not_need_fails(tmp_path, monkeypatch):
     path = os.environ.get("PYTHONPATH", "")
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{path}")
     # Without the finder its status is ok: tests/experiments/studies/test_footprint.py.
-    needed = configs.task("footprint")["needed"]
-    (row,) = footprint.footprint.rows(Run(), ["touch"], ["hdc"], 3, needed)
+    needed = composed.task("footprint")["needed"]
+    (row,) = footprint.Footprint(["touch"], ["hdc"], 3, needed).rows(Context())
     assert row["status"] == "fails: loads pandas"

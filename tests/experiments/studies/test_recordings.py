@@ -8,32 +8,38 @@ import pandas as pd
 import pytest
 from rich.console import Console
 
-from experiments.protocol.experiment import Run
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.records.results import Results
 from experiments.reporting.resamples import RIVAL
 from experiments.studies.recordings import figures as drawing
 from experiments.studies.recordings import measure, tables
 from experiments.studies.recordings.accuracies import Accuracies, recordings
 from experiments.studies.recordings.view import STUDY
+from tests.experiments import composed
 
 RANDOM = {"kind": "random", "test_fraction": 0.5}
 
 
 @pytest.fixture
 def of_small(recording):
-    """of_small(experiment) → its rows on a small recording, without the runner."""
-    scene = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
-    run = Run(console=Console(quiet=True), force=True, scene_name="here")
-    return lambda experiment: partial(experiment.rows, run, scene)
+    """of_small(task) → its rows on a small recording, without the runner."""
+    scene = composed.part("scene", "recorded")["scene"] | {
+        "path": str(recording(60, 3))
+    }
+    context = Context(console=Console(quiet=True), force=True, scene_name="here")
+
+    def rows(kind, **config):
+        return list(composed.made(kind, scene=scene, **config).rows(context))
+
+    return lambda kind: partial(rows, kind)
 
 
 def models(*names):
-    return {name: configs.part("model", name) for name in names}
+    return {name: composed.part("model", name) for name in names}
 
 
 def test_a_model_is_asked_within_its_limits(of_small):
-    ask = of_small(measure.recordings)
+    ask = of_small(measure.Recordings)
     named = models("hdc", "hdc_integer", "ridge", "greys_chosen", "softmax")
     splits = {"random": RANDOM, "counts": RANDOM}
     stop = {"least_steps": 1, "most_steps": 3, "loss": 0.0}
@@ -43,7 +49,8 @@ def test_a_model_is_asked_within_its_limits(of_small):
         "softmax": {"draws": 1, "stop": stop},
         "hdc_integer": {"scenes": ["elsewhere"]},
     }
-    ask = partial(ask, splits, named, [1, 5], draws=2, seeds=[0, 1])
+    about = {"splits": splits, "models": named, "n_per_class": [1, 5]}
+    ask = partial(ask, **about, draws=2, seeds=[0, 1])
     rows = pd.DataFrame(ask(limits=limits))
     draws = list(zip(rows.seed, rows.draw, strict=True))
     asked = rows.assign(at=draws).groupby(["split", "model"])["at"].agg(list)
@@ -63,17 +70,18 @@ def test_a_model_is_asked_within_its_limits(of_small):
     assert rows[rows.model == "hdc"].stopped.isna().all()
     for wrong, message in (
         ({"hcd": {"draws": 1}}, r"limits: expected models among .* 'hcd'"),
-        ({"hdc": {"draw": 1}}, r"limits\.hdc\.draw: expected one of scenes"),
+        ({"hdc": {"draw": 1}}, r"task\.limits\.hdc\.draw: expected one of scenes"),
     ):
         with pytest.raises(ValueError, match=message):
-            list(ask(limits=wrong))
+            ask(limits=wrong)
 
 
 def test_bytes_of_a_model_are_those_of_its_bits(of_small):
     names = ("hdc", "hdc_levels_lda", "softmax_dual")
     limits = {"hdc_levels_lda": {"n_per_class": [5]}}
-    ask = of_small(measure.recording_costs)
-    rows = list(ask(RANDOM, models(*names), [1, 5], repeats=1, limits=limits))
+    ask = of_small(measure.RecordingCosts)
+    about = {"split": RANDOM, "models": models(*names), "n_per_class": [1, 5]}
+    rows = ask(**about, repeats=1, limits=limits)
     asked = [(row["model"], row["n"]) for row in rows]
     assert asked == [("hdc", 1), ("softmax_dual", 1), *((name, 5) for name in names)]
     found = {row["model"]: row for row in rows}
@@ -99,9 +107,10 @@ def test_repetitions_take_turns_until_a_model_has_taken_its_time(of_small, monke
         timed.trained = timed.model.fit(frames, labels)
 
     monkeypatch.setattr(measure.Timed, "repeat", repeat)
-    ask = of_small(measure.recording_costs)
+    ask = of_small(measure.RecordingCosts)
     named = models("ridge", "mean_image")
-    ridge, mean = ask(RANDOM, named, [5], repeats=3, most_s=12)
+    about = {"split": RANDOM, "models": named, "n_per_class": [5]}
+    ridge, mean = ask(**about, repeats=3, most_s=12)
     first, second = turns[:2]
     assert turns == [first, second, first, second, second]  # 10 + 10/3 s are enough
     assert (ridge["fit_s"], mean["fit_s"]) == (10 / 3, 10 / 5)
@@ -130,7 +139,7 @@ def measured(tmp_path, write_measurement):
     def write(name="recordings", **scenes):
         for scene, right in scenes.items():
             rows = of_draws(right) if isinstance(right, dict) else right
-            config = {"scene": configs.part("scene", scene)["scene"]}
+            config = {"scene": composed.part("scene", scene)["scene"]}
             write_measurement(name, rows, config=config, scene=scene)
         return Results(tmp_path).frame("recordings")
 

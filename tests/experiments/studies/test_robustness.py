@@ -9,12 +9,11 @@ import pandas as pd
 import pytest
 import torch
 
-from experiments.protocol.experiment import Run
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.studies.robustness import measure
 from experiments.studies.robustness.disturbances import (
     OF_FRAMES,
@@ -29,6 +28,7 @@ from experiments.studies.robustness.disturbances import (
 )
 from hdc import HDCClassifier, bits
 from scenes.frames import Frames
+from tests.experiments import composed
 
 FRAMES = np.random.default_rng(0).integers(0, 256, (6, 20, 30), np.uint8)
 SPLIT = Split("random", 0.2)
@@ -165,12 +165,12 @@ OF_FLOATS = [
     ],
 )
 def test_every_model_is_measured_and_left_as_it_was(name, cases, scene, monkeypatch):
-    monkeypatch.setattr(Run, "scenes", lambda run, config, seeds: [(3, scene)])
-    models = {name: configs.part("model", name)}
-    spared = configs.task("robustness")["spared"]
+    monkeypatch.setattr(Context, "scenes", lambda run, config, seeds: [(3, scene)])
+    models = {name: composed.part("model", name)}
+    spared = composed.task("robustness")["spared"]
     levels = {"power": [0.2], "dither": [1]}
     options = (models, StopRule(), {}, [3], levels, STORED, ASKED, spared)
-    rows = pd.DataFrame(measure.robustness.rows(Run(), {}, SPLIT, *options))
+    rows = pd.DataFrame(measure.Robustness({}, SPLIT, *options).rows(Context()))
     assert set(rows.n_test) == {20}
     right = rows.set_index(["disturbance", "level"]).right
     assert set(right.index) == set(cases)

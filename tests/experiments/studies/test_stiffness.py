@@ -9,11 +9,11 @@ import torch
 from torch.nn import functional as F
 
 from experiments.protocol.evaluate import bank_of
-from experiments.protocol.experiment import Run
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.studies.limits.stiffness import measure, newton, view
 from experiments.studies.limits.stiffness.problem import Problem, condition
 from scenes.frames import Frames
+from tests.experiments import composed
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 METHODS = measure.named_methods([1], 2000, {"lr": 0.1, "batch_size": None})
@@ -173,7 +173,7 @@ def test_a_method_that_does_not_arrive_says_why(
 
 
 def test_the_table_has_the_best_rate_of_adam_and_the_curves_have_real_problems():
-    class OnFrames(Run):
+    class OnFrames(Context):
         def scene(self, config, seed):
             if config == "missing":
                 raise ValueError("expected a folder")
@@ -183,11 +183,11 @@ def test_the_table_has_the_best_rate_of_adam_and_the_curves_have_real_problems()
             images = torch.from_numpy(frames).byte()
             return Frames(images, labels, ("a", "b", "c"), origin="simulated")
 
-    task = configs.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
+    task = composed.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
     task["real"] = {"touch": {"scene": {}}, "spr": {"scene": "missing"}}
     task["problems"] = task["problems"][:2]
     del task["_target_"]
-    frame = pd.DataFrame(measure.stiffness.rows(OnFrames(), **task))
+    frame = pd.DataFrame(composed.made(measure.Stiffness, **task).rows(OnFrames()))
     frame = frame.assign(scene="touch", split="random split")
     ends = view.ends(frame)
     assert len(ends) == 2 * len(view.COLOURS)

@@ -2,11 +2,9 @@
 
 import math
 
-import msgspec
 import numpy as np
 import pytest
 
-from experiments.records import store
 from experiments.reporting import published
 from experiments.reporting.table import records
 from experiments.studies.table1.tables import LINES
@@ -114,20 +112,9 @@ def test_accuracy_is_read_where_training_first_is_as_accurate_as_the_papers(
     assert shown["cnn3"][3] == "not reached: 91 % in training"
 
 
-@pytest.fixture
-def ended(tmp_path):
-    """ended(id, reason): the run of that id ended for another reason."""
-
-    def change(name, reason):
-        run = store.find(tmp_path, name)
-        store.append(tmp_path, msgspec.structs.replace(run, stop=reason))
-
-    return change
-
-
-def test_the_note_says_how_the_trainings_end(table, write_run, ended, epochs):
+def test_the_note_says_how_the_trainings_end(table, write_run, epochs):
     write_run("hdc")
-    ended(write_run("cnn1", curve=epochs(0.5, 0.95)), "budget")
+    write_run("cnn1", curve=epochs(0.5, 0.95), stopped="budget")
     ends = "HDC 100 [96.3, 100]; CNN, 1 layer not finished: 100 [96.3, 100]."
     assert f"Test accuracy at the end of training (%): {ends}" in table()[1].note
 
@@ -149,7 +136,7 @@ def test_the_note_names_what_is_as_accurate_as_hdc_in_less_time(
 
 
 def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(
-    table, write_run, ended, epochs
+    table, write_run, epochs
 ):
     for seed in (0, 1):
         about = {"seed": seed}
@@ -165,7 +152,7 @@ def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(
     write_run("ridge", seed=7)  # no HDC of its seed
     write_run("mean_image", environment={"cpu": "Another"})
     # A training that its budget ended may have become as accurate later.
-    ended(write_run("cnn3", curve=epochs(0.5, 0.8)), "budget")
+    write_run("cnn3", curve=epochs(0.5, 0.8), stopped="budget")
     rows, made = table("equal_accuracy")
     assert list(rows) == ["hdc", "softmax", "cnn1", "correlation", "mean_image"]
     assert [each[1] for each in made.cells()] == ["all"] * 4 + ["300", "all"]

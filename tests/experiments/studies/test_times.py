@@ -12,16 +12,15 @@ from matplotlib.lines import CARETUPBASE
 from baselines.cnn import CNN
 from baselines.softmax import SoftmaxRegression
 from experiments.protocol import machine
-from experiments.protocol.experiment import Run
-from experiments.protocol.settings import named
 from experiments.protocol.stop import StopRule
-from experiments.records import configs
+from experiments.protocol.task import Context, named
 from experiments.reporting.table import ENDS, records
 from experiments.studies.table1.times import grid, libraries, measure
 from experiments.studies.table1.times.libraries import MEDIANS, LibraryHDC
 from experiments.studies.table1.times.measure import Samples, Training, one_turn
 from experiments.studies.table1.view import STUDY
 from hdc import HDCClassifier, bits
+from tests.experiments import composed
 
 
 @pytest.fixture
@@ -147,7 +146,7 @@ def test_time_ends_at_the_report_that_exceeds_the_target_or_with_the_model(train
 
 
 def test_every_model_is_computed_by_every_way_and_each_can_be_built():
-    ways = configs.task("times_grid")["ways"]
+    ways = composed.task("times_grid")["ways"]
     assert [way for way in grid.WAYS if way != grid.DEFAULT] == list(ways)
     for models in ways.values():
         assert set(models) == set(grid.MODELS)
@@ -159,13 +158,13 @@ def test_the_grid_of_a_small_scene(small_scene, one_thread, results, monkeypatch
     monkeypatch.setattr(machine, "keeps_memory", lambda: False)
     kept = []
     monkeypatch.setattr(machine, "keep_memory", lambda: kept.append(True))
-    task = configs.task("times_grid")
+    task = composed.task("times_grid")
     del task["_target_"]
     for models in task["ways"].values():
         del models["cnn3"]
         models["cnn1"]["model"] |= {"filters": [2], "lr": 1e-2}
     task |= {"scene": small_scene, "seeds": [0, 3], "fewer": {"cnn1": 1}}
-    rows = list(measure.times_grid.rows(Run(), **task))
+    rows = list(composed.made(measure.TimesGrid, **task).rows(Context()))
     assert len(kept) == 1  # by the second of two ways, and not before the first
     assert len(rows) == 2 * (2 * 4 + 1)
     assert {(row["turn"], row["seed"]) for row in rows} == {(0, 0), (1, 3)}
@@ -176,19 +175,18 @@ def test_the_grid_of_a_small_scene(small_scene, one_thread, results, monkeypatch
         assert row["train_accuracy"] > 0.9 or row["model"] in ("softmax_dual", "ridge")
     monkeypatch.setattr(machine, "keeps_memory", lambda: True)
     with pytest.raises(ValueError, match=r"task\.ways\.libraries: expected a process"):
-        next(measure.times_grid.rows(Run(), **task))
+        next(composed.made(measure.TimesGrid, **task).rows(Context()))
     del task["ways"]["tuned"]["hdc"]
     with pytest.raises(ValueError, match=r"task\.ways\.tuned: expected hdc"):
-        next(measure.times_grid.rows(Run(), **task))
+        next(composed.made(measure.TimesGrid, **task).rows(Context()))
 
 
 def test_the_runner_leaves_memory_to_the_grid_alone():
     """PyTorch at its defaults gives freed memory back."""
 
-    assert named({"_target_": f"{measure.__name__}.times_grid"}).own_memory
-    other = "experiments.studies.footprint.measure.footprint"
+    assert named({"_target_": f"{measure.__name__}.TimesGrid"}).own_memory
+    other = "experiments.studies.footprint.measure.Footprint"
     assert not named({"_target_": other}).own_memory
-    assert named(None) is None
 
 
 # The table ----------------------------------------------------------------------------------------

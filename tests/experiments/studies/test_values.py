@@ -6,15 +6,21 @@ import pytest
 import torch
 from sklearn.linear_model import RidgeCV
 
-from experiments.protocol.experiment import Run
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.studies.promises.values import view
-from experiments.studies.promises.values.measure import coverage, values
+from experiments.studies.promises.values.measure import Coverage, Values
 from experiments.studies.promises.values.numbers import ridge_values
 from scenes.frames import Frames
+from tests.experiments import composed
 
 SPLITS = {"random": {"kind": "random", "test_fraction": 0.4, "group": None}}
-MODELS = {name: configs.part("model", name) for name in ("hdc", "hdc_lda")}
+MODELS = {name: composed.part("model", name) for name in ("hdc", "hdc_lda")}
+
+
+def rows_of(kind, **config):
+    """The rows of a task on the frames of the test."""
+    task = composed.made(kind, scene={}, splits=SPLITS, **config)
+    return list(task.rows(Context()))
 
 
 @pytest.fixture
@@ -35,11 +41,11 @@ def scene(monkeypatch):
         "unknown": Frames(noise, np.zeros(20, int), ("X",)),
     }.items():
         object.__setattr__(made, name, value)
-    monkeypatch.setattr(Run, "scene", lambda *_: made)
+    monkeypatch.setattr(Context, "scene", lambda *_: made)
 
 
 def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
-    rows = list(values.rows(Run(), {}, SPLITS, n_train=[20, 100, 999], draws=1))
+    rows = rows_of(Values, n_train=[20, 100, 999], draws=1)
     assert {row["n"] for row in rows} == {20, 100}
     error = {row["model"]: row["error"] for row in rows if row["n"] == 100}
     assert max(error, key=error.get) == "mean"
@@ -52,7 +58,7 @@ def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
 @pytest.mark.filterwarnings("ignore:lda. no class has two")
 def test_sets_hold_their_promise_and_noise_is_refused(scene):
     rows = pd.DataFrame(
-        coverage.rows(Run(), {}, SPLITS, MODELS, n_per_class=[1, 2, 20, 999], draws=4)
+        rows_of(Coverage, models=MODELS, n_per_class=[1, 2, 20, 999], draws=4)
     )
     means = rows.groupby(["n", "model"])[view.OF_SETS].mean().reset_index()
     least, two, middle, most = means.n.unique()

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.protocol.experiment import Row
+from experiments.records.rows import Row
 
 
 def largest(result: Any, exact: Any) -> float:

@@ -6,17 +6,21 @@ Encoders, counters, read-outs and training have a file of cases each.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
-from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.limits.stability import counting, encoders, readouts, training
 
 CASES = [*counting.CASES, *encoders.CASES, *readouts.CASES, *training.CASES]
 
 
-@experiment(revision=4)
-def stability(run: Run) -> Iterator[Row]:
+class Stability(Task, frozen=True):
     """One row: a case, with the errors of both computations."""
-    for case in CASES:
-        row = case.row()
-        run.note(f"{row['verdict']}: {case.case}")
-        yield row
+
+    revision: ClassVar = 4
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        for case in CASES:
+            row = case.row()
+            context.note(f"{row['verdict']}: {case.case}")
+            yield row

@@ -165,7 +165,7 @@ class Problems:
         """By the library."""
         penalty = float(self.penalty)
         if name == "Ridge":
-            dual = Dual.of(words_of(self.frames[: self.n]).packed, D, penalty)
+            dual = Dual.of(words_of(self.frames[: self.n]), penalty)
             centred = products - products.mean(0)
             centred -= centred.mean(1, keepdims=True)
             self.matrix = centred + penalty * np.eye(self.n)

@@ -10,7 +10,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -19,9 +19,9 @@ from scipy.sparse.linalg import LinearOperator, eigs
 from baselines.bank import Bank
 from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.protocol.evaluate import bank_of
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.settings import Split, checked
 from experiments.protocol.splits import choose
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.limits.stiffness import methods
 from experiments.studies.limits.stiffness.newton import optimum
 from experiments.studies.limits.stiffness.problem import Array, Problem, condition
@@ -30,22 +30,7 @@ from scenes.frames import Scene
 _LATER = 1.25  # factor between the times of two points of a curve
 
 
-@experiment(revision=3, uses=("baselines.softmax.SoftmaxRegression",), timed=True)
-def stiffness(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Split,
-    seed: int,
-    side: int,
-    originals: int,
-    problems: Sequence[Mapping[str, float]],
-    adam: Mapping[str, Any],
-    softmax: Mapping[str, Any],
-    budget_s: float,
-    goal: float,
-    real: Mapping[str, Mapping[str, Any]],
-    most: int,
-) -> Iterator[Row]:
+class Stiffness(Task, frozen=True):
     """One row: a point of the curve of a method on a problem, or a real problem's κ.
 
     Columns: ``problem``, counted from 0; its ``apart``, ``strength`` and ``kappa``; ``method``;
@@ -54,29 +39,48 @@ def stiffness(
     ``out of time``, or what failed. A real problem has its ``scene``'s name, ``kappa`` and no
     ``problem``. Arguments: configs/experiment/stiffness.yaml.
     """
-    made = run.scene(scene, seed)
-    train, _ = choose(made, split, seed)
-    frames, onehot = pixels_of(made, train, side)
-    every = named_methods(adam["rates"], adam["steps"], softmax)
-    # A moment of each method, since the first steps of a library load parts of it.
-    for method in every.values():
-        Watch(Problem.of(frames, onehot, 1.0, 1.0, 1), 0.0, 0.0, 0.0).follow(method)
-    for number, how in enumerate(problems):
-        problem = Problem.of(frames, onehot, **how, originals=originals)
-        best = optimum(problem)
-        least, _ = problem.evaluate(best)
-        same = {"problem": number, **how, "origin": made.origin}
-        same["kappa"] = condition(problem, best.astype(np.float64))
-        for name, method in every.items():
-            run.note(f"κ = {same['kappa']:.1e}, {name}")
-            watch = Watch(problem, float(least), budget_s, goal)
-            for point in watch.follow(method):
-                yield same | {"method": name, **point}
-    yield from real_problems(run, real, split, seed, most)
+
+    revision: ClassVar = 3
+    uses: ClassVar = ("baselines.softmax.SoftmaxRegression",)
+    timed: ClassVar = True
+
+    scene: Mapping[str, Any]
+    split: Split
+    seed: int
+    side: int
+    originals: int
+    problems: Sequence[Mapping[str, float | int]]
+    adam: Mapping[str, Any]
+    softmax: Mapping[str, Any]
+    budget_s: float | int
+    goal: float | int
+    real: Mapping[str, Mapping[str, Any]]
+    most: int
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        made = context.scene(self.scene, self.seed)
+        train, _ = choose(made, self.split, self.seed)
+        frames, onehot = pixels_of(made, train, self.side)
+        every = named_methods(self.adam["rates"], self.adam["steps"], self.softmax)
+        # A moment of each method, since the first steps of a library load parts of it.
+        for method in every.values():
+            Watch(Problem.of(frames, onehot, 1.0, 1.0, 1), 0.0, 0.0, 0.0).follow(method)
+        for number, how in enumerate(self.problems):
+            problem = Problem.of(frames, onehot, **how, originals=self.originals)
+            best = optimum(problem)
+            least, _ = problem.evaluate(best)
+            same = {"problem": number, **how, "origin": made.origin}
+            same["kappa"] = condition(problem, best.astype(np.float64))
+            for name, method in every.items():
+                context.note(f"κ = {same['kappa']:.1e}, {name}")
+                watch = Watch(problem, float(least), self.budget_s, self.goal)
+                for point in watch.follow(method):
+                    yield same | {"method": name, **point}
+        yield from real_problems(context, self.real, self.split, self.seed, self.most)
 
 
 def real_problems(
-    run: Run,
+    context: Context,
     real: Mapping[str, Mapping[str, Any]],
     split: Split,
     seed: int,
@@ -86,9 +90,9 @@ def real_problems(
     split where it has none; one whose files are not there is left out."""
     for name, part in real.items():
         try:
-            scene = run.scene(part["scene"], seed)
+            scene = context.scene(part["scene"], seed)
         except (ValueError, OSError) as error:
-            run.note(f"{name} left out: {str(error).partition(';')[0]}")
+            context.note(f"{name} left out: {str(error).partition(';')[0]}")
             continue
         own = checked(part["split"], Split, "split") if "split" in part else split
         train, _ = choose(scene, own, seed)

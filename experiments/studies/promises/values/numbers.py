@@ -10,7 +10,7 @@ from sklearn.linear_model import RidgeCV
 from torch import Tensor
 
 from baselines.bank import Bank
-from experiments.protocol.experiment import Row
+from experiments.records.rows import Row
 from hdc import HDCClassifier, HDCRegressor
 from hdc.readouts import Majority
 
