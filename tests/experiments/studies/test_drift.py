@@ -250,12 +250,8 @@ def test_what_is_updated_without_labels_in_the_seeds_that_are_asked_for(
         "zeroing_seeds": [1], "n_alone": [3], "n_zero": [6, 600], "shares": [0.6],
         "n_shares": [10], "n_untouched": [4, 99],
     }  # fmt: skip
-
-    def rows_of(**more):
-        task = composed.made(measure.Drift, **options, **more)
-        return pd.DataFrame(task.rows(Context()))
-
-    rows = rows_of(no_touch="None")
+    task = composed.made(measure.Drift, **options, no_touch="None")
+    rows = pd.DataFrame(task.rows(Context()))
     labelled = rows[rows.model == "hdc"]
     assert labelled.method.tolist() == 2 * ["stored", "new", "balanced", "pooled"]
     assert rows.seed.tolist() == 4 * [0] + 14 * [1]
@@ -289,7 +285,8 @@ def test_what_is_updated_without_labels_in_the_seeds_that_are_asked_for(
         assert found.share.fillna(0).tolist() == [0, 0, 0.6, 0, 0]
         for predicted, expected in zip(found.predicted, made, strict=True):
             assert (unpack_labels(predicted) == expected).all()
-    rows = rows_of(no_touch="air")
+    task = composed.made(measure.Drift, **options, no_touch="air")
+    rows = pd.DataFrame(task.rows(Context()))
     assert "untouched" not in set(rows.method)
 
 
