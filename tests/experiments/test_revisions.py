@@ -11,6 +11,7 @@ import pytest
 import hdc
 from experiments.records import revision, store
 from experiments.records.files import ROOT
+from tests.experiments import golden_items
 from tests.experiments import golden_numbers as golden
 
 
@@ -30,8 +31,8 @@ def test_no_number_moved_without_a_revision(one_thread):
 def words(one_thread, monkeypatch, tmp_path):
     """The items of HDC alone, with a golden file of their own."""
     monkeypatch.setattr(golden, "FILE", tmp_path / "numbers.json")
-    part = golden.part("model", "hdc")["model"]
-    item = golden.Item(part, lambda: golden.hdc_numbers(part, 65, "uint8"))
+    part = golden_items.part("model", "hdc")["model"]
+    item = golden_items.Item(part, lambda: golden_items.hdc_numbers(part, 65, "uint8"))
     monkeypatch.setattr(golden, "items", lambda: {"words": item})
     assert golden.write() == []
     yield lambda: golden.complaint("words", item, golden.read().get("words"))
@@ -78,7 +79,7 @@ def test_what_moved_is_named(before, now, expected):
 
 def test_labels_beside_a_change_say_nothing():
     labels = [0] * 10 + [1] * 11 + [1] * 21 + [1] * 20 + [2]
-    found = golden.clear_labels(labels)
+    found = golden_items.clear_labels(labels)
     assert found[8:12] == [0, None, None, 1]
     assert found[60:] == [1, None, None]
 
