@@ -99,7 +99,7 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     carry_out("-m", "scene=small_touch", "model=hdc,nearest_mean", "split.n_train=10,null",
               "seed.run=0,1")  # fmt: skip
     carry_out("-m", "scene=recorded", f"scene.path='{own}/my $frames$ <b>.npz'",
-              "model=hdc,nearest_mean", "split.n_train=6,20,null")  # fmt: skip
+              "model=hdc,nearest_mean", "split.n_train=6,21,null")  # fmt: skip
     carry_out("scene=recorded", f"scene.path='{own}/my $frames$ <b>.npz'", "model=nearest_mean",
               "model.power=1.0")  # fmt: skip
     results = own / "results"

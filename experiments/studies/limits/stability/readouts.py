@@ -251,8 +251,7 @@ def steps_of(name: str) -> Any:
 
     def ours() -> Array:
         state = fitted(given.readout, given.frames, labels)
-        kept = state.weights if name == "LDA" else state.linear.planes
-        sliced = bits.unpack(kept, D).numpy()
+        sliced = bits.unpack(state.weights, D).numpy()
         return np.tensordot(2 ** np.arange(planes), sliced, (0, 1)) - most - 1
 
     # Kept weights come from single precision: where half a step decides, they may differ by one.
