@@ -145,7 +145,7 @@ def parts(answers: Answers) -> dict[str, Callable[[], str]]:
 def _findings(answers: Answers) -> str:
     """Findings, a sentence per item."""
     items = enumerate(findings.findings(answers), 1)
-    lines = [f"{place}. {text}" for place, text in items]
+    lines = [f"{number}. {text}" for number, text in items]
     return "\n".join(lines) or documents.NOT_MEASURED
 
 

@@ -13,6 +13,7 @@ import argparse
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from contextlib import AbstractContextManager
 from pathlib import Path
 
 import pandas as pd
@@ -22,8 +23,8 @@ from experiments import studies
 from experiments.records import configs
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.results import Results
-from experiments.reporting import compare, page
-from experiments.reporting.answers import COMPARISON, MINE, Answers, runs_table
+from experiments.reporting import compare, comparison, page
+from experiments.reporting.answers import MINE, Answers, runs_table
 from experiments.reporting.page import Part, Section
 from experiments.reporting.study import Study, own_study
 from experiments.reporting.study import studies as studies_of
@@ -79,31 +80,36 @@ def show_tables(
     Raises:
         ValueError: no study has a table of this name.
     """
-    questions = [*studies_of(studies), *own]
-    known = [table.name for study in questions for table in study.tables]
-    known.append(COMPARISON)
-    sets = _sets(folder, questions)
+    sets = _sets(folder, own)
+    known = [table.name for study in sets[0].studies for table in study.tables]
+    known.append(comparison.NAME)
     for name in names:
         if name not in known:
             raise ValueError(f"expected one of {', '.join(known)}, found {name}")
-        for answers in sets:
-            table = answers.table(name)
-            if table is not None:
-                with configs.shown_as(answers.results.displays):
-                    say(console, [TITLES[answers.name]], "bold")
-                    show(console, table)
-                break
-        else:
-            say(console, [f"{name}: not measured yet"], "yellow")
+        with _displays(sets):
+            found = ((answers.name, answers.table(name)) for answers in sets)
+            of, table = next((each for each in found if each[1]), ("", None))
+            if table is None:
+                say(console, [f"{name}: not measured yet"], "yellow")
+            else:
+                say(console, [TITLES[of]], "bold")
+                show(console, table)
     print_problems(console, sets)
 
 
-def _sets(folder: Path, questions: Sequence[Study]) -> list[Answers]:
+def _sets(folder: Path, own: Sequence[Study]) -> list[Answers]:
     """Own results and the reference, as far as they hold anything; one's own where neither does."""
     folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
+    questions = [*studies_of(studies), *own]
     mine = Answers(MINE, Results(folder), questions)
     reference = Answers("reference", Results(REFERENCE), questions)
     return [answers for answers in (mine, reference) if answers.results] or [mine]
+
+
+def _displays(sets: Sequence[Answers]) -> AbstractContextManager[None]:
+    """Models and scenes of records are shown as these say, those of one's own first."""
+    every = [answers.results.displays for answers in reversed(sets)]
+    return configs.shown_as({key: shown for of in every for key, shown in of.items()})
 
 
 def write(
@@ -123,19 +129,17 @@ def write(
         brief: show Table I, what of it differs from the reference, and what was left out.
         own: studies of the user.
     """
-    sets = _sets(folder, [*studies_of(studies), *own])
+    sets = _sets(folder, own)
     first = sets[0]
-    displays = {k: v for a in reversed(sets) for k, v in a.results.displays.items()}
-    with configs.shown_as(displays):
+    with _displays(sets):
         tables = [list(answers.every_table()) for answers in sets]
         numbers = compare.compare_all(tables[0], tables[1] if len(sets) > 1 else ())
         if first.name == MINE or tex:
             first.write(folder, tex)
         path = folder / "report.html"
-        problems = [f"{a.name}: {text}" for a in sets for text in _left_out(a)]
+        problems = [f"{a.name}: {text}" for a in sets for text in a.left_out]
         parts = list(_parts(sets, folder))
-        different = compare.differing(numbers)
-        write_atomically(path, page.render(parts, different, problems))
+        write_atomically(path, page.render(parts, compare.differing(numbers), problems))
         _show(console, sets, numbers, brief)
     print_problems(console, sets)
     table1 = first.table("table1") if first.name == MINE else None
@@ -147,7 +151,7 @@ def _show(
     console: Console, sets: Sequence[Answers], numbers: pd.DataFrame, brief: bool
 ) -> None:
     """Table I, and what stands beside it: :func:`write` says what is brief."""
-    every = [t for t in (answers.table("table1") for answers in sets) if t is not None]
+    every = [table for answers in sets if (table := answers.table("table1"))]
     if every:
         show_table1(console, *every)
     if brief:
@@ -158,27 +162,27 @@ def _show(
     if sets[0].name == MINE and scenes is not None:
         show_scenes(console, scenes)
     say(console, compare.lines(numbers) if len(numbers) else ())
-    say(console, (f"{a.name}: {_about(a)}" for a in sets), "dim")
+    say(console, (f"{a.name}: {_about(a.results)}" for a in sets), "dim")
 
 
 def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
     """The sets of results on the page: of the reference what one's own do not have."""
     shown: set[str] = set()
     for answers in sets:
-        sections = list(_sections(answers, shown))
+        sections = [
+            s for s in _sections(answers, shown) if s.tables or s.figures or s.failures
+        ]
         if not sections and shown:
             continue  # one's own have it all
-        for section in sections:
-            shown |= {table.name for table in section.tables}
-            shown |= {figure.name for figure in section.figures}
+        shown |= {table.name for section in sections for table in section.tables}
+        shown |= {figure.name for section in sections for figure in section.figures}
         own = answers.name == MINE
         drawn = (REFERENCE / "figures").glob("*[!csv]") if own else ()
-        files = folder if own else REFERENCE
         yield Part(
             answers.name,
             TITLES[answers.name],
-            _about(answers),
-            os.path.relpath(files, folder),
+            _about(answers.results),
+            os.path.relpath(folder if own else REFERENCE, folder),
             sections,
             unfolded=own or len(sets) == 1,
             of_reference={path.stem: os.path.relpath(path, folder) for path in drawn},
@@ -188,10 +192,12 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
 def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
     """Tables and figures of each study besides those shown already, and those of no study."""
     for study in answers.studies:
-        section = _section(answers, study, shown)
-        if section.tables or section.figures or section.failures:
-            yield section
-    beside = answers.comparison()
+        tables = [t for t in answers.tables(study) if t.name not in shown]
+        figures = [f for f, _ in answers.figures(study) if f.name not in shown]
+        failures = [one.text for one in answers.failures if one.study == study.name]
+        about = (study.name, study.title, study.question)
+        yield Section(*about, tables, figures, failures)
+    beside = answers.comparison
     if beside is not None and beside.name not in shown:
         yield Section(beside.name, "Every published number", "", [beside])
     results = answers.results
@@ -199,24 +205,15 @@ def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
         yield Section("runs", "Every run", "", [runs_table(results)])
 
 
-def _section(answers: Answers, study: Study, shown: set[str]) -> Section:
-    tables = [t for t in answers.tables(study) if t.name not in shown]
-    figures = [f for f, _ in answers.figures(study) if f.name not in shown]
-    failures = [str(one) for one in answers.failures if one.study == study.name]
-    return Section(study.name, study.title, study.question, tables, figures, failures)
-
-
-def _about(answers: Answers) -> str:
+def _about(results: Results) -> str:
     """How many records there are, of which code, from which machine."""
-    results = answers.results
-    records = results.finished
-    environments = [record.environment for record in records]
+    environments = [record.environment for record in results.finished]
     machines = {(env.cpu, env.threads) for env in environments}
     where = [f"{cpu}, {counted(n, 'thread')}" for cpu, n in sorted(machines)]
     runs = counted(len(results.runs), "run")
     counts = f"{runs} and {counted(len(results.measurements), 'measurement')}"
     text = f"{counts} on {'; '.join(where)}"
-    old = [record for record in records if record.outdated]
+    old = [record for record in results.finished if record.outdated]
     if not old:
         return f"{text}, all by this code"
     changed = sorted({name for record in old for name in record.outdated})
@@ -224,28 +221,13 @@ def _about(answers: Answers) -> str:
     return f"{text}; {len(old)} by other versions of {parts}, first {changed[0]}"
 
 
-def _left_out(answers: Answers) -> Iterator[str]:
-    """What a reader has to know of records that no table shows."""
-    yield from answers.results.problems
-    yield from answers.results.left_out()
-    known = {name for study in answers.studies for name in _experiments(study)}
-    for measured in answers.results.measurements:
-        module = measured.task.rpartition(".")[0]
-        if measured.name not in known and module.partition(".")[0] != "experiments":
-            yield f"{measured.id}: no table shows it; if {module} has a STUDY: --study {module}"
-
-
-def _experiments(study: Study) -> set[str]:
-    return {name for table in study.tables for name in table.experiments}
-
-
 def print_problems(console: Console, sets: Sequence[Answers]) -> None:
     """A line for each record that was left out and each study that failed."""
     for answers in sets:
-        name, failures = answers.name, answers.failures
-        left_out = _left_out(answers)
-        say(console, (f"left out of {name}: {text}" for text in left_out), "yellow")
-        say(console, (f"{name}: {failure}" for failure in failures), "red")
+        name = answers.name
+        left_out = (f"left out of {name}: {text}" for text in answers.left_out)
+        say(console, left_out, "yellow")
+        say(console, (f"{name}: {failure}" for failure in answers.failures), "red")
 
 
 if __name__ == "__main__":

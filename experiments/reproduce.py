@@ -77,12 +77,14 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--claim",
         metavar="NAME",
+        choices=claims(),
         help="what one claim needs, its rule and its numbers; one that takes longer "
         f"than {ASKS} minutes asks for --full or --quick",
     )
     parser.add_argument(
         "--step",
         metavar="NAME",
+        choices=[step.name for step in steps()],
         action="append",
         help="this step alone; may be repeated",
     )
@@ -96,31 +98,19 @@ def _steps(chosen: argparse.Namespace) -> list[Step]:
     """The steps that the command line asks for.
 
     Raises:
-        ValueError: for a claim that is unknown, has no such steps, or takes long and was not asked
-            for expressly; for a step that is unknown.
+        ValueError: for a claim that has no such steps, or takes long and was not asked for
+            expressly.
     """
     mode, name = chosen.mode or "full", chosen.claim
-    if name is not None and name not in claims():
-        known = ", ".join(claims())
-        raise ValueError(f"--claim: expected one of {known}, found {name}")
     found = steps(mode, name)
-    if not found:
-        raise ValueError(f"--claim {name}: it has no step for --{mode}")
     if chosen.step:
-        found = _named(chosen.step, found)
+        found = [step for step in found if step.name in chosen.step]
+    if not found:
+        asked = f"--claim {name}" if name else "--step"
+        raise ValueError(f"{asked}: it has no step for --{mode}")
     if name is not None and chosen.mode is None and not chosen.list:
         _ask(name, found)
     return found
-
-
-def _named(names: Sequence[str], found: Sequence[Step]) -> list[Step]:
-    """The steps with these names."""
-    known = {step.name: step for step in found}
-    for name in names:
-        if name not in known:
-            expected = ", ".join(known)
-            raise ValueError(f"--step: expected one of {expected}; found {name}")
-    return [step for step in found if step.name in names]
 
 
 def _ask(name: str, found: Sequence[Step]) -> None:

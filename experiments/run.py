@@ -3,7 +3,7 @@
 Frames are made or read, the model is warmed up on other frames of the same shape and built anew,
 and then trained under the clock; it is evaluated with the clock stopped. ``-m`` runs every
 combination of the values given. A finished run is not repeated, and a run that another process is
-at is left to it.
+at is left to it. ``experiment=NAME`` carries out an experiment of ``configs/experiment/``.
 """
 
 from __future__ import annotations
@@ -16,7 +16,8 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any
 
 if __name__ == "__main__":
@@ -32,14 +33,18 @@ from omegaconf import DictConfig, OmegaConf
 from rich.console import Console
 from rich.markup import escape
 
-from experiments.protocol import job, machine, sweep
+from experiments.protocol import machine, sweep
 from experiments.protocol.messages import is_users, message
-from experiments.protocol.settings import named, resolved, settings_of
+from experiments.protocol.runner import Asked, carry_out, task_class
+from experiments.protocol.settings import resolved
 from experiments.records import locks
 from experiments.records.environment import COMMAND
 from experiments.records.files import results_dir
 from experiments.reporting.summary import summarise
 from experiments.reporting.text import printable
+
+# What an experiment may set of its runs; and its default that says which frames there are.
+_PARTS, _SCENE = ("scene", "split", "model", "stop"), "override /scene"
 
 
 class CommandLine:
@@ -63,42 +68,34 @@ class CommandLine:
         self._warned: set[str] = set()
 
     def carry_out(self, cfg: DictConfig) -> None:
-        """One run, or one experiment that is more."""
+        """One run."""
         with warnings.catch_warnings():
             warnings.showwarning = self.warn  # type: ignore[assignment]
-            self._carry_out(cfg)
+            try:
+                self._carry_out(cfg)
+            except Exception as error:
+                if os.getpid() != self._process:
+                    raise
+                self.complain(error)
 
     def _carry_out(self, cfg: DictConfig) -> None:
-        """The same while warnings are shown in one line each."""
-        try:
-            hydra_cfg = HydraConfig.get()
-            config = resolved(cfg)
-            measured = named(config["task"])
-            if not getattr(measured, "own_memory", False):
-                machine.keep_memory()
-            torch.set_num_threads(
-                machine.threads(config["threads"], hydra_cfg.launcher)
-            )
-            if hydra_cfg.mode == RunMode.MULTIRUN:
-                self._show_progress(config, measured, hydra_cfg)
-            start = time.perf_counter()
-            if measured is not None:
-                _measure(config, measured, hydra_cfg.runtime.choices)
-            elif not _run(config, hydra_cfg):
-                return
+        hydra_cfg, config = HydraConfig.get(), resolved(cfg)
+        task = task_class(config)
+        if not task.own_memory:
+            machine.keep_memory()
+        torch.set_num_threads(machine.threads(config["threads"], hydra_cfg.launcher))
+        if hydra_cfg.mode == RunMode.MULTIRUN:
+            self._show_progress(config["exclusive"] and not task.timed, hydra_cfg)
+        start, console = time.perf_counter(), Console()
+        record, was_there = carry_out(config, _asked(hydra_cfg), console)
+        summarise(console, record, was_there)
+        if not was_there:
             self._seconds.append(time.perf_counter() - start)
-        except Exception as error:
-            if os.getpid() != self._process:
-                raise
-            self.complain(error)
 
-    def _show_progress(
-        self, config: dict[str, Any], measured: Any, hydra_cfg: Any
-    ) -> None:
+    def _show_progress(self, could_share: bool, hydra_cfg: Any) -> None:
         """Say which run of a sweep begins; before the first, that it could run beside others."""
         number = int(hydra_cfg.job.num) + 1
-        is_timed = getattr(measured, "timed", True)
-        if number == 1 and config["exclusive"] and not is_timed:
+        if number == 1 and could_share:
             _say("nothing of this is timed: exclusive=false runs it beside other runs")
         runs = sweep.size(hydra_cfg.sweeper.params, self._words)
         words = list(hydra_cfg.overrides.task)
@@ -136,6 +133,38 @@ class Launch(Callback):
             _say(f"each run prints into {folder}/*.out")
 
 
+def _asked(hydra_cfg: Any) -> Asked:
+    """What the command line, or the file of the experiment, chose and set."""
+    choices = dict(hydra_cfg.runtime.choices)
+    words = (word.lstrip("+~").partition("=")[0] for word in hydra_cfg.overrides.task)
+    keys = [word.rpartition("@")[2] for word in words]
+    file = _experiment(choices.get("experiment"), hydra_cfg)
+    keys += _keys({part: file[part] for part in _PARTS if part in file})
+    chosen = {_SCENE: "touch"}  # as configs/config.yaml
+    for entry in file.get("defaults", ()):
+        chosen |= entry if isinstance(entry, dict) else {}
+    return Asked(choices, keys, bool(file) and choices.get("scene") != chosen[_SCENE])
+
+
+def _experiment(name: str | None, hydra_cfg: Any) -> dict[str, Any]:
+    """The file of an experiment as it stands, in ``configs/`` or in the user's ``--config-dir``."""
+    for source in hydra_cfg.runtime.config_sources:
+        path = Path(source.path, "experiment", f"{name}.yaml")
+        if source.schema == "file" and path.is_file():
+            found: Any = OmegaConf.to_container(OmegaConf.load(path))
+            return found  # type: ignore[no-any-return]
+    return {}
+
+
+def _keys(node: Any, key: str = "") -> Iterator[str]:
+    """Dotted keys of everything in a config that is no mapping."""
+    if not isinstance(node, Mapping):
+        yield key
+        return
+    for name, value in node.items():
+        yield from _keys(value, f"{key}.{name}".lstrip("."))
+
+
 def _say(text: str, style: str = "dim") -> None:
     """Print a line about the runs."""
     Console().print(text, style=style, markup=False, soft_wrap=True)
@@ -145,31 +174,6 @@ def _tell(kind: str, text: str) -> None:
     """Print an error or a warning into the stream of errors."""
     stderr = Console(stderr=True, highlight=False)
     stderr.print(kind, escape(text), soft_wrap=True, emoji=False)
-
-
-def _run(config: dict[str, Any], hydra_cfg: Any) -> bool:
-    """Carry out a run and show what came of it; False where it was there already."""
-    chosen = dict(hydra_cfg.runtime.choices)
-    words = list(hydra_cfg.overrides.task)
-    console = Console()
-    record, was_there = job.run(config, chosen, words, console)
-    summarise(console, record, was_there)
-    return not was_there
-
-
-def _measure(config: dict[str, Any], measured: Any, choices: Any) -> None:
-    """Measure an experiment that is more than a run."""
-    settings = settings_of(config)
-    arguments = {k: v for k, v in config["task"].items() if k != "_target_"}
-    with job.exclusive(settings, Console()):
-        measured(
-            **arguments,
-            name=choices["experiment"],
-            scene_name=choices["scene"],
-            device=settings.device,
-            cache=settings.cache,
-            force=settings.force,
-        )
 
 
 def entry_point() -> None:

@@ -65,7 +65,7 @@ def _carry_out(console: Console) -> int:
     console.print(f"Table I: {promise()}")
     left, worst = seconds(), 0
     taken = expected = 0.0
-    for place, model in enumerate(seconds()):
+    for number, model in enumerate(seconds()):
         # A quick machine, or a run found finished, does not promise that the others are quick.
         pace = max(1.0, taken / expected) if expected else 1.0
         text = f"{display_name(model)}; about {span(pace * sum(left.values()))} left"
@@ -77,7 +77,7 @@ def _carry_out(console: Console) -> int:
         if status > SIGNALLED:
             return status
         worst = max(worst, status)
-        _show(console, model, heads=place == 0)
+        _show(console, model, heads=number == 0)
     return worst
 
 

@@ -10,20 +10,21 @@ from typing import Any, Self
 
 from hdc import inputs
 from hdc.answers import Answering
-from hdc.availability import needs
-from hdc.hypervectors import joined
+from hdc.availability import needs, renamed
+from hdc.estimator import joined
 
 
 class Adapting(Answering):
     """Recalibration by frames with labels, and re-referencing by frames without."""
 
     @needs("adapt")
+    @renamed("seed", "random_state")
     def recalibrate(
         self,
         frames: Any,
         y: Any = None,
         p: float = 0.5,
-        seed: int = 0,
+        random_state: int = 0,
         method: str | None = None,
     ) -> Self:
         """Adapt to a changed environment by new frames with labels.
@@ -39,8 +40,8 @@ class Adapting(Answering):
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
             y: their labels.
             p: probability that a bit is replaced, or share of the new votes or discriminants.
-            seed: of the choice of bits that are replaced. Each recalibration of a model draws its
-                own; the model and its file count them.
+            random_state: seed of the choice of bits that are replaced. Each recalibration of a
+                model draws its own; the model and its file count them.
             method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
                 votes (:func:`hdc.prototypes.merged`), which recovers more. By default the former,
                 or for counts the latter.
@@ -56,7 +57,7 @@ class Adapting(Answering):
             raise ValueError(
                 "recalibrate: expected labels y, found None; without labels: rezero(frames)"
             )
-        options = {"p": p, "seed": seed, "method": method}
+        options = {"p": p, "random_state": random_state, "method": method}
         self._check_used(options)
         frames, _ = self._given(frames)
         labels = inputs.label_array(y, len(frames)).tolist()

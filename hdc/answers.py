@@ -12,14 +12,14 @@ from torch import Tensor
 from hdc import inputs
 from hdc.availability import needs, renamed
 from hdc.conformal import RATE
-from hdc.estimator import Estimator
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share
 from hdc.readouts import Readout
+from hdc.saved import Saved
 
 
-class Answering(Estimator):
+class Answering(Saved):
     """Answers of a classifier; what was learned is a value, `_head`, that nobody changes."""
 
     _head: Head

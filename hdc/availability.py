@@ -73,15 +73,10 @@ class _Available:
         if owner is None:
             return self._method
         part, expected, advice = _WITH[self._name]
-        found = getattr(owner, part)
-        ours = owner._known[part]
-        if isinstance(found, str) and found in ours:
-            found = ours[found]  # a class has the methods of its objects
-        if isinstance(found, str) or getattr(found, self._name, None) is None:
-            try:
-                found = owner._part(part)
-            except (TypeError, ValueError) as error:
-                raise UnavailableError(f"{self._method.__name__}: {error}") from error
+        try:
+            found = owner._part(part)
+        except (TypeError, ValueError) as error:
+            raise UnavailableError(f"{self._method.__name__}: {error}") from error
         if getattr(found, self._name, None) is None:
             raise UnavailableError(
                 f"{self._method.__name__}: expected {expected}, found {found!r}{advice}"

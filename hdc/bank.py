@@ -11,9 +11,9 @@ import torch
 from torch import Tensor
 
 from hdc import inputs
+from hdc.described import has_plain_parameters
 from hdc.encoders import Encoder, Median
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import has_plain_parameters
 
 _BATCH = 64  # frames that something is made of at a time
 

@@ -15,9 +15,9 @@ from hdc import backends, inputs
 from hdc.adapting import Adapting
 from hdc.availability import needs
 from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.estimator import check_alike
+from hdc.estimator import check_alike, joined
 from hdc.head import Head
-from hdc.hypervectors import Hypervectors, joined
+from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
 from hdc.sample import Reservoir, Sample
 
@@ -48,14 +48,14 @@ class HDCClassifier(Adapting):
             ``"lda"``, ``"trained"`` or ``"kernel"``; an object of
             :class:`hdc.readouts.Readout`; or the dotted name of such a class. By ``"majority"`` and
             ``"counts"`` a class with more frames takes frames of the others, as published; to count
-            classes alike: ``readout=Majority(balance=True)``.
+            classes alike: ``readout=Majority(class_weight="balanced")``.
         device: where frames are encoded and prototypes live.
         backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
             numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
             ``"auto"``, which is decided once, at fit or load, by
             :func:`hdc.backends.choose_backend`. Not saved with the model.
 
-    Parameters of the parts are ``encoder__ties``, ``readout__balance`` and so on.
+    Parameters of the parts are ``encoder__ties``, ``readout__ties`` and so on.
 
     Attributes:
         encoder_: the encoder, trained.
@@ -133,8 +133,8 @@ class HDCClassifier(Adapting):
         if isinstance(self.readout, str) and more > _UNEQUAL:
             warnings.warn(
                 f"fit: the largest class has {more:.0%} more frames than the smallest and may be "
-                "favoured; record as many of each (in Python, Majority(balance=True) counts "
-                "classes alike)",
+                "favoured; record as many of each (in Python, "
+                "Majority(class_weight='balanced') counts classes alike)",
                 stacklevel=3,
             )
 
@@ -164,22 +164,20 @@ class HDCClassifier(Adapting):
             allowed = list(classes)  # in any order, such as that of a set
             allowed = inputs.label_array(allowed, len(allowed)).tolist()
             inputs.check_among(labels, allowed)
-        known = [] if head is None else head.labels.tolist()
-        inputs.classes_of([*known, *allowed])
-        backend = self._decided(frames) if head is None else self.backend_
+        is_first = head is None
+        backend = self._decided(frames) if is_first else self.backend_
         with backends.computing(backend):
             if head is None:
                 encoder, shape = self._learned_encoder(encoder, frames)
                 words = joined(self._batches(frames, encoder, shape))
-                empty = self._empty(inputs.classes_of(allowed), words.dimension)
-                extended = empty.extended(words, labels)
+                head = self._empty(inputs.classes_of(allowed), words.dimension)
             else:
                 words = joined(self._encoded(frames))
-                extended = head.with_classes(allowed).extended(words, labels)
-        if head is None:
+            head = head.with_classes(allowed).extended(words, labels)
+        if is_first:
             self._begin(encoder, shape, backend)
             self._columns = columns
-        self._head = extended
+        self._head = head
         return self
 
     @needs("add")
@@ -199,20 +197,17 @@ class HDCClassifier(Adapting):
         self._check_kind(other)
         other._check_is_trained()
         assert theirs is not None
+        start = other if head is None else self
         if head is None:
-            encoder, shape = other.encoder_, other.frame_shape_
-            backend = other.backend_
             head = self._empty(theirs.labels, theirs.dimension)
         else:
             kind = type(self).__name__
             inputs.check_shape(other.frame_shape_, self.frame_shape_, kind)
             self._check_columns(other._columns)
             check_alike(self.encoder_, other.encoder_, "merge")
-            encoder, shape, backend = self.encoder_, self.frame_shape_, self.backend_
         merged = head.merged(theirs)
-        columns = self._columns or other._columns
-        self._begin(encoder, shape, backend)
-        self._columns = columns
+        self._begin(start.encoder_, start.frame_shape_, start.backend_)
+        self._columns = self._columns or other._columns
         self._head = merged
         return self
 

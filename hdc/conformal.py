@@ -33,11 +33,10 @@ of two frames are zero), so such a class is in every set, and nothing is refused
 
 from __future__ import annotations
 
-import functools
 import math
 import warnings
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from fractions import Fraction
 from typing import Self
 
@@ -60,90 +59,59 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class Peers:
-    """The kept frames of one class, and what a new frame changes for them."""
+    """Training frames of one class, and how far out they are if a new frame is one of them, too."""
 
-    constant: np.ndarray
-    """[m], distances d_i for a black frame x."""
-    gained: Tensor
-    """[W], bits of the prototype that become one if x has a one where x_i has none."""
-    shared: Tensor
-    """[m, W], bits of x_i that are not lost, or not gained, where x has a one, too."""
-    n_shared: Tensor
-    """int64 [m], ones of these."""
     held_out: np.ndarray
-    """[m], leave-one-out distances minus their mean; none of a single frame."""
-    mean: float
-    """Mean of the leave-one-out distances; NaN of a single frame."""
+    """[m], leave-one-out distances."""
     most: np.ndarray
     """[m], the largest d_i that any frame x makes."""
+    masks: Tensor | None = None
+    """int64 [1 + m, W] where d_i depends on x: the bits of the prototype that become one if x has a
+    one where x_i has none; and of each x_i those that are not lost, or not gained, where x has a
+    one, too."""
+    twice: np.ndarray | None = None
+    """int64 [m], 2·d_i without the distances of x to the masks."""
 
     @classmethod
-    def of(cls, words: Tensor, prototypes: Tensor) -> Peers:
+    def of(cls, words: Tensor, prototypes: Tensor) -> Self:
         """Peers of kept hypervectors [m, W] and prototypes [5, W] of the read-out's EXTRAS."""
         if_gained, if_zero, prototype, if_one, if_lost = prototypes
         lost = prototype & ~if_lost
         gained = if_gained & ~prototype
-        constant = bits.count_ones(words ^ prototype)
-        constant += bits.count_ones(words & lost)
-        without = (words & if_one) | (~words & if_zero)
-        distances = bits.count_ones(words ^ without)
-        held_out = distances.numpy(force=True).astype(np.float64)
-        mean = np.nan
-        if len(held_out) > 1:
-            mean = float(held_out.mean())
-            held_out = held_out - mean
-        else:
-            held_out = held_out[:0]
         shared = words & (lost | gained)
-        most = constant + bits.count_ones(gained)
+        # d_i of a black x; another adds |x ∧ gained| − |x ∧ shared_i|, where |x ∧ b| is half of
+        # |x| + |b| − Ham(x, b).
+        black = bits.count_ones(words ^ prototype) + bits.count_ones(words & lost)
+        n_gained = bits.count_ones(gained)
+        twice = 2 * black + n_gained - bits.count_ones(shared)
+        without = (words & if_one) | (~words & if_zero)
         return cls(
-            constant=constant.numpy(force=True),
-            gained=gained,
-            shared=shared,
-            n_shared=bits.count_ones(shared),
-            held_out=held_out,
-            mean=mean,
-            most=most.numpy(force=True),
+            held_out=bits.count_ones(words ^ without).numpy(force=True),
+            most=(black + n_gained).numpy(force=True),
+            masks=torch.cat((gained[None], shared)),
+            twice=twice.numpy(force=True),
         )
-
-    def __len__(self) -> int:
-        return len(self.constant)
-
-    def compared(self, words: Tensor) -> np.ndarray:
-        """Distances d_i [Q, m] with each of the hypervectors [Q, W] as if of this class."""
-        ones = bits.count_ones(words)[:, None]
-        differing = bits.hamming(words, self.shared)
-        overlap = (ones + self.n_shared - differing) // 2
-        gained = bits.count_ones(words & self.gained)[:, None]
-        moved = (gained - overlap).numpy(force=True)
-        return self.constant + moved
-
-
-@dataclass(frozen=True)
-class LeftOut:
-    """Scores of training frames of one class by read-outs that have not learnt them."""
-
-    most: np.ndarray
-    """[m], minus the scores: d_i, whatever the new frame is."""
-    held_out: np.ndarray
-    """[m], the same minus their mean; none of a single frame."""
-
-    @classmethod
-    def of(cls, scores: np.ndarray) -> LeftOut:
-        """Mean of the scores [m] of their own class."""
-        deviations = scores.mean() - scores if len(scores) > 1 else scores[:0]
-        return cls(-scores, deviations)
 
     def __len__(self) -> int:
         return len(self.most)
 
     def compared(self, words: Tensor) -> np.ndarray:
-        """Distances d_i [Q, m], the same for each of Q frames."""
-        return np.broadcast_to(self.most, (len(words), len(self)))
+        """Distances d_i [Q, m] with each of the hypervectors [Q, W] as if of this class.
 
+        [1, m] where they do not depend on it.
+        """
+        if self.masks is None:
+            return self.most[None]
+        to_masks = bits.hamming(words, self.masks).numpy(force=True)
+        found: np.ndarray = (self.twice + to_masks[:, 1:] - to_masks[:, :1]) // 2
+        return found
 
-Compared = Peers | LeftOut
-"""Samples that frames are compared with, to know whether they may be of one class."""
+    @property
+    def deviations(self) -> np.ndarray:
+        """Leave-one-out distances minus their mean; none of too few frames."""
+        if len(self) < FEWEST:
+            return np.empty(0)
+        return self.held_out - self.held_out.mean()
 
 
 @dataclass(frozen=True)
@@ -164,9 +132,10 @@ class Rule:
 class Conformal:
     """Samples to compare with, class by class; None of a class without training frames."""
 
-    peers: Sequence[Compared | None]
+    peers: Sequence[Peers | None]
     prototypes: Tensor | None = None
     """int64 [L, W] that distances are of, where they are not minus the scores."""
+    _rules: dict[float, Rule] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of_counting(
@@ -174,7 +143,7 @@ class Conformal:
     ) -> Self:
         """P-values from exchanging a kept frame and the new one in the counters of a read-out."""
         deciding = readout.deciding(state)
-        peers: list[Compared | None] = []
+        peers: list[Peers | None] = []
         for row, label in enumerate(labels):
             own = None
             if sample.seen.get(label):
@@ -193,10 +162,11 @@ class Conformal:
             held_out: the scores; those of the only frame of a class say nothing, and are left out.
             counts: training frames int64 [L] of each class.
         """
-        peers: list[Compared | None] = []
+        peers: list[Peers | None] = []
         for c, n in enumerate(counts.tolist()):
             own = held_out.scores[held_out.rows == c, c] if n > 1 else torch.empty(0)
-            peers.append(LeftOut.of(own.double().numpy()) if n else None)
+            distances = -own.double().numpy()
+            peers.append(Peers(distances, distances) if n else None)
         return cls(peers)
 
     def p_values(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
@@ -219,19 +189,18 @@ class Conformal:
         d = distances.numpy(force=True)
         if d.dtype.kind == "f":
             d = d.astype(np.float64)
-        result = np.tile(rule.least, (len(words), 1))
+        found = np.repeat(rule.least[None], len(d), axis=0)
         near = d <= rule.far
         for c in np.flatnonzero(near.any(0)).tolist():
             own = self.peers[c]
             assert own is not None
-            rows = np.flatnonzero(near[:, c])
-            of_rows = words
-            if len(rows) < len(words):
-                of_rows = words[torch.from_numpy(rows).to(words.device)]
-            result[rows, c] = _p_values(
-                d[rows, c], own.compared(of_rows), rule.pools[c]
-            )
-        return result
+            asked = near[:, c]
+            of_asked = words
+            if own.masks is not None and not asked.all():
+                of_asked = words[torch.from_numpy(asked)]
+            d_i = own.compared(of_asked)
+            found[asked, c] = _p_values(d[asked, c], d_i, rule.pools[c])
+        return found
 
     def possible(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
         """Which classes Q frames may be of, bool [Q, L]; arguments as of :meth:`p_values`.
@@ -244,16 +213,11 @@ class Conformal:
         found[known, best[known]] = True
         return found
 
-    @functools.cached_property
-    def _rules(self) -> dict[float, Rule]:
-        return {}
-
     def _rule(self, alpha: float) -> Rule:
         """The rule for one α, made once."""
-        found = self._rules.get(alpha)
-        if found is None:
-            found = self._rules[alpha] = self._made(alpha)
-        return found
+        if alpha not in self._rules:
+            self._rules[alpha] = self._made(alpha)
+        return self._rules[alpha]
 
     def _made(self, alpha: float) -> Rule:
         n_classes = len(self.peers)
@@ -273,7 +237,7 @@ class Conformal:
 
 
 def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:
-    """p of Q frames at distances d [Q], with d_i [Q, m] and the deviations of other classes."""
+    """p of Q frames at distances d [Q], with d_i [Q or 1, m] and deviations of other classes."""
     m = d_i.shape[1]
     as_far = (d_i >= d[:, None]).sum(1)
     if pool is None:
@@ -284,7 +248,7 @@ def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.nda
     return (1 + as_far) / (1 + m + len(pool))
 
 
-def _farthest(own: Compared, pool: np.ndarray | None) -> float:
+def _farthest(own: Peers, pool: np.ndarray | None) -> float:
     """A distance d at which, and beyond, a frame is farther out than all that it is compared with.
 
     With the others of `pool`, it is d − (Σ d_i + d)/(m + 1) that has to exceed them.
@@ -299,7 +263,7 @@ def _farthest(own: Compared, pool: np.ndarray | None) -> float:
     return found + 1e-9 * abs(found) + _ROUNDING
 
 
-def _of_few(peers: Sequence[Compared | None], alpha: float) -> str:
+def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
     """A warning where some class is in every set, so that no frame is refused."""
     kept = [len(peer) for peer in peers if peer is not None]
     n, least = sum(kept), min(kept, default=0)
@@ -314,11 +278,9 @@ def _of_few(peers: Sequence[Compared | None], alpha: float) -> str:
     return f"alpha={alpha:g} {text}; no frame is refused"
 
 
-def _held_out_of_others(peers: Sequence[Compared | None], c: int) -> np.ndarray:
+def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
     """Leave-one-out distances, each minus the mean of its class, of all classes but c, sorted;
     without those of fewer frames than :data:`FEWEST`."""
-    found = [np.empty(0)]
-    for other, peer in enumerate(peers):
-        if peer is not None and other != c and len(peer.held_out) >= FEWEST:
-            found.append(peer.held_out)
-    return np.sort(np.concatenate(found))
+    others = [own for b, own in enumerate(peers) if own is not None and b != c]
+    found = [own.deviations for own in others]
+    return np.sort(np.concatenate([np.empty(0), *found]))

@@ -7,33 +7,42 @@ from __future__ import annotations
 
 import sys
 from abc import abstractmethod
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import replace
 from math import prod
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
 
 from hdc import backends, bits, inputs
+from hdc.described import describe
 from hdc.encoders import ENCODERS, Encoder
-from hdc.hypervectors import Hypervectors, joined
-from hdc.parameters import Parametrised, describe
-from hdc.saved import Saved
+from hdc.hypervectors import Hypervectors
+from hdc.parameters import Named, Parametrised
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
 
-class Estimator(Parametrised, Saved):
+class Estimator(Parametrised):
     """Parameters by name, tags, chunks of frames, and how an untrained model is refused."""
 
     _estimator_type: str
+    _known: ClassVar[Mapping[str, Named]]
+    """Our own classes of each part."""
     encoder: Any
     readout: Any
+    device: str
+    backend: str
+    encoder_: Encoder
     backend_: str
     """``"numpy"`` or ``"compiled"``, as was decided at fit or load."""
+    frame_shape_: tuple[int, ...]
     n_features_in_: int
     dimension_: int
+    _columns: list[str | int] | None = None
+    """Columns of the data frame that the model learned from."""
     _used: dict[str, Any]
     """The parameters of the training."""
 
@@ -225,6 +234,15 @@ class Estimator(Parametrised, Saved):
             regressor_tags=None if classifier else RegressorTags(poor_score=True),
             input_tags=InputTags(two_d_array=True, three_d_array=True),
         )
+
+
+def joined(parts: Iterable[Hypervectors]) -> Hypervectors:
+    """Hypervectors of one encoder, one after another; at least one part."""
+    first, *others = parts
+    if not others:
+        return first
+    packed = torch.cat([first.packed, *(part.packed for part in others)])
+    return replace(first, packed=packed)
 
 
 def check_alike(

@@ -76,28 +76,26 @@ class Head:
 
     def extended(self, words: Hypervectors, labels: Sequence[Label]) -> Head:
         """With further hypervectors of N labels, of which some may be new."""
+        head = self.with_classes(labels)
         readout: Any = self.readout
-        new = [label for label in labels if label not in self.index]
-        head = self._with_room(new) if new else self
         reservoir = Reservoir(self.sample)
         reservoir.add(words.packed, labels)
         state = readout.add(head.state, [(words, head.rows_of(labels))])
-        sample = reservoir.sample()
-        return Head(readout, state, sample, head.labels, self.dimension)
+        return replace(head, state=state, sample=reservoir.sample())
 
     def with_classes(self, labels: Iterable[Label]) -> Head:
-        """With rows for these labels."""
+        """With rows for these labels, of which some may be new."""
+        labels = list(labels)
+        inputs.check_one_kind([*self.index, *labels])  # True would be 1
         new = [label for label in labels if label not in self.index]
-        return self._with_room(new) if new else self
-
-    def _with_room(self, new: Sequence[Label]) -> Head:
-        before = self.labels.tolist()
-        labels = inputs.classes_of([*before, *new])
-        rows = {label: row for row, label in enumerate(labels.tolist())}
+        if not new:
+            return self
+        found = inputs.classes_of([*self.index, *new])
+        rows = {label: row for row, label in enumerate(found.tolist())}
         readout: Any = self.readout
-        places = [rows[label] for label in before]
-        state = readout.arrange(self.state, places, len(labels))
-        return Head(readout, state, self.sample, labels, self.dimension)
+        places = [rows[label] for label in self.index]
+        state = readout.arrange(self.state, places, len(found))
+        return replace(self, state=state, labels=found)
 
     def merged(self, other: Head) -> Head:
         """Of the training frames of both, for read-outs that go on learning."""
@@ -106,8 +104,7 @@ class Head:
         readout: Any = self.readout
         places = [head.index[label] for label in labels]
         state = readout.merge(head.state, other.state, places)
-        sample = self.sample.merged(other.sample)
-        return Head(readout, state, sample, head.labels, self.dimension)
+        return replace(head, state=state, sample=self.sample.merged(other.sample))
 
     def adapted(
         self, words: Hypervectors, labels: Sequence[Label], options: Mapping[str, Any]
@@ -122,10 +119,9 @@ class Head:
         if missing and state.held_out is not None:
             # Scores of before and of now are in two units.
             state = replace(state, held_out=None)
-        if isinstance(readout, Updatable):
-            sample = self.sample.replaced(words.packed, labels)
-        else:
-            sample = _counted(self.sample, labels)
+        sample = self.sample.replaced(words.packed, labels)
+        if not isinstance(readout, Updatable):
+            sample = Sample(sample.seen)
         return replace(
             self, state=state, sample=sample, recalibrated=True, training=None
         )
@@ -281,14 +277,6 @@ class Head:
         return head
 
 
-def _counted(sample: Sample, labels: Sequence[Label]) -> Sample:
-    """A sample without hypervectors, of whose classes these labels came instead."""
-    counts: dict[Label, int] = {}
-    for label in labels:
-        counts[label] = counts.get(label, 0) + 1
-    return Sample({**sample.seen, **counts})
-
-
 def _warn_of_missing(missing: Sequence[Label]) -> None:
     """Warn where classes have no new frames: they keep what they had before the change."""
     if not missing:
@@ -297,7 +285,7 @@ def _warn_of_missing(missing: Sequence[Label]) -> None:
     warnings.warn(
         f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
         "alike, frames of these classes will be taken for the others",
-        stacklevel=4,
+        stacklevel=5,
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -49,12 +48,3 @@ class Hypervectors:
     def to(self, device: torch.device | str) -> Self:
         """The same in the memory of a device."""
         return replace(self, packed=self.packed.to(device))
-
-
-def joined(parts: Iterable[Hypervectors]) -> Hypervectors:
-    """Hypervectors of one encoder, one after another; at least one part."""
-    first, *others = parts
-    if not others:
-        return first
-    packed = torch.cat([first.packed, *(part.packed for part in others)])
-    return replace(first, packed=packed)

@@ -28,6 +28,28 @@ class Parametrised:
     """Parameter → the function that makes the part of a name or an object."""
     stand_ins: ClassVar[Mapping[str, str]] = {}
     """Parameter → what stands in a file for a value that is no JSON, such as an array."""
+    renamed: ClassVar[Mapping[str, str]] = {}
+    """Parameter of an earlier version → its name now."""
+
+    def __new__(cls, *_: Any, **given: Any) -> Self:
+        cls._check_names(given)
+        return super().__new__(cls)
+
+    @classmethod
+    def _check_names(cls, given: Iterable[str]) -> None:
+        """Raise TypeError for a parameter by the name that it had in an earlier version."""
+        for old in cls.renamed.keys() & given:
+            new = cls.renamed[old]
+            raise TypeError(
+                f"{cls.__name__}: expected {new}, found {old!r}, its old name"
+            )
+
+    @classmethod
+    def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        """Parameters of a file, which may have the names of an earlier version, by those of now."""
+        return {
+            cls.renamed.get(name, name): value for name, value in parameters.items()
+        }
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Constructor parameters by name; with `deep`, those of the parts as ``part__name``."""
@@ -44,9 +66,13 @@ class Parametrised:
 
         Raises:
             ValueError: for a name that is none of them.
+            TypeError: for one of an earlier version.
         """
         for name, value in sorted(params.items(), key=lambda item: "__" in item[0]):
             part, _, inner = name.partition("__")
+            if inner and part in self.parts:
+                self.parts[part](getattr(self, part))._check_names([inner])
+            self._check_names([name])
             known = self.get_params(deep=bool(inner))
             if name not in known:
                 raise ValueError(f"set_params: {not_among(name, known)}")
@@ -76,7 +102,7 @@ class Parametrised:
 
     def __repr__(self) -> str:
         parameters = self.get_params(deep=False).items()
-        listed = ", ".join(f"{name}={_shown(value)}" for name, value in parameters)
+        listed = ", ".join(f"{name}={shown(value)}" for name, value in parameters)
         return f"{type(self).__name__}({listed})"
 
 
@@ -234,101 +260,9 @@ def check_share(name: str, value: Any, interval: str) -> float:
     return float(value)
 
 
-def describe(part: Parametrised, known: Named) -> dict[str, Any]:
-    """Class and parameters of a part, and of its own parts, as JSON.
-
-    A parameter that is no JSON is the value in the part's `stand_ins`.
-
-    Raises:
-        ValueError: for one that has none there.
-    """
-    parameters = part.get_params(deep=False)
-    for name, value in parameters.items():
-        if name in part.parts:
-            parameters[name] = describe(part.parts[name](value), known)
-            continue
-        stored = _as_json(value)
-        if stored is None and value is not None:
-            if name not in part.stand_ins:
-                raise ValueError(
-                    f"{type(part).__name__}.{name}: expected numbers, text or a list of them, "
-                    f"which a file keeps, found {_shown(value)}"
-                )
-            stored = part.stand_ins[name]
-        parameters[name] = stored
-    return {"class": known.name_of(part), "parameters": parameters}
-
-
-def has_plain_parameters(part: Parametrised) -> bool:
-    """Whether numbers and text, those of its own parts too, say all that a part is."""
-    for value in part.get_params().values():
-        plain = value is None or _as_json(value) is not None
-        if not plain and not isinstance(value, Parametrised):
-            return False
-    return True
-
-
-def _as_json(value: Any) -> Any:
-    """A value as JSON has it: numpy's numbers as Python's, fractions as text, others as None."""
-    if isinstance(value, str | int | float | bool | None):
-        return value
-    if isinstance(value, list | tuple):
-        items = [_as_json(item) for item in value]
-        return None if None in items else items
-    if _is_scalar(value):
-        return value.item()
-    return str(value) if isinstance(value, numbers.Rational) else None
-
-
-def _shown(value: Any) -> str:
+def shown(value: Any) -> str:
     """A parameter in one line; an array by its shape."""
     shape = getattr(value, "shape", ())
     if shape == ():
         return repr(value)
     return f"<{type(value).__name__} of shape {tuple(shape)}>"
-
-
-def rebuild(
-    description: Mapping[str, Any],
-    what: str,
-    known: Mapping[str, type],
-    trusted: Collection[str] | None = None,
-) -> Any:
-    """The part that :func:`describe` described; errors as of :func:`make_part`.
-
-    Args:
-        description: of a file, which may be anything.
-        what: the parameter, for errors.
-        known: our own classes by name.
-        trusted: dotted names of the other classes whose modules may be imported; None: any that
-            another process can import, too.
-    """
-    name = description["class"]
-    if trusted is None and name.startswith("__main__."):
-        raise ValueError(
-            f"{what}: expected a class in a module to import, found {name!r} of a script"
-        )
-    if name not in known and trusted is not None and name not in trusted:
-        raise ValueError(
-            f"{what}: expected one of {', '.join(known)}, or a class that is trusted, found "
-            f"{name!r}; to import it: load(path, trusted=[{name!r}]), or --trusted {name}"
-        )
-    kind = find_class(name, what, known)
-    if not issubclass(kind, Parametrised):
-        raise ValueError(f"{what}: expected a part of a model, found {name!r}")
-    parameters = dict(description["parameters"])
-    for key, value in parameters.items():
-        if isinstance(value, Mapping):
-            parameters[key] = rebuild(value, key, known, trusted)
-    part = kind(**parameters)
-    for key in part.parts:
-        found = getattr(part, key)
-        # A name would be imported, trusted or not.
-        if not isinstance(found, Parametrised):
-            raise ValueError(f"{key}: expected a part of a model, found {found!r}")
-    return part
-
-
-def _is_scalar(value: Any) -> bool:
-    """Whether a value is one number of numpy or torch."""
-    return getattr(value, "shape", None) == ()

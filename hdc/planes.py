@@ -8,7 +8,7 @@ instead of 64 n additions.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -214,6 +214,32 @@ def majority(
             "ties='random': expected a tie_breaker hypervector, found None"
         )
     return more | (at_least_half & tie_breaker)
+
+
+def majorities(
+    counts: Tensor,
+    n: Tensor,
+    rows: Sequence[int],
+    ties: str,
+    tie_breaker: Callable[[int], Tensor],
+) -> Tensor:
+    """:func:`majority` of K classes `rows`, int64 [K, W]; zeros of one without samples.
+
+    Args:
+        counts: int64 [L, P, W].
+        n: hypervectors of each class, int64 [L].
+        rows, ties: as above.
+        tie_breaker: the hypervector of a class, asked with ``ties="random"`` only.
+    """
+    found = zeros((len(rows), counts.shape[2]), counts.device)
+    numbers = n.tolist()
+    for i, c in enumerate(rows):
+        if numbers[c]:
+            breaker = None
+            if ties == "random":
+                breaker = tie_breaker(c).to(counts.device)
+            found[i] = majority(counts[c], numbers[c], ties, breaker)
+    return found
 
 
 def _full_adder(a: Any, b: Any, c: Any) -> tuple[Any, Any]:

@@ -7,6 +7,7 @@ have it set. Counts are kept bit-sliced (:mod:`hdc.planes`), L·P·D bits for cl
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd
@@ -79,22 +80,6 @@ class Counters:
             self.planes[c] = summed[:n_planes]
         self.n = total
 
-    def scaled(self, weights: Sequence[int]) -> Counters:
-        """Counters in which every hypervector of class c was counted weights[c] ≥ 0 times."""
-        scaled = Counters(len(self.n), self.dimension, self.device)
-        scaled.n = self.n * torch.tensor(weights, dtype=torch.int64)
-        scaled.reserve(max(scaled.n.tolist(), default=0))
-        for c, weight in enumerate(weights):
-            total = torch.zeros_like(self.planes[c, :1])
-            # Horner's scheme: twice what there is, and once more.
-            for bit in f"{weight:b}":
-                total = torch.cat((torch.zeros_like(total[:1]), total))
-                if bit == "1":
-                    total = planes.add(total, self.planes[c])
-            kept = min(len(total), scaled.planes.shape[1])  # the planes above are empty
-            scaled.planes[c, :kept] = total[:kept]
-        return scaled
-
     def thinned(self, size: int, seed: int = 0) -> Counters:
         """Counters of `size` samples for every class that has more.
 
@@ -102,29 +87,27 @@ class Counters:
         independently of the other bits: a prototype then correlates with any frame as one of `size`
         samples does, and still averages over all samples.
         """
-        thinned = Counters(len(self.n), self.dimension, self.device)
-        thinned.n = self.n.clamp(max=size)
-        thinned.reserve(max(thinned.n.tolist(), default=0))
-        for c in range(len(self.n)):
-            counts = self._thinned(c, size, seed)
-            counts = counts[: thinned.planes.shape[1]]
-            thinned.planes[c, : len(counts)] = counts
-        return thinned
+        found = []
+        for c, n in enumerate(self.n.tolist()):
+            ones = self.counts([c])[0]
+            if n > size:
+                seeds = bits.seed_sequence(seed, (_THINNING, c))
+                source = np.random.Generator(np.random.PCG64(seeds))
+                counted = ones.numpy(force=True)
+                drawn = source.hypergeometric(counted, n - counted, size)
+                ones = torch.from_numpy(drawn).to(self.device)
+            found.append(ones)
+        return self._of_counts(found, self.n.clamp(max=size))
 
-    def _thinned(self, c: int, size: int, seed: int) -> Tensor:
-        n = int(self.n[c])
-        if n <= size:
-            return self.planes[c]
-        ones = self.counts([c])[0].numpy(force=True)
-        seeds = bits.seed_sequence(seed, (_THINNING, c))
-        source = np.random.Generator(np.random.PCG64(seeds))
-        drawn = source.hypergeometric(ones, n - ones, size)
-        counts = torch.from_numpy(drawn).to(self.device)
-        sliced = []
-        for p in range(size.bit_length()):
-            has_bit = counts >> p & 1 == 1
-            sliced.append(bits.pack(has_bit))
-        return torch.stack(sliced)
+    def _of_counts(self, counts: Sequence[Tensor], n: Tensor) -> Counters:
+        """Counters like these of counts int64 [D] of n hypervectors, class by class."""
+        found = Counters(len(n), self.dimension, self.device)
+        found.n = n
+        found.reserve(max(n.tolist(), default=0))
+        for c, ones in enumerate(counts):
+            for p in range(found.planes.shape[1]):
+                found.planes[c, p] = bits.pack(ones >> p & 1 == 1)
+        return found
 
     def majority(
         self, ties: str = "zero", seed: int = 0, size: int | None = None
@@ -135,15 +118,9 @@ class Counters:
         :meth:`thinned`.
         """
         counters = self if size is None else self.thinned(size, seed)
-        prototypes = torch.zeros_like(counters.planes[:, 0])
-        for c, n in enumerate(counters.n.tolist()):
-            if n:
-                breaker = None
-                if ties == "random":
-                    breaker = tie_breaker(self.dimension, seed, c).to(self.device)
-                counts = counters.planes[c]
-                prototypes[c] = planes.majority(counts, n, ties, breaker)
-        return prototypes
+        breaker = functools.partial(tie_breaker, self.dimension, seed)
+        rows = range(len(self.n))
+        return planes.majorities(counters.planes, counters.n, rows, ties, breaker)
 
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
@@ -185,28 +162,23 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
     """
     check_share("p", p, "[0, 1]")
     share = Fraction(float(p)).limit_denominator(_P_STEPS)
-    of_old, of_new = [], []
-    for n_old, n_new in zip(old.n.tolist(), new.n.tolist(), strict=True):
+    counts, n, of_new = [], [], []
+    for c, (n_old, n_new) in enumerate(
+        zip(old.n.tolist(), new.n.tolist(), strict=True)
+    ):
         weight_old = (share.denominator - share.numerator) * n_new
         weight_new = share.numerator * n_old
         if n_old == 0 or n_new == 0:
             weight_old = weight_new = 1
         divisor = gcd(weight_old, weight_new)
-        of_old.append(weight_old // divisor)
-        of_new.append(weight_new // divisor)
-    votes = old.scaled(of_old)
-    votes.merge(new.scaled(of_new))
-    for c, n in enumerate(votes.n.tolist()):
-        halvings = n.bit_length() - _VOTE_BITS
-        if halvings > 0:
-            kept = votes.planes[c, halvings:].clone()
-            votes.planes[c] = 0
-            votes.planes[c, : len(kept)] = kept
-            votes.n[c] = n >> halvings
-            of_new[c] >>= halvings
-    n_planes = max(1, int(votes.n.max()).bit_length())  # those above are empty
-    votes.planes = votes.planes[:, :n_planes].contiguous()
-    return votes, of_new
+        weight_old, weight_new = weight_old // divisor, weight_new // divisor
+        votes = weight_old * old.counts([c])[0] + weight_new * new.counts([c])[0]
+        n_votes = weight_old * n_old + weight_new * n_new
+        halvings = max(0, n_votes.bit_length() - _VOTE_BITS)
+        counts.append(votes >> halvings)
+        n.append(n_votes >> halvings)
+        of_new.append(weight_new >> halvings)
+    return old._of_counts(counts, torch.tensor(n)), of_new
 
 
 def replaced_bits(

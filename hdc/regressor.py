@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from math import ceil, floor
-from typing import Any, ClassVar, Literal, Self, overload
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import torch
@@ -13,17 +13,18 @@ from torch import Tensor
 from hdc import backends, circular, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.estimator import Estimator
-from hdc.hypervectors import Hypervectors, joined
+from hdc.estimator import joined
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share, is_number
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.values import ValueReadout, ValueState
+from hdc.saved import Saved
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
 
 _LARGEST = 1e300  # sums of larger numbers overflow
 
 
-class HDCRegressor(Estimator):
+class HDCRegressor(Saved):
     """Predicts one or several numbers per frame, such as a position in mm, from its hypervector.
 
     The hypervectors of all training frames are kept (31 kB each at D = 250,000).
@@ -116,7 +117,8 @@ class HDCRegressor(Estimator):
         self._columns = columns
         self._one = values.ndim == 1
         self._is_signed = bool((values < 0).any())
-        self._take(readout, state, recalibrated=False)
+        self.readout_, self.state_ = readout, state
+        self._recalibrated = False
         return self
 
     def partial_fit(self, frames: Any, y: Any) -> Self:
@@ -138,8 +140,8 @@ class HDCRegressor(Estimator):
         with self._computing():
             words, values = self._pairs(frames, y)
             words = joined([before.words, words])
-            state = self.readout_.fit(words, torch.cat((before.targets, values)))
-        self._take(self.readout_, state, recalibrated=False)
+            values = torch.cat((before.targets, values))
+            self.state_ = self.readout_.fit(words, values)
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
@@ -155,8 +157,8 @@ class HDCRegressor(Estimator):
         with self._computing():
             words, values = self._pairs(frames, y)
             _check_enough(words)
-            state = self.readout_.adapt(self.state_, words, values)
-        self._take(self.readout_, state, recalibrated=True)
+            self.state_ = self.readout_.adapt(self.state_, words, values)
+        self._recalibrated = True
         return self
 
     def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor]:
@@ -169,13 +171,6 @@ class HDCRegressor(Estimator):
                 f"targets: expected as many a frame as before, found {values.shape}"
             )
         return joined(self._encoded(frames)), table
-
-    def _take(
-        self, readout: ValueReadout, state: ValueState, recalibrated: bool
-    ) -> None:
-        """Become the model of a state, at once: nobody sees a half of it."""
-        learned = {"readout_": readout, "state_": state}
-        vars(self).update(learned | {"_recalibrated": recalibrated})
 
     @property
     def residuals_(self) -> np.ndarray:
@@ -191,19 +186,9 @@ class HDCRegressor(Estimator):
             mean = circular.from_plane(mean, self.period, self._is_signed)
         return mean[0]
 
-    @overload
-    def predict(
-        self, frames: Any, return_interval: Literal[False] = False, alpha: float = ...
-    ) -> np.ndarray: ...
-
-    @overload
-    def predict(
-        self, frames: Any, return_interval: Literal[True], alpha: float = ...
-    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]: ...
-
     def predict(
         self, frames: Any, return_interval: bool = False, alpha: float = 0.1
-    ) -> np.ndarray | tuple[np.ndarray, np.ndarray, np.ndarray]:
+    ) -> Any:
         """Numbers [Q] or [Q, T] of frames [Q, H, W] or [Q, D].
 
         Args:
@@ -286,8 +271,9 @@ class HDCRegressor(Estimator):
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)
         words = Hypervectors(packed, self.dimension_, self.encoder_, self.frame_shape_)
-        state = readout.restored(own, words, values)
-        self._take(readout, state, bool(header["recalibrated"]))
+        self.readout_ = readout
+        self.state_ = readout.restored(own, words, values)
+        self._recalibrated = bool(header["recalibrated"])
 
     def _move(self, device: str) -> None:
         self.state_ = self.state_.to(device)

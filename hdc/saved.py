@@ -3,34 +3,26 @@
 from __future__ import annotations
 
 import warnings
-from abc import ABC, abstractmethod
-from collections.abc import Collection, Mapping, Sequence
-from contextlib import AbstractContextManager
+from abc import abstractmethod
+from collections.abc import Collection, Mapping
 from math import prod
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, Self
 
 import torch
 from torch import Tensor
 
 from hdc import backends, io
+from hdc.described import describe, rebuild
 from hdc.encoders import Encoder
-from hdc.parameters import Named, describe, rebuild
+from hdc.estimator import Estimator
 from hdc.tensors import prefixed, without_prefix
 
 
-class Saved(ABC):
-    """Saves a trained model to a file and loads it."""
+class Saved(Estimator):
+    """An estimator that saves what it has learned to a file and loads it."""
 
-    parts: ClassVar[Any]
-    _known: ClassVar[Mapping[str, Named]]  # our own classes of each part
-    device: str
-    backend: str
-    encoder_: Encoder
-    frame_shape_: tuple[int, ...]
     metadata_: dict[str, Any]
-    _columns: list[str | int] | None = None
-    """Columns of the data frame that the model learned from."""
 
     def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
         """Write the model to a safetensors file, whole or not at all.
@@ -175,26 +167,6 @@ class Saved(ABC):
     @abstractmethod
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
         """Become the model of :meth:`_stored`."""
-
-    @abstractmethod
-    def _check_is_trained(self) -> None:
-        """Raise for a model that has learned nothing."""
-
-    @abstractmethod
-    def _check_parameters(self) -> None:
-        """Raise for a parameter that is not allowed."""
-
-    @abstractmethod
-    def fresh(self, name: str) -> Any:
-        """The part of a parameter, checked and untrained."""
-
-    @abstractmethod
-    def _computing(self) -> AbstractContextManager[None]:
-        """By the backend of this model."""
-
-    @abstractmethod
-    def _begin(self, encoder: Encoder, shape: Sequence[int], backend: str) -> None:
-        """Encode frames of a shape by a trained encoder from now on."""
 
 
 def _available(device: str, path: str | Path) -> str:

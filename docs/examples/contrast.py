@@ -1,6 +1,6 @@
 """A question of one's own: how strong is the speckle contrast of each class of a scene?"""
 
-from experiments.protocol.experiment import experiment
+from experiments.protocol.task import Task
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.facets import intervals
 from experiments.reporting.plot import look_of
@@ -8,15 +8,19 @@ from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table
 
 
-@experiment
-def contrast(run, scene, seeds):
+class Contrast(Task, frozen=True):
     """One row: the contrast, σ/mean, of one frame of a class."""
-    for seed, sensor in run.scenes(scene, seeds):
-        for sample, label in enumerate(sensor.labels[:40]):
-            frame = sensor.frames([sample]).float()
-            value = float(frame.std() / frame.mean())
-            about = {"origin": sensor.origin, "seed": seed}
-            yield {**about, "class": sensor.classes[label], "contrast": value}
+
+    scene: dict
+    seeds: list[int]
+
+    def rows(self, context):
+        for seed, sensor in context.scenes(self.scene, self.seeds):
+            for sample, label in enumerate(sensor.labels[:40]):
+                frame = sensor.frames([sample]).float()
+                value = float(frame.std() / frame.mean())
+                about = {"origin": sensor.origin, "seed": seed}
+                yield {**about, "class": sensor.classes[label], "contrast": value}
 
 
 def by_class(frame):

@@ -1,20 +1,19 @@
-"""A config in typed parts: resolved once, at the door; a wrong value is named by its key."""
+"""Parts of a config, typed: a wrong value is named by its key before anything is built."""
 
 from __future__ import annotations
 
 import inspect
 import math
 import pkgutil
+import types
 import typing
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Any, TypeVar
 
 import msgspec
 import torch
 from msgspec import Meta
 from omegaconf import DictConfig, OmegaConf
-
-from experiments.protocol.stop import StopRule
 
 _T = TypeVar("_T")
 _WORDS = {
@@ -26,14 +25,7 @@ _WORDS = {
     "object": "a mapping",
 }
 
-Seed = Annotated[
-    int,
-    Meta(
-        ge=0,
-        le=2**53,
-        description="an integer from 0 to 2^53",
-    ),
-]
+Seed = Annotated[int, Meta(ge=0, le=2**53, description="an integer from 0 to 2^53")]
 
 
 class Seeds(msgspec.Struct, frozen=True):
@@ -62,22 +54,14 @@ class Data(msgspec.Struct, frozen=True):
     pixels: int | None = None
 
 
-class Settings(msgspec.Struct, frozen=True):
-    """A config: what is the same for every scene and model is typed, the others are plain."""
+class Carried(msgspec.Struct, frozen=True):
+    """How a task is carried out, whatever it is."""
 
-    seed: Seeds
-    split: Split
-    data: Data
-    stop: StopRule
     exclusive: bool
     cache: bool
     force: bool
-    scene: dict[str, Any]
-    model: dict[str, Any]
-    device: Any = "cpu"
-    threads: Any = None
-    task: dict[str, Any] | None = None
-    beside: dict[str, dict[str, Any]] = {}
+    device: Any
+    threads: Any
 
 
 def resolved(cfg: DictConfig) -> dict[str, Any]:
@@ -93,45 +77,7 @@ def resolved(cfg: DictConfig) -> dict[str, Any]:
     return values
 
 
-def settings_of(config: Mapping[str, Any]) -> Settings:
-    """A resolved config in typed parts, refused where it can be known to be wrong before anything
-    is built.
-
-    Raises:
-        ValueError: naming the key, what was expected and what was found.
-    """
-    settings = checked(config, Settings)
-    for group in ("scene", "model"):
-        _check_arguments(config[group], group)
-    _check_device("device", settings.device)
-    _check_device("model.device", settings.model.get("device", "cpu"))
-    return settings
-
-
-def named(task: Mapping[str, Any] | None) -> Callable[..., object] | None:
-    """The experiment that ``task`` of a config names; None for a plain run.
-
-    Raises:
-        ValueError: if there is none of this name, or what has it is no experiment.
-    """
-    if task is None:
-        return None
-    target = str(task.get("_target_"))
-    text = f"task._target_: expected the dotted name of an experiment, found {target}"
-    try:
-        found: Callable[..., object] = pkgutil.resolve_name(target)
-    except (ImportError, AttributeError, ValueError) as error:
-        raise ValueError(f"{text} ({error})") from error
-    if not hasattr(found, "rows"):
-        raise ValueError(f"{text}; @experiment makes one of a generator of rows")
-    return found
-
-
-def checked(
-    values: Any,
-    kind: type[_T],
-    key: str = "",
-) -> _T:
+def checked(values: Any, kind: type[_T], key: str = "") -> _T:
     """Plain values as a typed object.
 
     Args:
@@ -151,12 +97,7 @@ def checked(
         raise ValueError(_message(str(error), values, kind, key)) from error
 
 
-def _message(
-    text: str,
-    values: Any,
-    kind: Any,
-    key: str,
-) -> str:
+def _message(text: str, values: Any, kind: Any, key: str) -> str:
     """An error of msgspec, ``Expected `int` >= 0 - at `$.run```, in our words."""
     problem, _, path = text.partition(" - at `$")
     path, is_inside, _ = path.partition("[")  # of a mapping or a list
@@ -166,18 +107,30 @@ def _message(
         key = f"{key}.{name}".lstrip(".")
         values = values[name]
         kind = typing.get_type_hints(kind, include_extras=True)[name]
+    if is_inside:
+        _look_inside(values, kind, key)
     quoted = problem.split("`")
     if problem.startswith("Object missing"):
         return f"{key}.{quoted[1]}: expected a value, found none".lstrip(".")
     if problem.startswith("Object contains unknown"):
-        names = ", ".join(typing.get_type_hints(kind))
-        return f"{key}.{quoted[1]}: expected one of {names}".lstrip(".")
+        names = ", ".join(getattr(kind, "__struct_fields__", ()))
+        expected = f"one of {names}" if names else "no such key"
+        return f"{key}.{quoted[1]}: expected {expected}".lstrip(".")
     if not problem.startswith("Expected"):
-        return text  # of a struct itself
+        return problem  # of a struct itself
     expected = _described(kind, quoted[1])
-    if is_inside:
-        expected = f"each value to be {expected}"
-    return f"{key}: expected {expected}, found {_said(values)}"
+    found = "null" if values is None else repr(values)
+    return f"{key}: expected {expected}, found {found}"
+
+
+def _look_inside(values: Any, kind: Any, key: str) -> None:
+    """Find the wrong value of a mapping or a list, and raise what is said of it."""
+    if isinstance(kind, types.UnionType):  # with None
+        kind = next(each for each in typing.get_args(kind) if typing.get_args(each))
+    of_values = typing.get_args(kind)[-1]
+    parts = values.items() if isinstance(values, Mapping) else enumerate(values)
+    for name, value in parts:
+        checked(value, of_values, f"{key}.{name}")
 
 
 def _described(kind: Any, names: str) -> str:
@@ -188,11 +141,12 @@ def _described(kind: Any, names: str) -> str:
     return " or ".join(_WORDS.get(name, name) for name in names.split(" | "))
 
 
-def _said(value: Any) -> str:
-    return "null" if value is None else repr(value)
+def check_device(key: str, name: Any) -> None:
+    """Refuse a device that is not here.
 
-
-def _check_device(key: str, name: Any) -> None:
+    Raises:
+        ValueError: naming the key and the devices.
+    """
     try:
         torch.empty(0, device=torch.device(name)).cpu()
     # Torch raises each of these: of no name, an unknown device, one that is lacking, "meta".
@@ -202,18 +156,19 @@ def _check_device(key: str, name: Any) -> None:
         raise ValueError(f"{key}: expected one of {there}, found {name!r}") from error
 
 
-def _check_arguments(config: Any, key: str) -> None:
+def check_arguments(config: Any, key: str) -> None:
     """Refuse a text where what a ``_target_`` names takes a number: models fail of it late, or not.
 
     Raises:
         ValueError: naming the key.
     """
-    if isinstance(config, Mapping):
-        kinds = _argument_types(str(config.get("_target_", "")))
-        for name, value in config.items():
-            if isinstance(value, str) and name in kinds:
-                _check_text(value, kinds[name], f"{key}.{name}")
-            _check_arguments(value, f"{key}.{name}")
+    if not isinstance(config, Mapping):
+        return
+    kinds = _argument_types(str(config.get("_target_", "")))
+    for name, value in config.items():
+        if isinstance(value, str) and name in kinds:
+            _check_text(value, kinds[name], f"{key}.{name}")
+        check_arguments(value, f"{key}.{name}")
 
 
 def _argument_types(target: str) -> dict[str, Any]:
@@ -226,11 +181,7 @@ def _argument_types(target: str) -> dict[str, Any]:
         return {}
 
 
-def _check_text(
-    value: str,
-    kind: Any,
-    key: str,
-) -> None:
+def _check_text(value: str, kind: Any, key: str) -> None:
     try:
         msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
@@ -240,10 +191,7 @@ def _check_text(
         return
 
 
-def _leaves(
-    node: Any,
-    key: str = "",
-) -> Iterator[tuple[str, Any]]:
+def _leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """(dotted key, value) of everything in a resolved config that is no mapping."""
     if not isinstance(node, Mapping):
         yield key, node

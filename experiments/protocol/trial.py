@@ -6,8 +6,8 @@ Every training of the harness is one call of :func:`train`.
 from __future__ import annotations
 
 import numbers
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -36,13 +36,11 @@ class Trial:
         curve: a row a checkpoint: the model's report, ``training_s`` and the accuracies.
         stop: why the training ended, one of :data:`experiments.protocol.stop.NAMES`.
         training_s: seconds of training.
-        results: others of :class:`experiments.records.run.Finished`, by name.
     """
 
     curve: tuple[Report, ...] = ()
     stop: str | None = None
     training_s: float | None = None
-    results: Mapping[str, Any] = field(default_factory=dict)
 
     def after(self, report: Report, accuracies: Report | None) -> Trial:
         """The trial with one checkpoint more, if the model was tested there."""
@@ -50,10 +48,6 @@ class Trial:
             return self
         rows = (*self.curve, {**report, **accuracies})
         return replace(self, curve=rows, training_s=report["training_s"])
-
-    def having(self, **results: Any) -> Trial:
-        """The trial with further results."""
-        return replace(self, results={**self.results, **results})
 
 
 def untested(report: Report, at_end: bool) -> None:

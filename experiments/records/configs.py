@@ -1,9 +1,8 @@
-"""Contents of ``configs/``: displays, sweeps and steps as they stand, configs by Hydra."""
+"""Contents of ``configs/`` as they stand in the files: displays, sweeps and steps."""
 
 from __future__ import annotations
 
 import functools
-import json
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -16,12 +15,15 @@ from omegaconf import OmegaConf
 from experiments.records.files import ROOT
 
 CONFIGS = ROOT / "configs"
-SEEDS = ("seed", "sampling_seed")  # keys of what differs from repetition to repetition
+SEEDS = ("seed", "random_state", "sampling_seed")
+"""Keys of what differs from repetition to repetition."""
+# What a row asks for by number; and where a recording lies, which is known by its content.
+COORDINATES = ("split.n_train", "data.pixels", "scene.path")
 _DISPLAYS = {"model": "display", "scene": "scene_display"}
 _FRAMES = {
     "frames": "recording",
     "kind": "captured",
-    "place": math.inf,
+    "order": math.inf,
     "fitted": False,
     "figure": "",
 }
@@ -31,9 +33,6 @@ _LOOK = {
     "line": ":",
     "group": "other",
 }
-
-
-# Files as they stand -----------------------------------------------------------------------------
 
 
 def is_known(group: str, name: str) -> bool:
@@ -107,7 +106,7 @@ def display(model: str) -> dict[str, str]:
 def scene_display(scene: str) -> dict[str, Any]:
     """How tables and figures show a scene: ``name``, ``frames`` (what they are), ``kind``
     (``captured`` by a camera, ``computed`` from measured matrices, or ``simulated``), ``family``
-    (the laboratory it comes from), ``place`` among the others, ``fitted``: whether parameters of
+    (the laboratory it comes from), ``order`` among the others, ``fitted``: whether parameters of
     the scene were chosen by HDC's own accuracy on it, and ``figure``: of the paper, which shows the
     confusion of its classes.
 
@@ -151,58 +150,6 @@ def _file(group: str, name: str) -> Any:
     return OmegaConf.load(CONFIGS / group / f"{name}.yaml")
 
 
-# Configs by Hydra --------------------------------------------------------------------------------
-
-
-def part(group: str, name: str) -> dict[str, Any] | None:
-    """The resolved part of a config that a file of a group makes, if it is there; a scene brings
-    its ``split``, required values that are not set are ``???``."""
-    config = _composed(f"{group}={name}")
-    if config is None:
-        return None
-    found = {group: config[group]}
-    if group == "scene":
-        found["split"] = config["split"]
-    return found
-
-
-def task(experiment: str) -> dict[str, Any]:
-    """The resolved task of an experiment, without displays; empty where it only sweeps."""
-    config = _composed(f"experiment={experiment}")
-    return without(("display",), (config or {}).get("task") or {})
-
-
-@functools.cache
-def _composed(*overrides: str) -> dict[str, Any] | None:
-    """The config that Hydra makes of files alone; None where one of them is not there.
-
-    In a run, the files are those that the run was composed from, a user's own among them. It takes
-    a third of a second.
-    """
-    from hydra import compose, initialize_config_dir
-    from hydra.core.global_hydra import GlobalHydra
-    from hydra.errors import MissingConfigException
-    from hydra.types import RunMode
-
-    try:
-        if GlobalHydra.instance().is_initialized():
-            loader = GlobalHydra.instance().config_loader()
-            config = loader.load_configuration("config", [*overrides], RunMode.RUN)
-        else:
-            with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-                config = compose("config", overrides=[*overrides])
-    except MissingConfigException:
-        return None
-    OmegaConf.set_readonly(config, False)
-    OmegaConf.set_struct(config, False)
-    config.pop("hydra", None)
-    found: Any = OmegaConf.to_container(config, resolve=True)
-    return found
-
-
-# Comparing ---------------------------------------------------------------------------------------
-
-
 def without(keys: Iterable[str], node: Any) -> Any:
     """A config without these keys, at any depth."""
     keys = tuple(keys)
@@ -211,21 +158,3 @@ def without(keys: Iterable[str], node: Any) -> Any:
     if isinstance(node, list | tuple):
         return [without(keys, value) for value in node]
     return node
-
-
-def differences(
-    config: Any,
-    reference: Any,
-    key: str = "",
-) -> dict[str, str]:
-    """Values of a config that differ from its reference, by dotted key; a missing one is null."""
-    if isinstance(config, Mapping) and isinstance(reference, Mapping):
-        found: dict[str, str] = {}
-        for name in dict.fromkeys([*config, *reference]):
-            below = f"{key}.{name}".lstrip(".")
-            found |= differences(config.get(name), reference.get(name), below)
-        return found
-    # A required value is no difference: a recording is known by its content.
-    if config == reference or reference == "???":
-        return {}
-    return {key: json.dumps(config)}

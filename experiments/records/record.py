@@ -1,66 +1,130 @@
-"""A record: what an experiment was, the rows that came of it, by which code and on which machine.
+"""A record: what was carried out, the rows that came of it, by which code and on which machine.
 
-A measurement is an experiment whose rows are all that it yields. A run, the training of one model
-(:mod:`experiments.records.run`), is an experiment as well: its rows are its curve, and it has
-results besides. A record is named after its config and a digest of its data. Made again by other
-code it takes the place of the one before.
+An experiment's rows are all that it yields. Those of a training, which is an experiment as well,
+are its checkpoints and at last its results (:class:`experiments.protocol.measure_run.Training`).
+What names a record is written when it is made: whoever reads it needs neither configs nor Hydra. It
+is named after its config and a digest of its data; made again by other code it takes the place of
+the one before.
 """
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import json
-import shlex
+import math
 from collections.abc import Mapping
 from typing import Any, Literal
 
 import msgspec
-import numpy as np
 
-from experiments.records import revision
-from experiments.records.configs import SEEDS
+from experiments.records import names, revision
 from experiments.records.environment import Environment, changes
 from experiments.records.revision import Revisions
-from experiments.records.rows import Rows, pack_labels
+from experiments.records.rows import Row, Rows, unpack_labels
+from hdc.accuracy import accuracy
 
-SCHEMA: Literal[5] = 5
-# Keys of a config that say how a run is carried out, or how it is shown, not what it computes.
-NOT_IDENTITY = (
-    *("force", "cache", "exclusive", "task", "beside", "display", "scene_display"),
-    "sessions",  # what the scene is made of, and has in itself
-)
-# Arguments of an experiment that say which frames there are.
-_OF_FRAMES = ("scene", "split", "old_split")
+SCHEMA: Literal[6] = 6
+# Keys of a training's config that every reader counts on.
+_NEEDED = (("seed", "run"), ("split", "n_train"), ("data", "pixels"))
 
 
-class Record(msgspec.Struct, kw_only=True, omit_defaults=True, dict=True, eq=False):
-    """Fields of every record.
+class Named(msgspec.Struct, frozen=True, omit_defaults=True):
+    """A scene or a model.
+
+    Attributes:
+        name: of its config.
+        label: its name, and in brackets what was changed of it.
+        display: how its config wants it shown: its name, its place in an order …
+    """
+
+    name: str
+    label: str
+    display: dict[str, Any] = {}
+
+
+class Record(msgspec.Struct, kw_only=True, omit_defaults=True):
+    """Everything that is known of one call of an experiment.
 
     Attributes:
         id: names it; a hash of config and data is part of it.
+        experiment: name of the config of the experiment; of a training, that of its sweep, if any.
+        task: dotted name of what made the rows; of a training, nothing.
+        scene, model: by their configs; only a training has one model.
+        stop: of a training, name of the config of its stopping rule.
+        config: everything that determines the rows, resolved, as Hydra composed it.
+        changed: values that the command line or the file of an experiment set, by key, as JSON; but
+            for seeds, and for what a table asks for by number.
+        elsewhere: whether frames, or which of them test, are others than the experiment's file has.
+        timed: whether its rows have times; ``environment`` says whether it had the machine alone.
         command: that a user typed.
-        config: everything that determines it, resolved, as Hydra composed it.
-        changed: values of the config that are not those of the files it was composed from, by key,
-            as JSON; but for seeds.
         data: digest of everything that determines its frames.
         revisions: of all that took part, by name.
         environment: machine, libraries and commit.
-        rows: what it yielded.
+        status: ``finished``, ``failed`` or ``interrupted``; ``error`` says why.
+        seconds: of making the rows.
+        rows: as many as there came to be.
+
+    Raises:
+        ValueError: for a training without what every training has, or whose predictions are not one
+            a test sample, each one of the classes, or do not give the accuracy that is stated.
     """
 
-    schema: Literal[5]
+    schema: Literal[6]
     id: str
-    command: str = ""
+    experiment: str = ""
+    task: str = ""
+    scene: Named | None = None
+    model: Named | None = None
+    stop: str = ""
     config: dict[str, Any]
     changed: dict[str, str] = {}
+    elsewhere: bool = False
+    timed: bool = False
+    command: str = ""
     data: str = ""
     revisions: Revisions
     environment: Environment
+    status: str = "finished"
+    error: str | None = None
+    seconds: float | None = None
     rows: Rows = Rows()
 
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, Record) and to_line(self) == to_line(other)
+    def __post_init__(self) -> None:
+        if not self.is_training:
+            return
+        for group, key in _NEEDED:
+            part = self.config.get(group)
+            if not isinstance(part, Mapping) or key not in part:
+                raise ValueError(f"config.{group}.{key}: expected a value, found none")
+        if self.is_finished:
+            _check(self.results)
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether its rows are all that there are."""
+        return self.status == "finished"
+
+    @property
+    def is_training(self) -> bool:
+        """Whether it is the training of one model."""
+        return self.model is not None
+
+    @property
+    def curve(self) -> list[Row]:
+        """The checkpoints of a training, each without what was not reported."""
+        reported = (
+            row for row in self.rows.dicts() if row.get("training_s") is not None
+        )
+        return [{k: v for k, v in row.items() if v is not None} for row in reported]
+
+    @property
+    def results(self) -> Row:
+        """The last row of a finished training."""
+        if not (self.is_training and self.is_finished and self.rows.values):
+            return {}
+        of_curve = {key for row in self.curve for key in row}
+        last = self.rows.dicts()[-1]
+        return {key: value for key, value in last.items() if key not in of_curve}
 
     @property
     def outdated(self) -> list[str]:
@@ -69,88 +133,43 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True, dict=True, eq=Fal
 
     def differs_from(self, now: Revisions) -> list[str]:
         """What of the code differs from these revisions, or lies in no commit."""
-        names = revision.outdated(self.revisions, now)
+        others = revision.outdated(self.revisions, now)
         made_with = self.environment.changes
         if made_with is not None and made_with != changes():
-            names.append("changes of a checkout that are in no commit")
-        return names
+            others.append("changes of a checkout that are in no commit")
+        return others
 
 
-class Measurement(Record, tag="measurement", kw_only=True, omit_defaults=True):
-    """An experiment that finished.
-
-    Attributes:
-        name: the experiment's.
-        task: dotted name of what makes the rows of the config.
-        scene: name of the scene's config, where it has one.
-        seconds: of the call that made the rows.
-    """
-
-    name: str
-    task: str = ""
-    scene: str = ""
-    seconds: float | None = None
-
-    def __post_init__(self) -> None:
-        _ = self.scene_label  # a command with an open quote is no record
-
-    @functools.cached_property
-    def scene_label(self) -> str:
-        """Name of the scene's config, and what the command line changed of it, but for seeds."""
-        changed = {}
-        for word in shlex.split(self.command):
-            key = word.partition("=")[0].lstrip("+~")
-            is_seed = key.rpartition(".")[2] in SEEDS
-            if key.startswith("scene.") and not is_seed:
-                changed[key] = json.dumps(_at(self.config, key))
-        return labelled(self.scene, changed)
-
-    @property
-    def of_other_frames(self) -> bool:
-        """Whether its frames, or which of them test, are not those of the experiment's config."""
-        return any(key.partition(".")[0] in _OF_FRAMES for key in self.changed)
+def _check(results: Row) -> None:
+    """Refuse results that contradict themselves."""
+    try:
+        n, classes = results["n_test"], results["n_classes"]
+        stated = results["test_accuracy_final"]
+        texts = {name: results[name] for name in ("labels", "predicted")}
+    except KeyError as error:
+        raise ValueError(f"results: expected {error}, found none") from None
+    found = {name: unpack_labels(text) for name, text in texts.items()}
+    for name, labels in found.items():
+        if len(labels) != n:
+            raise ValueError(f"{name}: expected {n} labels, found {len(labels)}")
+        if n and not 0 <= labels.min() <= labels.max() < classes:
+            limits = f"{labels.min()} to {labels.max()}"
+            expected = f"labels from 0 to {classes - 1}"
+            raise ValueError(f"{name}: expected {expected}, found {limits}")
+    share = accuracy(found["predicted"], found["labels"])
+    if not math.isclose(stated, share, abs_tol=1e-9):
+        expected = f"{share:.6f} of the predictions beside it"
+        raise ValueError(f"test_accuracy_final: expected {expected}, found {stated}")
 
 
-def to_line(record: Record) -> str:
-    """A record as a line of JSON.
-
-    Raises:
-        TypeError: for a value that JSON does not have.
-    """
-    return msgspec.json.encode(record, enc_hook=_packed).decode()
-
-
-def _packed(value: Any) -> str:
-    if isinstance(value, np.ndarray):
-        return pack_labels(value)
-    raise TypeError(f"record: expected plain values, found {type(value).__name__}")
+def name_of(name: str, config: Mapping[str, Any], data: str) -> str:
+    """Name of a record: what it is, and a hash of everything that determines it."""
+    determining = [names.of_version_3_0(config), data]
+    text = json.dumps(determining, sort_keys=True, default=str)
+    return f"{name}-{hashlib.sha256(text.encode()).hexdigest()[:12]}"
 
 
 def labelled(name: str, changed: Mapping[str, str]) -> str:
     """A name, and in brackets what was changed."""
     values = [f"{key.partition('.')[2]}={value}" for key, value in changed.items()]
     return f"{name} ({', '.join(values)})" if values else name
-
-
-def _at(config: Any, key: str) -> Any:
-    """The value of a dotted key, in which a number is a place of a list; None where none is."""
-    for part in key.split("."):
-        if isinstance(config, list):
-            config = {str(place): value for place, value in enumerate(config)}
-        config = config.get(part) if isinstance(config, Mapping) else None
-    return config
-
-
-def name_of(
-    name: str,
-    config: Mapping[str, Any],
-    data: str,
-) -> str:
-    """Name of a record: what it is, and a hash of everything that determines it."""
-    return f"{name}-{digest_of([config, data])}"
-
-
-def digest_of(value: Any) -> str:
-    """12 hexadecimal digits that tell JSON values apart."""
-    text = json.dumps(value, sort_keys=True, default=str)
-    return hashlib.sha256(text.encode()).hexdigest()[:12]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,8 @@ import numpy as np
 import pandas as pd
 
 from experiments.records import configs, store
-from experiments.records.record import Measurement
-from experiments.records.rows import Row, pack_labels, unpack_labels
-from experiments.records.run import Finished, Unfinished
+from experiments.records.record import Record
+from experiments.records.rows import Row, unpack_labels
 
 RUNS = "runs"  # the name of single trainings among those of experiments
 CHECKPOINTS = "checkpoints"  # and of the reports that they made while they learned
@@ -24,41 +24,41 @@ asked for, 0 for all of them."""
 STOPS = ("paper", "long", "end", "quick", "reached")
 # Columns that tell the resamples of a measurement apart: the true classes are stored once in each.
 _RESAMPLE = ("seed", "split", "draw")
-_OF_MODELS = (
-    "models",
-    "seeds",
-)  # keys of a config in which measurements side by side may differ
+# Keys of a config in which measurements side by side may differ.
+_OF_MODELS = ("models", "seeds")
 
 
 class Results:
-    """A results folder: its finished `runs`, records of the `unfinished`, `problems` of files.
+    """A results folder: its finished `runs`, which are trainings, those that are `unfinished`, the
+    `measurements` of all other experiments, the one made last first, and `problems` of files.
 
     Attributes:
-        measurements: the one made last comes first.
         displays: how models and scenes are shown that have no file in ``configs/``, by group and
             name, for :func:`experiments.records.configs.shown_as`.
     """
 
     def __init__(self, folder: Path):
         self.problems: list[str] = [*_of_version_2(folder)]
-        self.runs: list[Finished] = []
-        self.unfinished: list[Unfinished] = []
-        self.measurements: list[Measurement] = []
+        self.runs: list[Record] = []
+        self.unfinished: list[Record] = []
+        self.measurements: list[Record] = []
         self.displays: dict[tuple[str, str], Mapping[str, Any]] = {}
         self._frames: dict[tuple[str, ...], pd.DataFrame] = {}
         for record in store.read(folder):
             if isinstance(record, ValueError):
                 self.problems.append(str(record))
-            elif isinstance(record, Measurement):
+                continue
+            self._show(record)
+            if record.is_training:
+                (self.runs if record.is_finished else self.unfinished).append(record)
+            elif record.is_finished:
                 self.measurements.insert(0, record)
-            else:
-                self._take(record)
 
     def __bool__(self) -> bool:
         return bool(self.runs or self.unfinished or self.measurements)
 
     @property
-    def finished(self) -> list[store.Made]:
+    def finished(self) -> list[Record]:
         """Every finished record."""
         return [*self.runs, *self.measurements]
 
@@ -72,48 +72,49 @@ class Results:
         config) and every setting of the config by its dotted key, lists as JSON. ``right`` counts
         the right answers of a line with ``predicted``; ``labels``, the true classes, stand in each.
 
-        :data:`RUNS` stands for single trainings, a line each, with the metrics of
-        :class:`experiments.records.run.Finished`; of several configurations of one row
-        (:data:`ROW`) there is one (:func:`_counting`). :data:`CHECKPOINTS` are the reports of these
-        trainings, a line each. Of an experiment and scene there is one measurement
-        (:meth:`chosen`). Scenes are in the order of their places.
+        :data:`RUNS` stands for single trainings, a line each, with their results; of several
+        configurations of one row (:data:`ROW`) there is one (:func:`_counting`).
+        :data:`CHECKPOINTS` are the reports of these trainings, a line each. Of an experiment and
+        scene there is one measurement (:meth:`chosen`). Scenes are in their order.
         """
         if experiments not in self._frames:
             parts = [self._part(name) for name in experiments]
             self._frames[experiments] = _joined([part for part in parts if len(part)])
         return self._frames[experiments]
 
-    def chosen(self, experiment: str) -> tuple[list[Measurement], list[Measurement]]:
+    def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
 
         Of one scene the last one counts, of those on the experiment's own frames if there are any;
         and beside it those of other models (:func:`_is_beside`).
         """
-        counting: dict[str, list[Measurement]] = {}
+        counting: dict[str, list[Record]] = {}
         left_out = []
-        of_experiment = [m for m in self.measurements if m.name == experiment]
-        for measured in sorted(of_experiment, key=lambda m: m.of_other_frames):
-            beside = counting.setdefault(measured.scene_label, [])
+        made = [m for m in self.measurements if m.experiment == experiment]
+        for measured in sorted(made, key=lambda m: m.elsewhere):
+            beside = counting.setdefault(_label(measured), [])
             if all(_is_beside(measured, other) for other in beside):
                 beside.append(measured)
             else:
                 left_out.append(measured)
-        ordered = sorted(counting, key=self._place)
+        ordered = sorted(counting, key=self._order)
         return [one for scene in ordered for one in counting[scene]], left_out
 
     def left_out(self) -> Iterator[str]:
         """A line for each measurement that a later one of its scene stands for."""
-        for name in dict.fromkeys(measured.name for measured in self.measurements):
+        for name in dict.fromkeys(
+            measured.experiment for measured in self.measurements
+        ):
             for measured in self.chosen(name)[1]:
                 yield f"{measured.id}: a later measurement of {name} takes its place"
 
-    def _place(self, scene: str) -> tuple[float, str]:
+    def _order(self, scene: str) -> tuple[float, str]:
         with configs.shown_as(self.displays):
-            return configs.scene_display(scene)["place"], scene
+            return configs.scene_display(scene)["order"], scene
 
     def _part(self, name: str) -> pd.DataFrame:
         if name == RUNS:
-            return _counting(pd.DataFrame(map(_line_of_run, self.runs)))
+            return _counting(pd.DataFrame(map(_of_run, self.runs)))
         if name == CHECKPOINTS:
             return self._checkpoints()
         parts = [_of_measurement(measured) for measured in self.chosen(name)[0]]
@@ -133,16 +134,10 @@ class Results:
         every = named.merge(pd.DataFrame(lines), on="record")
         return every.assign(experiment=CHECKPOINTS, elsewhere=False)
 
-    def _take(self, entry: Finished | Unfinished) -> None:
-        scene, model = entry.choices.scene, entry.choices.model
-        if entry.display and not configs.is_known("model", model):
-            self.displays["model", model] = entry.display
-        if entry.scene_display and not configs.is_known("scene", scene):
-            self.displays["scene", scene] = entry.scene_display
-        if isinstance(entry, Finished):
-            self.runs.append(entry)
-        else:
-            self.unfinished.append(entry)
+    def _show(self, record: Record) -> None:
+        for group, named in (("model", record.model), ("scene", record.scene)):
+            if named and named.display and not configs.is_known(group, named.name):
+                self.displays[group, named.name] = named.display
 
 
 def _of_version_2(folder: Path) -> Iterator[str]:
@@ -154,24 +149,20 @@ def _of_version_2(folder: Path) -> Iterator[str]:
             )
 
 
-def _is_beside(one: Measurement, other: Measurement) -> bool:
+def _label(record: Record) -> str:
+    return record.scene.label if record.scene else ""
+
+
+def _is_beside(one: Record, other: Record) -> bool:
     """Whether a measurement has other models than another, seeds of it or more, and all other
     settings are equal. Times of two calls do not compare, so of what is timed there is one."""
     rest, of_other = (configs.without(_OF_MODELS, m.config) for m in (one, other))
-    return not _is_timed(one) and rest == of_other and _has_other_models(one, other)
-
-
-def _is_timed(measured: Measurement) -> bool:
-    columns = measured.rows.columns
-    return any(column.endswith("_s") or column == "seconds" for column in columns)
-
-
-def _has_other_models(one: Measurement, other: Measurement) -> bool:
-    """Whether two measurements have different models, and one has all seeds of the other."""
-    models, of_other = (set(m.config.get("models") or ()) for m in (one, other))
-    seeds, seeds_of_other = (set(m.config.get("seeds") or ()) for m in (one, other))
-    apart = bool(models) and bool(of_other) and models.isdisjoint(of_other)
-    return apart and (seeds <= seeds_of_other or seeds_of_other <= seeds)
+    models, seeds = (
+        [set(m.config.get(key) or ()) for m in (one, other)] for key in _OF_MODELS
+    )
+    apart = all(models) and models[0].isdisjoint(models[1])
+    within = seeds[0] <= seeds[1] or seeds[1] <= seeds[0]
+    return not one.timed and rest == of_other and apart and within
 
 
 def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:
@@ -212,56 +203,61 @@ def _settings(config: Mapping[str, Any], above: str = "") -> Row:
     return found
 
 
-def _line_of_run(run: Finished) -> Row:
-    """What names a run, its settings, its machine and its metrics."""
-    environment = run.environment
+def _of_record(record: Record) -> Row:
+    """What names a record, its settings and its machine."""
+    environment = record.environment
     return {
-        **_settings(run.config),
-        "experiment": RUNS,
-        "sweep": run.experiment or "",
-        "scene": run.scene_label,
-        "model": run.model_label,
-        "asked_n": run.config["split"]["n_train"] or 0,
-        "asked_d": run.config["data"]["pixels"] or 0,
-        "record": run.id,
-        "command": run.command,
-        "elsewhere": False,
-        "origin": run.scene.origin,
-        "saturated": run.scene.saturated,
-        "classes": json.dumps(run.scene.classes),
-        "n_classes": len(run.scene.classes),
-        "n_pixels": int(np.prod(run.scene.shape)),
+        **_settings(record.config),
+        "experiment": RUNS if record.is_training else record.experiment,
+        "scene": _label(record),
+        "record": record.id,
+        "command": record.command,
+        "elsewhere": record.elsewhere,
         "device": environment.device,
         "cpu": environment.cpu,
         "threads": environment.threads,
-        "exclusive": environment.exclusive,
-        "code": environment.short_commit,
-        "seed": run.seed,
-        "seeds": run.seeds,
-        "repetition": run.every_seed,
-        "alike": f"{run.configuration} {run.made_by}",
-        "stop_rule": run.choices.stop,
-        "stop": run.stop,
-        "iterative": run.iterative,
-        "training_time_s": run.time_to_90_s,
-        "total_time_s": run.training_s,
-        **{f"beside.{name}_s": seconds for name, seconds in run.beside_s.items()},
-        "train_accuracy_at_target": run.train_accuracy_at_target,
-        "test_accuracy_at_target": run.test_accuracy_at_target,
-        "train_accuracy_max": run.train_accuracy_max,
-        "train_accuracy_final": run.train_accuracy_final,
-        "test_accuracy_max": run.test_accuracy_max,
-        "test_accuracy_final": run.test_accuracy_final,
-        "model_bytes": run.model_bytes,
-        "predict_single_s": run.predict_single_s,
-        "predict_batch_s_per_frame": run.predict_batch_s_per_frame,
-        "n_train": run.n_train,
-        "n_test": run.n_test,
-        "right": int(run.right.sum()),
-        "test_set": run.data_sha256.test,
-        "labels": pack_labels(run.test_labels),
-        "predicted": pack_labels(run.predicted),
     }
+
+
+def _of_run(run: Record) -> Row:
+    """The line of a training; one that never got to its target took infinitely long."""
+    config, results = run.config, run.results
+    seconds = results["training_time_s"]
+    same = configs.without((*configs.SEEDS, "device"), config)
+    if not results["iterative"]:  # it ends by itself, whatever the rule
+        same.pop("stop")
+    for key in configs.COORDINATES:
+        group, name = key.split(".")
+        same[group].pop(name, None)
+    return {
+        **_of_record(run),
+        "sweep": run.experiment,
+        "model": run.model.label if run.model else "",
+        "asked_n": config["split"]["n_train"] or 0,
+        "asked_d": config["data"]["pixels"] or 0,
+        "exclusive": run.environment.exclusive,
+        "code": run.environment.short_commit,
+        "seed": config["seed"]["run"],
+        "seeds": json.dumps(config["seed"], sort_keys=True),
+        "repetition": json.dumps(list(_seeds(config))),
+        "alike": json.dumps([same, run.revisions], sort_keys=True),
+        "stop_rule": run.stop,
+        **results,
+        "training_time_s": math.inf if seconds is None else seconds,
+    }
+
+
+def _seeds(config: Any) -> Iterator[Any]:
+    """Every seed in a config, in the order of the keys."""
+    if isinstance(config, Mapping):
+        for key in sorted(config):
+            if key in configs.SEEDS:
+                yield config[key]
+            else:
+                yield from _seeds(config[key])
+    elif isinstance(config, list | tuple):
+        for part in config:
+            yield from _seeds(part)
 
 
 def _counting(lines: pd.DataFrame) -> pd.DataFrame:
@@ -273,36 +269,24 @@ def _counting(lines: pd.DataFrame) -> pd.DataFrame:
     """
     if not len(lines):
         return lines
-    places = {name: place for place, name in enumerate(STOPS)}
+    order = {name: number for number, name in enumerate(STOPS)}
     ordered = lines.assign(
-        place_of_stop=lines.stop_rule.map(places).fillna(len(places)),
+        by_rule=lines.stop_rule.map(order).fillna(len(order)),
         age=-np.arange(len(lines)),
-    ).sort_values(["exclusive", "place_of_stop", "age"], ascending=[False, True, True])
+    ).sort_values(["exclusive", "by_rule", "age"], ascending=[False, True, True])
     first = ordered.groupby(ROW).alike.transform("first")
     ordered["counts"] = ordered.alike == first
     by_row = ordered.groupby(ROW).counts
     ordered["others"] = by_row.transform("size") - by_row.transform("sum")
     chosen = ordered[ordered.counts].drop_duplicates([*ROW, "repetition"])
     chosen = chosen.sort_values([*ROW, "seed"])
-    return chosen.drop(columns=["alike", "place_of_stop", "age", "counts"]).reset_index(
-        drop=True
-    )
+    helpers = ["alike", "by_rule", "age", "counts"]
+    return chosen.drop(columns=helpers).reset_index(drop=True)
 
 
-def _of_measurement(measured: Measurement) -> pd.DataFrame:
+def _of_measurement(measured: Record) -> pd.DataFrame:
     """The lines of one measurement; a column of a row keeps its name before that of a record."""
-    environment = measured.environment
-    of_record = {
-        **_settings(measured.config),
-        "experiment": measured.name,
-        "scene": measured.scene_label,
-        "record": measured.id,
-        "command": measured.command,
-        "elsewhere": measured.of_other_frames,
-        "device": environment.device,
-        "cpu": environment.cpu,
-        "threads": environment.threads,
-    }
+    of_record = _of_record(measured)
     lines = pd.DataFrame(_answered(_lines(measured.rows.dicts())))
     named = [name for name in of_record if name not in lines]
     about = pd.DataFrame([of_record] * len(lines), columns=named)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import math
 import zlib
 from collections.abc import Iterable, Mapping
 from typing import Any
@@ -13,47 +12,44 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 Row = dict[str, Any]
-"""Values of a row by column: int, float, str, bool, None, or a short list of numbers."""
+"""Values of a row by column: int, float, str, bool, None, or a short list of them."""
 
 _KINDS = ("|u1", "<u2", "<i4")  # from small to large; a row says which it has
 
 
 class Rows(msgspec.Struct, frozen=True):
-    """Rows as a table: names of columns, and a list of values a row; a missing value is None."""
+    """Rows as a table: names of columns, and a list of values a row; a missing value is None, and
+    at the end of a row is left out."""
 
     columns: list[str] = []
     values: list[list[Any]] = []
 
     def __post_init__(self) -> None:
         for values in self.values:
-            if len(values) != len(self.columns):
-                expected = f"{len(self.columns)} values a row"
+            if len(values) > len(self.columns):
+                expected = f"at most {len(self.columns)} values a row"
                 raise ValueError(f"rows: expected {expected}, found {values!r}")
 
     @classmethod
     def of(cls, rows: Iterable[Mapping[str, Any]]) -> Rows:
-        """The table of rows by column."""
+        """The table of rows by column; numbers that are not finite are missing, as JSON has none.
+
+        Raises:
+            TypeError: for a value that JSON does not have.
+        """
         listed = list(rows)
         columns = list(dict.fromkeys(key for row in listed for key in row))
         values = [[row.get(column) for column in columns] for row in listed]
-        text = msgspec.json.encode(values, enc_hook=plain)
-        return cls(columns, msgspec.json.decode(text))
-
-    @classmethod
-    def of_curve(cls, curve: Iterable[Mapping[str, float]]) -> Rows:
-        """The table of a curve; JSON has no infinities and no NaN, which become texts."""
-        return cls.of({key: _number(v) for key, v in row.items()} for row in curve)
+        plain = msgspec.json.decode(msgspec.json.encode(values, enc_hook=_plain))
+        for row in plain:
+            while row and row[-1] is None:
+                row.pop()
+        return cls(columns, plain)
 
     def dicts(self) -> list[Row]:
         """The rows by column."""
-        return [dict(zip(self.columns, row, strict=True)) for row in self.values]
-
-
-def _number(value: Any) -> float | str | None:
-    number = value.item() if hasattr(value, "item") else value
-    if number is None or math.isfinite(number):
-        return number
-    return str(number)
+        nothing = dict.fromkeys(self.columns)
+        return [nothing | dict(zip(self.columns, row)) for row in self.values]  # noqa: B905
 
 
 def pack_labels(labels: ArrayLike) -> str:
@@ -102,7 +98,7 @@ def unpack_labels(text: str) -> np.ndarray:
         raise ValueError(f"labels: expected packed integers, found: {error}") from error
 
 
-def plain(value: Any) -> Any:
+def _plain(value: Any) -> Any:
     """An array of numpy or torch as lists of numbers, for JSON."""
     if hasattr(value, "tolist"):
         return value.tolist()

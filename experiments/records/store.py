@@ -9,23 +9,31 @@ from __future__ import annotations
 import os
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
 import msgspec
-import numpy as np
 from rich.console import Console
 
-from experiments.records import locks
-from experiments.records.record import Measurement, Record, to_line
+from experiments.records import locks, names
+from experiments.records.record import SCHEMA, Record
 from experiments.records.revision import Revisions
-from experiments.records.rows import unpack_labels
-from experiments.records.run import Finished, Unfinished
 from hdc.io import write_atomically
 
 FILE = "records.jsonl"
 _LOCKS = Path("cache", "locks")
-Made = Finished | Measurement
-AnyRecord = Made | Unfinished
+_DECODER = msgspec.json.Decoder(Record)
+
+
+class _Version(msgspec.Struct):
+    schema: int
+
+
+def to_line(record: Record) -> str:
+    """A record as a line of JSON.
+
+    Raises:
+        TypeError: for a value that JSON does not have.
+    """
+    return msgspec.json.encode(record).decode()
 
 
 def append(folder: Path, record: Record) -> None:
@@ -42,11 +50,12 @@ def append(folder: Path, record: Record) -> None:
         os.fsync(file.fileno())
 
 
-def read(folder: Path, name: str = "") -> Iterator[AnyRecord | ValueError]:
+def read(folder: Path, name: str = "") -> Iterator[Record | ValueError]:
     """Every record of a folder whose line has the name in it, in their order: the last finished
-    one of each id, else its last. A line that is no record gives an error that names it."""
-    path = folder / FILE
-    records: dict[str, AnyRecord] = {}
+    one of each id, else its last. A line that is no record gives an error that names it; those of
+    earlier versions give one together."""
+    path, earlier = folder / FILE, 0
+    records: dict[str, Record] = {}
     lines = path.read_bytes().splitlines() if path.is_file() else []
     for number, line in enumerate(lines, 1):
         if name.encode() not in line:
@@ -54,18 +63,36 @@ def read(folder: Path, name: str = "") -> Iterator[AnyRecord | ValueError]:
         try:
             record = _DECODER.decode(line)
         except (ValueError, RecursionError) as error:
-            yield ValueError(f"{path}, line {number}: {error}")
+            if _is_earlier(line):
+                earlier += 1
+            else:
+                yield ValueError(f"{path}, line {number}: {error}")
             continue
-        if isinstance(record, Made) or not isinstance(records.get(record.id), Made):
+        record.config = names.of_today(record.config)
+        known = records.get(record.id)
+        if known is None or record.is_finished or not known.is_finished:
             records.pop(record.id, None)  # in the order of the lines that count
             records[record.id] = record
+    if earlier:
+        yield ValueError(
+            f"{path}: {earlier} records of an earlier version, which this version does not read; "
+            "set RESULTS_DIR to another folder, or report on them by that version"
+        )
     yield from records.values()
 
 
-def find(folder: Path, name: str) -> Made | None:
+def _is_earlier(line: bytes) -> bool:
+    """Whether a line is a record of an earlier version."""
+    try:
+        return msgspec.json.decode(line, type=_Version).schema < SCHEMA
+    except (ValueError, RecursionError):
+        return False
+
+
+def find(folder: Path, name: str) -> Record | None:
     """The finished record of this id, or None."""
     for record in read(folder, name):
-        if isinstance(record, Made) and record.id == name:
+        if isinstance(record, Record) and record.id == name and record.is_finished:
             return record
     return None
 
@@ -85,38 +112,32 @@ def made_before(
     folder: Path,
     name: str,
     now: Revisions,
-    force: bool = False,
     console: Console | None = None,
     threads: int | None = None,
-) -> Made | None:
-    """The finished record of this id, if today's code made it.
+    columns: Iterable[str] = (),
+) -> Record | None:
+    """The finished record of this id, if it is what today's code would make.
 
     Args:
         folder: of the records.
         name: the id.
         now: revisions of today's code for the config of this id.
-        force: find none.
         console: prints why one does not count.
         threads: of torch, where times are made: those of another number are made again.
+        columns: that its rows need to have.
     """
-    known = None if force else find(folder, name)
+    known = find(folder, name)
     if known is None:
         return None
     reasons, before = known.differs_from(now), known.environment.threads
     if threads not in (None, before):
         reasons.append(f"{before} threads, now {threads}")
+    reasons += [
+        f"no {column}" for column in columns if column not in known.rows.columns
+    ]
     if not reasons:
         return known
     if console is not None:
         text = f"{name}: made again, finished otherwise: {', '.join(reasons)}"
         console.print(text, style="yellow", markup=False, soft_wrap=True)
     return None
-
-
-def _unpacked(kind: type, value: Any) -> np.ndarray:
-    if isinstance(value, str):
-        return unpack_labels(value)
-    raise ValueError(f"expected packed labels, found {value!r}")
-
-
-_DECODER = msgspec.json.Decoder(Finished | Measurement | Unfinished, dec_hook=_unpacked)

@@ -2,42 +2,31 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import functools
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple, TypeVar
 
+from experiments.records.record import Record
 from experiments.records.results import RUNS, Results
-from experiments.records.run import Finished, Unfinished
 from experiments.reporting import comparison
-from experiments.reporting.columns import Column
-from experiments.reporting.study import Figure, Quantity, Study
+from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table, frame, text_for
-from experiments.reporting.text import number
 from hdc.io import write_atomically
 
 MINE = "mine"
-COMPARISON = comparison.NAME
-_SHOWN_OF_RUNS = (
-    *("id", "scene", "model", "overrides", "seed", "status"),
-    *("test_accuracy_final", "training_s"),
-)
+Made = TypeVar("Made")
 
 
-@dataclass(frozen=True)
-class Failure:
-    """A table, figure or number of a study that could not be made, and why."""
+class Failure(NamedTuple):
+    """What could not be made of a study, and why, in one line."""
 
     study: str
-    called: str
-    error: Exception
+    text: str
 
     def __str__(self) -> str:
-        """One line."""
-        text = " ".join(str(self.error).split())
-        kind = type(self.error).__name__
-        return f"study {self.study} failed at {self.called}: {kind}: {text}"
+        return self.text
 
 
 @dataclass
@@ -55,20 +44,18 @@ class Answers:
 
     def table(self, name: str) -> Table | None:
         """The table of that name, if it has rows."""
-        if name == COMPARISON:
-            return self.comparison()
+        if name == comparison.NAME:
+            return self.comparison
         for study in self.studies:
             for table in study.tables:
                 if table.name == name:
                     return self._of(study, table)
         return None
 
-    def tables(self, study: Study) -> Iterator[Table]:
+    def tables(self, study: Study) -> list[Table]:
         """The tables of a study that have rows."""
-        for table in study.tables:
-            made = self._of(study, table)
-            if made is not None:
-                yield made
+        made = (self._of(study, table) for table in study.tables)
+        return [table for table in made if table is not None]
 
     def figures(self, study: Study) -> Iterator[tuple[Figure, Table]]:
         """The figures of a study that have something to draw, with their tables."""
@@ -83,31 +70,44 @@ class Answers:
         """The tables of all studies, and the published numbers beside ours."""
         for study in self.studies:
             yield from self.tables(study)
-        beside = self.comparison()
-        if beside is not None:
-            yield beside
+        if self.comparison is not None:
+            yield self.comparison
 
+    @functools.cached_property
     def comparison(self) -> Table | None:
         """Every published number beside ours. Among one's own stands nothing that was not
         measured."""
-        if COMPARISON not in self._made:
-            quantities: list[Quantity] = []
-            experiments: list[str] = []
-            for study in self.studies:
-                for numbers in study.numbers:
-                    experiments += numbers.of
-                    try:
-                        quantities += numbers.made(self.results.frame(*numbers.of))
-                    except Exception as error:
-                        self.failures.append(Failure(study.name, "its numbers", error))
-            with_missing = self.name != MINE
-            table = comparison.compare(quantities, experiments, with_missing)
-            self._made[COMPARISON] = table if len(table.data) else None
-        return self._made[COMPARISON]
+        every = [
+            (study, numbers) for study in self.studies for numbers in study.numbers
+        ]
+        quantities = []
+        for study, numbers in every:
+            make = functools.partial(numbers.made, self.results.frame(*numbers.of))
+            quantities += self._tried(study, "its numbers", make) or []
+        experiments = [name for _, numbers in every for name in numbers.of]
+        table = comparison.compare(quantities, experiments, self.name != MINE)
+        return table if len(table.data) else None
+
+    @functools.cached_property
+    def left_out(self) -> list[str]:
+        """What a reader has to know of records that no table shows, a line each."""
+        lines = [*self.results.problems, *self.results.left_out()]
+        tables = (table for study in self.studies for table in study.tables)
+        known = {name for table in tables for name in table.experiments}
+        for measured in self.results.measurements:
+            module = measured.task.rpartition(".")[0]
+            if (
+                measured.experiment in known
+                or module.partition(".")[0] == "experiments"
+            ):
+                continue
+            text = f"no table shows it; if {module} has a STUDY: --study {module}"
+            lines.append(f"{measured.id}: {text}")
+        return lines
 
     def older_tables(self) -> list[str]:
         """Names of the tables that take an experiment with records of older code."""
-        older = {one.name for one in self.results.measurements if one.outdated}
+        older = {one.experiment for one in self.results.measurements if one.outdated}
         if any(run.outdated for run in self.results.runs):
             older.add(RUNS)
         found = self.every_table()
@@ -115,111 +115,94 @@ class Answers:
 
     def write(self, folder: Path, tex: bool = False) -> list[Path]:
         """Write tables and figures as files, and remove those of an earlier report; the files."""
-        written = [
-            _written(folder / "tables" / name, text)
-            for table in self.every_table()
-            for name, text in _texts_of(table, tex).items()
-        ]
+        contents: dict[Path, str | bytes] = {}
+        for table in self.every_table():
+            path = folder / "tables" / table.name
+            contents[path.with_suffix(".csv")] = table.csv()
+            contents[path.with_suffix(".md")] = table.markdown()
+            if tex:
+                contents[path.with_suffix(".tex")] = table.tex()
         if self.name == MINE:  # records.jsonl has the runs of the reference
-            runs = runs_table(self.results)
-            written.append(_written(folder / "tables" / "runs.csv", runs.csv()))
-        written += self._draw(folder / "figures")
+            contents[folder / "tables" / "runs.csv"] = runs_table(self.results).csv()
+        for name, drawn in self._drawn():
+            contents[folder / "figures" / name] = drawn
+        for path, content in contents.items():
+            write_atomically(path, content)
         for path in (*folder.glob("tables/*"), *folder.glob("figures/*")):
-            if path.is_file() and path not in written:
+            if path.is_file() and path not in contents:
                 path.unlink()
-        return written
+        return list(contents)
+
+    def _drawn(self) -> Iterator[tuple[str, str | bytes]]:
+        """Names and contents of the files of figures, with the CSV of what no table shows."""
+        for study in self.studies:
+            shown = {table.name for table in study.tables}
+            for figure, table in self.figures(study):
+                make = functools.partial(figure.file, table.data)
+                made = self._tried(study, f"figure {figure.name}", make)
+                if made is None:
+                    continue
+                yield f"{figure.name}.{figure.kind}", made
+                if table.name not in shown and figure.kind != "webp":
+                    yield f"{figure.name}.csv", table.csv()
 
     def _of(self, study: Study, table: Table) -> Table | None:
         """A table, made once; None where it has no rows, or fails."""
         if table.name not in self._made:
-            self._made[table.name] = None
-            try:
-                lines = self.results.frame(*table.experiments)
-                self._made[table.name] = table.made(lines)
-            except Exception as error:
-                self.failures.append(Failure(study.name, f"table {table.name}", error))
+            make = functools.partial(table.made, self.results.frame(*table.experiments))
+            self._made[table.name] = self._tried(study, f"table {table.name}", make)
         return self._made[table.name]
 
-    def _draw(self, folder: Path) -> Iterator[Path]:
-        """Draw every figure; the files, with the CSV of what no table of the study shows."""
-        from experiments.reporting.plot import (
-            save,  # --help does not wait for matplotlib
-        )
-
-        for study in self.studies:
-            shown = {table.name for table in study.tables}
-            for figure, table in self.figures(study):
-                try:
-                    drawn = save(figure.draw(table.data), figure.kind)
-                except Exception as error:
-                    failure = Failure(study.name, f"figure {figure.name}", error)
-                    self.failures.append(failure)
-                    continue
-                yield _written(folder / f"{figure.name}.{figure.kind}", drawn)
-                if table.name not in shown and figure.kind != "webp":
-                    yield _written(folder / f"{figure.name}.csv", table.csv())
-
-
-def _written(path: Path, content: str | bytes) -> Path:
-    write_atomically(path, content)
-    return path
-
-
-def _texts_of(table: Table, tex: bool) -> dict[str, str]:
-    """The files of a table by name, with what they contain."""
-    texts = {f"{table.name}.csv": table.csv(), f"{table.name}.md": table.markdown()}
-    return texts | ({f"{table.name}.tex": table.tex()} if tex else {})
+    def _tried(self, study: Study, what: str, make: Callable[[], Made]) -> Made | None:
+        """What is made; None, and one more failure, where that fails."""
+        try:
+            return make()
+        except Exception as error:
+            why = f"{type(error).__name__}: {' '.join(str(error).split())}"
+            text = f"study {study.name} failed at {what}: {why}"
+            self.failures.append(Failure(study.name, text))
+            return None
 
 
 def runs_table(results: Results) -> Table:
     """One row per run, finished or not; each key that was changed of the configs has a column."""
-    records: list[Finished | Unfinished] = [*results.runs, *results.unfinished]
-    rows = sorted(
-        map(_row_of_run, records),
-        key=lambda row: (row["scene"], row["model"], row["id"]),
-    )
-    data = frame(rows)
-    four = {
-        name: Column(name.replace("_", " "), partial(number, digits=4))
-        for name in _SHOWN_OF_RUNS
-    }
-    note = "tables/runs.csv has a column for every key that was changed, processor and command."
+    records = [*results.runs, *results.unfinished]
+    rows = sorted(map(_row_of_run, records), key=lambda row: list(row.values())[:3])
     return Table(
         "runs",
-        lambda _: data,
+        lambda _: None,
         of=RUNS,
         title="Every run",
-        note=note,
-        columns=four,
-        shown=_SHOWN_OF_RUNS,
-        data=data,
+        note="tables/runs.csv has a column for every key that was changed, processor and command.",
+        shown=(
+            *("id", "scene", "model", "overrides", "seed", "status"),
+            *("test_accuracy_final", "training_s"),
+        ),
+        data=frame(rows),
     )
 
 
-def _row_of_run(run: Finished | Unfinished) -> Mapping[str, Any]:
-    environment = run.environment
-    changed: Mapping[str, str] = {}
-    n_train, accuracy, code = run.config["split"]["n_train"], None, []
-    if isinstance(run, Finished):
-        changed, n_train, code = run.differences, run.n_train, run.outdated
-        accuracy = run.test_accuracy_final
+def _row_of_run(run: Record) -> Mapping[str, Any]:
+    environment, config, results = run.environment, run.config, run.results
+    changed = run.changed.items()
+    last = run.curve[-1]["training_s"] if run.curve else None
     return {
+        "scene": run.scene.name if run.scene else "",
+        "model": run.model.name if run.model else "",
         "id": run.id,
-        "scene": run.choices.scene,
-        "model": run.choices.model,
-        "overrides": " ".join(f"{key}={value}" for key, value in changed.items()),
-        "stop_rule": run.choices.stop,
-        "n_train": n_train,
-        "pixels": run.config["data"]["pixels"],
-        "seed": run.seed,
+        "overrides": " ".join(f"{key}={value}" for key, value in changed),
+        "stop_rule": run.stop,
+        "n_train": results.get("n_train", config["split"]["n_train"]),
+        "pixels": config["data"]["pixels"],
+        "seed": config["seed"]["run"],
         "status": ": ".join(filter(None, [run.status, run.error])),
-        "test_accuracy_final": accuracy,
-        "training_s": run.training_s,
-        "origin": run.scene.origin,
+        "test_accuracy_final": results.get("test_accuracy_final"),
+        "training_s": results.get("total_time_s", last),
+        "origin": results.get("origin"),
         "cpu": environment.cpu,
         "threads": environment.threads,
         "exclusive": environment.exclusive,
-        "code": ", ".join(code) or "current",
+        "code": ", ".join(run.outdated if run.is_finished else ()) or "current",
         "command": run.command,
-        **changed,
+        **run.changed,
     }

@@ -7,7 +7,7 @@ A table shows a column ``x`` that has ``x_low`` and ``x_high`` beside it as one 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -63,15 +63,6 @@ def scene_name(scene: str) -> str:
     return f"{shown}{scene.removeprefix(name)}"
 
 
-def model_columns(
-    models: Iterable[str],
-    unit: str,
-    show: Callable[[Any], str],
-) -> dict[str, Column]:
-    """A column for each model, with its name and the unit as its head."""
-    return {model: Column(f"{display_name(model)}{unit}", show) for model in models}
-
-
 def milliseconds(seconds: float) -> str:
     """Seconds as milliseconds."""
     return number(1e3 * seconds)
@@ -93,25 +84,12 @@ COLUMNS: dict[str, Column] = {
     "n_train": Column("N"),
     "pixels": Column("D", _pixels),
     "seeds": Column("Seeds"),
-    "stop": Column("Stop"),
     "status": Column("Status", cell=_status),
     "training_time_s": Column(
         "Training time, s",
         note="Training time: iterative models, until training accuracy exceeds 90 %; one-pass "
         "models, until fitted. Median over seeds; empty where runs were timed beside others.",
         of_machine=True,
-    ),
-    "total_time_s": Column("Until it stopped, s", of_machine=True),
-    "train_accuracy_at_target": Column("Training accuracy at 90 %, %", percent),
-    "test_accuracy_at_target": Column(
-        "Test accuracy when training passes 90 %, %", percent
-    ),
-    "train_accuracy_max": Column("Training accuracy, maximum, %", percent),
-    "train_accuracy_final": Column("Training accuracy, %", percent),
-    "test_accuracy_max": Column(
-        "Test accuracy, maximum, %",
-        percent,
-        note="A maximum over a run has no interval.",
     ),
     "test_accuracy_final": Column(
         "Test accuracy, % [95 %]",
@@ -125,18 +103,11 @@ COLUMNS: dict[str, Column] = {
         note="Difference from HDC: paired by seed on the same test samples; above zero, the model "
         "is more accurate.",
     ),
-    "n_test": Column("Test samples"),
     "model_bytes": Column("Size", size),
     "predict_single_s": Column(
         "Prediction, ms per frame", milliseconds, of_machine=True
     ),
-    "predict_batch_s_per_frame": Column(
-        "Prediction in a batch, ms per frame", milliseconds, of_machine=True
-    ),
     "origin": Column("Frames"),
-    "cpu": Column("Processor"),
-    "threads": Column("Threads"),
-    "code": Column("Code"),
     # Of measurements.
     "accuracy": Column("Accuracy, %", percent),
     "test_accuracy": Column("Test accuracy, %", percent),

@@ -14,7 +14,7 @@ from typing import Any
 import pandas as pd
 
 from experiments.reporting.table import ENDS, Table, records
-from experiments.reporting.text import counted, number
+from experiments.reporting.text import counted, two_digits
 
 EQUAL, WITHIN, OUTSIDE = "equal", "within its interval", "outside"
 SAME = 1e-5  # relative: tables have six digits
@@ -25,65 +25,49 @@ COLUMNS = ("table", "row", "column", "verdict", "bounds", "sentence")
 ONE_SEED = "; one seed on a busy machine often differs that much"
 
 
-def joined(own: Table, reference: Table) -> pd.DataFrame:
-    """The rows of one's own table, each beside that of the reference with the same key."""
-    ours, theirs = (each.data.astype(object) for each in (own, reference))
-    key = list(own.key)
-    return ours.merge(theirs, "left", key, suffixes=("", REFERENCE))
-
-
 def compare(own: Table, reference: Table) -> pd.DataFrame:
-    """A row for each number of one's own that the reference has with an interval.
+    """A row for each number of one's own that the reference has with an interval, in the row with
+    the same key.
 
     Returns:
         DataFrame: name of the ``table``, number of the ``row`` in it, name of the ``column``,
         ``verdict``, ``bounds`` of the reference and a ``sentence``.
     """
+    ours, theirs = (each.data.astype(object) for each in (own, reference))
+    names = [
+        name
+        for name in map(str, ours)
+        if f"{name}{ENDS[1]}" in theirs and not own.column(name).of_machine
+    ]
     found: list[dict[str, Any]] = []
     if own.key:
-        names = [str(name) for name in own.data if f"{name}{ENDS[1]}" in reference.data]
-        names = [name for name in names if not own.column(name).of_machine]
-        for row, line in enumerate(records(joined(own, reference))):
+        joined = ours.merge(theirs, "left", list(own.key), suffixes=("", REFERENCE))
+        for row, line in enumerate(records(joined)):
+            same_rule = line.get("stop_rule") == line.get(f"stop_rule{REFERENCE}")
             for name in names:
-                if _is_comparable(line, name):
-                    found += _compared(own, row, line, name)
+                if same_rule or name == UNTIL_90:
+                    place = {"table": own.name, "row": row, "column": name}
+                    found += (place | told for told in _compared(own, line, name))
     return pd.DataFrame(found, columns=COLUMNS)
 
 
-def _is_comparable(line: dict[str, Any], name: str) -> bool:
-    rule = line.get("stop_rule")
-    return name == UNTIL_90 or rule == line.get(f"stop_rule{REFERENCE}")
-
-
-def _compared(
-    own: Table, row: int, line: dict[str, Any], name: str
-) -> Iterator[dict[str, Any]]:
-    """A number and its verdict, if both sides have it."""
-    value = line.get(name)
-    ours: list[Any] = [line.get(f"{name}{end}") for end in ENDS[1:]]
+def _compared(own: Table, line: dict[str, Any], name: str) -> Iterator[dict[str, str]]:
+    """A number, if both sides have it: its verdict, bounds and sentence."""
+    value, *ours = (line.get(f"{name}{end}") for end in ENDS)
     theirs: list[Any] = [line.get(f"{name}{end}{REFERENCE}") for end in ENDS]
     if value is None or None in theirs:
         return
-    if None in ours:
-        ours = [value, value]
-    show = _two if name == UNTIL_90 else own.column(name).show
+    show = two_digits if name == UNTIL_90 else own.column(name).show
     bounds = " to ".join(map(show, theirs[1:]))
-    sentence = f"{_who(own, line)}: {own.column(name).head}: {show(value)} (reference: {bounds})"
+    text = f"{own.column(name).head}: {show(value)} (reference: {bounds})"
     if name == UNTIL_90 and line.get("seeds") == 1:
-        sentence += ONE_SEED
-    values = (
-        own.name,
-        row,
-        name,
-        _verdict(value, ours, theirs),
-        bounds,
-        f"{sentence}.",
-    )
-    yield dict(zip(COLUMNS, values, strict=True))
-
-
-def _two(value: float) -> str:
-    return number(value, 2)
+        text += ONE_SEED
+    bounded: list[Any] = [value, value] if None in ours else ours
+    yield {
+        "verdict": _verdict(value, bounded, theirs),
+        "bounds": bounds,
+        "sentence": f"{_who(own, line)}: {text}.",
+    }
 
 
 def _verdict(value: float, ours: Sequence[float], theirs: Sequence[float]) -> str:

@@ -74,26 +74,8 @@ def compare(
         title=TITLE,
         note=HOW,
         data=data,
-        shown=(
-            "quantity",
-            "verdict",
-            "published",
-            "measured",
-            "margin",
-            "unit",
-            "n",
-            "note",
-        ),
-        columns={
-            "quantity": Column("Quantity", cell=_name),
-            "verdict": Column("Verdict"),
-            "published": Column("Paper", partial(number, digits=4)),
-            "measured": Column("Here", cell=_measured),
-            "margin": Column("Margin", cell=_margin),
-            "unit": Column("Unit"),
-            "n": Column("n"),
-            "note": Column("Note", lambda text: text or "–"),
-        },
+        shown=tuple(SHOWN),
+        columns=SHOWN,
     )
 
 
@@ -102,7 +84,10 @@ def verdict(known: Published, ours: Quantity | None) -> str:
     if ours is None or ours.value is None:
         return MISSING
     if known.name in _SETTINGS:
-        return _setting(known.value, ours.value)
+        same = isinstance(ours.value, int | float) and math.isclose(
+            ours.value, known.value
+        )
+        return f"setting, {'same' if same else 'another'}"
     if isinstance(ours.value, str):
         return "not reached"
     if known.not_comparable:
@@ -115,19 +100,21 @@ def verdict(known: Published, ours: Quantity | None) -> str:
     return f"{known.calibration}, {agreement}"
 
 
-def _setting(published: float, ours: float | str) -> str:
-    if isinstance(ours, int | float) and math.isclose(ours, published):
-        return "setting, same"
-    return "setting, another"
-
-
 def _agreement(known: Published, ours: Quantity) -> str:
     """Whether the interval of our number holds the paper's."""
-    bounds = (ours.low, ours.high, known.margin)
-    for bound in bounds:
-        if bound is None or not math.isfinite(bound):
+    asked = (known.value, ours.value, ours.low, ours.high, known.margin)
+    numbers = [float(number) for number in asked if number is not None]
+    if len(numbers) < len(asked) or not all(map(math.isfinite, numbers)):
+        return "no interval"
+    paper, value, low, high, margin = numbers
+    if known.unit == "×":  # ratios are off by factors
+        if low <= 0:
             return "no interval"
-    return _judged(known, ours.value, *bounds)  # type: ignore[arg-type]
+        paper, value, low, high, margin = map(math.log, numbers)
+    facing = high - value if paper > value else value - low
+    if abs(paper - value) > max(facing, margin):
+        return "differs"
+    return "uninformative" if max(high - value, value - low) > margin else "agrees"
 
 
 def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
@@ -163,24 +150,6 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
     }
 
 
-def _judged(
-    known: Published,
-    ours: float,
-    low: float,
-    high: float,
-    margin: float,
-) -> str:
-    paper = known.value
-    if known.unit == "×":  # ratios are off by factors
-        if low <= 0:
-            return "no interval"
-        paper, ours, low, high, margin = map(math.log, (paper, ours, low, high, margin))
-    facing = high - ours if paper > ours else ours - low
-    if abs(paper - ours) > max(facing, margin):
-        return "differs"
-    return "uninformative" if max(high - ours, ours - low) > margin else "agrees"
-
-
 def _name(row: Mapping[str, Any]) -> str:
     name = f"{row['experiment']}: {row['quantity']}".replace("_", " ")
     return ", ".join(filter(None, [name, row.get("condition")]))
@@ -196,3 +165,15 @@ def _margin(row: Mapping[str, Any]) -> str:
     if row["margin"] is None:
         return "–"
     return f"{'factor ' if row['unit'] == '×' else '±'}{row['margin']:g}"
+
+
+SHOWN = {
+    "quantity": Column("Quantity", cell=_name),
+    "verdict": Column("Verdict"),
+    "published": Column("Paper", partial(number, digits=4)),
+    "measured": Column("Here", cell=_measured),
+    "margin": Column("Margin", cell=_margin),
+    "unit": Column("Unit"),
+    "n": Column("n"),
+    "note": Column("Note", lambda text: text or "–"),
+}

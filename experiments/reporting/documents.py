@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
+from omegaconf import OmegaConf
 
 from experiments.records import configs
 from experiments.records.results import Results, by_scene
@@ -200,11 +201,9 @@ def results_page(answers: Answers, found: Mapping[str, str]) -> str:
         parts += map(_figure, figures)
         links = [f"[{t.name}]({_RESULTS}/tables/{t.name}.csv)" for t in tables]
         parts.append(f"Tables: {', '.join(links)}." if links else "")
-        commands: dict[str, None] = {}
-        made = [*(f.commands for f in figures), *(t.commands for t in tables)]
-        for made_by in made:
-            commands |= dict.fromkeys(map(_bare, made_by))
-        known = filter(_can_run, commands)
+        made = [command for figure in figures for command in figure.commands]
+        made += [command for table in tables for command in table.commands]
+        known = filter(_can_run, dict.fromkeys(map(_bare, made)))
         parts.append("\n".join(f"    {command}" for command in known))
     return "\n\n".join(filter(None, parts))
 
@@ -260,19 +259,29 @@ def _scenes_of(kind: str) -> Iterator[tuple[str, dict[str, Any]]]:
     for path in sorted((configs.CONFIGS / "scene").glob("*.yaml")):
         shown = configs.scene_display(path.stem)
         if shown["kind"] == kind and path.stem != "recorded":
-            found.append((shown["place"], path.stem))
+            found.append((shown["order"], path.stem))
     for _, name in sorted(found):
-        yield name, (configs.part("scene", name) or {}).get("scene", {})
+        yield name, _config_of(name)
+
+
+def _config_of(name: str) -> dict[str, Any]:
+    """The scene that its file makes, as Hydra composes it; required values are ``???``."""
+    from hydra import compose, initialize_config_dir
+
+    with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
+        config = compose("config", overrides=[f"scene={name}"])
+    found: Any = OmegaConf.to_container(config, resolve=True)
+    return found["scene"]  # type: ignore[no-any-return]
 
 
 def _counts(results: Results) -> dict[str, str]:
     """Frames, classes and split of each scene, as far as its records have them."""
     found = {}
     for run in results.runs:
-        scene = run.scene
-        height, width = scene.shape
-        found[run.scene_label] = (
-            f"{scene.n:,} frames of {height} × {width} pixels; {len(scene.classes)} classes."
+        of, label = run.results, run.scene.label if run.scene else ""
+        found[label] = (
+            f"{of['n_samples']:,} frames of {of['height']} × {of['width']} pixels; "
+            f"{of['n_classes']} classes."
         )
     for name, every in by_scene(results.frame("recordings")).items():
         rows = every[(every.split == "counts") & every.n_classes.notna()]

@@ -82,17 +82,10 @@ def mean_share(shares: Sequence[float], n: float) -> Estimate:
 
 
 def mean_difference(
-    differences: Sequence[float],
-    n: float,
-    disagree: float | None = None,
+    differences: Sequence[float], n: float, disagree: float
 ) -> Estimate:
-    """Difference of two shares on the same n samples, mean over seeds with Student's interval.
-
-    Its least variance is that of the samples on which the two `disagree`, of all seeds together;
-    where that is not known, as few as the differences leave.
-    """
-    if disagree is None:
-        disagree = n * sum(map(abs, differences))
+    """Difference of two shares on the same n samples, mean over seeds with Student's interval. Its
+    least variance is that of the samples on which the two `disagree`, of all seeds together."""
     least = least_variance_of_difference(disagree, n * len(differences), n)
     return mean_interval(differences, least).within(-1, 1)
 

@@ -7,18 +7,18 @@ which panel and which line a row belongs to.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.colorbar import Colorbar
-from matplotlib.colors import PowerNorm
-from matplotlib.figure import Figure
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 from numpy.typing import NDArray
 
 from experiments.reporting.plot import literal, look_of
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
+    from matplotlib.figure import Figure
 
 Look = Callable[[Any], Mapping[str, Any]]
 # Classes of a matrix up to which every one is named, and its cells have room for numbers.
@@ -143,10 +143,10 @@ def error_axis(axes: Axes, n_test: float) -> float:
     decades = (0.001, 0.01, 0.1)
     ticks = [tick * k for tick in decades for k in (1, 2, 5)]
     above = [tick for tick in ticks if tick >= 0.99 / n_test]
-    axes.yaxis.set_major_locator(FixedLocator([floor, *above, 1.0]))
-    axes.yaxis.set_minor_locator(NullLocator())
+    axes.set_yticks([floor, *above, 1.0])
+    axes.set_yticks([], minor=True)
     axes.yaxis.set_major_formatter(
-        FuncFormatter(lambda y, _: "0" if y < 0.9 / n_test else f"{100 * y:g} %")
+        lambda y, _: "0" if y < 0.9 / n_test else f"{100 * y:g} %"
     )
     axes.axhspan(floor * 0.8, 0.72 / n_test, color="0.92", lw=0, zorder=0)
     return floor
@@ -193,6 +193,8 @@ def matrix(
         colours: a map, from the one to the other of `limits`.
         gamma: colour goes as value**gamma: below 1 small values are told apart.
     """
+    from matplotlib.colors import PowerNorm
+
     axes.spines[:].set(visible=True, color="0.7", linewidth=0.4)
     norm = PowerNorm(gamma, *limits)
     image = axes.imshow(values, cmap=colours, norm=norm, interpolation="nearest")

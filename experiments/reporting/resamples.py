@@ -21,7 +21,7 @@ LEAST_RESAMPLES = 10  # of one recording; the ends of fewer are no interval
 
 def place_of(scene: str) -> tuple[float, str]:
     """What scenes are sorted by: their place among the others, then their name."""
-    return float(configs.scene_display(scene)["place"]), scene
+    return float(configs.scene_display(scene)["order"]), scene
 
 
 def saturated(rows: pd.DataFrame) -> bool:

@@ -34,6 +34,7 @@ import pandas as pd
 from experiments.records import configs
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
+from experiments.reporting.plot import STYLE, head, literal, save
 from experiments.reporting.table import Table, Text, text_for
 from experiments.reporting.text import frames_of
 
@@ -96,16 +97,21 @@ class Figure:
 
     def draw(self, data: pd.DataFrame) -> Canvas:
         """The matplotlib figure of some values."""
-        from experiments.reporting.plot import STYLE, head, literal, plt
+        from matplotlib import rc_context
+        from matplotlib.figure import Figure as Canvas
 
-        with plt.rc_context(fname=STYLE):
-            figure = plt.figure(figsize=self.size, layout="constrained")
+        with rc_context(fname=STYLE):
+            figure = Canvas(figsize=self.size, layout="constrained")
             self.draws(figure, data)
             texts = (self.title, self.details)
             title, details = (text_for(text, data) for text in texts)
             if title:
                 head(figure, title, literal(details))
         return figure
+
+    def file(self, data: pd.DataFrame) -> bytes:
+        """The content of its file for some values."""
+        return save(self.draw(data), self.kind)
 
 
 @dataclass(frozen=True)
@@ -158,11 +164,10 @@ class Numbers:
     make: Callable[[pd.DataFrame], Iterator[Quantity]]
     of: Sequence[str]
 
-    def made(self, frame: pd.DataFrame) -> Iterator[Quantity]:
+    def made(self, frame: pd.DataFrame) -> list[Quantity]:
         """The numbers, if there are lines."""
         own = frame[~frame.elsewhere.astype(bool)] if len(frame) else frame
-        if len(own):
-            yield from self.make(own)
+        return list(self.make(own)) if len(own) else []
 
 
 @dataclass(frozen=True)

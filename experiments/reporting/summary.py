@@ -5,31 +5,48 @@ from __future__ import annotations
 from rich.console import Console
 from rich.text import Text
 
-from experiments.records.run import Finished
+from experiments.records.record import Record
 from hdc.accuracy import wilson
 
 
-def summarise(console: Console, record: Finished, repeated: bool = False) -> None:
-    """A few lines: accuracy with its interval, times; one line for a run finished before."""
-    scene = record.scene
-    low, high = wilson(int(record.right.sum()), record.n_test)
-    accuracy = f"test accuracy {record.test_accuracy_final:.1%} [{low:.1%}, {high:.1%}]"
+def summarise(console: Console, record: Record, repeated: bool = False) -> None:
+    """What came of a call: of a training a few lines, accuracy with its interval and times; one
+    line of another experiment, and of what was finished before."""
     # Names go out as Text: no markup and no emoji codes are read in them.
-    if repeated:
-        text = f"{record.id}: {accuracy}, finished before (force=true runs it again)"
-        versions = record.environment.other_versions
-        if versions:
-            text += f", by {', '.join(versions)}"
-        console.print(Text(text), soft_wrap=True)
-        return
+    console.print(
+        Text(_repeated(record) if repeated else _made(record)), soft_wrap=True
+    )
+
+
+def _repeated(record: Record) -> str:
+    name = record.experiment
+    if record.is_training:
+        name = f"{record.id}: {_accuracy(record)}"
+    text = f"{name}{',' if record.is_training else ':'} finished before"
+    versions = record.environment.other_versions
+    by = f", by {', '.join(versions)}" if versions else ""
+    return f"{text} (force=true runs it again){by}"
+
+
+def _accuracy(record: Record) -> str:
+    results = record.results
+    low, high = wilson(results["right"], results["n_test"])
+    return f"test accuracy {results['test_accuracy_final']:.1%} [{low:.1%}, {high:.1%}]"
+
+
+def _made(record: Record) -> str:
+    if record.scene is None or record.model is None:  # no training
+        n, seconds = len(record.rows.values), record.seconds or 0.0
+        return f"{record.experiment}: {n} rows in {seconds:.1f} s, {record.id}"
+    results = record.results
     lines = [
-        f"{record.choices.model} on {scene.name} ({scene.origin}), {record.n_train} training and "
-        f"{record.n_test} test samples",
-        f"  {accuracy} (95 % interval)",
-        f"  training {record.training_s:.4g} s ({record.stop}), prediction "
-        f"{record.predict_single_s * 1e3:.3g} ms a single frame, "
-        f"{record.predict_batch_s_per_frame * 1e3:.3g} ms per frame in a batch",
+        f"{record.model.name} on {record.scene.name} ({results['origin']}), "
+        f"{results['n_train']} training and {results['n_test']} test samples",
+        f"  {_accuracy(record)} (95 % interval)",
+        f"  training {results['total_time_s']:.4g} s ({results['stop']}), prediction "
+        f"{results['predict_single_s'] * 1e3:.3g} ms a single frame, "
+        f"{results['predict_batch_s_per_frame'] * 1e3:.3g} ms per frame in a batch",
     ]
-    if scene.saturated:
-        lines.append(f"  ranks no models: {scene.saturated}")
-    console.print(Text("\n".join([*lines, f"  record {record.id}"])), soft_wrap=True)
+    if results["saturated"]:
+        lines.append(f"  ranks no models: {results['saturated']}")
+    return "\n".join([*lines, f"  record {record.id}"])

@@ -101,9 +101,9 @@ def _makefile(found: Sequence[Step], stamps: Path) -> Iterator[str]:
         targets = [_escaped(stamps / s.name) for s in found if s.timed == timed]
         yield f"{goal}: {' '.join(targets)}"
     ordered = sorted(found, key=lambda step: not step.timed)
-    for place, step in enumerate(ordered):
-        left = cost_text(ordered[place:])
-        text = f"{place + 1} of {len(ordered)}: {step.name}; about {left} left"
+    for number, step in enumerate(ordered):
+        left = cost_text(ordered[number:])
+        text = f"{number + 1} of {len(ordered)}: {step.name}; about {left} left"
         threads = "" if step.timed else "OMP_NUM_THREADS=1 "
         command = shlex.join([sys.executable, "-m", *step.all_words])
         yield f"{_escaped(stamps / step.name)}:"

@@ -63,7 +63,7 @@ def recalibrate(
     check_replaceable(output)
     found, window = load(model)
     frames = frames_for(found, window, source, fewest_classes=0)
-    given = {"p": p, "method": method, "seed": seed}
+    given = {"p": p, "method": method, "random_state": seed}
     options = {name: value for name, value in given.items() if value is not None}
     if hasattr(found, "classes_") and frames.labels is None:
         _refuse(options, (), "frames without labels")
@@ -109,7 +109,8 @@ def _by_labels(model: Any, frames: Recording, options: dict[str, Any]) -> str:
 
 def _refuse(options: dict[str, Any], used: tuple[str, ...], what: str) -> None:
     """Raise a UsageError for an option that changes nothing."""
-    wrong = [f"--{name}" for name in options if name not in used]
+    unused = [name for name in options if name not in used]
+    wrong = ["--seed" if name == "random_state" else f"--{name}" for name in unused]
     if wrong:
         raise click.UsageError(f"expected no {' or '.join(wrong)} for {what}")
 

@@ -1,4 +1,4 @@
-"""The inner loops on the CPU as machine code: encoding 8-bit frames, counting, distances.
+"""The inner loops on the CPU as machine code: encoding frames, counting, distances.
 
 Imported only where it is used: numba takes as long to import as everything else here. The results
 are those of the numpy routes, bit for bit; only weighted sums of other than whole numbers
@@ -11,20 +11,16 @@ from __future__ import annotations
 
 from hdc.compiled.combine import combine
 from hdc.compiled.count import count_into, hamming, weighted_hamming
-from hdc.compiled.encode import encode_uint8
-from hdc.compiled.relative import (
-    encode_deviation,
-    encode_differences,
-    histograms,
-)
+from hdc.compiled.encode import encode
+from hdc.compiled.relative import exceed, in_steps, sums
 
 __all__ = [
     "combine",
     "count_into",
-    "encode_deviation",
-    "encode_differences",
-    "encode_uint8",
+    "encode",
+    "exceed",
     "hamming",
-    "histograms",
+    "in_steps",
+    "sums",
     "weighted_hamming",
 ]

@@ -1,4 +1,11 @@
-"""8-bit frames to hypervectors, thresholded at quantiles (:mod:`hdc.encoders.ranks`)."""
+"""Frames of 8, 16 or 32 bits to hypervectors, thresholded by rank (:mod:`hdc.encoders.ranks`).
+
+One pass over a frame counts the pixels above some greys and those of them, first about the
+threshold of the frame before. A sample, one pixel a word, then says about where to look: in one of
+256 bins. A bin of a frame of 8 bits is one grey. Of others the pixels that are left, about one per
+cent, are counted by eight bits at a time. The counts of all pixels decide, so neither the sample
+nor the frame before changes a bit.
+"""
 
 from __future__ import annotations
 
@@ -8,262 +15,229 @@ import numpy as np
 
 from hdc.compiled.operations import (
     WORD,
+    at_least,
     compile_kernel,
-    equal,
     greater,
     of_pixels,
     ones,
     share,
 )
+from hdc.compiled.ties import RULES, add_ties, rotations_of
 
-RULES = ("spread", "raster", "below")
-_SPREAD, _RASTER, _BELOW = range(3)
-_TRIALS = 4  # of levels that a sample proposes
+_BINS = 256
+_TRIALS = 4  # of bins that the sample proposes
 
 
-def encode_uint8(
+def encode(
     images: np.ndarray, words: np.ndarray, n_ones: Sequence[int], rule: str
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Fill words [N, ⌈T·D/64⌉] with the hypervectors of images [N, D ≥ 2] at T thresholds.
+    """Fill words [N, ⌈T·D/64⌉] with the hypervectors of images [N, D] at T thresholds.
 
-    Threshold t makes the n_ones[t] largest pixels ones, ties by a rule of :data:`RULES`. A single
-    one reads a frame about once; several read it twice, once for its histogram.
+    Threshold t makes the n_ones[t] largest pixels ones, ties by a rule of :data:`RULES`.
 
     Returns:
         How many pixels equal each threshold, int64 [N, T], and whether only some of them are ones.
     """
     images = np.ascontiguousarray(images)
     wanted = np.array(n_ones, np.int64)
-    ties = np.zeros((len(images), 2 * len(wanted)), np.int64)
+    n_equal = np.empty((len(images), len(wanted)), np.int64)
+    missing = np.empty_like(n_equal)
     code = RULES.index(rule)
 
     def work(start: int, stop: int) -> None:
-        rows = np.arange(start, stop)
-        into = words[start:stop]
-        if len(wanted) == 1:
-            encode_rows(images, rows, into, ties, 127, n_ones[0], code)
-        else:
-            _encode_levels(images, rows, into, ties, wanted, code)
+        rows = slice(start, stop)
+        _encode(images[rows], words[rows], wanted, code, n_equal[rows], missing[rows])
 
-    share(work, len(images), images.nbytes)
-    return counted(ties)
-
-
-def counted(ties: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What :func:`encode_uint8` returns, of pixels at a threshold and ones of them, [N, 2·T]."""
-    n_equal = ties[:, ::2]
-    missing = ties[:, 1::2]
+    share(work, len(images), images.nbytes * len(wanted))
     return n_equal, (missing > 0) & (missing < n_equal)
 
 
-# One threshold -----------------------------------------------------------------------------------
+# Kernels -----------------------------------------------------------------------------------------
 
 
-@compile_kernel("uint64[::1](int64)")
-def rotations_of(width):
-    """h(w) of :mod:`hdc.encoders.ties`, [W]."""
-    rotations = np.empty(width, np.uint64)
-    for w in range(width):
-        rotations[w] = ((w * 0x9E37_79B1) & 0xFFFF_FFFF) >> 26
-    return rotations
+@compile_kernel(*of_pixels("void(pixel[:, ::1], intp, int64[::1], int64[::1])"))
+def _draw(images, i, sample, bins):
+    """Count a sample of image i in 256 bins, of which b has greys from low + (b << shift) on.
 
-
-@compile_kernel("uint64(uint64, uint64)")
-def _rotated_left(word, by):
-    return (word << by) | (word >> ((np.uint64(64) - by) & np.uint64(63)))
-
-
-@compile_kernel("uint64(uint64, uint64)")
-def _rotated_right(word, by):
-    return (word >> by) | (word << ((np.uint64(64) - by) & np.uint64(63)))
-
-
-@compile_kernel("int64(uint64[::1], int64)")
-def _count_rounds(rotated, n):
-    """Ties in the first n ≤ 63 rounds."""
-    low = (np.uint64(1) << np.uint64(n)) - np.uint64(1)
-    total = np.int64(0)
-    for w in range(len(rotated)):
-        total += ones(rotated[w] & low)
-    return total
-
-
-@compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64)")
-def _add_spread(equals, words, rotations, missing, n_equal):
-    """Add the first `missing` of n_equal ties to words [W], by the order of ``spread``.
-
-    How many rounds of one bit a word fit whole is guessed from the share that is missing, which is
-    about right, since the order is even.
+    Greys beyond them are in the first bin or the last. Fills `sample` [256] and `bins`: low, shift
+    and i.
     """
-    width = len(equals)
-    for w in range(width):
-        equals[w] = _rotated_left(equals[w], rotations[w])
-    low, n_low, high, n_high = np.int64(0), np.int64(0), np.int64(64), n_equal
-    while high - low > 1:
-        guess = low + (missing - n_low) * (high - low) // max(
-            np.int64(1), n_high - n_low
-        )
-        guess = min(max(guess, low + 1), high - 1)
-        count = _count_rounds(equals, guess)
-        if count <= missing:
-            low, n_low = guess, count
-        else:
-            high, n_high = guess, count
-    place = np.uint64(low)
-    whole_rounds = (np.uint64(1) << place) - np.uint64(1)
-    for w in range(width):
-        words[w] |= np.int64(_rotated_right(equals[w] & whole_rounds, rotations[w]))
-    rest = missing - n_low
-    for w in range(width):
-        if rest == 0:
-            return
-        bit = (equals[w] >> place) & np.uint64(1)
-        words[w] |= np.int64(_rotated_right(bit << place, rotations[w]))
-        rest -= np.int64(bit)
+    n_pixels = images.shape[1]
+    values = np.empty((n_pixels + WORD - 1) // WORD, np.int64)
+    low = high = np.int64(images[i, 0])
+    for w in range(len(values)):
+        # At a place that differs, lest the sample follow a pattern.
+        j = w * WORD + (w * 0x9E37_79B1 >> 8) % WORD
+        value = np.int64(images[i, min(j, n_pixels - 1)])
+        values[w] = value
+        low, high = min(low, value), max(high, value)
+    shift = np.int64(0)
+    while (high - low) >> shift >= _BINS:
+        shift += 1
+    sample[:] = 0
+    for value in values:
+        sample[(value - low) >> shift] += 1
+    bins[0], bins[1], bins[2] = low, shift, i
 
 
-@compile_kernel("void(uint64[::1], int64[::1], int64)")
-def _add_first(equals, words, missing):
-    """Add the first `missing` ties to words [W], in raster order."""
-    for w in range(len(equals)):
-        if missing <= 0:
-            return
-        ties = equals[w]
-        n = ones(ties)
-        if n > missing:  # leave the lowest ones alone
-            rest = ties
-            for _ in range(missing):
-                rest &= rest - np.uint64(1)
-            ties ^= rest
-        words[w] |= np.int64(ties)
-        missing -= n
-
-
-@compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64, int64)")
-def add_ties(equals, words, rotations, missing, n_equal, rule):
-    """Add ties to words [W] until `missing` are added, by a rule of :data:`RULES`."""
-    if missing == n_equal:
-        for w in range(len(equals)):
-            words[w] |= np.int64(equals[w])
-    elif rule == _SPREAD:
-        _add_spread(equals, words, rotations, missing, n_equal)
-    elif rule == _RASTER:
-        _add_first(equals, words, missing)
-
-
-@compile_kernel("UniTuple(uint64, 2)(uint8[:, ::1], intp, uint8)")
-def _last_word(images, i, level):
-    """Pixels above a level and at it, of the word that is not full."""
-    whole, rest = divmod(images.shape[1], WORD)
-    above = at = np.uint64(0)
-    for j in range(rest):
-        pixel = images[i, whole * WORD + j]
-        above |= np.uint64(pixel > level) << np.uint64(j)
-        at |= np.uint64(pixel == level) << np.uint64(j)
-    return above, at
+@compile_kernel("int64(int64[::1], int64, int64, int64)")
+def _walk(sample, place, step, n):
+    """The bin in which the sample has the last of n pixels, counted from the one after a place."""
+    last = _BINS - 1 if step > 0 else 0
+    while n > 0 and place != last:
+        place += step
+        n -= sample[place] * WORD
+    return place
 
 
 @compile_kernel(
-    "UniTuple(int64, 2)(uint8[:, ::1], intp, uint8, int64[::1], uint64[::1],"
-    " int64[::1], boolean)"
+    *of_pixels("UniTuple(uint64, 2)(pixel[:, ::1], intp, intp, pixel, pixel)")
 )
-def _threshold(images, i, level, words, equals, sample, sampled):
-    """Fill words [W] with the pixels above a level and `equals` with those at it; count both.
+def rest_of(images, i, start, bottom, top):
+    """The pixels above `top`, and those from `bottom` to `top`, of a last word that is not full."""
+    above = within = np.uint64(0)
+    for j in range(start, images.shape[1]):
+        pixel = images[i, j]
+        above |= np.uint64(pixel > top) << np.uint64(j - start)
+        within |= np.uint64(bottom <= pixel <= top) << np.uint64(j - start)
+    return above, within
 
-    Where it is to be `sampled`, one pixel of each word is counted in sample [256].
-    """
+
+@compile_kernel(
+    *of_pixels(
+        "UniTuple(int64, 2)(pixel[:, ::1], intp, pixel, pixel, int64[::1], uint64[::1])"
+    )
+)
+def _look(images, i, bottom, top, above, within):
+    """Fill words [W] with the pixels above `top` and those from `bottom` to `top`; count both."""
+    n_above = n_within = np.int64(0)
     whole, rest = divmod(images.shape[1], WORD)
-    n_greater = n_equal = 0
     for w in range(whole):
-        above = greater(images, i, w * WORD, level)
-        at = equal(images, i, w * WORD, level)
-        words[w] = np.int64(above)
-        equals[w] = at
-        n_greater += ones(above)
-        n_equal += ones(at)
-        if sampled:  # at a place that differs, lest the sample follow a pattern
-            place = (w * 0x9E37_79B1 >> 8) % WORD
-            sample[images[i, w * WORD + place]] += 1
+        more = greater(images, i, w * WORD, top)
+        these = at_least(images, i, w * WORD, bottom) & ~more
+        above[w] = np.int64(more)
+        within[w] = these
+        n_above += ones(more)
+        n_within += ones(these)
     if rest:
-        above, at = _last_word(images, i, level)
-        words[whole] = np.int64(above)
-        equals[whole] = at
-        n_greater += ones(above)
-        n_equal += ones(at)
-    return n_greater, n_equal
+        more, these = rest_of(images, i, whole * WORD, bottom, top)
+        above[whole] = np.int64(more)
+        within[whole] = these
+        n_above += ones(more)
+        n_within += ones(these)
+    return n_above, n_within
+
+
+@compile_kernel("UniTuple(int64, 3)(int64[::1], int64, int64)")
+def _select(values, most, rank):
+    """The value of a rank among some from 0 to `most`, and how many are above and at it.
+
+    By eight bits at a time; the values change.
+    """
+    n, n_above, level = len(values), np.int64(0), np.int64(0)
+    counts = np.empty(_BINS, np.int64)
+    shift = np.int64(0)
+    while most >> shift:
+        shift += 8
+    while shift > 0:
+        shift -= 8
+        counts[:] = 0
+        for value in values[:n]:
+            counts[value >> shift] += 1
+        place = np.int64(_BINS - 1)
+        while n_above + counts[place] < rank:
+            n_above += counts[place]
+            place -= 1
+        level += place << shift
+        kept = 0
+        for value in values[:n]:  # those at the place, less what it says
+            rest = value - (place << shift)
+            values[kept] = rest
+            kept += rest >> shift == 0
+        n = kept
+    return level, n_above, n
 
 
 @compile_kernel(
-    "uint8(uint8[:, ::1], int64[::1], int64[:, ::1], int64[:, ::1], uint8, int64, int64)"
+    *of_pixels(
+        "UniTuple(int64, 3)(pixel[:, ::1], intp, int64, int64, int64, int64[::1],"
+        " uint64[::1], int64, int64[::1], int64[::1])"
+    )
 )
-def encode_rows(images, rows, words, ties, level, n_ones, rule):
-    """:func:`encode_uint8` of some rows of images at one threshold, in one thread.
+def _narrow(images, i, bottom, top, rank, above, within, n_within, places, values):
+    """Of the n_within pixels `within` [W], from `bottom` to `top`, find the one of a rank.
 
-    The level of the frame before is tried first, in one pass over the frame. Then the counts of all
-    pixels say how many are too many or too few above it, and a sample which level has as many. What
-    neither finds in some trials is found by halving. The level of the last frame is returned.
+    Leaves those that equal it there, and adds brighter ones to `above`. Returns its grey and how
+    many were added and left. No step is a branch that depends on pixels, which processors guess.
     """
-    level = np.int64(level)
-    sample = np.zeros(256, np.int64)
-    equals = np.empty((images.shape[1] + WORD - 1) // WORD, np.uint64)
-    rotations = rotations_of(len(equals))
-    for k in range(len(rows)):
-        i = rows[k]
-        sample[:] = 0
-        low, high, trials = 0, 255, 0
-        while True:
-            n_greater, n_equal = _threshold(
-                images, i, np.uint8(level), words[k], equals, sample, trials == 0
-            )
-            trials += 1
-            if n_greater > n_ones:
-                low = level + 1
-                surplus = n_greater - n_ones - sample[low] * WORD
-                level = low
-                while surplus > 0 and level < high:
-                    level += 1
-                    surplus -= sample[level] * WORD
-            elif n_greater + n_equal < n_ones:
-                high = level - 1
-                missing = n_ones - n_greater - n_equal - sample[high] * WORD
-                level = high
-                while missing > 0 and level > low:
-                    level -= 1
-                    missing -= sample[level] * WORD
-            else:
-                break
-            if trials > _TRIALS:
-                level = (low + high) // 2
-        missing = n_ones - n_greater
-        add_ties(equals, words[k], rotations, missing, n_equal, rule)
-        ties[i, 0] = n_equal
-        ties[i, 1] = missing
-    return np.uint8(level)
+    filled = np.empty(len(within), np.int64)
+    n_filled = n = 0
+    for w in range(len(within)):
+        filled[n_filled] = w
+        n_filled += within[w] != 0
+    while n_filled > 0:  # take the lowest one of each word that has one left
+        kept = 0
+        for w in filled[:n_filled]:
+            word = within[w]
+            j = w * WORD + ones(~word & (word - np.uint64(1)))
+            places[n], values[n] = j, images[i, j] - bottom
+            n += 1
+            word &= word - np.uint64(1)
+            within[w] = word
+            filled[kept] = w
+            kept += word != 0
+        n_filled = kept
+    level, n_above, n_equal = _select(values[:n_within], top - bottom, rank)
+    level += bottom
+    for j in places[:n_within]:
+        bit = np.uint64(j % WORD)
+        pixel = np.int64(images[i, j])
+        above[j // WORD] |= np.int64(np.uint64(pixel > level) << bit)
+        within[j // WORD] |= np.uint64(pixel == level) << bit
+    return level, n_above, n_equal
 
 
-# Several thresholds ------------------------------------------------------------------------------
+@compile_kernel("int64(int64, int64[::1])")
+def _bin_of(grey, bins):
+    return min(max(np.int64(0), (grey - bins[0]) >> bins[1]), np.int64(_BINS - 1))
 
 
-@compile_kernel(*of_pixels("void(uint8[:, ::1], intp, int64[::1])"))
-def histogram(images, i, counts):
-    """Count the pixels of an image by level, in counts [G].
+@compile_kernel(
+    *of_pixels(
+        "UniTuple(int64, 4)(pixel[:, ::1], intp, int64, int64, int64, int64[::1],"
+        " int64[::1], int64[::1], uint64[::1])"
+    )
+)
+def _search(images, i, rank, bottom, top, sample, bins, above, within):
+    """From those given on, find greys of which is the pixel of a rank, 1 that of the largest.
 
-    In four tables, lest one count wait for the last.
+    Fills words [W] with the pixels above them and of them. Returns the lowest and the highest of
+    the greys, and the two counts.
     """
-    a = np.zeros(len(counts), np.int64)
-    b = np.zeros(len(counts), np.int64)
-    c = np.zeros(len(counts), np.int64)
-    counts[:] = 0
-    n = images.shape[1]
-    whole = n - n % 4
-    for j in range(0, whole, 4):
-        counts[images[i, j]] += 1
-        a[images[i, j + 1]] += 1
-        b[images[i, j + 2]] += 1
-        c[images[i, j + 3]] += 1
-    for j in range(whole, n):
-        counts[images[i, j]] += 1
-    counts += a + b + c
+    limits = np.iinfo(images.dtype)
+    least, most = np.int64(limits.min), np.int64(limits.max)
+    trials = 0
+    while True:
+        bottom, top = max(bottom, least), min(top, most)
+        n_above, n_within = _look(images, i, bottom, top, above, within)
+        if n_above < rank <= n_above + n_within:
+            return bottom, top, n_above, n_within
+        if bins[2] != i:
+            _draw(images, i, sample, bins)
+        if n_above >= rank:
+            least = top + 1
+            place = _walk(sample, _bin_of(top, bins), 1, n_above - rank + 1)
+        else:
+            most = bottom - 1
+            missing = rank - n_above - n_within
+            place = _walk(sample, _bin_of(bottom, bins), -1, missing)
+        first, last = _bin_of(least, bins), _bin_of(most, bins)
+        place = min(max(place, first), last)
+        trials += 1
+        if trials > _TRIALS:
+            place = (first + last) // 2
+        bottom = bins[0] + (place << bins[1]) if place > 0 else least
+        top = bins[0] + ((place + 1) << bins[1]) - 1 if place < _BINS - 1 else most
 
 
 @compile_kernel("void(int64[::1], int64[::1], int64)")
@@ -279,43 +253,45 @@ def put(words, row, start):
 
 
 @compile_kernel(
-    "void(uint8[:, ::1], int64[::1], int64[:, ::1], int64[:, ::1], int64[::1], int64)"
+    *of_pixels(
+        "void(pixel[:, ::1], int64[:, ::1], int64[::1], int64, int64[:, ::1],"
+        " int64[:, ::1])"
+    )
 )
-def _encode_levels(images, rows, words, ties, wanted, rule):
-    """:func:`encode_uint8` of some rows of images at T thresholds, in one thread."""
+def _encode(images, words, wanted, rule, n_equal, missing):
+    """:func:`encode` in one thread."""
     n_pixels, n_levels = images.shape[1], len(wanted)
     width = (n_pixels + WORD - 1) // WORD
-    whole = n_pixels // WORD
-    counts = np.empty(256, np.int64)
-    levels = np.empty(n_levels, np.int64)
-    missing = np.empty(n_levels, np.int64)
-    above = np.empty((n_levels, width), np.int64)
-    equals = np.empty((n_levels, width), np.uint64)
+    above, equals = np.empty(width, np.int64), np.empty(width, np.uint64)
+    places, values = np.empty(n_pixels, np.int64), np.empty(n_pixels, np.int64)
+    sample, bins = np.empty(_BINS, np.int64), np.zeros(3, np.int64)
     rotations = rotations_of(width)
-    for k in range(len(rows)):
-        i = rows[k]
-        histogram(images, i, counts)
+    levels = np.empty(n_levels, np.int64)
+    ranks = np.maximum(wanted, 1)  # of the thresholds, each of which is a pixel
+    for i in range(len(images)):
+        words[i] = 0
+        if i == 0:
+            _draw(images, i, sample, bins)
         for t in range(n_levels):
-            level, n_greater = np.int64(255), np.int64(0)
-            while level > 0 and n_greater + counts[level] < wanted[t]:
-                n_greater += counts[level]
-                level -= 1
+            if bins[2] == i:  # the first frame, or unlike the one before
+                place = _walk(sample, _BINS, -1, ranks[t])
+                levels[t] = bins[0] + (place << bins[1])
+                near = np.int64(1) << bins[1]
+                bottom, top = levels[t], levels[t] + near - 1
+            else:
+                near = np.int64((1 << bins[1]) >> 2)
+                bottom, top = levels[t] - near, levels[t] + near
+            level, top, n_above, n_at = _search(
+                images, i, ranks[t], bottom, top, sample, bins, above, equals
+            )
+            if level < top:
+                level, n_more, n_at = _narrow(
+                    images, i, level, top, ranks[t] - n_above, above, equals, n_at,
+                    places, values,
+                )  # fmt: skip
+                n_above += n_more
             levels[t] = level
-            missing[t] = wanted[t] - n_greater
-        for w in range(whole):
-            for t in range(n_levels):
-                above[t, w] = np.int64(
-                    greater(images, i, w * WORD, np.uint8(levels[t]))
-                )
-                equals[t, w] = equal(images, i, w * WORD, np.uint8(levels[t]))
-        words[k] = 0
-        for t in range(n_levels):
-            if whole < width:
-                last, at = _last_word(images, i, np.uint8(levels[t]))
-                above[t, whole] = np.int64(last)
-                equals[t, whole] = at
-            n_equal = counts[levels[t]]
-            add_ties(equals[t], above[t], rotations, missing[t], n_equal, rule)
-            put(above[t], words[k], t * n_pixels)
-            ties[i, 2 * t] = n_equal
-            ties[i, 2 * t + 1] = missing[t]
+            n_equal[i, t] = n_at
+            missing[i, t] = wanted[t] - n_above
+            add_ties(equals, above, rotations, missing[i, t], n_at, rule)
+            put(above, words[i], t * n_pixels)

@@ -28,6 +28,8 @@ if config.DISABLE_JIT:  # type: ignore[attr-defined]  # set as it is imported
     raise ImportError("numba compiles nothing, by NUMBA_DISABLE_JIT")
 
 WORD = 64
+PIXELS = ("uint8", "uint16", "int32")
+"""Types of pixels that the kernels take: of cameras, and of frames less a reference."""
 AT_ONCE = 4  # weighted sums made at once
 _SHARE_BYTES = 2**17  # of input that are worth another thread
 
@@ -67,9 +69,9 @@ def compile_kernel(*signatures):
     return compiled
 
 
-def of_pixels(signature: str) -> tuple[str, str]:
-    """The signatures of a kernel for pixels of 8 and of 16 bits, where one of 8 bits is written."""
-    return signature, signature.replace("uint8[:, ::1]", "uint16[:, ::1]")
+def of_pixels(signature: str) -> list[str]:
+    """The signatures of a kernel for every type of pixels, where "pixel" is written."""
+    return [signature.replace("pixel", kind) for kind in PIXELS]
 
 
 # Its type says that it leaves the arguments of a function as they are.
@@ -82,18 +84,16 @@ def _pointer(context, builder, kind, array, place):
     return cgutils.get_item_pointer(context, builder, kind, view, place)
 
 
-def _compare(relation: str, number: Any):
-    """An intrinsic (pixels, row, start, level) → the mask of 64 pixels, the first one lowest.
-
-    `number` is the type of pixels and level.
-    """
+def _compare(relation: str):
+    """An intrinsic (pixels, row, start, level) → the mask of 64 pixels, the first one lowest."""
 
     @_operation
     def compare(typing_context, pixels, row, start, level):
+        number = pixels.dtype
+
         def code(context, builder, signature, arguments):
             pixels, row, start, level = arguments
-            kind = signature.args[0]
-            place = _pointer(context, builder, kind, pixels, (row, start))
+            place = _pointer(context, builder, signature.args[0], pixels, (row, start))
             vector = ir.VectorType(ir.IntType(number.bitwidth), WORD)
             block = builder.load(builder.bitcast(place, vector.as_pointer()), align=1)
             i32 = ir.IntType(32)
@@ -111,9 +111,8 @@ def _compare(relation: str, number: Any):
     return compare
 
 
-greater = _compare(">", types.uint8)
-equal = _compare("==", types.uint8)
-exceeds = _compare(">", types.int32)
+greater = _compare(">")
+at_least = _compare(">=")
 
 
 @_operation

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 from fractions import Fraction
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits
+from hdc import backends, bits
 from hdc.encoders.ranks import warn_of_constant
 from hdc.encoders.relative import RelativeEncoder
 
@@ -72,29 +71,23 @@ class Deviation(RelativeEncoder):
     def dimension(self, n_pixels: int) -> int:
         return len(self.thresholds) * n_pixels
 
-    @property
-    def is_compiled(self) -> bool:
-        return True
-
-    def compiled_words(
-        self,
-        differences: tuple[np.ndarray, np.ndarray, np.ndarray],
-        words: np.ndarray,
-        first: int,
-    ) -> None:
-        from hdc.compiled import encode_deviation
-
-        deviations = encode_deviation(*differences, self.fractions(), words)
-        _warn_of_none(deviations.tolist(), first)
-
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         deviations = deviations_of(differences)
         _warn_of_none(deviations, first)
         thresholds = self.fractions()
-        levels = [_level(t, sigma) for sigma in deviations for t in thresholds]
+        levels = [[_level(t, sigma) for t in thresholds] for sigma in deviations]
+        n, n_pixels = differences.shape
         limits = torch.tensor(levels, dtype=torch.int32, device=differences.device)
-        limits = limits.view(len(differences), len(thresholds), 1)
-        return bits.pack((differences[:, None] > limits).flatten(1))
+        limits = limits.view(n, len(thresholds))
+        kernels = backends.in_use.get()
+        if not kernels:
+            above = differences[:, None] > limits[..., None]
+            return bits.pack(above.flatten(1))
+        words = torch.empty(
+            n, bits.words_for(len(thresholds) * n_pixels), dtype=torch.int64
+        )
+        kernels.exceed(differences.numpy(), limits.numpy(), words.numpy())
+        return words
 
 
 def deviations_of(differences: Tensor) -> list[int]:
@@ -104,9 +97,13 @@ def deviations_of(differences: Tensor) -> list[int]:
     mean have Σ x² ≤ 2³²·D, but for rounding; and |Σ d| ≤ 2·D.
     """
     n = differences.shape[1]
-    values = differences.long()
-    totals = values.sum(1)
-    squares = (values * values).sum(1)
+    kernels = backends.in_use.get()
+    if kernels:
+        totals, squares = torch.from_numpy(kernels.sums(differences.numpy())).T
+    else:
+        values = differences.long()
+        totals = values.sum(1)
+        squares = (values * values).sum(1)
     variances = (squares - (totals * totals + n - 1) // n) // n  # rounded down
     # Below zero only where a damaged reference made sums overflow.
     return [math.isqrt(max(0, variance)) for variance in variances.tolist()]

@@ -22,7 +22,7 @@ from torch import Tensor
 
 from hdc import backends, bits
 from hdc.encoders.base import Encoder
-from hdc.encoders.thresholds import Level, one_by_one
+from hdc.encoders.thresholds import one_by_one
 from hdc.encoders.ties import TIES, in_order
 from hdc.parameters import check_choice
 
@@ -31,7 +31,8 @@ _STEP, _STEP_ON_GPU = 2**20, 2**25
 _SMALL = 4096
 """Pixels per frame up to which that is faster than one frame after another."""
 _BLOCK = 16  # frames that are counted one after another, the bits of each being kept
-Route = Callable[[Tensor, Sequence[int], str], list[Level]]
+_COMPILED = (torch.uint8, torch.uint16, torch.int32)  # types that the kernels take
+Route = Callable[[Tensor, Sequence[int], str], tuple[Any, Any, Any]]
 
 
 class RankEncoder(Encoder):
@@ -123,22 +124,22 @@ def encode_ranks(
     width = bits.words_for(len(ones) * n_pixels)
     words = torch.empty(n, width, dtype=torch.int64, device=frames.device)
     kernels = backends.in_use.get()
-    if kernels and frames.dtype == torch.uint8 and n_pixels > 1:
+    if kernels and frames.dtype in _COMPILED:
         images = frames.reshape(n, n_pixels).numpy()
-        equal, split = kernels.encode_uint8(images, words.numpy(), ones, rule)
+        equal, split = kernels.encode(images, words.numpy(), ones, rule)
         return words, ties_of(equal, split, n_pixels)
     if n == 0:
         return words, Ties([], 0)
     step, route = route_of(frames, n_pixels)
-    equals, splits = [], []
+    counted = []
     for start in range(0, n, step):
-        chosen = slice(start, start + step)
-        pixels = _pixels(frames[chosen], first + start)
-        levels = route(pixels, ones, rule)
-        counted = _encode_block(levels, n_pixels, words[chosen])
-        equals.append(counted[0])
-        splits.append(counted[1])
-    equal, split = (torch.cat(part).numpy(force=True) for part in (equals, splits))
+        pixels = _pixels(frames[start : start + step], first + start)
+        found = map(torch.as_tensor, route(pixels, ones, rule))
+        words[start : start + step], *counts = found
+        counted.append(counts)
+    equal, split = (
+        torch.cat(part).numpy(force=True) for part in zip(*counted, strict=True)
+    )
     return words, ties_of(equal, split, n_pixels)
 
 
@@ -183,7 +184,7 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
 def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
     """How many such frames to take at once, and the function that does it in the least time.
 
-    It makes levels of pixels [B, D], numbers of ones, and a rule of ties.
+    It takes pixels [B, D], numbers of ones, and a rule of ties.
     """
     if frames.device.type != "cpu":
         return max(1, _STEP_ON_GPU // n_pixels), by_torch
@@ -224,59 +225,34 @@ def check_finite(pixels: Tensor, first: int) -> None:
     raise ValueError(f"frames[{first + index}]: expected finite pixels, found {found}")
 
 
-def _encode_block(
-    levels: Sequence[Level], n_pixels: int, rows: Tensor
-) -> tuple[Tensor, Tensor]:
-    """Fill rows int64 [B, ⌈T·D/64⌉] from T levels of D pixels.
-
-    Returns:
-        How many pixels equal each threshold, [B, T], and whether only some of them became ones.
-    """
-    if len(levels) == 1:
-        rows[:] = levels[0].words
-    else:
-        rows.zero_()
-        for t, level in enumerate(levels):
-            _put(level.words, rows, t * n_pixels)
-    counts = [level.n_equal for level in levels]
-    splits = [level.split for level in levels]
-    return torch.stack(counts, 1), torch.stack(splits, 1)
-
-
-def _put(words: Tensor, rows: Tensor, start: int) -> None:
-    """Put the bits of words [B, W] into rows [B, W′], which are zero there, from bit `start` on."""
-    place, shift = divmod(start, bits.WORD)
-    width = words.shape[1]
-    rows[:, place : place + width] |= words << shift
-    if shift:
-        low_bits = (1 << shift) - 1
-        above = (words >> (bits.WORD - shift)) & low_bits
-        following = place + 1
-        room = min(width, rows.shape[1] - following)
-        rows[:, following : following + room] |= above[:, :room]
-
-
 # Many frames at once -----------------------------------------------------------------------------
 
 
-def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
-    """Levels of pixels [B, D] on any device, one per number of ones."""
+def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any, Any]:
+    """Pixels [B, D] on any device at T thresholds, by numbers of ones.
+
+    Returns:
+        Words int64 [B, ⌈T·D/64⌉], how many pixels equal each threshold, [B, T], and whether only
+        some of them became ones.
+    """
     if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
         pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
     elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
         pixels = pixels.long()  # torch compares and selects few other unsigned types
     n_pixels = pixels.shape[1]
     order = _order_on(pixels.device, n_pixels, rule)
-    levels = []
+    found = []
     for wanted in ones:
         place = _place(n_pixels, wanted)
         threshold = pixels.kthvalue(place + 1, dim=1, keepdim=True).values
-        mask, n_equal, split = _ones_of(pixels, threshold, wanted, rule, order)
-        levels.append(Level(bits.pack(mask), n_equal, split))
-    return levels
+        found.append(_ones_of(pixels, threshold, wanted, rule, order))
+    masks, n_equal, split = (torch.stack(part, 1) for part in zip(*found, strict=True))
+    return bits.pack(masks.flatten(1)), n_equal, split
 
 
-def by_partition(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
+def by_partition(
+    pixels: Tensor, ones: Sequence[int], rule: str
+) -> tuple[Any, Any, Any]:
     """:func:`by_torch` on the CPU, by numpy."""
     images = pixels.numpy()
     if images.dtype.kind in "iu" and images.itemsize < 4:
@@ -289,18 +265,15 @@ def by_partition(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
     for wanted, place in zip(ones, at, strict=True):
         threshold = ordered[:, place, None]
         found.append(_ones_of(images, threshold, wanted, rule, order))
-    masks, n_equal, split = (
-        torch.from_numpy(np.stack(part)) for part in zip(*found, strict=True)
-    )
-    return [
-        Level(*level) for level in zip(bits.pack(masks), n_equal, split, strict=True)
-    ]
+    masks, n_equal, split = (np.stack(part, 1) for part in zip(*found, strict=True))
+    words = bits.pack(torch.from_numpy(masks).flatten(1))
+    return words, n_equal, split
 
 
 def _ones_of(
     pixels: Any, threshold: Any, wanted: int, rule: str, order: Any
 ) -> tuple[Any, Any, Any]:
-    """Mask [B, D] of the pixels that become ones, and the counts of :class:`Level`.
+    """Mask [B, D] of the pixels that become ones, and the counts of :func:`by_torch`, [B] each.
 
     Args:
         pixels, threshold: [B, D] and [B, 1], tensors or arrays.

@@ -4,14 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-import numpy as np
 from torch import Tensor
 
-from hdc.encoders.levels import Levels
-from hdc.encoders.median import Median
 from hdc.encoders.named import Around
-from hdc.encoders.quantile import Quantile
-from hdc.encoders.ranks import RankEncoder, ties_of
 from hdc.encoders.relative import RelativeEncoder
 
 
@@ -45,25 +40,6 @@ class Reference(Around, RelativeEncoder):
             raise ValueError(
                 f"base: expected an encoder that learns nothing, found {self.base_!r}"
             )
-
-    @property
-    def is_compiled(self) -> bool:
-        return type(self.base_) in (Median, Quantile, Levels)
-
-    def compiled_words(
-        self,
-        differences: tuple[np.ndarray, np.ndarray, np.ndarray],
-        words: np.ndarray,
-        first: int,
-    ) -> None:
-        from hdc.compiled import encode_differences
-
-        base = self.base_
-        assert isinstance(base, RankEncoder)
-        n_pixels = differences[0].shape[1]
-        ones = base.ones(n_pixels)
-        counted = encode_differences(*differences, ones, base.ties, words)
-        base.warn(ties_of(*counted, n_pixels), n_pixels, first)
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         return self.encode_by_base(differences, first)

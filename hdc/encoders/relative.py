@@ -11,15 +11,17 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import backends, bits, inputs
+from hdc import backends, inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.ranks import check_frames, warn_of_constant
-from hdc.encoders.standardised import FRACTION, standardised, values_of_greys
+from hdc.encoders.ranks import warn_of_constant
+from hdc.encoders.standardised import FRACTION, standardised
 from hdc.tensors import checked
 
 GIVEN = "given"
 """Stands in a file for a frame that was given."""
-_STEP = 2**22  # pixels of several frames at a time; 8 bytes each, several times
+_STEP = 2**18
+"""Pixels at a time, at 8 bytes each, several times: what the cache of a processor holds."""
+_STEP_OF_MANY = 2**20  # of kernels, which share frames among threads, and of a GPU
 
 
 class RelativeEncoder(Encoder):
@@ -38,24 +40,6 @@ class RelativeEncoder(Encoder):
 
     frame: Any
     reference_: Tensor
-
-    @property
-    @abstractmethod
-    def is_compiled(self) -> bool:
-        """Whether :meth:`compiled_words` is there for these parameters."""
-
-    @abstractmethod
-    def compiled_words(
-        self,
-        differences: tuple[np.ndarray, np.ndarray, np.ndarray],
-        words: np.ndarray,
-        first: int,
-    ) -> None:
-        """Fill words [N, W] with :meth:`of_differences`, by a kernel.
-
-        The differences are images uint8 or uint16 [N, D], what each grey becomes in each of them,
-        int32 [N, G], and the reference, int32 [D].
-        """
 
     @abstractmethod
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
@@ -108,11 +92,6 @@ class RelativeEncoder(Encoder):
 
     def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the differences."""
-        kernels = backends.in_use.get()
-        if kernels and frames.dtype in (torch.uint8, torch.uint16):
-            check_frames(frames)
-            if self.is_compiled and frames.shape[1:].numel() > 1:
-                return self._encode_compiled(frames, first, kernels)
         reference = self._in_range(frames[:1].numel()).to(frames.device)
         constant: list[int] = []
         words = []
@@ -120,31 +99,12 @@ class RelativeEncoder(Encoder):
         for start in range(0, max(1, len(frames)), step):
             part = frames[start : start + step]
             values = standardised(part, first + start)
-            flat = (~values.any(1)).nonzero().flatten()
+            flat = (values[:, 0] == 0).nonzero().flatten()  # of few frames
+            flat = flat[~values[flat].any(1)]
             constant += (start + flat).tolist()
-            words.append(self.of_differences(values - reference, first + start))
+            words.append(self.of_differences(values.sub_(reference), first + start))
         warn_of_constant(constant, first)
         return torch.cat(words)
-
-    def _encode_compiled(self, frames: Tensor, first: int, kernels: Any) -> Tensor:
-        """:meth:`encode` of frames of 8 or 16 bits by :mod:`hdc.compiled.relative`."""
-        images = frames.flatten(1).numpy()
-        n, n_pixels = images.shape
-        width = bits.words_for(self.dimension(n_pixels))
-        words = torch.empty(n, width, dtype=torch.int64)
-        reference = self._in_range(n_pixels).numpy()
-        constant: list[int] = []
-        step = _frames_at_a_time(frames)
-        for start in range(0, n, step):
-            part = images[start : start + step]
-            counts = torch.from_numpy(kernels.histograms(part))
-            tables = values_of_greys(counts).numpy()
-            into = words[start : start + step].numpy()
-            self.compiled_words((part, tables, reference), into, first + start)
-            flat = (counts == n_pixels).any(1).nonzero().flatten()
-            constant += (start + flat).tolist()
-        warn_of_constant(constant, first)
-        return words
 
     def _in_range(self, n_pixels: int) -> Tensor:
         """The reference, with zeros for values that no mean of standardised frames has.
@@ -178,5 +138,6 @@ def _largest(n_pixels: int) -> int:
 
 
 def _frames_at_a_time(frames: Any) -> int:
+    many = backends.in_use.get() or getattr(frames, "is_cuda", False)
     n_pixels = math.prod(frames.shape[1:])
-    return max(1, _STEP // max(1, n_pixels))
+    return max(1, (_STEP_OF_MANY if many else _STEP) // max(1, n_pixels))

@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
+from hdc import backends
 from hdc.encoders.ranks import check_finite, check_frames
 
 FRACTION = 16  # bits after the point of a standardised pixel
+_STEPS = 2.0**FRACTION
 LARGEST = 18  # bits that floating-point pixels are scaled to
 # A pixel below the first is rounded to 0.
 _POWERS = [2.0**k for k in range(-2, LARGEST + 1)]
@@ -26,38 +30,33 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
     """
     check_frames(frames)
     flat = frames.flatten(1)
-    if flat.dtype == torch.uint8:
-        values = torch.empty(flat.shape, dtype=torch.int32, device=flat.device)
-        for frame, row in zip(flat, values, strict=True):
-            counts = torch.bincount(frame, minlength=256)
-            table = values_of_greys(counts[None])[0]
-            torch.index_select(table, 0, frame.int(), out=row)
-        return values
+    n_pixels = flat.shape[1]
+    kernels = backends.in_use.get()
+    if kernels and flat.dtype in (torch.uint8, torch.uint16):
+        images = flat.numpy()
+        totals, squares = kernels.sums(images).T
+        deviations = _deviations(totals, squares, n_pixels)
+        divisors = np.array(deviations, np.float64)
+        values = kernels.in_steps(images, totals.astype(float), divisors, _STEPS)
+        return torch.from_numpy(values)
     pixels = integers(flat, first)
     squares = (pixels * pixels).sum(1)
-    return _in_steps(pixels, pixels.sum(1), squares, flat.shape[1])
-
-
-def values_of_greys(counts: Tensor) -> Tensor:
-    """Values of the greys 0 to G − 1 in frames of such histograms: int64 to int32 [N, G]."""
-    greys = torch.arange(counts.shape[1], device=counts.device)
-    totals = (counts * greys).sum(1)
-    squares = (counts * greys * greys).sum(1)
-    n_pixels = int(counts[:1].sum())
-    return _in_steps(greys.expand(counts.shape), totals, squares, n_pixels)
+    return _in_steps(pixels, pixels.sum(1), squares, n_pixels)
 
 
 def _in_steps(pixels: Tensor, sums: Tensor, squares: Tensor, n_pixels: int) -> Tensor:
     """Pixels int64 [N, k] of frames of so many pixels, with sums [N] of all of them and of their
     squares, in steps of 2⁻¹⁶ deviations: int32 [N, k]."""
-    deviations = []
-    for total, square in zip(sums.tolist(), squares.tolist(), strict=True):
-        deviation = math.isqrt(n_pixels * square - total**2)
-        deviations.append(max(1, deviation))
+    deviations = _deviations(sums, squares, n_pixels)
     divisors = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
-    centred = n_pixels * pixels - sums[:, None]
-    scaled = centred.double() * 2**FRACTION
-    return (scaled / divisors[:, None]).floor().to(torch.int32)
+    values = pixels.double().mul_(n_pixels).sub_(sums[:, None])  # in place, still whole
+    return values.mul_(_STEPS).div_(divisors[:, None]).floor_().to(torch.int32)
+
+
+def _deviations(sums: Any, squares: Any, n_pixels: int) -> list[int]:
+    """√(D·Q − S²) of sums S and of squares Q of frames [N], rounded down; 1 of a constant frame."""
+    pairs = zip(sums.tolist(), squares.tolist(), strict=True)
+    return [max(1, math.isqrt(n_pixels * q - s**2)) for s, q in pairs]
 
 
 def integers(pixels: Tensor, first: int) -> Tensor:

@@ -15,7 +15,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from hdc import bits
@@ -24,45 +23,35 @@ from hdc.encoders.ties import count_ones, first_ties
 _SAMPLE = 4096  # pixels of a frame that are sorted, at most
 
 
-class Level(NamedTuple):
-    """B frames of D pixels at one threshold."""
+class Above(NamedTuple):
+    """The pixels of a frame above a value."""
 
-    words: Tensor  # int64 [B, W], the ones
-    n_equal: Tensor  # int64 [B], pixels that equal the threshold
-    split: Tensor  # bool [B], whether some of these became ones and others did not
-
-
-class _Selected(NamedTuple):
-    """The pixels [D] of a frame at one threshold."""
-
-    threshold: Any
-    above: np.ndarray  # words int64 [W]
-    n_above: int
-    equal: np.ndarray  # words int64 [W]
-    n_equal: int
+    value: Any
+    words: np.ndarray  # int64 [W]
+    n: int
 
 
-def one_by_one(pixels: Tensor, ones: Sequence[int], rule: str) -> list[Level]:
+def one_by_one(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any, Any]:
     """:func:`hdc.encoders.ranks.by_torch` on the CPU, of large frames, one after another."""
     images = pixels.numpy()
-    n_images, n_pixels = images.shape
-    words = np.empty((len(ones), n_images, bits.words_for(n_pixels)), np.int64)
-    n_equal = np.empty((len(ones), n_images), np.int64)
-    split = np.empty((len(ones), n_images), np.bool_)
-    room = np.zeros(words.shape[2] * bits.WORD, np.bool_)
+    n, n_pixels = images.shape
+    words = np.zeros((n, bits.words_for(len(ones) * n_pixels)), np.int64)
+    n_equal = np.empty((n, len(ones)), np.int64)
+    split = np.empty((n, len(ones)), np.bool_)
+    room = np.zeros(bits.words_for(n_pixels) * bits.WORD, np.bool_)
     select = _by_order if images.dtype.kind == "f" else _by_counting
     guesses: list[Any] = [None] * len(ones)  # thresholds of the frame before
     for i, image in enumerate(images):
-        selected = select(_Frame(image, room), ones, guesses)
-        for t, (level, wanted) in enumerate(zip(selected, ones, strict=True)):
-            missing = wanted - level.n_above
-            first = first_ties(level.equal, level.n_equal, missing, rule)
-            np.bitwise_or(level.above, first, out=words[t, i])
-            n_equal[t, i] = level.n_equal
-            split[t, i] = 0 < missing < level.n_equal
-        guesses = [level.threshold for level in selected]
-    parts = map(torch.from_numpy, (words, n_equal, split))
-    return [Level(*level) for level in zip(*parts, strict=True)]
+        bounds = select(_Frame(image, room), ones, guesses)
+        for t, ((low, high), wanted) in enumerate(zip(bounds, ones, strict=True)):
+            tied = low.n - high.n
+            missing = wanted - high.n
+            first = first_ties(low.words ^ high.words, tied, missing, rule)
+            _put(high.words | first, words[i], t * n_pixels)
+            n_equal[i, t] = tied
+            split[i, t] = 0 < missing < tied
+        guesses = [high.value for _, high in bounds]
+    return words, n_equal, split
 
 
 class _Frame:
@@ -78,104 +67,81 @@ class _Frame:
         chosen = self.pixels[_sampled(len(self.pixels))]
         return np.sort(chosen, kind="stable")  # a radix sort for up to 16 bits
 
-    def words(self, compare: np.ufunc, value: Any) -> np.ndarray:
-        """Words int64 [W] of a comparison with a value."""
+    def above(self, value: Any, compare: np.ufunc = np.greater) -> Above:
+        """The pixels of a comparison with a value."""
         compare(self.pixels, value, out=self._room[: len(self.pixels)])
-        return np.packbits(self._room, bitorder="little").view(np.int64)
+        words = np.packbits(self._room, bitorder="little").view(np.int64)
+        return Above(value, words, count_ones(words))
 
 
-def _by_order(frame: _Frame, ones: Sequence[int], _: Any) -> list[_Selected]:
-    """The frame at its thresholds, for numbers of ones, by partial order."""
+def _by_order(frame: _Frame, ones: Sequence[int], _: Any) -> list[tuple[Above, Above]]:
+    """The pixels from each threshold on, and those above it, by partial order."""
     n_pixels = len(frame.pixels)
     at = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
     ordered = np.partition(frame.pixels, sorted(set(at)))
-    selected = []
-    for place in at:
-        threshold = ordered[place]
-        above = frame.words(np.greater, threshold)
-        equal = frame.words(np.equal, threshold)
-        counts = count_ones(above), count_ones(equal)
-        selected.append(_Selected(threshold, above, counts[0], equal, counts[1]))
-    return selected
+    thresholds = [ordered[place] for place in at]
+    return [(frame.above(x, np.greater_equal), frame.above(x)) for x in thresholds]
 
 
 def _by_counting(
     frame: _Frame, ones: Sequence[int], guesses: Sequence[int | None]
-) -> list[_Selected]:
+) -> list[tuple[Above, Above]]:
     """:func:`_by_order` of integers, by counting above some values, a guess being the first."""
     pairs = zip(ones, guesses, strict=True)
     return [_search(frame, wanted, guess) for wanted, guess in pairs]
 
 
-def _search(frame: _Frame, wanted: int, guess: int | None) -> _Selected:
-    """Integers at one threshold."""
+def _search(frame: _Frame, wanted: int, guess: int | None) -> tuple[Above, Above]:
+    """Above the first of two neighbouring values are more pixels than wanted, above the other not.
+
+    The second one is the threshold.
+    """
     n_pixels = len(frame.pixels)
-    one_byte = frame.pixels.itemsize == 1
-    between = _Between(frame, wanted)
-    if guess is not None:
-        surplus = between.look(guess)
-        if one_byte:
-            between.look(guess + 1 if surplus > 0 else guess - 1)
-        if between.done:
-            return between.selected()
-    size = len(frame.sample)
-    at = size * (n_pixels - wanted) // n_pixels
-    while not between.done:
-        value = int(frame.sample[min(max(0, at), size - 1)])
-        if not between.low < value < between.high:
-            value = between.next_to(value) if one_byte else between.middle
-        off = between.look(value) * size / n_pixels
-        at += round(off + math.copysign(1, off))
-    return between.selected()
+    of_type = np.iinfo(frame.pixels.dtype)
+    one_byte = of_type.bits == 8
+    every = _all_ones(n_pixels)
+    low = Above(int(of_type.min) - 1, every, n_pixels)
+    high = Above(int(of_type.max), np.zeros_like(every), 0)
 
-
-class _Between:
-    """Bounds of a threshold: more pixels than wanted are above `low`, and no more above `high`."""
-
-    def __init__(self, frame: _Frame, wanted: int) -> None:
-        n_pixels = len(frame.pixels)
-        of_type = np.iinfo(frame.pixels.dtype)
-        self._frame = frame
-        self._wanted = wanted
-        self.low = int(of_type.min) - 1
-        self.high = int(of_type.max)
-        self._above_low = _all_ones(n_pixels)
-        self._n_above_low = n_pixels
-        self._above_high = np.zeros_like(self._above_low)
-        self._n_above_high = 0
-
-    @property
-    def done(self) -> bool:
-        """Whether the pixels between are of one value, the threshold."""
-        return self.high - self.low <= 1
-
-    @property
-    def middle(self) -> int:
-        """The value that halves what is between."""
-        return (self.low + self.high) // 2
-
-    def next_to(self, value: int) -> int:
-        """The value between that is nearest to one outside."""
-        return self.low + 1 if value <= self.low else self.high - 1
-
-    def look(self, value: int) -> int:
-        """Count the pixels above a value, where it lies between: how many more than wanted."""
-        if not self.low < value < self.high:
+    def look(value: int) -> int:
+        """Count above a value, where it lies between: how many more than wanted."""
+        nonlocal low, high
+        if not low.value < value < high.value:
             return 0
-        words = self._frame.words(np.greater, value)
-        n = count_ones(words)
-        if n > self._wanted:
-            self.low, self._above_low, self._n_above_low = value, words, n
+        found = frame.above(value)
+        if found.n > wanted:
+            low = found
         else:
-            self.high, self._above_high, self._n_above_high = value, words, n
-        return n - self._wanted
+            high = found
+        return found.n - wanted
 
-    def selected(self) -> _Selected:
-        """The frame at the threshold that was found."""
-        equal = self._above_low ^ self._above_high
-        n_equal = self._n_above_low - self._n_above_high
-        n_above = self._n_above_high
-        return _Selected(self.high, self._above_high, n_above, equal, n_equal)
+    if guess is not None:
+        surplus = look(guess)
+        if one_byte:
+            look(guess + 1 if surplus > 0 else guess - 1)
+    size = len(_sampled(n_pixels))
+    at = size * (n_pixels - wanted) // n_pixels
+    while high.value - low.value > 1:
+        value = int(frame.sample[min(max(0, at), size - 1)])
+        if one_byte:
+            value = min(max(low.value + 1, value), high.value - 1)
+        elif not low.value < value < high.value:
+            value = (low.value + high.value) // 2
+        off = look(value) * size / n_pixels
+        at += round(off + math.copysign(1, off))
+    return low, high
+
+
+def _put(words: np.ndarray, row: np.ndarray, start: int) -> None:
+    """Put the bits of words [W] into a row [W′], which is zero there, from bit `start` on."""
+    place, shift = divmod(start, bits.WORD)
+    row = row[place:].view(np.uint64)
+    given = words.view(np.uint64)
+    row[: len(given)] |= given << np.uint64(shift)
+    if shift:
+        above = given >> np.uint64(bits.WORD - shift)
+        room = row[1 : len(given) + 1]
+        room |= above[: len(room)]
 
 
 @functools.lru_cache(maxsize=4)

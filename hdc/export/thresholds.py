@@ -14,8 +14,6 @@ import warnings
 from collections.abc import Sequence
 from fractions import Fraction
 
-import numpy as np
-
 from hdc.conformal import FEWEST, Peers
 
 
@@ -60,10 +58,8 @@ def distance_thresholds(
 
 def _leave_one_out(own: Peers) -> list[int]:
     """Distances of kept frames to the prototype made without them; none of a single frame."""
-    if len(own.held_out) == 0:
-        return []
-    distances = np.rint(own.held_out + own.mean)
-    return distances.astype(np.int64).tolist()
+    found: list[int] = own.held_out.tolist()
+    return found if len(found) > 1 else []
 
 
 def _deviations(held_out: Sequence[Sequence[int]]) -> list[Fraction]:

@@ -30,9 +30,16 @@ class State:
     """What a read-out has learned: tensors that nobody changes, int64 or float64."""
 
     kinds: ClassVar[Kinds] = {}
-    """Types and axes of the tensors in a file, of :mod:`hdc.tensors`; by default any."""
+    """Types and axes of the tensors in a file, of :mod:`hdc.tensors`; by default any.
+
+    One that is None by default may be missing. A state may also have the fields `n_classes` and
+    `dimension`.
+    """
     held_out: HeldOut | None = None
     """Scores of left-out training frames, where training finds them."""
+
+    def check(self) -> None:
+        """Raise ValueError for tensors of a file that do not fit together."""
 
     def tensors(self) -> dict[str, Tensor]:
         """The tensors of a file."""
@@ -59,7 +66,7 @@ class Readout(Parametrised, ABC):
 
     A subclass names its kind of `State`, and writes :meth:`fit` and :meth:`scores`. Classes are
     rows 0 … L − 1; which labels they have is the model's business. One that can follow a drift also
-    has a method ``adapt(state, words, rows, p, seed, method)``, which returns a state for
+    has a method ``adapt(state, words, rows, p, random_state, method)``, which returns a state for
     new hypervectors of known classes. It is given those arguments of
     :meth:`hdc.HDCClassifier.recalibrate` that `adapts_by` names.
 
@@ -88,7 +95,7 @@ class Readout(Parametrised, ABC):
     """The class of its states."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of the tensors that a prediction needs; by default all of a state."""
-    adapts_by: ClassVar[tuple[str, ...]] = ("p", "seed", "method")
+    adapts_by: ClassVar[tuple[str, ...]] = ("p", "random_state", "method")
     """Arguments of :meth:`hdc.HDCClassifier.recalibrate` that ``adapt`` is given."""
 
     def check(self) -> None:
@@ -137,10 +144,18 @@ class Readout(Parametrised, ABC):
         Raises:
             ValueError: for tensors that do not fit.
         """
-        kinds = self.State.kinds
+        known = {field.name: field.default for field in fields(self.State)}
+        kinds = dict(self.State.kinds)
+        for name in kinds.keys() - tensors.keys():
+            if known[name] is None:
+                del kinds[name]
         if kinds:
-            return self.State(**checked(tensors, kinds, L=n_classes, D=dimension))
-        return self.State(**tensors)
+            tensors = checked(tensors, kinds, L=n_classes, D=dimension)
+        sizes = {"n_classes": n_classes, "dimension": dimension}
+        own = {name: size for name, size in sizes.items() if name in known}
+        state = self.State(**tensors, **own)
+        state.check()
+        return state
 
 
 class Updatable(Readout):

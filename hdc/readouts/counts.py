@@ -20,9 +20,10 @@ class Counts(Counting):
     """Nearest class by the cosine between 2c − n, for counts c of n frames, and a bipolar query.
 
     Args:
-        ties, balance, seed: as of :class:`hdc.readouts.Majority`. Ties and seed decide only
-            the binary prototypes, that is, distances and what is known. With `balance`, a larger
-            class is compared as a random subset of the size of the smallest is expected to be.
+        ties, class_weight, random_state: as of :class:`hdc.readouts.Majority`. Ties and their seed
+            decide only the binary prototypes, that is, distances and what is known. Balanced, a
+            larger class is compared as a random subset of the size of the smallest is expected to
+            be.
     """
 
     methods = ("merge",)  # counts have no bits to replace
@@ -35,7 +36,7 @@ class Counts(Counting):
 
     def _thinned_to(self, state: Counted) -> int | None:
         """Frames that larger classes are compared as; None: classes are compared as they are."""
-        if self.balance and not state.recalibrated:
+        if self.class_weight is not None and not state.recalibrated:
             return smallest(state.n)
         return None
 

@@ -15,7 +15,7 @@ differ in their last digits, and the predicted class only where two scores are t
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
@@ -30,7 +30,6 @@ from hdc.readouts.arithmetic import check_memory
 from hdc.readouts.base import HeldOut, Readout, State
 from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
 from hdc.readouts.leave_one_out import discriminants, evenly
-from hdc.tensors import checked
 
 _LOWEST = -1e300  # offset of a class without frames
 
@@ -59,6 +58,10 @@ class Likenesses(State):
     """float64 [], s."""
     penalty: Tensor
     """float64 [], λ."""
+
+    def check(self) -> None:
+        if float(self.reach) <= 0:
+            raise ValueError(f"reach: expected one above zero, found {self.reach}")
 
 
 class Kernel(Readout):
@@ -159,16 +162,6 @@ class Kernel(Readout):
         near = likeness(distances, float(state.reach))
         dual = state.dual.to(near.device)
         return near @ dual + state.offsets.to(near.device)
-
-    def restored(
-        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> Likenesses:
-        found: dict[str, Any] = dict(
-            checked(tensors, Likenesses.kinds, L=n_classes, D=dimension)
-        )
-        if float(found["reach"]) <= 0:
-            raise ValueError(f"reach: expected one above zero, found {found['reach']}")
-        return Likenesses(**found)
 
 
 class Tried(NamedTuple):

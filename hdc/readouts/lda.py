@@ -20,7 +20,6 @@ last digits, and now and then a weight by one.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -120,9 +119,8 @@ class LDA(Readout):
         dual, offsets, products = solution
         weights = combinations(dual, packed)[:, :dimension]
         means = class_means(packed, place, len(known), dimension)
-        planes, *rest = _quantised(weights, means, offsets)
-        quantised = planes.to(packed.device), *rest
-        state, unit = _in_whole_numbers(quantised, known, n_classes, alpha)
+        learned = weights, means, offsets
+        state, unit = _stored(learned, known, n_classes, alpha, packed.device)
         held_out = held_out_of(products, place, known, n_classes, unit)
         return replace(state, held_out=held_out)
 
@@ -150,10 +148,9 @@ class LDA(Readout):
         full = means.mean(0).repeat(n_classes, 1)
         full[known] = means
         every = (state.offsets > NOWHERE // 2).nonzero().flatten()
-        planes, *rest = (part[every] for part in _quantised(weights, full, offsets))
-        quantised = planes.to(words.packed.device), *rest
-        alpha = float(new.shrinkage)
-        mixed, unit = _in_whole_numbers(quantised, every, n_classes, alpha)
+        learned = weights[every], full[every], offsets[every]
+        alpha, device = float(new.shrinkage), words.packed.device
+        mixed, unit = _stored(learned, every, n_classes, alpha, device)
         held_out = new.held_out
         assert held_out is not None
         # Those of before have not learnt the new frames: their scores are as they are.
@@ -173,26 +170,31 @@ class LDA(Readout):
         return twice // 2 * scales + offsets
 
 
-def _in_whole_numbers(
-    quantised: Sequence[Tensor], known: Tensor, n_classes: int, alpha: float
+def _stored(
+    learned: tuple[Tensor, Tensor, Tensor],
+    known: Tensor,
+    n_classes: int,
+    alpha: float,
+    device: torch.device,
 ) -> tuple[Discriminants, float]:
     """A state of whole numbers, and their unit; none but the `known` classes win.
 
     Args:
-        quantised: planes, scales and offsets of the known classes, of :func:`_quantised`.
+        learned: weights, means and offsets of the known classes, of :func:`_quantised`.
         known: rows int64 [K].
         n_classes: L.
         alpha: of the training.
+        device: of the weights.
     """
-    planes, scales, offsets = quantised
+    planes, scales, offsets = _quantised(*learned)
     unit = 2**_UNIT_BITS / float(scales.max())
     state = Discriminants(
-        weights=planes.new_zeros(n_classes, *planes.shape[1:]),
+        weights=planes.new_zeros(n_classes, *planes.shape[1:], device=device),
         scales=torch.zeros(n_classes, dtype=torch.int64),
         offsets=torch.full((n_classes,), NOWHERE // 2),
         shrinkage=torch.tensor(alpha, dtype=torch.float64),
     )
-    state.weights[known.to(planes.device)] = planes
+    state.weights[known.to(device)] = planes.to(device)
     state.scales[known] = (scales * unit).round().long()
     state.offsets[known] = (offsets * unit).round().long()
     return state, unit
@@ -227,11 +229,13 @@ def shrunken(
     problem: Problem, dimension: int, shrinkage: float | str
 ) -> tuple[float, Solution]:
     """α, and what is learned with it from a problem in D dimensions."""
-    alpha = _share_of_target(problem, dimension, shrinkage)
-    return alpha, problem.solve(_penalty(problem, dimension, alpha))
+    alpha = share_of_target(problem, dimension, shrinkage)
+    if alpha == 1:
+        return alpha, problem.solve(None)
+    return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
 
 
-def _share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -> float:
+def share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -> float:
     """α for a problem in D dimensions; 1 is the nearest mean."""
     if problem.is_empty:
         return 1.0
@@ -243,13 +247,6 @@ def _share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -
     return closed_form(
         shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
     )
-
-
-def _penalty(problem: Problem, dimension: int, alpha: float) -> float | None:
-    """ℓ; None for the nearest mean."""
-    if alpha == 1:
-        return None
-    return alpha / (1 - alpha) * problem.trace / dimension
 
 
 def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,62 +10,47 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.hypervectors import Hypervectors
 from hdc.readouts.arithmetic import dot
-from hdc.tensors import checked
+from hdc.readouts.base import State
 
 _OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced
 _STEP = 32  # words unpacked at a time: of some hundred frames they stay in the cache
-LINEAR = {
-    "weights": "int64 T 8 W",
-    "scales": "float64 T",
-    "intercepts": "float64 T",
-    "penalty": "float64",
-}
-"""What of linear functions is kept in a file."""
 
 
-@dataclass(frozen=True)
-class Linear:
-    """T linear functions of packed bits, with weights of 8 bits each: scale·q_j for pixel j."""
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Linear(State):
+    """L linear functions of packed bits, with weights of 8 bits each: scale·q_j for pixel j."""
 
-    planes: Tensor  # int64 [T, 8, W], bit-sliced q + 128
-    scales: Tensor  # float64 [T]
-    intercepts: Tensor  # float64 [T]
-    penalty: float  # λ
-    dimension: int
+    kinds = {  # noqa: RUF012
+        "weights": "int64 L 8 W",
+        "scales": "float64 L",
+        "intercepts": "float64 L",
+        "penalty": "float64",
+    }
+    weights: Tensor
+    """int64 [L, 8, W], bit-sliced q + 128."""
+    scales: Tensor
+    """float64 [L] (CPU)."""
+    intercepts: Tensor
+    """float64 [L] (CPU)."""
+    penalty: Tensor
+    """float64 [], λ."""
 
-    def values(self, words: Tensor) -> Tensor:
-        """w·x + b of hypervectors int64 [Q, W], float64 [Q, T]; the products are exact."""
-        n = torch.full((len(self.planes),), 2 * _OFFSET)
-        twice = dot(self.planes, n, words, self.dimension)
-        scales = self.scales.to(words.device)
-        intercepts = self.intercepts.to(words.device)
-        return twice // 2 * scales + intercepts
+    def values(self, words: Hypervectors) -> Tensor:
+        """w·x + b of Q hypervectors, float64 [Q, L]; the products are exact."""
+        n = torch.full((len(self.weights),), 2 * _OFFSET)
+        twice = dot(self.weights, n, words.packed, words.dimension)
+        scales = self.scales.to(twice.device)
+        return twice // 2 * scales + self.intercepts.to(twice.device)
 
-    def weights(self, start: int, stop: int) -> Tensor:
-        """Weights float64 [T, B] of the bits in words start to stop."""
+    def floats(self, start: int, stop: int) -> Tensor:
+        """Weights float64 [L, B] of the bits in words start to stop."""
         n_bits = (stop - start) * bits.WORD
-        sliced = bits.unpack(self.planes[..., start:stop], n_bits).double().cpu()
+        sliced = bits.unpack(self.weights[..., start:stop], n_bits).double().cpu()
         powers = 2.0 ** torch.arange(_PLANES, dtype=torch.float64)
         shifted = torch.einsum("p,tpb->tb", powers, sliced)
         return (shifted - _OFFSET) * self.scales[:, None]
-
-    def tensors(self) -> dict[str, Tensor]:
-        """The tensors of a file."""
-        penalty = torch.tensor(self.penalty, dtype=torch.float64)
-        return {
-            "weights": self.planes,
-            "scales": self.scales,
-            "intercepts": self.intercepts,
-            "penalty": penalty,
-        }
-
-    @classmethod
-    def of(cls, tensors: Mapping[str, Tensor], n: int, dimension: int) -> Linear:
-        """From :meth:`tensors` of n functions; a ValueError for others."""
-        found = checked(tensors, LINEAR, T=n, D=dimension)
-        planes, scales, intercepts, penalty = (found[name] for name in LINEAR)
-        return cls(planes, scales, intercepts, float(penalty), dimension)
 
 
 def quantised(
@@ -80,7 +64,7 @@ def quantised(
         stop = min(start + _STEP, width)
         total = _weights(dual, words, start, stop)
         if prior is not None:
-            total = total + prior.weights(start, stop)
+            total = total + prior.floats(start, stop)
         return total
 
     largest_each = [weights(start).abs().amax(1) for start in starts]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from numbers import Integral
@@ -15,9 +16,9 @@ from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_choice, check_share
 from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
 from hdc.readouts.base import HeldOut, State, Updatable
-from hdc.tensors import checked
 
 METHODS = ("replace", "merge")
+WEIGHTS = (None, "balanced")
 EXTRAS = (-2, -1, 0, 1, 2)
 """Hypervectors more or less that :mod:`hdc.conformal` asks for."""
 
@@ -46,6 +47,11 @@ class Counted(State):
 
     dimension: int
 
+    def check(self) -> None:
+        out_of_range = (self.n < 0) | (self.n >= 2**53)
+        if out_of_range.any() or not self.n.any():
+            raise ValueError(f"sample counts {self.n.tolist()}")
+
     def counters(self) -> Counters:
         """The counts."""
         return Counters.of(self.planes, self.n, self.dimension)
@@ -55,19 +61,30 @@ class Counting(Updatable):
     """Counters of ones per class and their majority; what Majority and Counts share."""
 
     State = Counted
+    renamed: ClassVar = {"balance": "class_weight", "seed": "random_state"}
     methods: ClassVar[tuple[str, ...]] = METHODS
     """Ways to adapt, the first by default."""
 
-    def __init__(self, ties: str = "zero", balance: bool = False, seed: int = 0):
+    def __init__(
+        self, ties: str = "zero", class_weight: str | None = None, random_state: int = 0
+    ):
         self.ties = ties
-        self.balance = balance
-        self.seed = seed
+        self.class_weight = class_weight
+        self.random_state = random_state
 
     def check(self) -> None:
         check_choice("ties", self.ties, planes.TIES)
-        check_choice("balance", self.balance, (True, False))
-        if isinstance(self.seed, bool) or not isinstance(self.seed, Integral):
-            raise ValueError(f"seed: expected an integer, found {self.seed!r}")
+        check_choice("class_weight", self.class_weight, WEIGHTS)
+        given = self.random_state
+        if isinstance(given, bool) or not isinstance(given, Integral):
+            raise ValueError(f"random_state: expected an integer, found {given!r}")
+
+    @classmethod
+    def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
+        found = super().of_today(parameters)
+        if isinstance(found.get("class_weight"), bool):  # to 3.0 it was ``balance``
+            found["class_weight"] = WEIGHTS[found["class_weight"]]
+        return found
 
     # Counting ------------------------------------------------------------------------------------
 
@@ -116,28 +133,24 @@ class Counting(Updatable):
 
     def _with_prototypes(self, state: Counted, changed: Tensor) -> Counted:
         """A state with prototypes of its counts, for the classes bool [L] that have changed."""
-        made = state.prototypes.clone()
-        counts, n = state.planes, state.n
-        size = self._size(n)
+        counted: Counted | Counters = state
+        size = self._size(state.n)
         if size is not None:
-            thinned = state.counters().thinned(size, self.seed)
-            counts, n = thinned.planes, thinned.n
-        for c in changed.nonzero().flatten().tolist():
-            breaker = self._tie_breaker(c, state)
-            made[c] = planes.majority(counts[c], int(n[c]), self.ties, breaker)
+            counted = state.counters().thinned(size, self.random_state)
+        rows = changed.nonzero().flatten().tolist()
+        breaker = functools.partial(tie_breaker, state.dimension, self.random_state)
+        made = state.prototypes.clone()
+        made[rows] = planes.majorities(
+            counted.planes, counted.n, rows, self.ties, breaker
+        )
         return replace(state, prototypes=made)
 
     def _size(self, n: Tensor) -> int | None:
         """Samples a class that prototypes count as, where some of n [L] are thinned."""
-        if not self.balance:
+        if self.class_weight is None:
             return None
         least = smallest(n)
         return least if (n > least).any() else None
-
-    def _tie_breaker(self, c: int, state: Counted) -> Tensor | None:
-        if self.ties != "random":
-            return None
-        return tie_breaker(state.dimension, self.seed, c).to(state.planes.device)
 
     # Adapting ------------------------------------------------------------------------------------
 
@@ -147,7 +160,7 @@ class Counting(Updatable):
         words: Hypervectors,
         rows: Tensor,
         share: float,
-        seed: int,
+        random_state: int,
         method: str | None,
     ) -> Counted:
         """Move the prototypes of some classes to new hypervectors.
@@ -156,7 +169,7 @@ class Counting(Updatable):
             state: what was learned.
             words, rows: the new hypervectors and their classes int64 [N].
             share: probability with which a bit is replaced, or share of the new in the votes.
-            seed: of the choice of bits that are replaced.
+            random_state: seed of the choice of bits that are replaced.
             method: ``"replace"``, as published, or ``"merge"`` (:func:`hdc.prototypes.merged`);
                 None is the first of `methods`.
 
@@ -175,63 +188,44 @@ class Counting(Updatable):
             )
         new = Counters(len(classes), state.dimension, words.packed.device)
         new.add(words.packed, torch.searchsorted(torch.tensor(classes), rows))
-        state = replace(state, deciding=self.deciding(state))
-        if method == "merge":
-            moved = self._merge_votes(state, new, classes, share, seed)
-        else:
-            moved = self._replace_bits(state, new, classes, share, seed)
-        return replace(moved, recalibrated=state.recalibrated + 1)
+        deciding = self.deciding(state).clone()
+        move = self._merge_votes if method == "merge" else self._replace_bits
+        moved, deciding[classes] = move(state, new, classes, share, random_state)
+        return replace(moved, deciding=deciding, recalibrated=state.recalibrated + 1)
 
     def _merge_votes(
-        self,
-        state: Counted,
-        new: Counters,
-        classes: list[int],
-        share: float,
-        seed: int,
-    ) -> Counted:
-        """Prototypes of the votes of old and new hypervectors."""
+        self, state: Counted, new: Counters, classes: list[int], share: float, seed: int
+    ) -> tuple[Counted, Tensor]:
+        """Prototypes of the votes of old and new hypervectors; those that decide, [K, 5, W]."""
         old = state.counters()
-        if self.balance:
+        if self.class_weight is not None:
             new = new.thinned(smallest(new.n), seed)
             if not state.recalibrated:
-                old = old.thinned(smallest(old.n), self.seed)
+                old = old.thinned(smallest(old.n), self.random_state)
         placed = Counters(len(old.n), old.dimension, old.device)
         placed.merge(new, classes)
         votes, weights = merged(old, placed, share)
-        assert state.deciding is not None
-        deciding = state.deciding.clone()
-        voted = replace(state, planes=votes.planes, n=votes.n)
-        for c in classes:
-            deciding[c] = self._deciding_of(voted, c, weights[c])
-        prototypes = votes.majority(self.ties, self.seed)
-        return replace(voted, prototypes=prototypes, deciding=deciding)
+        prototypes = votes.majority(self.ties, self.random_state)
+        voted = replace(state, planes=votes.planes, n=votes.n, prototypes=prototypes)
+        near = [self._deciding_of(voted, c, weights[c]) for c in classes]
+        return voted, torch.stack(near)
 
     def _replace_bits(
-        self,
-        state: Counted,
-        new: Counters,
-        classes: list[int],
-        share: float,
-        seed: int,
-    ) -> Counted:
+        self, state: Counted, new: Counters, classes: list[int], share: float, seed: int
+    ) -> tuple[Counted, Tensor]:
         """Prototypes of which each bit is the new one's with a probability (paper, Fig. 8(a))."""
-        before = state.prototypes
-        assert state.deciding is not None
-        deciding = state.deciding.clone()
         number = int(state.recalibrated)
-        mask = replaced_bits(len(before), new.dimension, share, seed, number)
-        mask = mask.to(before.device)
-        after = before.clone()
-        size = smallest(new.n) if self.balance else None
-        fresh = new.majority(self.ties, self.seed, size)
+        drawn = replaced_bits(len(state.n), new.dimension, share, seed, number)
+        mask = drawn[classes].to(state.prototypes.device)
+        size = smallest(new.n) if self.class_weight is not None else None
+        fresh = new.majority(self.ties, self.random_state, size)
         counted = replace(state, planes=new.planes, n=new.n)
-        for i, c in enumerate(classes):
-            after[c] ^= (before[c] ^ fresh[i]) & mask[c]
-            near = self._deciding_of(counted, i)
-            replaced = (before[c] ^ near) & mask[c]
-            deciding[c] = before[c] ^ replaced
-        return replace(state, prototypes=after, deciding=deciding)
+        near = torch.stack([self._deciding_of(counted, i) for i in range(len(classes))])
+        before = state.prototypes[classes]
+        after = state.prototypes.clone()
+        after[classes] = before ^ ((before ^ fresh) & mask)
+        decided = before[:, None] ^ ((before[:, None] ^ near) & mask[:, None])
+        return replace(state, prototypes=after), decided
 
     # Left out ------------------------------------------------------------------------------------
 
@@ -255,7 +249,10 @@ class Counting(Updatable):
         one.
         """
         counts, n = state.planes[c], int(state.n[c])
-        breaker = self._tie_breaker(c, state)
+        breaker = None
+        if self.ties == "random":
+            breaker = tie_breaker(state.dimension, self.random_state, c)
+            breaker = breaker.to(counts.device)
         made = []
         for extra in EXTRAS:
             n_with = n + weight * extra
@@ -272,21 +269,6 @@ class Counting(Updatable):
             distances[:, state.n == 0] = words.dimension + 1
         return distances
 
-    # Files ---------------------------------------------------------------------------------------
-
-    def restored(
-        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> Counted:
-        kinds = dict(Counted.kinds)
-        if "deciding" not in tensors:
-            del kinds["deciding"]
-        found: dict[str, Any] = dict(checked(tensors, kinds, L=n_classes, D=dimension))
-        n = found["n"]
-        out_of_range = (n < 0) | (n >= 2**53)
-        if out_of_range.any() or not n.any():
-            raise ValueError(f"sample counts {n.tolist()}")
-        return Counted(dimension=dimension, **found)
-
 
 class Majority(Counting):
     """Nearest prototype in Hamming distance; a prototype is the bitwise majority of its class.
@@ -297,13 +279,13 @@ class Majority(Counting):
         ties: a prototype bit with as many ones as zeros becomes ``"zero"`` (as published),
             ``"one"``, or, with ``"random"``, that of an extra random vector (Schmuck et al., ACM
             JETC 15, 32 (2019)).
-        balance: True makes classes of unequal size comparable; False is Eq. 1. A majority raises a
-            prototype's correlation with every frame, the more so the more frames it bundles, so
-            that by Eq. 1 a larger class takes frames of the others, with 5 frames against 4
-            already. With True, prototypes are made as if each class had as many frames as the
-            smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are as published.
-        seed: of the random vectors for ``ties="random"``, and of `balance`.
-
+        class_weight: ``"balanced"`` makes classes of unequal size comparable; None is Eq. 1. A
+            majority raises a prototype's correlation with every frame, the more so the more frames
+            it bundles, so that by Eq. 1 a larger class takes frames of the others, with 5 frames
+            against 4 already. Balanced, prototypes are made as if each class had as
+            many frames as the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are
+            as published.
+        random_state: seed of the random vectors for ``ties="random"``, and of balancing.
     """
 
     needs = ("prototypes",)

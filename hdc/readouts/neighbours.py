@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -13,7 +13,6 @@ from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_integer
 from hdc.readouts.base import HeldOut, State, Updatable
-from hdc.tensors import checked
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -27,6 +26,10 @@ class Kept(State):
     """int64 [N] (CPU), their classes."""
     n_classes: int
 
+    def check(self) -> None:
+        if self.rows.min() < 0 or self.rows.max() >= self.n_classes:
+            raise ValueError(f"rows: expected classes in [0, {self.n_classes})")
+
 
 class Neighbours(Updatable):
     """The class of most of the k nearest training frames in Hamming distance.
@@ -35,18 +38,19 @@ class Neighbours(Updatable):
     nothing; of classes with as many votes the one with the nearest frame wins.
 
     Args:
-        n_neighbours: k.
+        n_neighbors: k.
     """
 
     State = Kept
     needs = ("frames",)
     adapts_by = ()
+    renamed: ClassVar = {"n_neighbours": "n_neighbors"}
 
-    def __init__(self, n_neighbours: int = 1):
-        self.n_neighbours = n_neighbours
+    def __init__(self, n_neighbors: int = 1):
+        self.n_neighbors = n_neighbors
 
     def check(self) -> None:
-        check_integer("n_neighbours", self.n_neighbours, 1)
+        check_integer("n_neighbors", self.n_neighbors, 1)
 
     def empty(self, n_classes: int, dimension: int, device: torch.device | str) -> Kept:
         shape = 0, bits.words_for(dimension)
@@ -108,9 +112,9 @@ class Neighbours(Updatable):
         far = dimension + 1
         farthest = distances.new_full((len(distances), n_classes), far)
         scores = -farthest.scatter_reduce(1, rows, distances, "amin")
-        if self.n_neighbours > 1:
+        if self.n_neighbors > 1:
             by_distance_and_class = distances * n_classes + rows
-            k = min(self.n_neighbours, len(state.frames))
+            k = min(self.n_neighbors, len(state.frames))
             nearest = by_distance_and_class.topk(k, dim=1, largest=False)
             voting = nearest.values % n_classes
             is_there = nearest.values // n_classes <= dimension
@@ -118,14 +122,3 @@ class Neighbours(Updatable):
             votes.scatter_add_(1, voting, is_there.to(votes.dtype))
             scores += (far + 1) * votes
         return scores
-
-    def restored(
-        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> Kept:
-        found: dict[str, Any] = dict(
-            checked(tensors, Kept.kinds, L=n_classes, D=dimension)
-        )
-        rows = found["rows"]
-        if rows.min() < 0 or rows.max() >= n_classes:
-            raise ValueError(f"rows: expected classes in [0, {n_classes})")
-        return Kept(n_classes=n_classes, **found)

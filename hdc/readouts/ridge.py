@@ -13,9 +13,8 @@ with the least Σ r_i² is taken.
 from __future__ import annotations
 
 import functools
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from typing import Any, NamedTuple
 
 import torch
 from torch import Tensor
@@ -23,31 +22,13 @@ from torch import Tensor
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
 from hdc.readouts.arithmetic import check_memory, gram
-from hdc.readouts.base import HeldOut, Readout, State
+from hdc.readouts.base import HeldOut, Readout
 from hdc.readouts.linear import Linear, quantised
 from hdc.readouts.values import RESIDUALS, ValueReadout, ValueState
-from hdc.tensors import checked
 
 PENALTIES = tuple(10.0**k for k in range(-4, 5))
 """Penalties tried, in units of the mean of K's diagonal."""
 _LOWEST = -1e300  # intercept of a class without frames
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Functions(State):
-    """A linear function of each class, or of each number."""
-
-    linear: Linear
-
-    def tensors(self) -> dict[str, Tensor]:
-        return self.linear.tensors()
-
-    def __getstate__(self) -> dict[str, Any]:
-        return dict(vars(self))
-
-    def to(self, device: torch.device | str) -> Self:
-        moved = replace(self.linear, planes=self.linear.planes.to(device))
-        return replace(self, linear=moved)
 
 
 class Ridge(Readout):
@@ -58,7 +39,7 @@ class Ridge(Readout):
             with the least leave-one-out error.
     """
 
-    State = Functions
+    State = Linear
     needs = ("weights", "scales")
     adapts_by = ()
 
@@ -68,48 +49,45 @@ class Ridge(Readout):
     def check(self) -> None:
         check_penalty(self.penalty)
 
-    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Functions:
-        targets = _signs(rows, n_classes)
-        linear, residuals = solve(words.packed, targets, words.dimension, self.penalty)
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Linear:
+        state = _of_classes(words, rows, n_classes, self.penalty)
         empty = torch.bincount(rows, minlength=n_classes) == 0
-        linear.intercepts[empty] = _LOWEST
-        return Functions(linear=linear, held_out=HeldOut(targets - residuals, rows))
+        state.intercepts[empty] = _LOWEST
+        return state
 
-    def adapt(self, state: Functions, words: Hypervectors, rows: Tensor) -> Functions:
+    def adapt(self, state: Linear, words: Hypervectors, rows: Tensor) -> Linear:
         """Go to the weights near those of before that fit new frames."""
-        targets = _signs(rows, len(state.linear.planes))
-        prior = state.linear
-        linear, residuals = solve(words.packed, targets, words.dimension, prior=prior)
-        return Functions(linear=linear, held_out=HeldOut(targets - residuals, rows))
+        return _of_classes(words, rows, len(state.weights), prior=state)
 
-    def scores(self, state: Functions, words: Hypervectors) -> Tensor:
+    def scores(self, state: Linear, words: Hypervectors) -> Tensor:
         """The linear functions, float64 [Q, L]."""
-        return state.linear.values(words.packed)
+        return state.values(words)
 
-    def restored(
-        self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
-    ) -> Functions:
-        return Functions(linear=Linear.of(tensors, n_classes, dimension))
+
+def _of_classes(
+    words: Hypervectors,
+    rows: Tensor,
+    n_classes: int,
+    penalty: float | None = None,
+    prior: Linear | None = None,
+) -> Linear:
+    """The fit to 1 for the class of a frame and −1 for the others."""
+    onehot = torch.eye(n_classes, dtype=torch.float64)[rows]
+    targets = 2 * onehot - 1
+    linear, residuals = solve(words, targets, penalty, prior)
+    return replace(linear, held_out=HeldOut(targets - residuals, rows))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ValueFunctions(ValueState):
+class LinearValues(Linear, ValueState):
     """A linear function of each number."""
 
-    linear: Linear
-
-    def tensors(self) -> dict[str, Tensor]:
-        return {**self.linear.tensors(), **super().tensors()}
-
-    def to(self, device: torch.device | str) -> Self:
-        moved = replace(self.linear, planes=self.linear.planes.to(device))
-        return replace(super().to(device), linear=moved)
+    kinds = Linear.kinds | RESIDUALS
 
     @functools.cached_property
     def dual(self) -> Dual:
         """For intervals, made when they are asked for."""
-        words = self.words
-        return Dual.of(words.packed, words.dimension, self.linear.penalty)
+        return Dual.of(self.words, float(self.penalty))
 
 
 class RidgeValues(ValueReadout):
@@ -119,28 +97,28 @@ class RidgeValues(ValueReadout):
         penalty: as of :class:`Ridge`.
     """
 
+    State = LinearValues
+
     def __init__(self, penalty: float | None = None):
         self.penalty = penalty
 
     def check(self) -> None:
         check_penalty(self.penalty)
 
-    def fit(self, words: Hypervectors, values: Tensor) -> ValueFunctions:
-        fitted = solve(words.packed, values, words.dimension, self.penalty)
-        return _learned(fitted, words, values)
+    def fit(self, words: Hypervectors, values: Tensor) -> LinearValues:
+        return _of_numbers(words, values, self.penalty)
 
     def adapt(
-        self, state: ValueFunctions, words: Hypervectors, values: Tensor
-    ) -> ValueFunctions:
+        self, state: LinearValues, words: Hypervectors, values: Tensor
+    ) -> LinearValues:
         """Go to the weights near those of before that fit new frames, with their penalty."""
-        fitted = solve(words.packed, values, words.dimension, prior=state.linear)
-        return _learned(fitted, words, values)
+        return _of_numbers(words, values, prior=state)
 
-    def values(self, state: ValueFunctions, words: Hypervectors) -> Tensor:
-        return state.linear.values(words.packed).cpu()
+    def values(self, state: LinearValues, words: Hypervectors) -> Tensor:
+        return state.values(words).cpu()
 
     def without(
-        self, state: ValueFunctions, words: Hypervectors
+        self, state: LinearValues, words: Hypervectors
     ) -> tuple[Tensor, Tensor]:
         """f₋ᵢ is the fit to targets of which f₋ᵢ(x_i) replaces y_i: f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
         centre = self.values(state, words)
@@ -150,21 +128,16 @@ class RidgeValues(ValueReadout):
         moved = smoother[..., None] * state.residuals
         return centre, centre[:, None] - moved
 
-    def restored(
-        self, tensors: Mapping[str, Tensor], words: Hypervectors, values: Tensor
-    ) -> ValueFunctions:
-        parts = dict(tensors)
-        n, n_targets = values.shape
-        residuals = {"residuals": parts.pop("residuals")}
-        found = checked(residuals, RESIDUALS, N=n, T=n_targets)
-        linear = Linear.of(parts, n_targets, words.dimension)
-        return _learned(Fit(linear, found["residuals"]), words, values)
 
-
-def _learned(fitted: Fit, words: Hypervectors, values: Tensor) -> ValueFunctions:
-    return ValueFunctions(
-        linear=fitted.linear, residuals=fitted.residuals, words=words, targets=values
-    )
+def _of_numbers(
+    words: Hypervectors,
+    values: Tensor,
+    penalty: float | None = None,
+    prior: Linear | None = None,
+) -> LinearValues:
+    linear, residuals = solve(words, values, penalty, prior)
+    given: Any = linear.tensors()
+    return LinearValues(**given, residuals=residuals, words=words, targets=values)
 
 
 def check_penalty(penalty: Any) -> None:
@@ -177,12 +150,6 @@ def check_penalty(penalty: Any) -> None:
         )
 
 
-def _signs(rows: Tensor, n_classes: int) -> Tensor:
-    """1 for the class of each frame and −1 for the others, float64 [N, L]."""
-    onehot = torch.eye(n_classes, dtype=torch.float64)[rows]
-    return 2 * onehot - 1
-
-
 class Dual(NamedTuple):
     """Needed besides the weights for leave-one-out predictions of other frames.
 
@@ -193,9 +160,9 @@ class Dual(NamedTuple):
     means: Tensor  # of each row of the Gram matrix, [N]
 
     @classmethod
-    def of(cls, words: Tensor, dimension: int, penalty: float) -> Dual:
-        """Make it from training frames int64 [N, W] and the penalty λ of their fit."""
-        products = gram(words, words, dimension)
+    def of(cls, words: Hypervectors, penalty: float) -> Dual:
+        """Make it from N training frames and the penalty λ of their fit."""
+        products = gram(words.packed, words.packed, words.dimension)
         means = products.mean(1)
         products -= means
         products -= means[:, None] - means.mean()
@@ -211,24 +178,16 @@ class Dual(NamedTuple):
         return 1 / len(self.means) + centred @ self.inverse
 
 
-class Fit(NamedTuple):
-    """What :func:`solve` finds."""
-
-    linear: Linear
-    residuals: Tensor
-
-
 def solve(
-    words: Tensor,
+    words: Hypervectors,
     targets: Tensor,
-    dimension: int,
     penalty: float | None = None,
     prior: Linear | None = None,
-) -> Fit:
-    """Fit float64 targets [N, T] to hypervectors int64 [N, W] of D bits.
+) -> tuple[Linear, Tensor]:
+    """Linear functions that fit float64 targets [N, T] of N hypervectors, and residuals r [N, T].
 
     Args:
-        words, targets, dimension: as above.
+        words, targets: as above.
         penalty: in units of the mean of K's diagonal; None tries :data:`PENALTIES`.
         prior: weights to stay near, with their penalty.
 
@@ -236,7 +195,7 @@ def solve(
         ValueError: for more than 8000 frames, of which the matrices fill the memory.
     """
     check_memory("ridge", len(words), matrices=4)
-    products = gram(words, words, dimension)
+    products = gram(words.packed, words.packed, words.dimension)
     left = targets
     if prior is not None:
         left = targets - prior.values(words).cpu()
@@ -256,9 +215,14 @@ def solve(
     intercepts = mean - means @ dual
     if prior is not None:
         intercepts = intercepts + prior.intercepts
-    planes, scales = quantised(words, dual, dimension, prior)
-    linear = Linear(planes, scales, intercepts, chosen, dimension)
-    return Fit(linear, residuals * unit)
+    weights, scales = quantised(words.packed, dual, words.dimension, prior)
+    linear = Linear(
+        weights=weights,
+        scales=scales,
+        intercepts=intercepts,
+        penalty=torch.tensor(chosen, dtype=torch.float64),
+    )
+    return linear, residuals * unit
 
 
 def _penalties_to_try(
@@ -266,7 +230,7 @@ def _penalties_to_try(
 ) -> list[float]:
     """λ of each, for eigenvalues [N] of K."""
     if prior is not None:
-        return [prior.penalty]
+        return [float(prior.penalty)]
     typical = max(float(spectrum.mean()), 1.0)
     units = PENALTIES if penalty is None else (penalty,)
     return [typical * unit for unit in units]

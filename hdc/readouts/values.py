@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -14,14 +14,15 @@ from torch import Tensor
 from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import Parametrised, check_integer
+from hdc.readouts.base import State
 from hdc.tensors import checked
 
-RESIDUALS = {"residuals": "float64 N T"}
+RESIDUALS = {"residuals": "float64 N L"}
 _ROWS = 256  # frames that are compared with all others at a time
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class ValueState:
+class ValueState(State):
     """What a read-out of numbers has learned; nobody changes it."""
 
     words: Hypervectors
@@ -33,17 +34,21 @@ class ValueState:
 
     def tensors(self) -> dict[str, Tensor]:
         """The tensors of a file, besides the frames and numbers of training."""
-        found = {field.name: getattr(self, field.name) for field in fields(self)}
+        found = super().tensors()
         del found["targets"]
-        return {name: x for name, x in found.items() if isinstance(x, Tensor)}
-
-    def __getstate__(self) -> dict[str, Any]:
-        """Without what is made when it is asked for."""
-        return {field.name: getattr(self, field.name) for field in fields(self)}
+        return found
 
     def to(self, device: torch.device | str) -> Self:
-        """The same with its hypervectors in the memory of a device."""
-        return replace(self, words=self.words.to(device))
+        moved = super().to(device)
+        words = self.words.to(device)
+        return replace(moved, words=words, residuals=self.residuals)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LeftOut(ValueState):
+    """That of a read-out which keeps nothing but leave-one-out errors besides."""
+
+    kinds = RESIDUALS
 
 
 class ValueReadout(Parametrised, ABC):
@@ -86,6 +91,10 @@ class ValueReadout(Parametrised, ABC):
         self, tensors: Mapping[str, Tensor], words: Hypervectors, values: Tensor
     ) -> Any:
         """The state of the tensors of a file, and the hypervectors and numbers of training."""
+        n, n_targets = values.shape
+        if self.State.kinds:
+            sizes = {"N": n, "L": n_targets, "D": words.dimension}
+            tensors = checked(tensors, self.State.kinds, **sizes)
         return self.State(words=words, targets=values, **tensors)
 
 
@@ -95,17 +104,20 @@ class NeighbourValues(ValueReadout):
     Of equally near frames those that were learnt first come first.
 
     Args:
-        n_neighbours: k.
+        n_neighbors: k.
     """
 
-    def __init__(self, n_neighbours: int = 1):
-        self.n_neighbours = n_neighbours
+    State = LeftOut
+    renamed: ClassVar = {"n_neighbours": "n_neighbors"}
+
+    def __init__(self, n_neighbors: int = 1):
+        self.n_neighbors = n_neighbors
 
     def check(self) -> None:
-        check_integer("n_neighbours", self.n_neighbours, 1)
+        check_integer("n_neighbors", self.n_neighbors, 1)
 
     def fit(self, words: Hypervectors, values: Tensor) -> ValueState:
-        k = min(self.n_neighbours, max(1, len(words) - 1))
+        k = min(self.n_neighbors, max(1, len(words) - 1))
         means = []
         for start in range(0, len(words), _ROWS):  # not all pairs at a time
             distances = _distances(words[start : start + _ROWS], words)
@@ -113,16 +125,16 @@ class NeighbourValues(ValueReadout):
             distances[own, start + own] = words.dimension + 1  # none is its own
             means.append(values[self._nearest(distances)[:, :k]].mean(1))
         residuals = values - torch.cat(means)
-        return ValueState(words=words, targets=values, residuals=residuals)
+        return LeftOut(words=words, targets=values, residuals=residuals)
 
     def values(self, state: ValueState, words: Hypervectors) -> Tensor:
         distances = _distances(words, state.words)
-        places = self._nearest(distances)[:, : self.n_neighbours]
+        places = self._nearest(distances)[:, : self.n_neighbors]
         return state.targets[places].mean(1)
 
     def without(self, state: ValueState, words: Hypervectors) -> tuple[Tensor, Tensor]:
         n = len(state.words)
-        if self.n_neighbours >= n:  # all are near
+        if self.n_neighbors >= n:  # all are near
             total = state.targets.sum(0)
             others = (total - state.targets) / max(1, n - 1)
             means = (total / n).repeat(len(words), 1)
@@ -141,14 +153,7 @@ class NeighbourValues(ValueReadout):
     def _nearest(self, distances: np.ndarray) -> Tensor:
         """The k nearest frames of each query and the next one, [Q, k + 1], or all N."""
         order = distances.argsort(axis=1, kind="stable")
-        return torch.from_numpy(order[:, : self.n_neighbours + 1])
-
-    def restored(
-        self, tensors: Mapping[str, Tensor], words: Hypervectors, values: Tensor
-    ) -> ValueState:
-        n, n_targets = values.shape
-        found = checked(tensors, RESIDUALS, N=n, T=n_targets)
-        return ValueState(words=words, targets=values, **found)
+        return torch.from_numpy(order[:, : self.n_neighbors + 1])
 
 
 def _distances(words: Hypervectors, known: Hypervectors) -> np.ndarray:

@@ -3,35 +3,31 @@
 from __future__ import annotations
 
 import copy
-import functools
-import json
+import io
 import multiprocessing
 import os
 import sys
 import tempfile
+from functools import partial
 
-import hydra
-import msgspec
 import numpy as np
 import pytest
 import torch
-from omegaconf import OmegaConf
 from rich.console import Console
 
 import hdc
 from experiments import report, run, studies
-from experiments.protocol import job
+from experiments.protocol import runner
 from experiments.protocol.settings import resolved
-from experiments.records import configs, record, store
-from experiments.records.configs import CONFIGS
+from experiments.records import store
 from experiments.records.environment import environment
 from experiments.records.files import REFERENCE
 from experiments.records.results import Results
-from experiments.records.revision import revisions
-from experiments.records.rows import Rows, pack_labels
-from experiments.records.run import Finished, Unfinished
+from experiments.records.rows import pack_labels
 from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
+from tests.experiments import made_up
+from tests.experiments.composed import tree
 
 
 @pytest.fixture(autouse=True)
@@ -114,169 +110,22 @@ def _command_line(out, overrides, environment, before):
     run.entry_point()
 
 
-def composed_of(*words):
-    """The config that Hydra composes of a command line."""
-    with hydra.initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        return hydra.compose("config", overrides=list(words))
-
-
 @pytest.fixture(scope="session")
 def compose():
     """compose(*words) → the config that Hydra composes of a command line."""
-    return composed_of
-
-
-@pytest.fixture(scope="session")
-def composed():
-    """composed(scene, model, stop) → a config as composed; each combination is made once."""
-    known = functools.cache(
-        lambda *names: composed_of(
-            *map("=".join, zip(("scene", "model", "stop"), names, strict=True))
-        )
-    )
-    return lambda *names: copy.deepcopy(known(*names))
-
-
-MADE_ON = {"cpu": "A CPU", "threads": 2, "commit": "c" * 40, "dirty": False}
-
-
-def _changed(values):
-    """What a record says of values that are not those of the files, but for seeds."""
-    changed = [key for key in values if key.rpartition(".")[2] not in configs.SEEDS]
-    groups = ["scene", "split", "data", "model", "stop"]  # as a run has them
-    changed.sort(key=lambda key: groups.index(key.partition(".")[0]))
-    return {key: json.dumps(values[key]) for key in changed}
-
-
-def _changed_task(name, config):
-    task = configs.task(name)
-    return configs.differences(config, {key: task.get(key) for key in config})
+    return lambda *words: copy.deepcopy(tree(*words))
 
 
 @pytest.fixture
-def write_run(tmp_path, composed):
+def write_run(tmp_path):
     """write_run(model, …) → id of a record in tmp_path, as the runner would have left it."""
-
-    def write(
-        model,
-        *,
-        scene="touch",
-        classes=("L1", "L2", "R1", "R2", "None"),
-        origin="simulated",
-        seed=0,
-        n_train=None,
-        pixels=None,
-        stop="paper",
-        wrong=(),
-        predicted=None,
-        truth=None,
-        curve=None,
-        status="finished",
-        change=None,
-        fingerprint="f" * 64,
-        environment=None,
-        made_by=None,
-        **results,
-    ):
-        cfg = composed(scene, model, stop)
-        cfg.seed.run, cfg.split.n_train, cfg.data.pixels = seed, n_train, pixels
-        for key, value in (change or {}).items():
-            OmegaConf.update(cfg, key, value)
-        config = OmegaConf.to_container(cfg, resolve=True)
-        for key in record.NOT_IDENTITY:
-            config.pop(key, None)
-        config["threads"] = 2
-        choices = {"scene": scene, "model": model, "stop": stop}
-        choices |= results.pop("choices", {})
-        name = f"{choices['scene']}-{choices['model']}"
-        identity = record.name_of(name, config, fingerprint)
-        entry = {
-            "schema": record.SCHEMA,
-            "id": identity,
-            "choices": choices,
-            "experiment": None,
-            "config": config,
-            "environment": MADE_ON | (environment or {}),
-            "data": fingerprint,
-            "revisions": revisions(config) if made_by is None else made_by,
-            "changed": _changed(change or {}),
-            "scene": {
-                "name": choices["scene"],
-                "origin": origin,
-                "classes": list(classes),
-                "shape": [500, 500],
-                "n": 500,
-            },
-        }
-        if status != "finished":
-            entry["error"] = results.pop("error", "ValueError: it broke")
-            entry["status"] = status
-            store.append(tmp_path, msgspec.convert(entry, Unfinished))
-            return identity
-        truth = np.arange(100) % len(classes) if truth is None else np.asarray(truth)
-        if predicted is None:
-            is_wrong = np.isin(np.arange(len(truth)), list(wrong))
-            predicted = np.where(is_wrong, (truth + 1) % len(classes), truth)
-        curve = curve or [{"training_s": 0.5, "samples_seen": 400}]
-        final = float(np.mean(np.asarray(predicted) == truth))
-        rows = [{"train_accuracy": 1.0, "test_accuracy": final, **row} for row in curve]
-
-        def first(key, value="training_s"):
-            return next((row[value] for row in rows if row[key] > 0.9), None)
-
-        entry |= {
-            "stop": "trained" if "loss" in rows[0] else "finished",
-            "training_s": rows[-1]["training_s"],
-            "time_to_target_train_s": first("train_accuracy"),
-            "time_to_target_test_s": first("test_accuracy"),
-            "train_accuracy_at_target": first("train_accuracy", "train_accuracy"),
-            "test_accuracy_at_target": first("train_accuracy", "test_accuracy"),
-            "train_accuracy_max": max(row["train_accuracy"] for row in rows),
-            "train_accuracy_final": rows[-1]["train_accuracy"],
-            "test_accuracy_max": max(row["test_accuracy"] for row in rows),
-            "test_accuracy_final": final,
-            "model_bytes": 1000,
-            "n_train": n_train or 400,
-            "n_test": len(truth),
-            "test_labels": np.asarray(truth),
-            "predicted": np.asarray(predicted),
-            "predict_single_s": 1e-3,
-            "predict_batch_s_per_frame": 1e-4,
-            "data_sha256": {"train": "a", "test": f"test of seed {seed}"},
-            **results,
-        }
-        made = msgspec.convert(entry, Finished)
-        made.rows = Rows.of_curve(rows)
-        store.append(tmp_path, made)
-        return identity
-
-    return write
+    return partial(made_up.run, tmp_path)
 
 
 @pytest.fixture
 def write_measurement(tmp_path):
     """write_measurement(name, rows, …) leaves a measurement in tmp_path, as the runner would."""
-
-    def write(name, rows, **entry):
-        entry = {
-            "schema": record.SCHEMA,
-            "name": name,
-            "config": {},
-            "seconds": 1.5,
-            "command": f"python -m experiments.run experiment={name}",
-            "environment": MADE_ON,
-            "changed": _changed_task(name, entry.get("config", {})),
-            **entry,
-        }
-        entry["id"] = record.name_of(name, entry["config"], "")
-        if "revisions" not in entry:  # which imports what the config names
-            entry["revisions"] = revisions(entry["config"])
-        made = msgspec.convert(entry, record.Measurement)
-        made.rows = Rows.of(rows)
-        store.append(tmp_path, made)
-        return entry
-
-    return write
+    return partial(made_up.measurement, tmp_path)
 
 
 @pytest.fixture
@@ -395,12 +244,12 @@ def recording(tmp_path, frames_and_labels):
 
 
 @pytest.fixture
-def composed_run(recording):
+def composed_run(recording, compose):
     """composed_run(*overrides, scene=None) → the resolved config of a run on a small recording."""
 
     def make(*overrides, scene=None):
         path = f"scene.path={scene or recording()}"
-        return resolved(composed_of("scene=recorded", path, "threads=1", *overrides))
+        return resolved(compose("scene=recorded", path, "threads=1", *overrides))
 
     return make
 
@@ -408,21 +257,20 @@ def composed_run(recording):
 @pytest.fixture
 def carry_out(results, one_thread, composed_run):
     """carry_out(*overrides, scene=None) → the record of that run, carried out in this process, or
-    found; carry_out.repeated tells whether the last one was there before."""
+    found: carry_out.repeated tells which, carry_out.said what was printed."""
 
     def do(*overrides, scene=None):
-        names = dict(
-            word.split("=")
-            for word in overrides
-            if word.split("=")[0] in ("model", "stop")
+        words = dict(word.split("=", 1) for word in overrides)
+        names = {key: words[key] for key in ("model", "stop") if key in words}
+        choices = {"scene": "recorded", "model": "hdc", "stop": "paper", **names}
+        keys = [word.lstrip("+") for word in words]
+        config = composed_run(*overrides, scene=scene)
+        console = Console(record=True, width=300, file=io.StringIO())
+        made, do.repeated = runner.carry_out(
+            config, runner.Asked(choices, keys), console
         )
-        entry, do.repeated = job.run(
-            composed_run(*overrides, scene=scene),
-            {"scene": "recorded", "model": "hdc", "stop": "paper", **names},
-            list(overrides),
-            Console(quiet=True),
-        )
-        return entry
+        do.said = console.export_text()
+        return made
 
     return do
 

@@ -11,6 +11,7 @@ lacks, and a file that is not there.
 from __future__ import annotations
 
 import csv
+import json
 import math
 import sys
 from collections.abc import Iterator
@@ -19,14 +20,25 @@ from pathlib import Path
 import numpy as np
 import yaml
 
-from tests.experiments.recompute_arithmetic import mean_share, median_range
-from tests.experiments.recompute_records import ROOT, runs_of
-
+ROOT = Path(__file__).parents[2]
 SCENE, EXPERIMENTS = "touch", ("table1", "table1_descent")
 RECIPES = {"softmax_descent": "softmax"}  # whose row of the paper a model repeats
 PUBLISHED = ROOT / "results" / "published.csv"
 TOLERANCE = 2e-5  # the table has six digits
 STOPS = ("paper", "long", "end", "quick", "reached")
+
+
+def runs_of(folder: Path) -> list[dict]:
+    """Every training that finished, in the order in which they ended; its last row are its
+    ``results``."""
+    lines = (folder / "records.jsonl").read_text("utf-8").splitlines()
+    runs = []
+    for record in map(json.loads, lines):
+        if "model" in record and record.get("status", "finished") == "finished":
+            columns, values = record["rows"]["columns"], record["rows"]["values"]
+            rows = [dict(zip(columns, row)) for row in values]  # noqa: B905  (trimmed)
+            runs.append(record | {"results": rows.pop(), "curve": rows})
+    return runs
 
 
 def models() -> list[str]:
@@ -44,15 +56,15 @@ def counting(runs: list[dict], model: str) -> list[dict]:
     stop of which there are some."""
     own = []
     for run in runs:
-        config, choices = run["config"], run["choices"]
+        config = run["config"]
         whole = config["split"]["n_train"] is config["data"]["pixels"] is None
-        named = (choices["scene"], choices["model"]) == (SCENE, model)
+        named = (run["scene"]["name"], run["model"]["name"]) == (SCENE, model)
         if named and whole and not run.get("changed"):
             own.append(run)
 
     def place(run: dict) -> tuple[bool, int]:
         alone = run["environment"].get("exclusive", True)
-        return not alone, STOPS.index(run["choices"]["stop"])
+        return not alone, STOPS.index(run["stop"])
 
     first = min(map(place, own), default=None)
     by_seed = {run["config"]["seed"]["run"]: run for run in own if place(run) == first}
@@ -60,26 +72,24 @@ def counting(runs: list[dict], model: str) -> list[dict]:
 
 
 def is_iterative(run: dict) -> bool:
-    return "loss" in run["rows"]["columns"]
+    return any("loss" in row for row in run["curve"])
 
 
 def seconds(run: dict) -> float:
     """Training time: of an iterative model that until training accuracy passes 90 %."""
     if not is_iterative(run):
-        return run["training_s"]
-    reached = run.get("time_to_target_train_s")
+        return run["results"]["total_time_s"]
+    reached = run["results"].get("time_to_target_train_s")
     return math.inf if reached is None else reached
 
 
 def at_papers(run: dict, level: float | None) -> float | None:
     """Test accuracy at the first report with the paper's training accuracy, or after one pass."""
     if not is_iterative(run):
-        return run["test_accuracy_final"]
-    names = run["rows"]["columns"]
-    for values in run["rows"]["values"]:
-        report = dict(zip(names, values, strict=True))
-        if level is not None and (report["train_accuracy"] or 0) >= level:
-            return report["test_accuracy"]
+        return run["results"]["test_accuracy_final"]
+    for report in run["curve"]:
+        if level is not None and (report.get("train_accuracy") or 0) >= level:
+            return report.get("test_accuracy")
     return None
 
 
@@ -93,9 +103,65 @@ def papers_level(model: str) -> float | None:
     return None
 
 
+def student(df: int) -> float:
+    """The 97.5 % quantile of Student's t, by integrating its density."""
+    nodes, weights = np.polynomial.legendre.leggauss(400)
+    scale = math.exp(math.lgamma((df + 1) / 2) - math.lgamma(df / 2))
+    scale /= math.sqrt(df * math.pi)
+
+    def below(t: float) -> float:
+        x = t / 2 * (nodes + 1)
+        density = scale * (1 + x**2 / df) ** (-(df + 1) / 2)
+        return 0.5 + float(t / 2 * weights @ density)
+
+    low, high = 0.0, 20.0
+    for _ in range(100):
+        middle = (low + high) / 2
+        low, high = (middle, high) if below(middle) < 0.975 else (low, middle)
+    return low
+
+
+def mean_share(name: str, shares: list[float], n: float) -> dict[str, float]:
+    """Mean of shares of n samples, one per seed, with Student's interval; two right and two wrong
+    more make their least variance. Of one seed Wilson's interval."""
+    if not shares:
+        return {name: math.nan}
+    mean, seeds = float(np.mean(shares)), len(shares)
+    if seeds == 1:
+        z = 1.959963984540054
+        centre = (mean + z**2 / (2 * n)) / (1 + z**2 / n)
+        half = (
+            z * math.sqrt(mean * (1 - mean) / n + (z / (2 * n)) ** 2) / (1 + z**2 / n)
+        )
+        low, high = centre - half, centre + half
+    else:
+        p = (sum(shares) * n + 2) / (seeds * n + 4)
+        variance = max(float(np.var(shares, ddof=1)), p * (1 - p) / n)
+        half = student(seeds - 1) * math.sqrt(variance / seeds)
+        low, high = mean - half, mean + half
+    return {name: mean, f"{name}_low": max(0.0, low), f"{name}_high": min(1.0, high)}
+
+
+def median_range(name: str, values: list[float]) -> dict[str, float]:
+    """Median with its order-statistic interval of 95 %; of too few values least and most."""
+    ordered, n = sorted(values), len(values)
+    found = {name: float(np.median(ordered))}
+    if n == 1:
+        return found
+    chance = [math.comb(n, j) / 2**n for j in range(n + 1)]
+    inner = 0
+    while inner < n // 2 and sum(chance[: inner + 1]) <= 0.025:
+        inner += 1
+    inner = max(inner, 1)
+    return found | {
+        f"{name}_low": ordered[inner - 1],
+        f"{name}_high": ordered[n - inner],
+    }
+
+
 def recompute(runs: list[dict], model: str) -> dict[str, float]:
     """The measured cells of a row by column; nan where there is no number."""
-    own = counting(runs, model)
+    own = [run["results"] for run in counting(runs, model)]
     n = float(np.mean([run["n_test"] for run in own]))
     finals = [run["test_accuracy_final"] for run in own]
     early = [run.get("test_accuracy_at_target") for run in own]
@@ -103,17 +169,18 @@ def recompute(runs: list[dict], model: str) -> dict[str, float]:
     found |= mean_share("test_accuracy_final", finals, n)
     found["test_accuracy_at_target"] = _mean(early)
     found["train_accuracy_final"] = _mean([run["train_accuracy_final"] for run in own])
-    times = [seconds(run) for run in own]
+    times = [seconds(run) for run in counting(runs, model)]
     if math.inf not in times:
         found["training_time_s"] = float(np.median(times))
-    found["total_time_s"] = float(np.median([run["training_s"] for run in own]))
+    found["total_time_s"] = float(np.median([run["total_time_s"] for run in own]))
     for name, key in (("hdc", "hdc"), ("numpy_hdc", "hdc_numpy")):
-        beside = [run.get("beside_s", {}).get(key) for run in own]
+        beside = [run.get(f"beside.{key}_s") for run in own]
         if model != "hdc" and None not in beside and math.inf not in times:
             ratios = [time / of for time, of in zip(times, beside, strict=True)]
             found |= median_range(f"training_time_over_{name}", ratios)
     level = papers_level(model)
-    known = [share for run in own if (share := at_papers(run, level)) is not None]
+    shares = (at_papers(run, level) for run in counting(runs, model))
+    known = [share for share in shares if share is not None]
     return found | mean_share("test_accuracy_at_papers", known, n)
 
 

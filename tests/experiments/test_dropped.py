@@ -23,11 +23,11 @@ from experiments.reporting.study import studies as studies_of
 FEW = 3  # draws that are kept of each measurement: enough to be shown
 RESULTS = Results(REFERENCE)
 ROWS = {measured.id: measured.rows.dicts() for measured in RESULTS.measurements}
-MODELS = {run.choices.model for run in RESULTS.runs}
+MODELS = {run.model.name for run in RESULTS.runs}
 MODELS |= {row["model"] for rows in ROWS.values() for row in rows if "model" in row}
 # The others are slow to take out one by one.
 EVERYWHERE = ("hdc", "softmax_dual", "mean_image")
-NAMES = {measured.name for measured in RESULTS.measurements}
+NAMES = {measured.experiment for measured in RESULTS.measurements}
 
 
 def rows_without(rows, model):
@@ -48,16 +48,16 @@ def reduced(model=None, name=None):
     """The committed results without a model or a measurement, and the experiments that had it."""
     results, touched = copy.copy(RESULTS), {name}
     results._frames = {}
-    results.runs = [run for run in RESULTS.runs if run.choices.model != model]
+    results.runs = [run for run in RESULTS.runs if run.model.name != model]
     if len(results.runs) < len(RESULTS.runs):
         touched |= {RUNS, CHECKPOINTS}
     results.measurements = []
     for measured in RESULTS.measurements:
         rows = ROWS[measured.id]
         if any(row.get("model") == model for row in rows if model):
-            touched.add(measured.name)
+            touched.add(measured.experiment)
         kept = rows_without(rows, model)
-        if kept and measured.name != name:
+        if kept and measured.experiment != name:
             fewer = msgspec.structs.replace(measured, rows=Rows.of(kept))
             results.measurements.append(fewer)
     return results, touched
@@ -78,7 +78,7 @@ def made_whole(results, touched):
         names += [table.name for table in answers.tables(part) if table.csv()]
         for figure, table in answers.figures(part):
             figure.draw(table.data)
-        answers.comparison()
+        assert answers.comparison is None or answers.comparison.csv()
         assert [str(failure) for failure in answers.failures] == []
         plt.close("all")
     return names

@@ -34,7 +34,7 @@ def target(tmp_path, monkeypatch):
 
 
 def models_of(folder):
-    return sorted(run.model_label for run in Results(folder).runs)
+    return sorted(run.model.label for run in Results(folder).runs)
 
 
 # What is adopted ----------------------------------------------------------------------------------
@@ -54,7 +54,9 @@ def test_a_record_takes_the_place_of_that_of_its_name_and_others_stay(
     assert models_of(target) == ["hdc", "ridge", "softmax"]
     lines = Results(target).frame(RUNS).set_index("model")
     assert lines.right["hdc"] == 95
-    assert [measured.name for measured in Results(target).measurements] == ["drift"]
+    assert [measured.experiment for measured in Results(target).measurements] == [
+        "drift"
+    ]
     before = (target / store.FILE).read_bytes()
     assert reference.adopt(tmp_path, target) == (3, 0)
     assert (target / store.FILE).read_bytes() == before

@@ -58,15 +58,13 @@ def test_the_committed_numbers_are_those_of_the_committed_records(committed, fol
     """Of every table, and of every figure that no table shows, the bytes."""
     made = {table.name: table.csv() for table in committed.every_table()}
     if folder == "figures":
-        drawn = {
-            table.name: (figure, table)
-            for study in committed.studies
-            for figure, table in committed.figures(study)
-        }
+        drawn = [
+            pair for study in committed.studies for pair in committed.figures(study)
+        ]
         made = {
             figure.name: table.csv()
-            for name, (figure, table) in drawn.items()
-            if name not in made and figure.kind != "webp"
+            for figure, table in drawn
+            if table.name not in made and figure.kind != "webp"
         }
     paths = (REFERENCE / folder).glob("*.csv")
     expected = {path.stem: path.read_text(encoding="utf-8") for path in paths}
@@ -74,22 +72,19 @@ def test_the_committed_numbers_are_those_of_the_committed_records(committed, fol
     assert [name for name in made if made[name] != expected[name]] == []
 
 
-def test_in_a_clone_it_writes_the_page_and_shows_a_table(tmp_path):
-    def run(*words):
-        done = subprocess.run(
-            [sys.executable, "-m", "experiments.report", *words],
-            cwd=ROOT, capture_output=True, text=True, check=False,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "RESULTS_DIR": str(tmp_path)},
-        )  # fmt: skip
-        assert done.returncode == 0, done.stderr
-        return done.stdout
-
-    assert "HDC minus" not in run("footprint")
+def test_in_a_clone_it_shows_a_table_without_matplotlib(tmp_path):
+    code = (
+        "import sys; from experiments import report; report.main(['footprint']); "
+        "sys.exit('matplotlib' in sys.modules)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        cwd=ROOT, capture_output=True, text=True, check=False,
+        env={**os.environ, "PYTHONPATH": str(ROOT), "RESULTS_DIR": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    assert "Footprint of each scene" in done.stdout
     assert list(tmp_path.iterdir()) == []  # it shows, and writes nothing
-    run()
-    page = tmp_path / "report.html"
-    assert 2e5 < page.stat().st_size < 1e6  # with the whole reference
-    assert not list(page.parent.glob("tables/*"))  # they are the reference's
 
 
 # Own results --------------------------------------------------------------------------------------
@@ -100,7 +95,6 @@ def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
     write_run("hdc", wrong=range(50))
     write_run("ridge", scene="finger", wrong=range(20))
     text, files = written(tmp_path)
-    assert text.count("Table I,") == 1
     hdc = next(line for line in text.splitlines() if line.startswith("HDC "))
     assert "50" in hdc.split()  # mine
     assert re.search(r"^CNN, 1 layer .*\n\(reference\)", text, re.MULTILINE)
@@ -108,21 +102,18 @@ def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
     assert re.search(r"^finger +Ridge +1 +80 \[", text, re.MULTILINE | re.IGNORECASE)
     assert max(map(len, text.splitlines()[:8])) <= report.WIDTH
     assert [row["model"] for row in rows_of(files["runs.csv"])] == ["ridge", "hdc"]
-    compared = rows_of(files["comparison.csv"])
-    assert compared  # nothing that was not measured stands under one's own
-    assert all(row["measured"] for row in compared)
+    # Nothing that was not measured stands under one's own.
+    assert all(row["measured"] for row in rows_of(files["comparison.csv"]))
     page = files["report.html"].decode()
-    heads = ["<h2>Your results</h2>", "<h2>Reference results</h2>"]
-    assert page.index(heads[0]) < page.index(heads[1])
+    assert 0 < page.index("<h2>Your results") < page.index("<h2>Reference results")
     assert page.count('id="table1"') == 1  # one's own
     assert "of your numbers lie outside the interval of the reference" in page
+    assert "<small>reference: 99.5 to 100</small>" in page
 
 
 def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):
-    before = (tmp_path / "records.jsonl").read_bytes()
     first = written(tmp_path, tex=True)
     assert first == written(tmp_path, tex=True)
-    assert (tmp_path / "records.jsonl").read_bytes() == before
     names = {name.partition(".")[0] for name in first[1]}
     assert {"table1", "comparison", "runs", "accuracy_vs_n", "report"} <= names
     tex = first[1]["table1.tex"].decode()
@@ -185,8 +176,9 @@ def test_a_study_that_fails_costs_its_own_table_and_says_so_in_one_line(
 
 BAD = [
     ("environment.cpu", "A\nCPU | <b>\x1b[31m` \\", False),
-    ("choices.stop", "\x1b[31m<b>", False),
-    ("scene.classes", ["<b>", "$x_{$", "\x1b[31m", "\\", "a\nb"], False),
+    ("stop", "\x1b[31m<b>", False),
+    # The names of the classes.
+    ("rows.values.-1.6", '["<b>", "$x_{$", "\\u001b[31m", "\\\\", "a\\nb"]', False),
     ("config", None, True),
 ]
 
@@ -199,7 +191,9 @@ def test_a_bad_record_costs_itself_only(tmp_path, write_run, alone):
     lines = path.read_text().splitlines()
     for k, (key, value, _) in enumerate(BAD, 1):
         entry = part = json.loads(lines[k])
-        *parents, last = key.split(".")
+        *parents, last = [
+            int(k) if k.strip("-").isdigit() else k for k in key.split(".")
+        ]
         for parent in parents:
             part = part[parent]
         part[last] = value

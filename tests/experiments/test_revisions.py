@@ -11,7 +11,7 @@ import pytest
 import hdc
 from experiments.records import revision, store
 from experiments.records.files import ROOT
-from experiments.records.run import Finished
+from tests.experiments import golden_items
 from tests.experiments import golden_numbers as golden
 
 
@@ -31,8 +31,8 @@ def test_no_number_moved_without_a_revision(one_thread):
 def words(one_thread, monkeypatch, tmp_path):
     """The items of HDC alone, with a golden file of their own."""
     monkeypatch.setattr(golden, "FILE", tmp_path / "numbers.json")
-    part = golden.configs.part("model", "hdc")["model"]
-    item = golden.Item(part, lambda: golden.hdc_numbers(part, 65, "uint8"))
+    part = golden_items.part("model", "hdc")["model"]
+    item = golden_items.Item(part, lambda: golden_items.hdc_numbers(part, 65, "uint8"))
     monkeypatch.setattr(golden, "items", lambda: {"words": item})
     assert golden.write() == []
     yield lambda: golden.complaint("words", item, golden.read().get("words"))
@@ -79,7 +79,7 @@ def test_what_moved_is_named(before, now, expected):
 
 def test_labels_beside_a_change_say_nothing():
     labels = [0] * 10 + [1] * 11 + [1] * 21 + [1] * 20 + [2]
-    found = golden.clear_labels(labels)
+    found = golden_items.clear_labels(labels)
     assert found[8:12] == [0, None, None, 1]
     assert found[60:] == [1, None, None]
 
@@ -124,4 +124,4 @@ def test_a_word_in_a_progress_bar_or_a_docstring_outdates_no_record(
         (copy / path).write_text(text.replace(before, after))
     assert "finished before" in run()
     (entry,) = store.read(tmp_path / "own")
-    assert isinstance(entry, Finished)
+    assert entry.is_finished

@@ -1,5 +1,6 @@
 """The command line: what it prints, how it ends, and that an error of the user's is one line."""
 
+import json
 import os
 import re
 import shlex
@@ -10,8 +11,11 @@ import time
 
 import numpy as np
 import pytest
+from hydra import compose, initialize_config_dir
 
+from experiments import run
 from experiments.records import locks, store
+from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 
 HEAVY = (
@@ -82,6 +86,36 @@ def test_neither_import_nor_a_run_changes_warnings_for_good(command_line):
     assert done.stdout.split() == ["True", "False", "True"], done.stderr
 
 
+@pytest.mark.parametrize(
+    ("words", "keys", "other_scene"),
+    [
+        (
+            ["model.device=cpu", "~model.backend"],
+            ["model.device", "model.backend"],
+            False,
+        ),
+        (["experiment=drift"], ["experiment"], False),
+        (["experiment=drift", "scene=touch"], ["experiment", "scene"], True),
+        (["experiment=stiffness", "scene=touch"], ["experiment", "scene"], False),
+        (
+            ["experiment=robustness", "+model@task.models.cnn1=cnn1"],
+            ["experiment", "task.models.cnn1"],
+            False,
+        ),
+        (["experiment=times_grid"], ["experiment", "stop.budget_s"], False),
+    ],
+    ids=str,
+)
+def test_what_was_chosen_and_set_is_known_from_the_words_and_the_experiments_file(
+    words, keys, other_scene
+):
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        found = compose("config", overrides=words, return_hydra_config=True)
+    asked = run._asked(found.hydra)
+    assert (list(asked.keys), asked.other_scene) == (keys, other_scene)
+    assert asked.choices["model"] == "hdc"
+
+
 # Runs ---------------------------------------------------------------------------------------------
 
 
@@ -112,10 +146,9 @@ def test_a_folder_of_images_from_another_directory(
     assert lines[-1].startswith("  record ")
     (entry,) = entries(results)
     assert (entry.status, entry.environment.threads) == ("finished", 1)
-    assert entry.scene.classes == ["a", "b", "c"]
+    assert json.loads(entry.results["classes"]) == ["a", "b", "c"]
     words = ["scene=recorded", "scene.path='../my frames'", "model=hdc", "threads=1"]
     assert entry.command == shlex.join(["python", "-m", "experiments.run", *words])
-    assert entry.overrides == words
     assert list((tmp_path / "cwd").iterdir()) == []
 
 
@@ -135,7 +168,7 @@ def test_an_hdc_run_on_the_simulated_sensor_loads_nothing_heavy(results, command
     assert "\x1b" not in done.stdout
     assert done.stderr == ""
     (entry,) = entries(results)
-    assert entry.scene.origin == "simulated"
+    assert entry.results["origin"] == "simulated"
     assert len(list((results / "cache").glob("*.npy"))) == 1
 
 
@@ -211,7 +244,7 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
         ),
         (
             ["experiment=stability", "+task.nothing=1"],
-            r"error: task: expected no keys, found got an unexpected .*'nothing'",
+            r"error: task\.nothing: expected no such key",
         ),
         (
             ["experiment=stability", "task._target_=experiments.nowhere"],
@@ -219,7 +252,7 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
         ),
         (
             ["+task={_target_: os.system, command: 'true'}"],
-            r"error: task\._target_: expected .* an experiment, found os\.system; @experiment .*",
+            r"error: task\._target_: expected .* a Task, found os\.system, which is none",
         ),
     ],
     ids=lambda given: given[0] if isinstance(given, list) else None,

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import os
 import random
-import resource
 import signal
 import subprocess
 import sys
@@ -15,10 +14,10 @@ import psutil
 import pytest
 
 from experiments.protocol import machine
-from experiments.records import record, store
+from experiments.records import store
 from experiments.records.files import ROOT
 from experiments.records.locks import LEFT
-from experiments.records.run import Finished
+from experiments.records.record import Record
 
 pytestmark = pytest.mark.usefixtures("results", "one_thread")
 
@@ -31,17 +30,18 @@ def scene(recording):
 
 def outcome(results):
     """Every finished record without its times, by id."""
-    runs = {run.id: run for run in store.read(results) if isinstance(run, Finished)}
-    lines = {name: json.loads(record.to_line(run)) for name, run in runs.items()}
-    return {name: without_times(line) for name, line in lines.items()}
+    runs = [run for run in store.read(results) if isinstance(run, Record)]
+    return {run.id: without_times(run) for run in runs if run.is_finished}
 
 
-def without_times(entry):
-    kept = {k: v for k, v in entry.items() if not k.endswith(("_s", "_per_frame"))}
-    columns = kept["rows"]["columns"]
-    rows = [dict(zip(columns, row, strict=True)) for row in kept["rows"]["values"]]
-    curve = [{k: v for k, v in row.items() if k != "training_s"} for row in rows]
-    return kept | {"rows": curve}
+def without_times(run):
+    entry = json.loads(store.to_line(run))
+    del entry["seconds"]
+    rows = [
+        {k: v for k, v in row.items() if not k.endswith(("_s", "_per_frame"))}
+        for row in run.rows.dicts()
+    ]
+    return entry | {"rows": rows}
 
 
 def kill_after(process, results, n, seconds):
@@ -113,23 +113,6 @@ def test_a_kill_at_any_write_leaves_runs_that_the_next_call_completes(
     assert len(outcome(results)) == n
 
 
-def short_of_disk(limit):
-    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
-
-
-def test_a_full_disk_is_one_line_and_finished_records_stay(results, scene, start):
-    start(*scene).join(60)
-    before, size = outcome(results), (results / store.FILE).stat().st_size
-    process = start(*scene, "seed.run=1", before=lambda: short_of_disk(size + 300))
-    process.join(60)
-    assert process.exitcode == 1
-    (line,) = process.out.read_text().splitlines()
-    assert line.startswith("error: [Errno 27] File too large")
-    assert outcome(results) == before
-    start(*scene, "seed.run=1").join(60)
-    assert len(outcome(results)) == 2
-
-
 def test_two_sweeps_at_once_run_nothing_twice(results, scene, start):
     overrides = ("-m", *scene, "seed.run=0,1,2,3,4,5", "exclusive=false")
     both = [start(*overrides), start(*overrides)]
@@ -159,7 +142,8 @@ def test_runs_wait_for_free_cores_unless_told_not_to(
     )
     assert "waiting" not in beside.out.read_text()
     exclusive = {
-        entry.seed: entry.environment.exclusive for entry in store.read(results)
+        entry.config["seed"]["run"]: entry.environment.exclusive
+        for entry in store.read(results)
     }
     assert exclusive == {0: True, 1: False}
 
@@ -179,5 +163,5 @@ def test_workers_of_a_launcher_run_a_sweep_and_name_its_failures(
     assert "Traceback" not in done.stderr
     assert "seed.run: expected an integer from 0 to 2^53, found -1" in done.stderr
     (entry,) = store.read(results)
-    assert (entry.seed, entry.status) == (0, "finished")
+    assert (entry.config["seed"]["run"], entry.status) == (0, "finished")
     assert entry.config["threads"] == entry.environment.threads == 1

@@ -11,11 +11,11 @@ from rich.console import Console
 from experiments import report, table1
 from experiments.protocol.settings import checked
 from experiments.protocol.stop import StopRule
-from experiments.records import configs
 from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.reporting import terminal
 from experiments.studies.table1.view import STUDY, TABLE1
+from tests.experiments.composed import part
 
 
 def epochs(*pairs):
@@ -90,24 +90,6 @@ def test_rows_that_were_not_measured_are_those_of_the_reference_and_say_so(
     alone = shown(lambda console: terminal.show_table1(console, first_look))
     assert "(reference)" not in " ".join(alone)
     assert "not measured" in " ".join(alone)
-
-
-def test_a_row_follows_the_ones_before_in_the_same_columns(first_look):
-    first = shown(lambda c: terminal.show_row(c, first_look, "hdc", heads=True))
-    next_one = shown(lambda c: terminal.show_row(c, first_look, "cnn1", heads=False))
-    assert [line for line in first if line.startswith("Model")]
-    assert not [line for line in next_one if line.startswith("Model")]
-    (hdc,) = (line for line in first if line.startswith("HDC"))
-    (cnn1,) = (line for line in next_one if line.startswith("CNN, 1 layer"))
-    assert hdc.index("0.035") + len("0.035") == cnn1.index("8.9") + len("8.9")
-
-
-def test_the_last_line_says_what_one_seed_is_worth(first_look, tmp_path, write_run):
-    text = "One seed decides nothing: make reproduce QUICK=1 · page: a.html"
-    assert terminal.last_line(first_look, "a.html") == text
-    write_run("hdc", seed=1)
-    assert terminal.last_line(the_table(tmp_path), "a.html") == "page: a.html"
-    assert terminal.last_line(None, "a.html") == "page: a.html"
 
 
 def test_a_brief_report_shows_the_table_once_and_no_reference(
@@ -195,7 +177,7 @@ def test_the_time_that_is_promised_stands_in_the_readme():
 @pytest.mark.parametrize(("steps", "reason"), [(99, None), (100, "steps")])
 def test_a_slow_machine_trains_the_networks_as_far_as_a_quick_one(steps, reason):
     """The third network ended after 110 s, with 20 to 47 % of its training frames learnt."""
-    rule = checked(configs.part("stop", "quick")["stop"], StopRule)
+    rule = checked(part("stop", "quick")["stop"], StopRule)
     assert rule.check(training_s=1000.0, steps=steps, loss=1.4) == reason
 
 
@@ -230,14 +212,3 @@ def test_words_of_the_command_line_train_nothing(
     assert end.value.code == status
     assert said in " ".join(capsys.readouterr())
     assert called.words == []
-
-
-def test_a_table_that_cannot_be_written_is_one_line(called, monkeypatch, capsys):
-    def full(*_, **__):
-        raise OSError(28, "No space left on device", "report.html")
-
-    monkeypatch.setattr(report, "write", full)
-    assert table1.main() == 1
-    assert capsys.readouterr().out.splitlines()[-1] == (
-        "error: [Errno 28] No space left on device: 'report.html'"
-    )

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, HDCRegressor
+from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.bank import Bank
-from hdc.encoders import Deviation, Median
+from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile
 
 LABELS = np.arange(60) % 3
 TRAIN, QUERIES = np.r_[20:50, 20:23], np.arange(50, 60)
@@ -70,3 +70,22 @@ def test_words_of_another_encoder_are_refused(frames):
         model.predict(HDCClassifier().fit(frames, LABELS).encode(frames))
     with pytest.raises(ValueError, match="hypervectors: expected those of"):
         HDCClassifier("levels").fit(model.encode(frames), LABELS)
+
+
+class Above(Encoder):
+    """Pixels above those of a frame."""
+
+    def __init__(self, frame=None):
+        self.frame = frame
+
+    def encode(self, frames):
+        return bits.pack(frames.flatten(1) > torch.as_tensor(self.frame).flatten())
+
+
+def test_a_bank_holds_words_of_equal_encoders_once(frames):
+    held = Bank(frames, LABELS, 3)
+    low, high = (Above(np.full(frames.shape[1:], grey)) for grey in (50, 150))
+    # Though their texts are equal.
+    assert not torch.equal(held.words(None, low).packed, held.words(None, high).packed)
+    for encoder in (low, high, Quantile("1/3"), Levels(3)):
+        assert torch.equal(held.words(None, encoder).packed, encoder.encode(frames))

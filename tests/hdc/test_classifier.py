@@ -102,7 +102,7 @@ def test_same_bits_on_an_accelerator():
         ),
         (
             lambda f, y, _: HDCClassifier(readout=Neighbours(0)).fit(f, y),
-            "n_neighbours: expected an int",
+            "n_neighbors: expected an int",
         ),
         (
             lambda f, y, _: HDCClassifier().partial_fit([], []),
@@ -195,7 +195,7 @@ def test_equal_distances_go_to_the_first_class():
     "change",
     [
         {"readout": "ridge"},
-        {"readout__seed": 3},
+        {"readout__random_state": 3},
         {"encoder": "levels"},
         {"encoder__ties": "raster"},
     ],
@@ -220,39 +220,3 @@ def test_parts_that_were_set_after_training_are_named(change):
         with pytest.raises(ValueError, match=message):
             call(model)
     assert model.fit(frames, labels).score(frames, labels) > 0.9
-
-
-def test_numpy_numbers_are_taken_for_plain_ones():
-    frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels)
-    mixed = np.concatenate([frames, 255 - frames])
-    for share in (np.float32(0.25), np.float64(0.25)):
-        assert np.array_equal(model.is_known(mixed, share), model.is_known(mixed, 0.25))
-    for method in METHODS:
-        models = [HDCClassifier().fit(frames, labels) for _ in range(2)]
-        for some, p in zip(models, (0.5, np.float32(0.5)), strict=True):
-            some.recalibrate(255 - frames, labels, p=p, method=method)
-        assert torch.equal(models[0].prototypes_, models[1].prototypes_)
-
-
-@pytest.mark.parametrize(
-    ("readout", "learns", "adapts"),
-    [
-        ("majority", True, True),
-        ("counts", True, True),
-        ("neighbours", True, True),
-        ("ridge", False, True),
-        ("lda", False, True),
-        ("trained", False, False),
-        ("nonsense", False, False),
-    ],
-)
-def test_methods_that_always_raise_are_absent(readout, learns, adapts):
-    model = HDCClassifier(readout=readout)
-    assert hasattr(model, "partial_fit") == hasattr(model, "merge") == learns
-    assert hasattr(model, "recalibrate") == adapts
-    assert HDCClassifier.partial_fit.__doc__.startswith("Learn a further batch")
-    if readout == "nonsense":
-        for kind in (AttributeError, ValueError):
-            with pytest.raises(kind, match=r"^merge: .*one of majority, "):
-                _ = model.merge

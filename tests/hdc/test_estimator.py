@@ -45,9 +45,10 @@ def test_all_checks_are_met(model):
 
 def test_parameters_are_set(frames_and_labels):
     frames, labels = frames_and_labels()
-    model = HDCClassifier().set_params(readout__ties="one", readout__seed=3)
+    model = HDCClassifier().set_params(readout__ties="one", readout__random_state=3)
     assert repr(clone(model)) == (
-        "HDCClassifier(encoder='median', readout=Majority(ties='one', balance=False, seed=3), "
+        "HDCClassifier(encoder='median', readout=Majority(ties='one', class_weight=None, "
+        "random_state=3), "
         "device='cpu', backend='auto')"
     )
     assert is_classifier(model)

@@ -29,14 +29,14 @@ def test_whatever_step_of_a_write_fails_the_old_or_the_new_model_loads(
     tmp_path, full_disk
 ):
     path = tmp_path / "m"
-    models = [trained(), trained(readout=Majority("one", seed=1))]
+    models = [trained(), trained(readout=Majority("one", random_state=1))]
     for k in range(100):
         models[0].save(path)
         if (error := full_disk(k, lambda: models[1].save(path))) is None:
             break
         assert "No space left" in str(error)
         loaded = HDCClassifier.load(path)
-        expected = models[loaded.get_params()["readout__seed"]]
+        expected = models[loaded.get_params()["readout__random_state"]]
         assert loaded.readout.get_params() == expected.readout_.get_params()
         assert np.array_equal(loaded.distances(QUERIES), expected.distances(QUERIES))
         assert len(list(tmp_path.iterdir())) == 1 or k == 4  # the temporary file stays

@@ -23,6 +23,7 @@ from hypothesis.stateful import (
 from hdc import HDCClassifier, bits
 from hdc.prototypes import Counters
 from hdc.readouts import Majority
+from hdc.readouts.majority import WEIGHTS
 
 D = 77
 batches = st.lists(
@@ -72,7 +73,7 @@ class Calls(RuleBasedStateMachine):
     @initialize(balance=st.booleans())
     def begin(self, balance: bool) -> None:
         self.model, self.classes, self.prototypes = (
-            HDCClassifier(readout=Majority(balance=balance)),
+            HDCClassifier(readout=Majority(class_weight=WEIGHTS[balance])),
             {},
             {},
         )
@@ -99,7 +100,7 @@ class Calls(RuleBasedStateMachine):
 
     @rule(batch=batches)
     def merge(self, batch: list) -> None:
-        readout = Majority(balance=self.balance)
+        readout = Majority(class_weight=WEIGHTS[self.balance])
         other = HDCClassifier(readout=readout).partial_fit(*frames_of(batch))
         self.learn(batch, lambda: self.model.merge(other))
 

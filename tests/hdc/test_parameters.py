@@ -8,24 +8,19 @@ import numpy as np
 import pytest
 from sklearn.base import clone
 
-from hdc import HDCClassifier
+from hdc import HDCClassifier, HDCRegressor
 from hdc.availability import UnavailableError
+from hdc.described import describe, rebuild
 from hdc.encoders import ENCODERS, Deviation, Levels, Median, Quantile, Reference
-from hdc.parameters import (
-    Named,
-    Parametrised,
-    describe,
-    make_part,
-    rebuild,
-)
-from hdc.readouts import LDA, Majority
+from hdc.parameters import Named, Parametrised, make_part
+from hdc.readouts import LDA, Counts, Majority, Neighbours, NeighbourValues
 
 
 def test_parameters_of_parts_of_parts():
     model = HDCClassifier(Reference(Quantile("1/3")))
     found = model.get_params()
     assert found["encoder__base__at"] == "1/3"
-    assert found["readout__balance"] is False
+    assert found["readout__class_weight"] is None
     assert set(model.get_params(deep=False)) == {
         "encoder",
         "readout",
@@ -52,6 +47,31 @@ def test_setting_leaves_the_object_that_was_given():
 def test_names_that_are_none_are_listed(name):
     with pytest.raises(ValueError, match=r"set_params: expected one of .*, found '"):
         HDCClassifier().set_params(**{name: 1})
+
+
+@pytest.mark.parametrize(
+    ("readout", "old", "value", "new"),
+    [
+        (Majority, "seed", 3, {"random_state": 3}),
+        (Counts, "balance", True, {"class_weight": "balanced"}),
+        (Counts, "balance", False, {"class_weight": None}),
+        (Neighbours, "n_neighbours", 5, {"n_neighbors": 5}),
+        (NeighbourValues, "n_neighbours", 5, {"n_neighbors": 5}),
+    ],
+)
+def test_an_old_name_says_the_new_one_and_is_read_in_files(readout, old, value, new):
+    (name,) = new
+    model = HDCRegressor if readout is NeighbourValues else HDCClassifier
+    message = f"^{readout.__name__}: expected {name}, found '{old}', its old name$"
+    with pytest.raises(TypeError, match=message):
+        readout(**{old: value})
+    with pytest.raises(TypeError, match=message):
+        model(readout=readout()).set_params(**{f"readout__{old}": value})
+    known = model._known["readout"]
+    described = describe(readout(), known)
+    described["parameters"][old] = value
+    del described["parameters"][name]
+    assert rebuild(described, "readout", known).get_params().items() >= new.items()
 
 
 def test_clones_share_nothing_and_have_learned_nothing():

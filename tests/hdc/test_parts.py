@@ -5,22 +5,18 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
-from statistics import NormalDist
 
 import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.bank import Bank
+from hdc import HDCClassifier, HDCRegressor
 from hdc.encoders import (
     ENCODERS,
-    Encoder,
     Levels,
     Quantile,
     Reference,
     RelativeEncoder,
-    Smoothed,
     make_encoder,
 )
 from hdc.readouts import READOUTS, Updatable, make_readout
@@ -43,20 +39,6 @@ def touches(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
     return np.clip(noisy, 0, 255).astype(np.uint8), np.array(list("dbca"))[labels]
 
 
-def known_by_chance(encoder) -> float:
-    """Share of inverted touches that may be like another class: its mean and two deviations.
-
-    Of D independent bits an inverted frame shares a half with each of three other classes, more or
-    less 1/(2·√D); a touch shares about 70 % with its own. A Gaussian of σ pixels leaves one of 4πσ²
-    pixels independent. Where chance is nothing, 3 of 60 are let pass.
-    """
-    independent = 17 * 13
-    if isinstance(encoder, Smoothed):
-        independent /= 4 * np.pi * encoder.smooth**2
-    chance = 3 * NormalDist().cdf(-0.2 * 2 * independent**0.5)
-    return max(0.05, chance + 2 * (chance * (1 - chance) / 60) ** 0.5) + 1e-9
-
-
 @pytest.mark.parametrize(("encoder", "readout"), PAIRS, ids=repr)
 def test_every_encoder_with_every_read_out(encoder, readout, tmp_path):
     pytest.importorskip("numba")
@@ -66,7 +48,6 @@ def test_every_encoder_with_every_read_out(encoder, readout, tmp_path):
     sets = model.predict_set(queries, 0.1)
     assert np.mean([y in found for y, found in zip(truth, sets, strict=True)]) > 0.75
     assert model.is_known(queries, 0.1).mean() > 0.75
-    assert model.is_known(255 - queries, 0.1).mean() < known_by_chance(model.encoder_)
     compiled = HDCClassifier(encoder, readout, backend="compiled").fit(frames, labels)
     model.save(tmp_path / "m")
     loaded = HDCClassifier.load(tmp_path / "m")
@@ -303,36 +284,12 @@ def test_where_the_module_is_missing_one_line_says_so(own, tmp_path):
 @pytest.mark.parametrize(
     ("given", "kind", "message"),
     [
-        (
-            "nothing",
-            ValueError,
-            "expected one of .*, or a dotted name such as 'module.Class'",
-        ),
-        (
-            "laboratory.Missing",
-            ValueError,
-            "expected a class 'laboratory.Missing', found: ",
-        ),
-        (
-            "missing.First",
-            ValueError,
-            "expected a class 'missing.First', found: No module",
-        ),
-        (
-            "laboratory.torch",
-            ValueError,
-            "expected a class, found 'laboratory.torch', which is",
-        ),
-        (
-            "laboratory.Mean",
-            TypeError,
-            r"expected .* object of hdc.*, found 'laboratory.Mean'$",
-        ),
-        (
-            "pathlib.Path",
-            TypeError,
-            r"expected .* object of hdc.*, found 'pathlib.Path'$",
-        ),
+        ("nothing", ValueError, "expected one of .*, or a dotted name such as 'mod"),
+        ("laboratory.Missing", ValueError, "expected a class 'laboratory.Missing', f"),
+        ("missing.First", ValueError, "expected a class 'missing.First', found: No m"),
+        ("laboratory.torch", ValueError, "expected a class, found 'laboratory.torch'"),
+        ("laboratory.Mean", TypeError, "expected .* object of hdc.*'laboratory.Mean'$"),
+        ("pathlib.Path", TypeError, "expected .* object of hdc.*found 'pathlib.Path'$"),
         (7, TypeError, r"expected .* object of hdc.*, found 7$"),
         (Levels, TypeError, "expected an object, found the class Levels"),
     ],
@@ -360,27 +317,6 @@ class Inverted(Quantile):
 
     def encode(self, frames, first=0):
         return super().encode(255 - frames, first)
-
-
-class Above(Encoder):
-    """Pixels above those of a frame."""
-
-    def __init__(self, frame=None):
-        self.frame = frame
-
-    def encode(self, frames):
-        return bits.pack(frames.flatten(1) > torch.as_tensor(self.frame).flatten())
-
-
-def test_a_bank_holds_words_of_equal_encoders_once():
-    frames, labels = touches(12)
-    bank = Bank(torch.from_numpy(frames), labels, 4)
-    low, high = (Above(np.full(frames.shape[1:], grey)) for grey in (50, 150))
-    # Though their texts are equal.
-    assert not torch.equal(bank.words(None, low).packed, bank.words(None, high).packed)
-    images = torch.from_numpy(frames)
-    for encoder in (low, high, Quantile("1/3"), Levels(3)):
-        assert torch.equal(bank.words(None, encoder).packed, encoder.encode(images))
 
 
 @pytest.mark.parametrize("readout", ["lda", "kernel", "trained", "ridge", "majority"])

@@ -98,19 +98,6 @@ def test_recalibrated_bits_come_from_either_side():
     assert torch.equal(whole, fresh)
 
 
-@given(st.lists(st.integers(0, 9), min_size=1, max_size=4), st.integers(1, 40))
-@settings(max_examples=30, deadline=None)
-def test_scaled_counters_are_repeated_samples(weights, n):
-    index = torch.arange(n * len(weights)) % len(weights)
-    mask = vectors(len(index), 130)
-    times = torch.tensor(weights)[index]
-    scaled = counted(len(weights), mask, index).scaled(weights)
-    repeated = mask.repeat_interleave(times, 0), index.repeat_interleave(times)
-    expected = counted(len(weights), *repeated)
-    assert torch.equal(scaled.n, expected.n)
-    assert torch.equal(scaled.counts(), expected.counts())
-
-
 @pytest.mark.parametrize("ties", ["zero", "one", "random"])
 def test_prototypes_of_a_size_are_those_of_thinned_counters(ties):
     counters = counted(3, vectors(16, 200), [0] * 9 + [1] * 4 + [2] * 3)

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.readouts import NeighbourValues, RidgeValues
+from hdc import HDCClassifier, HDCRegressor
+from hdc.readouts import NeighbourValues
 from hdc.regressor import _ends
 
 
@@ -35,6 +35,10 @@ def test_numbers_are_predicted_adapted_and_saved(tmp_path, model):
     model.save(tmp_path / "m", {"unit": "mm"})
     loaded = HDCRegressor.load(tmp_path / "m")
     assert loaded.metadata_ == {"unit": "mm"}
+    for some in (model, loaded):
+        some.partial_fit(queries[:9], truth[:9])
+    ends = [np.array(some.predict(frames, True)) for some in (model, loaded)]
+    np.testing.assert_array_equal(*ends)
     with pytest.raises(
         ValueError, match="found a saved HDCRegressor; load it with HDCRegressor"
     ):
@@ -87,22 +91,6 @@ def test_ends_of_intervals_are_those_of_the_jackknife_plus(n, alpha, k):
             )
             assert low[q, t].item() == sorted(f - abs(r) for f, r in pairs)[k - 1]
             assert high[q, t].item() == sorted(f + abs(r) for f, r in pairs)[n - k]
-
-
-@pytest.mark.parametrize("n", [2, 9, 48, 97])
-def test_ends_are_the_outermost_at_just_enough_frames_and_infinite_below(n):
-    """Enough are 1/alpha − 1. Of 1/49 a float is a little less: then they may be infinite, too."""
-    rng = np.random.default_rng(n)
-    without, residuals = rng.normal(size=n), rng.normal(size=n)
-    asked = torch.tensor(without)[None, :, None], torch.tensor(residuals)[:, None]
-    outermost = min(without - abs(residuals)), max(without + abs(residuals))
-    for alpha in (1 / (n + 1), 1.001 / (n + 1)):
-        low, high = (end.item() for end in _ends(*asked, alpha))
-        assert (low, high) in (outermost, (-np.inf, np.inf))
-    assert (low, high) == outermost
-    low, high = _ends(*asked, 0.999 / (n + 1))
-    assert (low.item(), high.item()) == (-np.inf, np.inf)
-    assert low.shape == high.shape == (1, 1)
 
 
 def test_targets_that_cannot_be_learnt_are_named():
@@ -178,32 +166,3 @@ def test_equal_targets_are_predicted_exactly_or_score_nothing():
     model = HDCRegressor().fit(frames, np.full(10, 3.0))
     assert model.score(frames, np.full(10, 3.0)) == 1
     assert model.score(frames, np.full(10, 4.0)) == 0
-
-
-@pytest.mark.parametrize("encoder", ["median", "quantile", "levels", "reference"])
-@pytest.mark.parametrize("readout", [RidgeValues(0.1), NeighbourValues(3)], ids=repr)
-def test_every_encoder_serves_numbers(encoder, readout, tmp_path):
-    (frames, z), (queries, truth) = presses(60, 0), presses(40, 1)
-    model = HDCRegressor(encoder, readout).fit(frames, z)
-    assert model.score(queries, truth) > 0.7
-    model.save(tmp_path / "m")
-    loaded = HDCRegressor.load(tmp_path / "m")
-    for found, expected in zip(
-        loaded.predict(queries, True), model.predict(queries, True), strict=True
-    ):
-        np.testing.assert_array_equal(found, expected)
-    for some in (model, loaded):
-        some.partial_fit(queries[:9], truth[:9])
-    np.testing.assert_array_equal(loaded.predict(frames), model.predict(frames))
-    assert loaded.recalibrate(queries, truth).score(queries, truth) > 0.7
-
-
-@pytest.mark.parametrize("readout", ["ridge", "neighbours"])
-def test_a_file_is_little_more_than_its_hypervectors(readout, tmp_path):
-    n, height, width = 200, 110, 112
-    rng = np.random.default_rng(0)
-    frames = rng.integers(0, 256, (n, height, width), dtype=np.uint8)
-    model = HDCRegressor(readout=readout).fit(frames, rng.normal(size=n))
-    model.save(tmp_path / "model")
-    hypervectors = n * bits.words_for(height * width) * 8
-    assert (tmp_path / "model").stat().st_size < 1.1 * hypervectors

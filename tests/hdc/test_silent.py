@@ -173,7 +173,7 @@ def test_neighbours_are_left_out_alike_however_many_are_compared(k, monkeypatch)
         ({"encoder": Median("spraed")}, "'spread'"),
         ({"backend": "compield"}, "'compiled'"),
         ({"enocder": 1}, "'encoder'"),
-        ({"readout__balnce": 1}, "'readout__balance'"),
+        ({"readout__class_weigth": 1}, "'readout__class_weight'"),
         ({"encoder": Reference(), "encoder__base__tise": 1}, "'encoder__base__ties'"),
     ],
 )

@@ -24,7 +24,7 @@ def test_a_scene_says_how_it_is_split_and_shown(name):
     config = composed(f"scene={name}")
     shown = OmegaConf.to_container(config.scene_display)
     optional = {"fitted", "family", "figure"}
-    assert set(shown) - optional == {"name", "frames", "kind", "place"}
+    assert set(shown) - optional == {"name", "frames", "kind", "order"}
     assert shown["kind"] in ("captured", "computed", "simulated")
     assert (shown["kind"] == "computed") == name.startswith("fibre")
     assert shown.get("fitted", False) == (name in ("drift", "finger", "spatial"))
@@ -34,10 +34,10 @@ def test_a_scene_says_how_it_is_split_and_shown(name):
     assert "_target_" in config.scene
 
 
-def test_names_and_places_are_told_apart():
+def test_names_and_orders_are_told_apart():
     shown = [composed(f"scene={name}").scene_display for name in NAMES]
     assert len({look.name for look in shown}) == len(NAMES)
-    assert len({look.place for look in shown}) == len(NAMES)
+    assert len({look.order for look in shown}) == len(NAMES)
 
 
 def test_the_command_line_has_the_last_word_on_a_split():

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import json
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
 
 from experiments.records import configs
 from experiments.records.results import RUNS, by_scene, of_experiment
@@ -18,26 +17,31 @@ from experiments.reporting.plot import LETTERS, panel, wrapped
 from experiments.reporting.resamples import mean_matrix
 from experiments.reporting.study import RUN, Figure
 from experiments.reporting.table import Table
+from experiments.reporting.text import SIMULATED
 from experiments.reporting.trained import split_of, whole
 
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
+
+ALL_SCENES = "all_scenes"
 SPATIAL = "spatial"
 SPATIAL_CORRELATION = (
     f"{RUN}correlation scene=spatial 'task.kinds=[prototype]' 'task.samples=[held-out]'"
 )
 
 
+def by_place(scene: str) -> tuple[bool, int, str]:
+    """What scenes are sorted by: simulated ones last, then as the sweep has them."""
+    order = configs.sweep(ALL_SCENES)["scene"]
+    simulated = configs.scene_display(scene)["kind"] == SIMULATED
+    return simulated, order.index(scene) if scene in order else len(order), scene
+
+
 def _of_hdc(runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The runs of HDC on all samples and pixels of each scene, in the order of the sweep."""
+    """The runs of HDC on all samples and pixels of each scene."""
     found = by_scene(whole(runs[runs.model == "hdc"]))
-    order = configs.sweep("all_scenes")["scene"]
-    last = len(order)
-
-    def place(scene: str) -> tuple[bool, int, str]:
-        at = order.index(scene) if scene in order else last
-        simulated = configs.scene_display(scene)["kind"] == "simulated"
-        return simulated, at, scene
-
-    return {scene: found[scene] for scene in sorted(found, key=place)}
+    return {scene: found[scene] for scene in sorted(found, key=by_place)}
 
 
 def confusion(runs: pd.DataFrame) -> pd.DataFrame:
@@ -122,37 +126,30 @@ def spatial(frame: pd.DataFrame) -> pd.DataFrame | None:
     start, stop = (
         np.array(json.loads(first[f"scene.classes.{end}"])) for end in ("start", "stop")
     )
-    number = int(first["scene.classes.number"])
-    at = np.linspace(0, 1e3 * np.linalg.norm(stop - start), number)
-    truth = np.concatenate([unpack_labels(labels) for labels in runs.labels])
-    found = np.concatenate([unpack_labels(labels) for labels in runs.predicted])
-    error = np.abs(at[found] - at[truth])
-    mean = pd.Series(error).groupby(at[truth]).mean()
-    errors = pd.DataFrame(
-        {"what": "error_mm", "true": mean.index, "share": mean.values}
+    length = 1e3 * np.linalg.norm(stop - start)
+    at = np.linspace(0, length, int(first["scene.classes.number"]))
+    truth, found = (
+        at[np.concatenate(list(map(unpack_labels, runs[name])))]
+        for name in ("labels", "predicted")
     )
+    error = pd.Series(np.abs(found - truth), pd.Index(truth, name="true"), name="share")
+    by_position = error.groupby(level=0).mean()
     median, most = np.percentile(error, (50, 95))
     whole = {"mean": error.mean(), "median": median, "95th percentile": most}
-    totals = pd.DataFrame(whole.items(), columns=["true", "share"])
     parts = [
         confusion(runs).assign(what="confusion"),
-        errors,
-        totals.assign(what="error"),
+        by_position.reset_index().assign(what="error_mm"),
+        pd.DataFrame(whole.items(), columns=["true", "share"]).assign(what="error"),
     ]
     correlations = of_experiment(frame, "correlation")
-    if len(correlations):
-        of_scene = correlations[correlations.scene == SPATIAL]
-        if len(of_scene):
-            parts.append(_correlations(of_scene))
+    if len(correlations):  # prototypes (true) with held-out hypervectors (predicted)
+        here = correlations[correlations.scene == SPATIAL]
+        mean = mean_matrix(here, "prototype", "held-out").set_axis(
+            ["true", "predicted", "share"], axis="columns"
+        )
+        parts += [mean.assign(what="correlation")] if len(mean) else []
     about = {"scene": SPATIAL, "split": split_of(runs), "seeds": len(runs)}
     return pd.concat(parts).assign(**about)
-
-
-def _correlations(rows: pd.DataFrame) -> pd.DataFrame:
-    """Prototypes (true) with held-out hypervectors (predicted), mean over seeds."""
-    mean = mean_matrix(rows, "prototype", "held-out")
-    names = {"class_i": "true", "class_j": "predicted", "value": "share"}
-    return mean.rename(columns=names).assign(what="correlation")
 
 
 def draw_spatial(figure: Canvas, data: pd.DataFrame) -> None:

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import NullFormatter
 
 from experiments.records.results import CHECKPOINTS, ROW, RUNS
 from experiments.reporting.columns import scene_name
@@ -22,6 +20,9 @@ from experiments.reporting.plot import (
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.trained import learning, of_runs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 PANELS = 6  # scenes of a figure at most
 
@@ -90,7 +91,7 @@ def _finish(figure: Canvas, data: pd.DataFrame) -> None:
         panel(axes, letter, wrapped(scene_name(scene), 40))
     low, high = figure.axes[0].get_xlim()
     figure.axes[0].set_xlim(min(low, high / 10), high)
-    figure.axes[0].xaxis.set_minor_formatter(NullFormatter())
+    figure.axes[0].xaxis.set_minor_formatter("")
     plain_decades(figure.axes[0])
     models = list(data.model.unique())
     figure.set_size_inches(3.4, 0.6 + 2 * len(scenes) + 0.08 * len(models))

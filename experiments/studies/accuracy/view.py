@@ -3,13 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import FixedLocator, FuncFormatter, NullLocator
 
 from experiments.records import configs
 from experiments.records.results import ROW, RUNS
@@ -19,7 +16,6 @@ from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.facets import line
 from experiments.reporting.plot import (
     DASHED,
-    by_panel,
     handle,
     literal,
     look_of,
@@ -27,23 +23,18 @@ from experiments.reporting.plot import (
 )
 from experiments.reporting.study import RUN, Figure, Numbers, Quantity, Study
 from experiments.reporting.table import Table
-from experiments.reporting.text import SIMULATED
-from experiments.reporting.trained import (
-    caption,
-    extra_models,
-    of_runs,
-    swept,
-    whole,
-)
+from experiments.reporting.trained import caption, extra_models, of_runs, swept, whole
 from experiments.studies.accuracy import confusions, own
+from experiments.studies.accuracy.confusions import ALL_SCENES, by_place
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
-ALL_SCENES = "all_scenes"
+MOST_MODELS = 4  # of the figure; the CSV has all
+TICKS = (5, 10, 20, 50, 100, 200, 400)
 KEY = ("scene", "model", "n_train", "pixels")
-SHOWN = (
-    *("model", "n_train", "pixels", "seeds", "test_accuracy_final"),
-    *("training_time_s", "predict_single_s", "model_bytes"),
-)
 _ACCURACY = (
     "/test_accuracy"  # how the paper's accuracies on a scene end in published.csv
 )
@@ -57,79 +48,58 @@ def several(table: pd.DataFrame) -> pd.DataFrame | None:
 
 def accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
     """Accuracies against the number N of training samples, of one's own models, too."""
-    rows = swept(runs, "accuracy_vs_n")
     (scene,) = configs.sweep("accuracy_vs_n")["scene"]
-    is_own = runs.model.isin(extra_models(runs, scene)) | runs.model.eq("hdc")
-    own_runs = runs[is_own & (runs.scene == scene) & (runs.asked_d == 0)]
-    own_rows = of_runs(own_runs)
-    own_rows = own_rows[own_rows.model != "hdc"]
+    wanted = runs.model.isin(extra_models(runs, scene)) | runs.model.eq("hdc")
+    here = runs[wanted & (runs.scene == scene) & (runs.asked_d == 0)]
+    own_rows = of_runs(here)[lambda rows: rows.model != "hdc"]
+    rows = swept(runs, "accuracy_vs_n")
     return several(pd.concat([rows, own_rows]) if len(own_rows) else rows)
-
-
-def accuracy_vs_d(runs: pd.DataFrame) -> pd.DataFrame | None:
-    """Accuracies against the number D of pixels."""
-    return several(swept(runs, "accuracy_vs_d"))
 
 
 def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
     """A row per scene and model: on all pixels, with the most training samples; simulated scenes
     last, HDC first in each."""
-    rows = of_runs(runs)
-    order = [*configs.sweep(ALL_SCENES)["scene"]]
-    every = rows[rows.asked_d == 0]
-    every = every.assign(
-        size=every.asked_n.where(every.asked_n > 0, math.inf).astype(float),
-        simulated=every.scene.map(lambda name: _is_simulated(name)),
-        place=[order.index(s) if s in order else len(order) for s in every.scene],
-        other=~every.model.str.partition(" (")[0].eq("hdc"),
-    )
-    most = every.loc[every.groupby(["scene", "model"], sort=False)["size"].idxmax()]
-    by = ["simulated", "place", "scene", "other"]
-    ordered = most.sort_values(by, kind="stable")
-    return ordered.drop(columns=["size", *by[:2], "other", *ROW[2:]])
-
-
-def _is_simulated(scene: str) -> bool:
-    return bool(configs.scene_display(scene)["kind"] == SIMULATED)
+    rows = of_runs(runs[runs.asked_d == 0])
+    size = rows.asked_n.where(rows.asked_n > 0, math.inf).astype(float)
+    rows = rows.loc[size.groupby([rows.scene, rows.model], sort=False).idxmax()]
+    is_hdc = rows.model.str.partition(" (")[0].eq("hdc")
+    ordered = rows.assign(other=~is_hdc, at=rows.scene.map(by_place))
+    ordered = ordered.sort_values(["at", "other"], kind="stable")
+    return ordered.drop(columns=["other", "at", *ROW[2:]])
 
 
 def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
-    """Test accuracy against the number of training samples (Fig. 5(b) of the paper): the paper's
-    models and fast ones first, then the others."""
+    """Test accuracy against the number of training samples (Fig. 5(b) of the paper): of the paper's
+    models and fast ones, one's own, then others, and the paper's values."""
+    axes = figure.subplots()
     measured = data[data.seeds.astype(bool)]
-    models = list(measured.model.unique())
-    known = [name for name in configs.models("paper", "fast") if name in models]
-    shown = by_panel([*known, *(name for name in models if name not in known)])
-    figure.set_size_inches(3.4, 0.8 + 2.4 * len(shown))
-    panels = [*figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]]
-    sizes = [N_PUBLISHED, *data.n_train.dropna()]
-    lowest = 100 * measured.test_accuracy_final_low.min()
-    for axes, names in zip(panels, shown, strict=True):
-        _curves(axes, measured, names)
-        axes.set_xscale("log")
-        axes.set_xlim(min(sizes) / 1.35, max(sizes) * 1.35)
-        axes.set_ylim(min(15, lowest - 2), 102)
-        axes.set_ylabel("test accuracy (%)")
-        axes.legend(handles=list(map(handle, names)), loc="lower right")
-        chance = 100 / measured.n_classes.iloc[0]
-        axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
-    _draw_published(panels, shown[0])
-    below = panels[-1].xaxis
-    below.set_major_locator(FixedLocator([5, 10, 20, 50, 100, 200, 400]))
-    below.set_minor_locator(NullLocator())
-    below.set_major_formatter(FuncFormatter(lambda n, _: f"{n:g}"))
-    panels[-1].set_xlabel("training samples N")
+    known = configs.models("paper", "fast")
+    swept_here = configs.sweep("accuracy_vs_n")["model"]
 
+    def place(model: str) -> tuple[bool, int, bool]:
+        at = known.index(model) if model in known else len(known)
+        return model not in known, at, model in swept_here
 
-def _curves(axes: Axes, measured: pd.DataFrame, models: Sequence[str]) -> None:
-    """Accuracies of models, which are set apart by a few percent of N."""
-    for k, model in enumerate(models):
+    models = sorted(measured.model.unique(), key=place)[:MOST_MODELS]
+    for k, model in enumerate(models):  # set apart by a few percent of N
         rows = measured[measured.model == model].sort_values("n_train")
         apart = rows.assign(n_train=rows.n_train * 1.02 ** (k - len(models) // 2))
         line(axes, apart, "n_train", "test_accuracy_final", 100, **look_of(model))
+    axes.axhline(
+        100 / measured.n_classes.iloc[0], color="0.5", lw=0.7, ls=":", zorder=0
+    )
+    _draw_published(axes, models)
+    lowest = 100 * measured.test_accuracy_final_low.min()
+    axes.set(xlabel="training samples N", ylabel="test accuracy (%)")
+    axes.set(xscale="log", ylim=(min(15, lowest - 2), 102))
+    axes.set_xticks(TICKS, map(str, TICKS))
+    axes.set_xticks([], minor=True)
+    sizes = [N_PUBLISHED, *data.n_train.dropna()]
+    axes.set_xlim(min(sizes) / 1.35, max(sizes) * 1.35)
+    axes.legend(handles=list(map(handle, models)), loc="lower right")
 
 
-def _draw_published(panels: Sequence[Axes], shown: Sequence[str]) -> None:
+def _draw_published(axes: Axes, shown: list[str]) -> None:
     """The paper's accuracies as stars, named where the model has no line beside them, and its least
     N for 90 % as dashed lines."""
     known = published.numbers()
@@ -138,37 +108,38 @@ def _draw_published(panels: Sequence[Axes], shown: Sequence[str]) -> None:
     for model in published.models_of_table1():
         accuracy = known[f"table1/{model}_test_accuracy"].value
         place = N_PUBLISHED * 1.1 ** drawn.count(accuracy)
-        published_point(panels[0], model, place, accuracy, 8)
+        published_point(axes, model, place, accuracy, 8)
         drawn.append(accuracy)
         if model not in shown:
             names.setdefault(accuracy, []).append(display_name(model))
-    box = {"fc": "white", "ec": "none", "pad": 0.5}
+    look: Any = {"ha": "right", "va": "center", "fontsize": 5.5}
+    look["bbox"] = {"fc": "white", "ec": "none", "pad": 0.5}
     for accuracy, of_models in names.items():
-        text = literal("; ".join(of_models))
-        look: Any = {"ha": "right", "va": "center", "fontsize": 5.5, "bbox": box}
-        panels[0].text(N_PUBLISHED / 1.08, accuracy, text, **look)
+        axes.text(N_PUBLISHED / 1.08, accuracy, literal("; ".join(of_models)), **look)
     limit = known["accuracy_vs_n/n_for_90_percent"].value
-    for axes in panels:
-        axes.plot([limit, limit], [0, 90], **DASHED)
-        axes.axhline(90, **DASHED)
+    axes.plot([limit, limit], [0, 90], **DASHED)
+    axes.axhline(90, **DASHED)
     text = f"paper: > 90 %\nonly for N > {limit:g}"
-    panels[0].text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)
+    axes.text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)
 
 
 def quantities(runs: pd.DataFrame) -> Iterator[Quantity]:
     """Accuracies of HDC on the scenes of which the paper gives one; and the number of training
     samples at which HDC exceeds 90 % (Fig. 5(b))."""
     of_hdc = runs[runs.model == "hdc"]
-    names = (name for name in published.numbers() if name.endswith(_ACCURACY))
-    for scene in (name.removesuffix(_ACCURACY) for name in names):
-        of_scene = whole(of_hdc[of_hdc.scene == scene])
+    for name in published.numbers():
+        of_scene = whole(of_hdc[of_hdc.scene == name.removesuffix(_ACCURACY)])
         if len(of_scene):
-            share = estimates.share_of_one_sensor(of_scene)
-            about = {"n": int(of_scene.n_test.sum()), "seeds": len(of_scene)}
-            made_by = f"{RUN}{ALL_SCENES}"
-            name = f"{scene}{_ACCURACY}"
-            yield Quantity.of(name, share, ONE_SENSOR, 100, made_by=made_by, **about)
-    yield from _least_samples(of_hdc)
+            yield Quantity.of(
+                name,
+                estimates.share_of_one_sensor(of_scene),
+                ONE_SENSOR,
+                100,
+                n=int(of_scene.n_test.sum()),
+                seeds=len(of_scene),
+                made_by=f"{RUN}{ALL_SCENES}",
+            )
+    yield from _least_samples(of_hdc[of_hdc.asked_d == 0])
 
 
 def _least_samples(of_hdc: pd.DataFrame) -> Iterator[Quantity]:
@@ -176,13 +147,11 @@ def _least_samples(of_hdc: pd.DataFrame) -> Iterator[Quantity]:
     every N, and has a curve of its own."""
     params = configs.sweep("accuracy_vs_n")
     asked = of_hdc.asked_n.isin(configs.numbers(params["split.n_train"]))
-    (scene,) = params["scene"]
-    lines = of_hdc[asked & (of_hdc.scene == scene) & (of_hdc.asked_d == 0)]
-    every = lines["n_train"].nunique()
+    lines = of_hdc[asked & of_hdc.scene.isin(params["scene"])]
     crossed = [
         estimates.crossing(of_seed.n_train, of_seed.test_accuracy_final)
         for _, of_seed in lines.groupby("seeds")
-        if 1 < len(of_seed) == every
+        if 1 < len(of_seed) == lines["n_train"].nunique()
     ]
     if not crossed or math.isnan(sum(crossed)):
         return
@@ -197,15 +166,18 @@ def _least_samples(of_hdc: pd.DataFrame) -> Iterator[Quantity]:
     )
 
 
-def _sweep(name: str, make: object, what: str) -> Table:
+def _sweep(name: str, make: Callable[[pd.DataFrame], Any], what: str) -> Table:
     """The table of a sweep."""
     return Table(
         name,
-        make,  # type: ignore[arg-type]
+        make,
         of=RUNS,
         key=KEY,
         title=lambda data: caption(data, what),
-        shown=SHOWN,
+        shown=(
+            *("model", "n_train", "pixels", "seeds", "test_accuracy_final"),
+            *("training_time_s", "predict_single_s", "model_bytes"),
+        ),
         commands=[f"{RUN}{name}"],
     )
 
@@ -216,7 +188,9 @@ VS_N = _sweep(
     "Accuracy against the number N of training samples",
 )
 VS_D = _sweep(
-    "accuracy_vs_d", accuracy_vs_d, "Accuracy against the number D of pixels seen"
+    "accuracy_vs_d",
+    lambda runs: several(swept(runs, "accuracy_vs_d")),
+    "Accuracy against the number D of pixels seen",
 )
 BY_SCENE = Table(
     ALL_SCENES,
@@ -246,9 +220,10 @@ STUDY = Study(
             VS_N,
             draw_accuracies,
             title="Test accuracy against training samples",
-            caption="Test accuracy against the number of training samples (Fig. 5(b)). Stars: the "
-            "paper's Table I. Dotted: chance. Bars: 95 % intervals.",
-            size=(3.4, 5.6),
+            caption="Test accuracy against the number of training samples (Fig. 5(b)), of a few "
+            "models; the table has all. Stars: the paper's Table I. Dotted: chance. Bars: 95 % "
+            "intervals.",
+            size=(3.4, 3.2),
         ),
         *confusions.FIGURES,
         *own.FIGURES,

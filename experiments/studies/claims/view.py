@@ -31,6 +31,13 @@ def history() -> pd.DataFrame:
     return pd.read_csv(HISTORY, dtype=of_text)
 
 
+def verdicts() -> pd.DataFrame:
+    """The frozen verdicts without those of which the interval is all that a difference can be."""
+    every = history()
+    says_nothing = (every.mean_low <= -100) & (every.mean_high >= 0)
+    return every[~says_nothing]
+
+
 def rival_name(rival: str) -> str:
     """What HDC was held against, in words."""
     model, at, level = rival.partition(" at ")
@@ -125,7 +132,7 @@ def current(table: Table) -> Table:
 
 CLAIMS = Table(
     "claims",
-    lambda _: history(),
+    lambda _: verdicts(),
     of="recordings",
     key=("rules", "claim", "rival", "recording"),
     title="Verdicts, judged on the reference",

@@ -9,16 +9,16 @@ from __future__ import annotations
 import base64
 import math
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import cv2
 import numpy as np
 import torch
 from torch import Tensor
 
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.correlation.pairs import CorrelationSums
 from hdc import bits
 from hdc.encoders import Median
@@ -32,16 +32,7 @@ SAMPLES = (*PARTS, "all")
 Sums = dict[str, dict[str, CorrelationSums]]  # by what is correlated and by part
 
 
-@experiment(revision=1, uses=("hdc.HDCClassifier",))
-def correlation(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Split,
-    seeds: Sequence[int],
-    kinds: Sequence[str] = KINDS,
-    samples: Sequence[str] = SAMPLES,
-    crop: Sequence[int] | None = None,
-) -> Iterator[Row]:
+class Correlation(Task, frozen=True):
     """One row: mean correlation of two classes, C_ij of Eq. 4, 5 or 6, on one sensor.
 
     ``class_i`` is that of the prototype in Eq. 6; ``n`` counts the samples of a class,
@@ -49,16 +40,33 @@ def correlation(
     pixels) there follow rows of pictures of the first sensor: see :func:`pictures`.
     Arguments: configs/experiment/correlation.yaml.
     """
-    if set(kinds) - set(KINDS):
-        raise ValueError(
-            f"task.kinds: expected among {', '.join(KINDS)}, found {list(kinds)}"
-        )
-    for seed, sensor in run.scenes(scene, seeds):
-        for row in correlations(sensor, split, seed, kinds, samples):
-            yield {"origin": sensor.origin, "seed": seed, **row}
-        run.note(f"seed {seed}")
-    if crop is not None:
-        yield from pictures(run.scene(scene, seeds[0]), split, seeds[0], crop)
+
+    revision: ClassVar = 1
+    uses: ClassVar = ("hdc.HDCClassifier",)
+
+    scene: Mapping[str, Any]
+    split: Split
+    seeds: Sequence[int]
+    kinds: Sequence[str] = KINDS
+    samples: Sequence[str] = SAMPLES
+    crop: Sequence[int] | None = None
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        if set(self.kinds) - set(KINDS):
+            raise ValueError(
+                f"task.kinds: expected among {', '.join(KINDS)}, found {list(self.kinds)}"
+            )
+        for seed, sensor in context.scenes(self.scene, self.seeds):
+            for row in correlations(sensor, self.split, seed, self.kinds, self.samples):
+                yield {"origin": sensor.origin, "seed": seed, **row}
+            context.note(f"seed {seed}")
+        if self.crop is not None:
+            yield from pictures(
+                context.scene(self.scene, self.seeds[0]),
+                self.split,
+                self.seeds[0],
+                self.crop,
+            )
 
 
 def pictures(

@@ -5,12 +5,10 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
-from matplotlib.figure import Figure as Canvas
 from numpy.typing import NDArray
 
 from experiments.reporting import published
@@ -27,6 +25,9 @@ from experiments.reporting.study import Figure, Numbers, Quantity, Study
 from experiments.reporting.table import Table
 from experiments.reporting.trained import split_of
 from experiments.studies.correlation.pairs import contrast
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 # Pixels of the pictures that are lit evenly: elsewhere the lamp's edge is the clearest pattern.
 EVEN = (slice(48, 88), slice(32, 72))
@@ -164,7 +165,9 @@ def draw_method(figure: Canvas, data: pd.DataFrame) -> None:
 
 def _image(png: str) -> NDArray[np.float64]:
     """The evenly lit part, from 0 to 1."""
-    return np.asarray(plt.imread(io.BytesIO(base64.b64decode(png)))[EVEN])
+    from matplotlib.image import imread
+
+    return np.asarray(imread(io.BytesIO(base64.b64decode(png)))[EVEN])
 
 
 STUDY = Study(

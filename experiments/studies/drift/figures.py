@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
 
 from experiments.records.results import by_scene
 from experiments.reporting import published
@@ -25,6 +23,10 @@ from experiments.reporting.plot import (
 from experiments.reporting.study import WIDTH
 from experiments.reporting.text import SIMULATED, kind_of
 from experiments.studies.drift.numbers import N_NEW
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure as Canvas
 
 # Shares of bits that HDC replaces, from light to dark: colour and marker.
 SHARES = (("#F3C19B", "o"), ("#E8924F", "s"), ("#D55E00", "D"), ("#7A3600", "^"))

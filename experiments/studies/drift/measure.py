@@ -23,7 +23,7 @@ from __future__ import annotations
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -32,9 +32,9 @@ from baselines.bank import Bank
 from baselines.linear import PenalisedClassifier
 from experiments.protocol import splits
 from experiments.protocol.evaluate import bank_of, evaluate
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
+from experiments.protocol.task import Context, Row, Task
 from experiments.records.rows import pack_labels
 from experiments.studies.drift.zeroing import Unlabelled, untouched, zeroed
 from hdc import HDCClassifier
@@ -46,25 +46,7 @@ _EQUAL = 0.5  # share of the new in all votes
 Update = tuple[str, float | None, np.ndarray]  # method, p, predicted labels
 
 
-@experiment(revision=4, uses=("hdc.HDCClassifier",))
-def drift(
-    run: Run,
-    scene: Mapping[str, Any],
-    old_split: Split,
-    models: Mapping[str, Any],
-    seeds: Sequence[int],
-    n_test: int,
-    n_new: Sequence[int],
-    p: Sequence[float],
-    zeroing: Mapping[str, Any] | None = None,
-    zeroing_seeds: Sequence[int] = (),
-    n_alone: Sequence[int] = (),
-    n_zero: Sequence[int] = (),
-    shares: Sequence[float] = (),
-    n_shares: Sequence[int] = (),
-    n_untouched: Sequence[int] = (),
-    no_touch: str = "",
-) -> Iterator[Row]:
+class Drift(Task, frozen=True):
     """One row: a stored model, or one of its updates, tested on both sessions.
 
     It ``predicted`` classes of ``n_test_new`` test samples of the second session, then of
@@ -73,27 +55,50 @@ def drift(
     ``share`` is that of one class among the unlabelled frames, None: all classes alike.
     Arguments: configs/experiment/drift.yaml.
     """
-    labelled = models_of(models)
-    unlabelled = models_of(zeroing or {})
-    for seed, two_sessions in run.scenes(scene, seeds):
-        bank = bank_of(two_sessions)
-        choice = choose(two_sessions, old_split, n_test, seed)
-        kept = Answers(bank, choice)
-        common = {"origin": two_sessions.origin, "seed": seed}
-        for name, model in labelled.items():
-            made = updates(bank, choice, model, n_new, p, seed)
-            for about, predicted in made:
-                yield {**common, "model": name, **kept.row(about, predicted)}
-        run.note(f"seed {seed}")
-        if seed not in zeroing_seeds:
-            continue
-        frames = Unlabelled(n_zero, shares, n_shares, n_untouched, favoured=seed)
-        without = _index_of(no_touch, two_sessions.classes)
-        for name, model in unlabelled.items():
-            made = zeroings(bank, choice, model, n_alone, frames, without)
-            for about, predicted in made:
-                yield {**common, "model": name, **kept.row(about, predicted)}
-        run.note(f"seed {seed}, without labels")
+
+    revision: ClassVar = 4
+    uses: ClassVar = ("hdc.HDCClassifier",)
+
+    scene: Mapping[str, Any]
+    old_split: Split
+    models: Mapping[str, Any]
+    seeds: Sequence[int]
+    n_test: int
+    n_new: Sequence[int]
+    p: Sequence[float | int]
+    zeroing: Mapping[str, Any] | None = None
+    zeroing_seeds: Sequence[int] = ()
+    n_alone: Sequence[int] = ()
+    n_zero: Sequence[int] = ()
+    shares: Sequence[float | int] = ()
+    n_shares: Sequence[int] = ()
+    n_untouched: Sequence[int] = ()
+    no_touch: str = ""
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        labelled = models_of(self.models)
+        unlabelled = models_of(self.zeroing or {})
+        for seed, two_sessions in context.scenes(self.scene, self.seeds):
+            bank = bank_of(two_sessions)
+            choice = choose(two_sessions, self.old_split, self.n_test, seed)
+            kept = Answers(bank, choice)
+            common = {"origin": two_sessions.origin, "seed": seed}
+            for name, model in labelled.items():
+                made = updates(bank, choice, model, self.n_new, self.p, seed)
+                for about, predicted in made:
+                    yield {**common, "model": name, **kept.row(about, predicted)}
+            context.note(f"seed {seed}")
+            if seed not in self.zeroing_seeds:
+                continue
+            frames = Unlabelled(
+                self.n_zero, self.shares, self.n_shares, self.n_untouched, favoured=seed
+            )
+            without = _index_of(self.no_touch, two_sessions.classes)
+            for name, model in unlabelled.items():
+                made = zeroings(bank, choice, model, self.n_alone, frames, without)
+                for about, predicted in made:
+                    yield {**common, "model": name, **kept.row(about, predicted)}
+            context.note(f"seed {seed}, without labels")
 
 
 def _index_of(name: str, classes: Sequence[str]) -> int | None:
@@ -254,7 +259,7 @@ def recalibrated(
         updated = copy.deepcopy(stored)
         given = {
             "p": _EQUAL if share is None else share,
-            "seed": seed,
+            "random_state": seed,
             "method": method,
         }
         used: Any = {name: given[name] for name in readout.adapts_by}

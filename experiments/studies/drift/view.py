@@ -12,8 +12,7 @@ from experiments.reporting.study import Figure, Numbers, Quantity, Study, about
 from experiments.reporting.table import Table
 from experiments.reporting.text import percent, points
 from experiments.studies.drift import figures, numbers
-from experiments.studies.drift.numbers import N_NEW
-from experiments.studies.drift.sessions import accuracies
+from experiments.studies.drift.numbers import N_NEW, accuracies
 
 PAPERS = (0.5, 0.75)  # its p
 

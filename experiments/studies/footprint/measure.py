@@ -7,22 +7,16 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from typing import ClassVar
 
 import torch
 
-from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.task import Context, Row, Task
 from experiments.records.files import ROOT
 from experiments.studies.footprint import probe
 
 
-@experiment(revision=2, timed=True)
-def footprint(
-    run: Run,
-    scenes: Sequence[str],
-    models: Sequence[str],
-    frames: int,
-    needed: Mapping[str, Sequence[str]],
-) -> Iterator[Row]:
+class Footprint(Task, frozen=True):
     """One row: a scene and a model in a process of their own (:mod:`…footprint.probe`).
 
     ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``peak_bytes``;
@@ -30,19 +24,31 @@ def footprint(
     all of them first. ``status``: ``ok``, or which module is loaded that is not among those
     ``needed`` by the scene or the model. Arguments: configs/experiment/footprint.yaml.
     """
-    for scene in scenes:
-        for model in models:
-            run.note(f"{scene}, {model}")
-            row = probed(scene, model, str(frames))
-            if "loaded" in row:
-                allowed = {*needed.get(scene, ()), *needed.get(model, ())}
-                others = [name for name in row["loaded"].split() if name not in allowed]
-                if others:
-                    row["status"] = f"fails: loads {', '.join(others)}"
-                every = probed(scene, model, str(frames), *probe.WATCHED)
-                row["every_s"] = every["first_prediction_s"]
-                row["every_bytes"] = every["peak_bytes"]
-            yield {"scene": scene, "model": model, "n": frames, **row}
+
+    revision: ClassVar = 2
+    timed: ClassVar = True
+
+    scenes: Sequence[str]
+    models: Sequence[str]
+    frames: int
+    needed: Mapping[str, Sequence[str]]
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        for scene in self.scenes:
+            for model in self.models:
+                context.note(f"{scene}, {model}")
+                row = probed(scene, model, str(self.frames))
+                if "loaded" in row:
+                    allowed = {*self.needed.get(scene, ()), *self.needed.get(model, ())}
+                    others = [
+                        name for name in row["loaded"].split() if name not in allowed
+                    ]
+                    if others:
+                        row["status"] = f"fails: loads {', '.join(others)}"
+                    every = probed(scene, model, str(self.frames), *probe.WATCHED)
+                    row["every_s"] = every["first_prediction_s"]
+                    row["every_bytes"] = every["peak_bytes"]
+                yield {"scene": scene, "model": model, "n": self.frames, **row}
 
 
 def probed(*arguments: str) -> Row:

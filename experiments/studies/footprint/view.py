@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import pandas as pd
-from matplotlib.figure import Figure as Canvas
 
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.plot import legend_below
@@ -11,6 +12,9 @@ from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import size
 from experiments.studies.footprint.probe import WATCHED
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 
 def _bytes(value: float) -> str:

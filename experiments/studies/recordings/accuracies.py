@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -47,7 +46,6 @@ class Accuracies:
         sizes: frames per class at which some model was asked, increasing.
         models: names, in the order of the rows.
         seeds: whether units are seeds, not draws of one recording.
-        n_test: test frames of a unit by model.
         units: draws or seeds, in rising order.
     """
 
@@ -55,7 +53,6 @@ class Accuracies:
         rows = of_recording[of_recording.split == "counts"]
         self.models = [str(model) for model in rows.model.unique()]
         self.seeds = seeds_are_units(rows)
-        self.n_test: dict[Any, float] = rows.groupby("model").n_test.mean().to_dict()
         every = accuracies(rows)
         self.sizes: list[int] = sorted(every.n.unique().tolist())
         asked = ["model", "n"]
@@ -89,28 +86,3 @@ class Accuracies:
     def _estimate(self, by_unit: NDArray[np.float64]) -> Estimate:
         values = by_unit[~np.isnan(by_unit)].tolist()
         return over_units(values, self.seeds) if values else Estimate(math.nan)
-
-
-class Gap(NamedTuple):
-    """How much more accurate a form of HDC is than a baseline on one recording."""
-
-    form: str
-    rival: str
-    n: int
-    difference: Estimate
-
-
-def gaps(
-    every: Accuracies, n: int, forms: Sequence[str], rivals: Sequence[str]
-) -> Iterator[Gap]:
-    """Each form minus the stronger of some baselines at n, which favours the baseline; nothing
-    where either was not asked."""
-    means = {rival: every.mean(rival, n).value for rival in rivals}
-    known = {rival: value for rival, value in means.items() if not math.isnan(value)}
-    if not known:
-        return
-    rival = max(known, key=lambda name: known[name])
-    for form in forms:
-        difference = every.difference(form, rival, n)
-        if not math.isnan(difference.value):
-            yield Gap(form, rival, n, difference)

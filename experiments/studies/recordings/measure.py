@@ -15,7 +15,7 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import msgspec
 import numpy as np
@@ -31,11 +31,11 @@ from experiments.protocol.evaluate import (
     evaluate_until,
     train_until,
 )
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import nested, resample_split
 from experiments.protocol.stop import StopRule
+from experiments.protocol.task import Context, Row, Task
 from experiments.records.rows import pack_labels
 from hdc.backends import compile_kernels
 
@@ -73,18 +73,7 @@ class Asked(NamedTuple):
     limits: Limits
 
 
-@experiment(revision=2, uses=("hdc.HDCClassifier",))
-def recordings(
-    run: Run,
-    scene: Mapping[str, Any],
-    splits: Mapping[str, Split],
-    models: Mapping[str, Any],
-    n_per_class: Sequence[int],
-    draws: int = 20,
-    seeds: Sequence[int] = (0,),
-    most_test: int = 400,
-    limits: Mapping[str, Limits] | None = None,
-) -> Iterator[Row]:
+class Recordings(Task, frozen=True):
     """One row: one model in one draw of one split; what it ``predicted`` of ``n_test`` frames after
     each ``n`` frames of every class.
 
@@ -99,18 +88,36 @@ def recordings(
     Raises:
         ValueError: naming the key that is wrong.
     """
-    asked = _asked(models, limits or {}, run.scene_name)
-    for count, (seed, recording) in enumerate(run.scenes(scene, seeds)):
-        first = count * draws
-        bank = bank_of(recording, group=_group(splits))
-        for split, wanted in splits.items():
-            pool_of = partial(resample_split, recording, wanted, most_test=most_test)
-            for k in range(draws):
-                place = (split, first + k)
-                draw = partial(_draw, bank, pool_of, asked, n_per_class, place)
-                drawn = {"seed": seed, "split": split, "draw": k}
-                for row in run.part(drawn, partial(draw, (seed, k))):
-                    yield {"origin": recording.origin, **drawn, **row}
+
+    revision: ClassVar = 2
+    uses: ClassVar = ("hdc.HDCClassifier",)
+
+    scene: Mapping[str, Any]
+    splits: Mapping[str, Split]
+    models: Mapping[str, Any]
+    n_per_class: Sequence[int]
+    draws: int = 20
+    seeds: Sequence[int] = (0,)
+    most_test: int = 400
+    limits: Mapping[str, Limits] | None = None
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        asked = _asked(self.models, self.limits or {}, context.scene_name)
+        for count, (seed, recording) in enumerate(
+            context.scenes(self.scene, self.seeds)
+        ):
+            first = count * self.draws
+            bank = bank_of(recording, group=_group(self.splits))
+            for split, wanted in self.splits.items():
+                pool_of = partial(
+                    resample_split, recording, wanted, most_test=self.most_test
+                )
+                for k in range(self.draws):
+                    place = (split, first + k)
+                    draw = partial(_draw, bank, pool_of, asked, self.n_per_class, place)
+                    drawn = {"seed": seed, "split": split, "draw": k}
+                    for row in context.part(drawn, partial(draw, (seed, k))):
+                        yield {"origin": recording.origin, **drawn, **row}
 
 
 def _asked(
@@ -234,19 +241,7 @@ class Timed:
         self.trained = fresh
 
 
-@experiment(revision=2, uses=("hdc.HDCClassifier",), timed=True)
-def recording_costs(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Split,
-    models: Mapping[str, Any],
-    n_per_class: Sequence[int] = (5, 50),
-    queries: int = 100,
-    repeats: int = 3,
-    most_s: float = 20.0,
-    seed: int = 0,
-    limits: Mapping[str, Limits] | None = None,
-) -> Iterator[Row]:
+class RecordingCosts(Task, frozen=True):
     """One row: what a model costs that was trained on ``n`` frames of every class.
 
     ``bytes`` that a prediction needs, of ``n_pixels`` and ``n_classes``; seconds to train
@@ -256,34 +251,50 @@ def recording_costs(
     memory, and nothing was computed of them before.
     Arguments: configs/experiment/recording_costs.yaml.
     """
-    asked = _asked(models, limits or {}, run.scene_name)
-    ((_, recording),) = run.scenes(scene, [seed])
-    bank = bank_of(recording)
-    pool, test = resample_split(recording, split, (seed, 0), queries)
-    order, sizes = nested(pool, bank.labels, n_per_class, (seed, 0))
-    for n in sizes or [min(map(len, order))]:
-        train = np.concatenate([rows[:n] for rows in order])
-        frames, labels = bank.frames[train], bank.labels[train]
-        every = [
-            (name, column, timed)
-            for name, each in asked.items()
-            if each.limits.at("", 0, [n])
-            for column, timed in _by_backend(each.model).items()
-        ]
-        for _ in range(repeats):
-            for _, _, timed in every:
-                if timed.seconds < most_s:
-                    timed.repeat(frames, labels, bank.frames[test])
-        rows: dict[str, Row] = {}
-        for name, column, timed in every:
-            row = rows.setdefault(name, {"model": name, "n": n})
-            row[f"fit{column}_s"] = min(timed.fit_s)
-            row[f"predict_frame{column}_s"] = min(timed.predict_frame_s)
-            row["bytes"] = _size(timed.trained)
-        of_frames = {"n_classes": bank.n_classes, "n_pixels": bank.dimension}
-        for row in rows.values():
-            yield {"origin": recording.origin, **row, **of_frames}
-        run.note(f"{n} frames of each class")
+
+    revision: ClassVar = 2
+    uses: ClassVar = ("hdc.HDCClassifier",)
+    timed: ClassVar = True
+
+    scene: Mapping[str, Any]
+    split: Split
+    models: Mapping[str, Any]
+    n_per_class: Sequence[int] = (5, 50)
+    queries: int = 100
+    repeats: int = 3
+    most_s: float | int = 20.0
+    seed: int = 0
+    limits: Mapping[str, Limits] | None = None
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        asked = _asked(self.models, self.limits or {}, context.scene_name)
+        ((_, recording),) = context.scenes(self.scene, [self.seed])
+        bank = bank_of(recording)
+        pool, test = resample_split(recording, self.split, (self.seed, 0), self.queries)
+        order, sizes = nested(pool, bank.labels, self.n_per_class, (self.seed, 0))
+        for n in sizes or [min(map(len, order))]:
+            train = np.concatenate([rows[:n] for rows in order])
+            frames, labels = bank.frames[train], bank.labels[train]
+            every = [
+                (name, column, timed)
+                for name, each in asked.items()
+                if each.limits.at("", 0, [n])
+                for column, timed in _by_backend(each.model).items()
+            ]
+            for _ in range(self.repeats):
+                for _, _, timed in every:
+                    if timed.seconds < self.most_s:
+                        timed.repeat(frames, labels, bank.frames[test])
+            rows: dict[str, Row] = {}
+            for name, column, timed in every:
+                row = rows.setdefault(name, {"model": name, "n": n})
+                row[f"fit{column}_s"] = min(timed.fit_s)
+                row[f"predict_frame{column}_s"] = min(timed.predict_frame_s)
+                row["bytes"] = _size(timed.trained)
+            of_frames = {"n_classes": bank.n_classes, "n_pixels": bank.dimension}
+            for row in rows.values():
+                yield {"origin": recording.origin, **row, **of_frames}
+            context.note(f"{n} frames of each class")
 
 
 def _by_backend(model: Any) -> dict[str, Timed]:

@@ -15,7 +15,6 @@ from experiments.reporting.columns import (
     Column,
     display_name,
     milliseconds,
-    model_columns,
     scene_name,
 )
 from experiments.reporting.resamples import RIVAL, models_of, saturated
@@ -117,7 +116,7 @@ def _values_of(data: pd.DataFrame) -> list[str]:
 def _columns(data: pd.DataFrame) -> dict[str, Column]:
     """How the columns are shown: what a row is of, and a column per model."""
     models = [name for name in _values_of(data) if name not in ABOUT]
-    return {**ABOUT, **model_columns(models, ", %", percent)}
+    return ABOUT | {m: Column(f"{display_name(m)}, %", percent) for m in models}
 
 
 def _shown(data: pd.DataFrame) -> list[str]:
@@ -289,21 +288,11 @@ COSTS = Table(
         "model": Column("Model", display_name),
         "error": Column("Error, %", percent),
         "fit_s": Column("Training, s", cell=_of_either("fit", number), of_machine=True),
-        "fit_compiled_s": Column("Training by kernels, s", of_machine=True),
-        "fit_best_s": Column("Training, s", of_machine=True),
-        "fit_relative": Column("Training relative to softmax", number),
         "predict_frame_s": Column(
             "Prediction, ms per frame",
             cell=_of_either("predict_frame", milliseconds),
             of_machine=True,
         ),
-        "predict_frame_compiled_s": Column(
-            "Prediction by kernels, ms per frame", milliseconds, of_machine=True
-        ),
-        "predict_frame_best_s": Column(
-            "Prediction, ms per frame", milliseconds, of_machine=True
-        ),
-        "predict_frame_relative": Column("Prediction relative to softmax", number),
         "bytes": Column("Stored", size),
         "bits": Column("Bits per pixel and class", two_digits),
     },

@@ -9,7 +9,7 @@ a second time with 8 bits a number: is it the method that tolerates faults, or t
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from typing import Any, NamedTuple
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -19,117 +19,109 @@ from experiments.protocol import data
 from experiments.protocol.clock import Clock
 from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import train_until
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.robustness import disturbances as faults
 from hdc import HDCClassifier
-from scenes.frames import Scene
 
 
-@experiment(revision=3, uses=("hdc.HDCClassifier",))
-def robustness(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Split,
-    models: Mapping[str, Mapping[str, Any]],
-    stop: StopRule,
-    stops: Mapping[str, StopRule],
-    seeds: Sequence[int],
-    disturbances: Mapping[str, Sequence[float]],
-    bit_error_rates: Sequence[float],
-    query_error_rates: Sequence[float] = (),
-    spared: Mapping[str, Sequence[str]] | None = None,
-) -> Iterator[Row]:
+class Robustness(Task, frozen=True):
     """One row: a trained model under one disturbance, ``right`` of ``n_test`` samples.
 
     ``level`` is that of the ``disturbance``, a fraction or pixels. Models are on the CPU.
     Arguments: configs/experiment/robustness.yaml.
     """
-    for seed, sensor in run.scenes(scene, seeds):
-        train, test = choose(sensor, split, seed)
-        frames = data.take(sensor, train, Clock())
-        for name, model in models_of(at_seed(models, seed)).items():
-            rule = stops.get(name, stop)
-            train_until(model, rule, frames, sensor.labels[train])
-            keep = (spared or {}).get(name, ())
-            rates = Rates(bit_error_rates, query_error_rates)
-            made = rows_of(model, sensor, test, disturbances, rates, keep, seed)
-            for row in made:
-                yield {
-                    "origin": sensor.origin,
-                    "model": name,
-                    "seed": seed,
-                    **row,
-                }
-            run.note(f"seed {seed}, {name}")
+
+    revision: ClassVar = 3
+    uses: ClassVar = ("hdc.HDCClassifier",)
+
+    scene: Mapping[str, Any]
+    split: Split
+    models: Mapping[str, Mapping[str, Any]]
+    stop: StopRule
+    stops: Mapping[str, StopRule]
+    seeds: Sequence[int]
+    disturbances: Mapping[str, Sequence[float | int]]
+    bit_error_rates: Sequence[float | int]
+    query_error_rates: Sequence[float | int] = ()
+    spared: Mapping[str, Sequence[str]] | None = None
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        for seed, sensor in context.scenes(self.scene, self.seeds):
+            train, test = choose(sensor, self.split, seed)
+            frames = data.take(sensor, train, Clock())
+            asked = data.take(sensor, test, Clock())[:]
+            for name, model in models_of(at_seed(self.models, seed)).items():
+                rule = self.stops.get(name, self.stop)
+                train_until(model, rule, frames, sensor.labels[train])
+                same = {"origin": sensor.origin, "model": name, "seed": seed}
+                for row in self._of_model(
+                    name, model, asked, sensor.labels[test], seed
+                ):
+                    yield {**same, **row, "n_classes": len(sensor.classes)}
+                context.note(f"seed {seed}, {name}")
+
+    def _of_model(
+        self,
+        name: str,
+        model: Model,
+        frames: torch.Tensor,
+        labels: np.ndarray,
+        seed: int,
+    ) -> Iterator[Row]:
+        """The rows of one trained model."""
+        state = library.state_tensors(model) or {}
+        spared = (self.spared or {}).get(name, ())
+        damaged = [state[part] for part in state if part not in spared]
+        size = sum(tensor.nbytes for tensor in state.values())
+        rates = {"stored": self.bit_error_rates, "asked": self.query_error_rates}
+        made = _answers(model, frames, damaged, self.disturbances, rates, seed)
+        for disturbance, level, predicted in made:
+            yield {
+                "disturbance": disturbance,
+                "level": float(level),
+                "right": int((predicted == labels).sum()),
+                "n_test": len(labels),
+                "model_bytes": size,
+            }
 
 
-class Rates(NamedTuple):
-    """Bit error rates of what a model stores, and of what it is asked."""
-
-    stored: Sequence[float]
-    asked: Sequence[float] = ()
-
-
-def rows_of(
+def _answers(
     model: Model,
-    scene: Scene,
-    test: np.ndarray,
+    frames: torch.Tensor,
+    damaged: Sequence[torch.Tensor],
     disturbances: Mapping[str, Sequence[float]],
-    rates: Rates,
-    spared: Sequence[str] = (),
-    seed: int = 0,
-) -> Iterator[Row]:
-    """The rows of one trained model, which is left as it was; the first is undisturbed."""
-    labels = scene.labels[test]
-    frames = data.take(scene, test, Clock())[:]
-    state = library.state_tensors(model) or {}
-    same = {
-        "n_test": len(labels),
-        "n_classes": len(scene.classes),
-        "model_bytes": sum(tensor.nbytes for tensor in state.values()),
-    }
+    rates: Mapping[str, Sequence[float]],
+    seed: int,
+) -> Iterator[tuple[str, float, np.ndarray]]:
+    """Disturbance, level, and what the model predicts, which is left as it was; undisturbed first.
 
-    def row(
-        disturbance: str,
-        level: float,
-        predicted: np.ndarray,
-    ) -> Row:
-        right = int((predicted == labels).sum())
-        tested = {
-            "disturbance": disturbance,
-            "level": float(level),
-            "right": right,
-        }
-        return {**tested, **same}
-
-    damaged = [tensor for name, tensor in state.items() if name not in spared]
-    floats = any(tensor.is_floating_point() for tensor in damaged)
+    `rates` are bit error rates of what it has ``stored``, and of what it is ``asked``.
+    """
+    has_floats = any(tensor.is_floating_point() for tensor in damaged)
     int8 = faults.flipped_bits_of_int8
-    yield row("none", 0, model.predict(frames))
+    yield "none", 0, model.predict(frames)
     for number, (name, levels) in enumerate(disturbances.items()):
         for level in levels:
             random = np.random.default_rng([seed, number])
-            disturbed = torch.from_numpy(
-                faults.OF_FRAMES[name](frames.numpy(), level, random)
-            )
-            yield row(name, level, model.predict(disturbed))
-            if name == "dither" and floats:  # frames and weights rounded, both
-                predicted = _with_flips(model, disturbed, damaged, int8, 0.0, seed)
-                yield row("dither_of_int8", level, predicted)
-    for rate in rates.asked:
-        yield row("query_flips", rate, _asked_with_flips(model, frames, rate, seed))
-    for rate in rates.stored:
-        predicted = _with_flips(model, frames, damaged, faults.flipped_bits, rate, seed)
-        yield row("bit_flips", rate, predicted)
-    if not floats:
-        return
-    for rate in (0.0, *rates.stored):  # 0: rounding alone
-        predicted = _with_flips(model, frames, damaged, int8, rate, seed)
-        yield row("bit_flips_int8", rate, predicted)
+            found = faults.OF_FRAMES[name](frames.numpy(), level, random)
+            disturbed = torch.from_numpy(found)
+            yield name, level, model.predict(disturbed)
+            if name == "dither" and has_floats:  # frames and weights rounded, both
+                rounded = _with_flips(model, disturbed, damaged, int8, 0.0, seed)
+                yield "dither_of_int8", level, rounded
+    for rate in rates["asked"]:
+        yield "query_flips", rate, _asked_with_flips(model, frames, rate, seed)
+    kinds = [("bit_flips", faults.flipped_bits, rates["stored"])]
+    if has_floats:  # 0: rounding alone
+        kinds += [("bit_flips_int8", int8, (0.0, *rates["stored"]))]
+    for name, flipped, of_stored in kinds:
+        for rate in of_stored:
+            found = _with_flips(model, frames, damaged, flipped, rate, seed)
+            yield name, rate, found
 
 
 def _asked_with_flips(

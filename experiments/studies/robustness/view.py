@@ -4,22 +4,23 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure as Canvas
-from matplotlib.lines import Line2D
 
-from experiments.reporting.columns import Column, display_name, scene_name
+from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.estimates import Estimate, mean_share
 from experiments.reporting.facets import facets
-from experiments.reporting.plot import DASHED, legend_below, literal, look_of, wrapped
+from experiments.reporting.plot import DASHED, handle, legend_below, look_of, wrapped
 from experiments.reporting.resamples import models_of
 from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import percent
 from experiments.reporting.trained import split_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 BY = ["scene", "model", "disturbance", "level", "n_classes"]
 FLIPS = ("query_flips", "bit_flips", "bit_flips_int8")
@@ -107,10 +108,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
             axes.set_xlim(-0.0002, 0.5)
             axes.set_xticks([0, 0.001, 0.01, 0.1, 0.3], ["0", "0.1", "1", "10", "30"])
             axes.set_xticks([], minor=True)
-    handles = [
-        Line2D([], [], label=literal(display_name(model)), **look(model))
-        for model in models
-    ]
+    handles = [handle(model, **look(model)) for model in models]
     legend_below(figure, handles, len(models))
 
 

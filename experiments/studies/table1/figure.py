@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 import pandas as pd
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure as Canvas
 
 from experiments.records import configs
 from experiments.records.results import ROW, RUNS, of_experiment
 from experiments.reporting.facets import error_axis, learning_curves
 from experiments.reporting.plot import (
-    by_panel,
+    PAPER,
+    entry,
     handle,
+    legend_below,
     look_of,
     plain_decades,
     published_point,
@@ -20,35 +22,42 @@ from experiments.reporting.plot import (
 from experiments.reporting.study import RUN, Figure
 from experiments.reporting.table import Table
 from experiments.reporting.trained import extra_models, learning
-from experiments.studies.table1 import models
-from experiments.studies.table1.tables import OF, on_scene, with_hdc_seconds
+from experiments.studies.table1 import tables
+from experiments.studies.table1.tables import DESCENT, OF, on_scene, with_hdc_seconds
 
-_LEGEND_WIDTH = 22  # characters of a name on one line
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
+
+
+def beside() -> tuple[str, ...]:
+    """Models that stand in the CSV and are not drawn."""
+    return (*configs.models("fast"), DESCENT)
 
 
 def error_vs_time(frame: pd.DataFrame) -> pd.DataFrame | None:
     """Test error against training time relative to HDC: a row per report of a run, and one per
     model at the end of training; ``reached`` marks the report at which training accuracy passed
     90 %. Models: the paper's, HDC first, fast ones, one's own."""
-    scene = models.scene()
     timed = with_hdc_seconds(on_scene(of_experiment(frame, RUNS)))
     timed = timed.dropna(subset="hdc_s").set_index("record", drop=False)
-    names = [*configs.models("paper"), *configs.models("fast"), models.DESCENT]
-    names += extra_models(timed, scene)
+    names = [*configs.models("paper"), *beside(), *extra_models(timed, tables.scene())]
     timed = timed[timed.model.isin(names)]
     if "hdc" not in set(timed.model):
         return None
     every = learning(frame[frame.record.isin(timed.record)])
-    every["time"] = every.seconds / every.record.map(timed.hdc_s)
-    every["reached"] = _reached(every, timed)
     is_end = every["at"] == "end"
-    by_model = (timed.total_time_s / timed.hdc_s).groupby(timed.model).median()
-    every.loc[is_end, "time"] = every.model[is_end].map(by_model)
-    never = np.isinf(timed.training_time_s.groupby(timed.model).median())
+    by_model = timed.groupby("model")
+    ends = (timed.total_time_s / timed.hdc_s).groupby(timed.model).median()
+    every["time"] = (every.seconds / every.record.map(timed.hdc_s)).where(
+        ~is_end, every.model.map(ends)
+    )
+    every["reached"] = _reached(every, timed)
+    never = np.isinf(by_model.training_time_s.median())
     every = every[~(is_end & every.model.map(never))]
-    order = {name: place for place, name in enumerate(names)}
-    every = every.sort_values("model", key=lambda name: name.map(order), kind="stable")
-    kind = configs.scene_display(scene)["kind"]
+    every = every.sort_values(
+        "model", key=lambda model: model.map(names.index), kind="stable"
+    )
+    kind = configs.scene_display(tables.scene())["kind"]
     return every.drop(columns=[*ROW[2:], "seconds"]).assign(origin=kind)
 
 
@@ -61,34 +70,24 @@ def _reached(every: pd.DataFrame, timed: pd.DataFrame) -> pd.Series:
 
 
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
-    """Panels of a few models each, the first with the paper's points."""
-    shown = by_panel(list(data.model.unique()))
-    figure.set_size_inches(3.4, 0.8 + 2.3 * len(shown))
-    panels = figure.subplots(len(shown), 1, sharex=True, squeeze=False)[:, 0]
-    for axes, names in zip(panels, shown, strict=True):
-        floor = error_axis(axes, data.n_test.max())
-        axes.set_xscale("log")
-        rows = data[data.model.isin(names)]
-        learning_curves(axes, rows, "time", floor)
-        _mark(axes, rows[rows.reached], floor)
-        axes.set_ylabel("test error")
-        handles = [handle(name, _LEGEND_WIDTH) for name in names]
-        place = {"loc": "lower left", "bbox_to_anchor": (0, 1), "ncols": 2}
-        axes.legend(handles=handles, **place)
-    for model in models.PAPER:
-        known = models.papers_numbers(model)
-        error = max(1 - known["published_test_accuracy"], floor)
-        time = known["published_training_time_over_hdc"]
-        published_point(panels[0], model, time, error, 9)
-    panels[-1].set_xlabel("training time relative to HDC")
-    plain_decades(panels[-1])
-
-
-def _mark(axes: Axes, rows: pd.DataFrame, floor: float) -> None:
-    """A marker where training accuracy passed 90 %."""
-    for row in rows.itertuples():
+    """The paper's models and one's own, with a marker where training accuracy passed 90 %, and the
+    paper's points."""
+    axes = figure.subplots()
+    floor = error_axis(axes, data.n_test.max())
+    shown = data[~data.model.isin(beside())]
+    learning_curves(axes, shown, "time", floor)
+    for row in shown[shown.reached].itertuples():
         look = look_of(str(row.model)) | {"ls": "", "ms": 5, "alpha": 0.75}
         axes.plot(row.time, max(row.error, floor), **look)
+    for model in tables.PAPER:
+        known = tables.papers_numbers(model)
+        error = max(1 - known["published_test_accuracy"], floor)
+        time = known["published_training_time_over_hdc"]
+        published_point(axes, model, time, error, 9)
+    axes.set(xscale="log", xlabel="training time relative to HDC", ylabel="test error")
+    plain_decades(axes)
+    names = [handle(model, 22) for model in shown.model.unique()]
+    legend_below(figure, [*names, entry("paper", **PAPER)], 3)
 
 
 FIGURE = Figure(
@@ -102,7 +101,7 @@ FIGURE = Figure(
     draw,
     title="Test error against training time",
     caption="Test error against training time relative to HDC (Table I): one curve "
-    "per model and seed, with a marker where training accuracy exceeds 90 %. "
-    "Bars: 95 %, after full training. Grey: no error. Stars: the paper.",
-    size=(3.4, 5.4),
+    "per model and seed, with a marker where training accuracy exceeds 90 %; the CSV has other "
+    "models, too. Bars: 95 %, after full training. Grey: no error. Stars: the paper.",
+    size=(3.4, 3.1),
 )

@@ -11,8 +11,9 @@ import pandas as pd
 
 from experiments.records import configs
 from experiments.records.results import CHECKPOINTS, ROW, RUNS, of_experiment
-from experiments.reporting import estimates
+from experiments.reporting import estimates, published
 from experiments.reporting.estimates import Estimate, median_range
+from experiments.reporting.resamples import RIVAL
 from experiments.reporting.table import frame as table_of
 from experiments.reporting.trained import (
     MACHINE,
@@ -21,8 +22,6 @@ from experiments.reporting.trained import (
     of_runs,
     whole,
 )
-from experiments.studies.table1 import models
-from experiments.studies.table1.models import DESCENT, LINES, PAPER
 
 OF = (RUNS, CHECKPOINTS)
 RATIO, AT_PAPERS = "training_time_over_hdc", "test_accuracy_at_papers"
@@ -30,22 +29,55 @@ OVER_NUMPY = "training_time_over_numpy_hdc"
 AT_LEAST = "at_least_over_hdc"
 _BESIDE = {RATIO: "beside.hdc_s", OVER_NUMPY: "beside.hdc_numpy_s"}
 
+PAPER = published.models_of_table1()
+DESCENT = "softmax_descent"  # another recipe for the paper's softmax row
+_PAPERS_ROW = {DESCENT: "softmax"}
+_AT = PAPER.index("softmax") + 1
+LINES = (*PAPER[:_AT], DESCENT, *PAPER[_AT:], RIVAL)
+
+
+def scene() -> str:
+    """Name of the scene of Table I."""
+    return configs.sweep("table1")["scene"][0]
+
+
+def papers_row(model: str) -> str:
+    """The row of the paper's Table I that a model repeats: its own, or that of its recipe."""
+    return _PAPERS_ROW.get(model, model)
+
+
+def papers_numbers(model: str) -> dict[str, Any]:
+    """Training time, absolute and relative to HDC, and test accuracy in the row of the paper's
+    Table I; None where it has none."""
+    row = f"table1/{papers_row(model)}"
+    time = published.value(f"{row}_training_time")
+    hdc = published.value("table1/hdc_training_time")
+    return {
+        "published_training_time_s": time,
+        "published_training_time_over_hdc": time / hdc if time and hdc else None,
+        "published_test_accuracy": published.value(f"{row}_test_accuracy"),
+    }
+
+
+def papers_training_accuracy(model: str) -> float | None:
+    """The training accuracy that the paper gives for a model, a fraction; None without one."""
+    return published.value(f"table1/{papers_row(model)}_training_accuracy")
+
 
 def table1(frame: pd.DataFrame) -> pd.DataFrame | None:
     """Table I, and below it the same softmax regression solved directly and one's own models; None
     where none was run."""
-    scene = models.scene()
     runs = on_scene(of_experiment(frame, RUNS))
-    names = [*LINES, *extra_models(runs, scene)]
+    names = [*LINES, *extra_models(runs, scene())]
     if not runs.model.isin(names).any():
         return None
-    asked = [(scene, model, 0, 0) for model in names]
+    asked = [(scene(), model, 0, 0) for model in names]
     table = asked_for(of_runs(runs), asked).set_index("model", drop=False)
     always = {*PAPER, DESCENT}
     table = table[table.seeds.astype(bool) | table.model.isin(always)]
     reports = of_experiment(frame, CHECKPOINTS)
     rows = [
-        models.papers_numbers(model) | _measured(runs[runs.model == model], reports)
+        papers_numbers(model) | _measured(runs[runs.model == model], reports)
         for model in table.model
     ]
     beside = pd.DataFrame(rows, index=table.index, dtype=object)
@@ -54,7 +86,7 @@ def table1(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 def on_scene(runs: pd.DataFrame) -> pd.DataFrame:
     """The runs on all samples and all pixels of the scene of Table I."""
-    return whole(runs[runs.scene == models.scene()])
+    return whole(runs[runs.scene == scene()])
 
 
 def _measured(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
@@ -87,7 +119,7 @@ def _at_papers(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
     """Test accuracy at the first checkpoint whose training accuracy is at or above the paper's, its
     interval over the seeds that get there, and their number; a model that learns in one pass has
     its test accuracy."""
-    level = models.papers_training_accuracy(str(runs.model.iloc[0]))
+    level = papers_training_accuracy(str(runs.model.iloc[0]))
     if not runs.iterative.iloc[0]:
         known = runs.test_accuracy_final
     elif level is None:
@@ -137,13 +169,13 @@ def equal_accuracy(frame: pd.DataFrame) -> pd.DataFrame | None:
 
     ``time`` is in seconds, ``ratio`` relative to HDC; infinite where a model never gets there.
     """
-    scene, runs = models.scene(), of_experiment(frame, RUNS)
-    of_scene = runs[(runs.scene == scene) & (runs.asked_n == 0)]
+    runs = of_experiment(frame, RUNS)
+    of_scene = runs[(runs.scene == scene()) & (runs.asked_n == 0)]
     timed = _timed(of_scene, of_experiment(frame, CHECKPOINTS))
     experiments = ("table1", "table1_descent", "table1_extended")
     names = [name for each in experiments for name in configs.sweep(each)["model"]]
     rows = []
-    for model in dict.fromkeys([*names, *extra_models(runs, scene)]):
+    for model in dict.fromkeys([*names, *extra_models(runs, scene())]):
         of_model = timed[timed.model == model]
         for pixels, same in of_model.groupby("asked_d"):
             fewer = pixels > 0

@@ -16,9 +16,14 @@ from experiments.reporting.study import RUN, Numbers, Quantity, Study
 from experiments.reporting.table import Table, records
 from experiments.reporting.text import counted, number, percent, two_digits
 from experiments.reporting.trained import caption
-from experiments.studies.table1 import figure, models, tables
-from experiments.studies.table1.models import PAPER
-from experiments.studies.table1.tables import AT_LEAST, AT_PAPERS, OVER_NUMPY, RATIO
+from experiments.studies.table1 import figure, tables
+from experiments.studies.table1.tables import (
+    AT_LEAST,
+    AT_PAPERS,
+    OVER_NUMPY,
+    PAPER,
+    RATIO,
+)
 from experiments.studies.table1.times import grid
 
 KEY = ("scene", "model", "n_train", "pixels")
@@ -71,33 +76,27 @@ def _at_end(cells: Cells) -> str:
 
 
 def note(data: pd.DataFrame) -> str:
-    """Below Table I: what the paper's training accuracies are, and how the models end."""
-    return " ".join(
-        [*_papers_levels(), *_ends(records(data)), *_over_numpy(records(data))]
-    )
-
-
-def _papers_levels() -> Iterator[str]:
-    levels = {model: models.papers_training_accuracy(model) for model in models.PAPER}
-    known = [f"{display_name(m)} {percent(v)} %" for m, v in levels.items() if v]
-    yield f"The paper's training accuracies: {'; '.join(known)}."
-
-
-def _ends(rows: list[dict[str, Any]]) -> Iterator[str]:
-    ends = [f"{display_name(r['model'])} {_at_end(r)}" for r in rows if r["seeds"]]
-    if ends:
-        yield f"Test accuracy at the end of training (%): {'; '.join(ends)}."
-
-
-def _over_numpy(rows: list[dict[str, Any]]) -> Iterator[str]:
-    """The forms of softmax relative to HDC as the paper may have computed it."""
-    known = [
-        f"{display_name(r['model'])} {two_digits(r[OVER_NUMPY])}"
-        for r in rows
-        if models.papers_row(r["model"]) == "softmax" and r.get(OVER_NUMPY)
-    ]
-    if known:
-        yield f"Time relative to HDC by numpy.median: {'; '.join(known)}."
+    """Below Table I: what the paper's training accuracies are, how the models end, and the forms of
+    softmax relative to HDC as the paper may have computed it."""
+    rows = records(data)
+    levels = [(model, tables.papers_training_accuracy(model)) for model in PAPER]
+    softmax = [r for r in rows if tables.papers_row(r["model"]) == "softmax"]
+    told = {
+        "The paper's training accuracies": [
+            f"{display_name(model)} {percent(level)} %"
+            for model, level in levels
+            if level
+        ],
+        "Test accuracy at the end of training (%)": [
+            f"{display_name(r['model'])} {_at_end(r)}" for r in rows if r["seeds"]
+        ],
+        "Time relative to HDC by numpy.median": [
+            f"{display_name(r['model'])} {two_digits(r[OVER_NUMPY])}"
+            for r in softmax
+            if r.get(OVER_NUMPY)
+        ],
+    }
+    return " ".join(f"{of}: {'; '.join(known)}." for of, known in told.items() if known)
 
 
 def or_never(value: float) -> str:

@@ -5,7 +5,7 @@ from itertools import pairwise
 import pytest
 
 from experiments.protocol.checkpoints import Checkpoints, Due
-from experiments.studies.table1 import models
+from experiments.studies.table1 import tables
 
 
 def asked(reports, accuracies=None, target=0.9, n_train=400):
@@ -50,7 +50,7 @@ def test_no_report_that_may_exceed_the_target_first_is_missed_by_more_than_a_twe
 
 def test_the_papers_training_accuracies_are_met_at_a_twentieth_and_the_rest_at_a_fifth():
     reports = batches(*[1.0] * 40)
-    papers = max(p for p in map(models.papers_training_accuracy, models.PAPER) if p)
+    papers = max(p for p in map(tables.papers_training_accuracy, tables.PAPER) if p)
     before = asked(reports, accuracies=dict.fromkeys(range(40), papers))
     after = asked(reports, accuracies=dict.fromkeys(range(40), 0.9975))
     assert before.count(Due.ALL) > after.count(Due.ALL) > 0

@@ -112,13 +112,6 @@ def test_frames_that_cannot_be_written_name_their_file(
     assert raised.value.filename == str(lock.with_suffix(".npy"))
 
 
-def test_no_more_frames_fit_than_the_memory_that_they_may_take(monkeypatch):
-    frames = torch.zeros(9, 5, 8, dtype=torch.uint8)
-    for limit, fit in ((3 * 40, 3), (4 * 40 - 1, 3), (40, 1), (39, 1), (0, 1)):
-        monkeypatch.setattr(data, "IN_MEMORY_BYTES", limit)
-        assert data.fitting(frames) == fit
-
-
 class Counted(Frames):
     """Frames that take a while; each request leaves a mark."""
 
@@ -186,26 +179,19 @@ def test_fewer_pixels_are_some_of_more(make_scene):
             data.PixelSubset(scene, pixels, 0)
 
 
-def test_frames_are_made_again_for_another_revision_of_their_scene(
-    tmp_path, monkeypatch, make_scene
-):
-    scene = make_scene()
-    data.cached(scene, tmp_path, QUIET)
-    data.cached(scene, tmp_path, QUIET)
-    assert len(list(tmp_path.glob("*.npy"))) == 1
-    monkeypatch.setattr(Frames, "revision", 99, raising=False)
-    data.cached(scene, tmp_path, QUIET)
-    assert len(list(tmp_path.glob("*.npy"))) == 2
-
-
-def test_frames_are_made_again_for_other_code_of_an_own_part(
+def test_frames_are_made_again_for_other_code_of_a_scene_or_of_an_own_part(
     tmp_path, monkeypatch, make_scene
 ):
     """A contact of one's own, say: the fingerprint has its parameters, not its code."""
     scene, config = make_scene(), {"contact": {"_target_": "an_own_press.Press"}}
-    for digest in ("first", "first", "second"):
-        monkeypatch.setattr(
-            data.revision, "_of_target", lambda *_, digest=digest: {"a.py": digest}
-        )
-        data.cached(scene, tmp_path, QUIET, config)
-    assert len(list(tmp_path.glob("*.npy"))) == 2
+
+    def files(digest, revision):
+        code = {"a.py": digest}
+        with monkeypatch.context() as patch:
+            patch.setattr(data.revision, "_of_target", lambda *_: code)
+            patch.setattr(Frames, "revision", revision, raising=False)
+            data.cached(scene, tmp_path, QUIET, config)
+        return len(list(tmp_path.glob("*.npy")))
+
+    states = (("a", 1), ("a", 1), ("b", 1), ("b", 99))
+    assert [files(*state) for state in states] == [1, 1, 2, 3]

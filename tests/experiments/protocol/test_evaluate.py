@@ -1,29 +1,24 @@
 """Every study asks the model that it is given, whatever kind it is."""
 
-import copy
-from types import SimpleNamespace
-
 import numpy as np
 import pandas as pd
 import pytest
 import torch
 
-from baselines import library
 from baselines.softmax import SoftmaxRegression
 from experiments.protocol.evaluate import bank_of, evaluate, train_until
-from experiments.protocol.experiment import Run
 from experiments.protocol.stop import StopRule
-from experiments.records.rows import unpack_labels
-from experiments.studies.drift.measure import drift
-from experiments.studies.recordings.measure import recordings
+from experiments.protocol.task import Context
+from experiments.studies.drift.measure import Drift
 from scenes.frames import Frames
+from tests.experiments.composed import made
 
 RANDOM = {"kind": "random", "test_fraction": 0.3, "group": None, "n_train": None}
 HDC = {"_target_": "hdc.HDCClassifier"}
 KINDS = {
     "ridge": HDC | {"readout": "ridge"},
     "neighbours": HDC
-    | {"readout": {"_target_": "hdc.readouts.Neighbours", "n_neighbours": 3}},
+    | {"readout": {"_target_": "hdc.readouts.Neighbours", "n_neighbors": 3}},
     "counts": HDC | {"readout": "counts"},
     "levels and lda": HDC | {"encoder": "levels", "readout": "lda"},
     "reference": HDC | {"encoder": "reference"},
@@ -54,7 +49,7 @@ def scene(monkeypatch):
     samples = {"session": session, "order": np.tile(np.arange(60), 2)}
     images = torch.from_numpy(frames.clip(0, 255).astype(np.uint8))
     scene = Frames(images, labels, ("A", "B", "C"), samples, origin="simulated")
-    monkeypatch.setattr(Run, "scene", lambda *_: scene)
+    monkeypatch.setattr(Context, "scene", lambda *_: scene)
     return scene
 
 
@@ -67,52 +62,11 @@ def test_a_bank_knows_what_frames_belong_together(scene):
     assert bank_of(scene, chosen).groups is None
 
 
-def plain(model, scene, train, test):
-    """Right answers of a new model trained on the frames themselves."""
-    for _ in library.train(model, scene.frames(train), scene.labels[train]):
-        pass
-    return int((model.predict(scene.frames(test)) == scene.labels[test]).sum())
-
-
-@pytest.mark.filterwarnings("ignore:lda. no class has two")  # of one frame a class
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_study_says_of_a_model_what_the_model_says_itself(kind, scene, monkeypatch):
-    """Every row's count is that of the model trained alone on the frames of that row."""
-    from experiments.protocol import evaluate as protocol
-
-    expected = []
-
-    def watched(model, bank, train, test, stop=None):
-        alone = copy.deepcopy(model)
-        expected.append(plain(alone, scene, train, test))
-        return protocol.evaluate(model, bank, train, test, stop)
-
-    models = {"model": {"model": KINDS[kind]}}
-    monkeypatch.setattr("experiments.studies.recordings.measure.evaluate", watched)
-    made = recordings.rows(
-        Run(force=True),
-        scene={},
-        splits={"random": RANDOM},
-        models=models,
-        n_per_class=[1, 4],
-        draws=2,
-    )
-    rows = pd.DataFrame(made)
-    truths = rows.groupby(["seed", "split", "draw"]).labels.transform("first")
-    right = [
-        int((unpack_labels(text) == unpack_labels(truth)).sum())
-        for texts, truth in zip(rows.predicted, truths, strict=True)
-        for text in texts
-    ]
-    assert right == expected
-    assert len(set(expected)) > 1 or kind == "own"
-
-
 def test_updates_that_a_read_out_refuses_have_no_row(scene):
     models = {name: {"model": part} for name, part in KINDS.items()}
     arguments = {"old_split": RANDOM, "seeds": [0], "n_test": 30, "n_new": [6]}
-    made = drift.rows(Run(), scene={}, models=models, p=[0.5], **arguments)
-    rows = pd.DataFrame(made)
+    task = made(Drift, scene={}, models=models, p=[0.5], **arguments)
+    rows = pd.DataFrame(task.rows(Context()))
     methods = {name: set(part.method) for name, part in rows.groupby("model")}
     always = {"stored", "new", "pooled", "balanced"}
     assert methods["counts"] == methods["own"] == always
@@ -172,12 +126,3 @@ def test_a_training_ends_by_what_the_training_frames_say(rule, reason, reports):
     model = ThreeReports(learns_by_steps=False)
     ended = "budget" if reason == "budget" else "finished"
     assert train_until(model, StopRule(**rule), frames, labels) == ended
-
-
-def test_steps_that_a_model_does_not_report_are_none(scene):
-    def train(frames, labels):
-        yield {"samples_seen": len(frames), "loss": 0.0}
-
-    model = SimpleNamespace(train=train)
-    rule = StopRule(least_steps=1, most_steps=1)
-    assert train_until(model, rule, scene.images, scene.labels) == "finished"

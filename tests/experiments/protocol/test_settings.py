@@ -2,8 +2,10 @@
 
 import msgspec
 import pytest
+from rich.console import Console
 
-from experiments.protocol.settings import checked, settings_of
+from experiments.protocol import runner
+from experiments.protocol.settings import checked
 
 
 @pytest.mark.parametrize(
@@ -27,14 +29,14 @@ from experiments.protocol.settings import checked, settings_of
         ("device=cuda:7", r"device: expected one of cpu.*, found 'cuda:7'"),
         ("model.device=cuda:99", r"model\.device: expected one of cpu"),
         (
-            "model.readout.seed=abc",
-            r"model\.readout\.seed: expected an integer, found 'abc'",
+            "model.readout.random_state=abc",
+            r"model\.readout\.random_state: expected an integer, found 'abc'",
         ),
     ],
 )
 def test_a_wrong_value_is_named_by_its_key(composed_run, override, message):
     with pytest.raises(ValueError, match=f"^{message}"):
-        settings_of(composed_run(override))
+        runner.carry_out(composed_run(override), runner.Asked({}), Console(quiet=True))
 
 
 class Limits(msgspec.Struct):
@@ -45,8 +47,8 @@ class Limits(msgspec.Struct):
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        ({"draws": {"a": "x"}}, "task.draws: expected each value to be an integer"),
-        ({"sizes": [5, "x"]}, "task.sizes: expected each value to be an integer"),
+        ({"draws": {"a": "x"}}, "task.draws.a: expected an integer, found"),
+        ({"sizes": [5, "x"]}, "task.sizes.1: expected an integer, found"),
         ({"sizes": 5}, "task.sizes: expected a list, found 5"),
     ],
     ids=str,

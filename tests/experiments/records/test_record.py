@@ -1,12 +1,11 @@
-"""Records of runs: what is written is read again, whatever a kill leaves between the lines."""
+"""Records: what is written is read again, and what is no record is named and skipped."""
 
+import hashlib
 import json
-import math
 
 import pytest
 
-import experiments
-from experiments.records import record, store
+from experiments.records import names, record, store
 from experiments.records.rows import pack_labels
 
 
@@ -16,19 +15,18 @@ def lines(folder):
 
 def test_a_run_is_read_as_it_was_written(tmp_path, write_run, write_measurement):
     curve = [
-        {"training_s": 1.0, "loss": math.inf},
+        {"training_s": 1.0, "loss": float("inf")},  # JSON has none: it is missing
         {"training_s": 2.0, "loss": 0.1, "epoch": 1.0},
     ]
     truth = [0] * 1000
     name = write_run("softmax", seed=3, wrong=range(7), curve=curve, truth=truth)
     (run,) = store.read(tmp_path)
-    assert (run.id, run.seed, run.status) == (name, 3, "finished")
-    assert run.right.tolist() == [False] * 7 + [True] * 993
-    assert len(json.loads(lines(tmp_path)[0])["predicted"]) < 60
-    assert run.revisions["experiments"] == experiments.REVISION
+    assert (run.id, run.config["seed"]["run"], run.status) == (name, 3, "finished")
+    assert (run.results["right"], run.results["iterative"]) == (993, True)
+    assert "training_s" not in run.results
+    assert len(run.results["predicted"]) < 60
     first, second = run.curve
-    assert first["loss"] == math.inf
-    assert "epoch" not in first
+    assert not {"loss", "epoch"} & set(first)
     assert second["epoch"] == 1.0
     assert store.find(tmp_path, name) == run
     assert store.find(tmp_path, "touch-hdc-000000000000") is None
@@ -37,42 +35,42 @@ def test_a_run_is_read_as_it_was_written(tmp_path, write_run, write_measurement)
     before = lines(tmp_path)
     store.write_all(tmp_path, list(store.read(tmp_path)))
     assert lines(tmp_path) == before
-    store.write_all(tmp_path, [])
-    assert lines(tmp_path) == []
+
+
+RESULTS = [
+    ("predicted", pack_labels([0]), "predicted: expected 100 labels, found 1"),
+    ("predicted", pack_labels([5] * 100), "predicted: expected labels from 0 to 4, fo"),
+    ("predicted", "u1:AAAA", "labels: expected packed integers"),
+    ("n_test", None, "labels: expected None labels, found 100"),
+    ("test_accuracy_final", 0.9, "expected 1.000000 of the predictions beside it, f"),
+]
 
 
 @pytest.mark.parametrize(
-    ("change", "expected"),
+    ("key", "value", "expected"),
     [
-        ({"schema": 3}, "schema"),
-        ({"training_s": "soon"}, "training_s"),
-        ({"config": 7}, "config"),
-        ({"config": {}}, "config.scene: expected a mapping, found None"),
-        ({"config.data": None}, "config.data: expected a mapping, found None"),
-        ({"config.seed": {"run": None}}, "config.seed.run: expected an integer, found"),
-        ({"config.split": {}}, "config.split.n_train: expected a value, found none"),
-        ({"predicted": pack_labels([0])}, "predicted: expected 100 labels, found 1"),
+        ("schema", 7, "schema"),
+        ("config", 7, "config"),
+        ("config", {}, "config.seed.run: expected a value, found none"),
+        ("config.split", {}, "config.split.n_train: expected a value, found none"),
         (
-            {"predicted": pack_labels([5] * 100)},
-            "predicted: expected labels from 0 to 4, found 5 to 5",
+            "rows",
+            {"columns": ["a"], "values": [[1, 2]]},
+            "rows: expected at most 1 val",
         ),
-        ({"test_labels": [1, 2]}, "expected packed labels, found [1, 2]"),
-        ({"predicted": "u1:AAAA"}, "labels: expected packed integers"),
-        ({"rows": {"columns": ["a"], "values": [[1, 2]]}}, "rows: expected 1 values"),
-        ({"rows": {"columns": ["a"], "values": [["x"]]}}, "curve: expected numbers"),
-        (
-            {"test_accuracy_final": 0.9},
-            "test_accuracy_final: expected 1.000000 of the predictions beside it, found 0.9",
-        ),
+        ("rows", {}, "results: expected 'n_test', found none"),
+        *((f"results.{key}", *rest) for key, *rest in RESULTS),
     ],
 )
 def test_a_malformed_record_is_named_with_its_key_and_skipped(
-    tmp_path, write_run, change, expected
+    tmp_path, write_run, key, value, expected
 ):
     write_run("hdc")
     entry = json.loads(lines(tmp_path)[0])
-    for key, value in change.items():
-        group, _, name = key.rpartition(".")
+    group, _, name = key.rpartition(".")
+    if group == "results":
+        entry["rows"]["values"][-1][entry["rows"]["columns"].index(name)] = value
+    else:
         (entry[group] if group else entry)[name] = value
     (tmp_path / store.FILE).write_text(json.dumps(entry))
     (error,) = store.read(tmp_path)
@@ -93,3 +91,26 @@ def test_the_name_of_a_run_depends_on_every_value_and_stays(config, data, same):
     """Under another name, every run would be carried out again."""
     name = record.name_of("touch-hdc", config, data)
     assert (name == "touch-hdc-a379c5298fb1") is same
+
+
+def test_parameters_that_have_other_names_now_are_the_same_record():
+    """With balance, seed and n_neighbours of version 3.0, and with their names of now."""
+    configs = []
+    for majority, neighbours in (
+        ({"balance": True, "seed": 3}, {"n_neighbours": 5}),
+        ({"class_weight": "balanced", "random_state": 3}, {"n_neighbors": 5}),
+    ):
+        parts = [
+            {"_target_": "hdc.readouts.Majority", **majority},
+            {"_target_": "hdc.readouts.Neighbours", **neighbours},
+        ]
+        configs.append({"seed": 1, "models": parts})
+    old, new = configs
+    assert names.of_today(old) == names.of_today(new) == new
+    assert record.name_of("x", old, "f") == record.name_of("x", new, "f")
+    text = json.dumps([old, "f"], sort_keys=True)
+    expected = hashlib.sha256(text.encode()).hexdigest()[:12]
+    assert record.name_of("x", new, "f") == f"x-{expected}"
+    plain = {"_target_": "hdc.readouts.Majority", "class_weight": None}
+    assert names.of_version_3_0(plain)["balance"] is False
+    assert names.of_today(names.of_version_3_0(plain)) == plain

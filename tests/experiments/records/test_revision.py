@@ -12,7 +12,7 @@ from experiments.records.revision import of_today, outdated, revisions
 HDC = {"model": {"_target_": "hdc.HDCClassifier"}}
 RIDGE = {"model": {"_target_": "baselines.ridge.RidgeReadout"}}
 OWN = {"model": {"_target_": "an_own_model.Mine", "size": 3}}
-DRIFT = "experiments.studies.drift.measure.drift"
+DRIFT = "experiments.studies.drift.measure.Drift"
 
 
 def forget():

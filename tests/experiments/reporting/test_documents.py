@@ -4,13 +4,10 @@ import math
 
 import pandas as pd
 
-from experiments import studies
 from experiments.records import configs
-from experiments.records.files import ROOT
 from experiments.reporting import documents
 from experiments.reporting.answers import Answers
 from experiments.reporting.study import Figure, Study
-from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table, frame
 from experiments.studies.recordings.figures import is_on_front
 from experiments.studies.recordings.tables import COSTS
@@ -128,11 +125,3 @@ def test_every_scene_is_listed_once_and_every_source_with_its_licence(
     assert simulated.count("`scene=") == 5
     assert "500 frames of 41 × 82 pixels; 5 classes." in text
     assert "Test: the last 50 % of each class in time." in text
-
-
-def test_every_head_of_the_committed_results_is_a_study():
-    text = (ROOT / "docs" / "results.md").read_text(encoding="utf-8")
-    shown = {study.title for study in studies_of(studies)}
-    headings = {line[3:] for line in text.splitlines() if line.startswith("## ")}
-    assert headings
-    assert headings <= shown

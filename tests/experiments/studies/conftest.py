@@ -5,7 +5,6 @@ import re
 
 import numpy as np
 import pytest
-from matplotlib import pyplot as plt
 
 CLASSES = {
     "finger": ["L1", "L2", "L3", "R1", "R2", "R3", "None"],
@@ -49,8 +48,7 @@ def figures(answers):
         made = answers(study).figures(study)
         return {figure.name: figure.draw(table.data) for figure, table in made}
 
-    yield draw
-    plt.close("all")
+    return draw
 
 
 @pytest.fixture
@@ -62,7 +60,7 @@ def drawn(figures):
         found = {}
         for name, figure in figures(study).items():
             figure.draw_without_rendering()
-            box = figure.get_tightbbox(figure.canvas.get_renderer())  # in inches
+            box = figure.get_tightbbox()  # in inches
             assert min(box.x0, box.y0) >= 0, name
             assert box.x1 <= figure.get_figwidth(), name
             assert box.y1 <= figure.get_figheight(), name

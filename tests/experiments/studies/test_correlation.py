@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import base64
-
-import cv2
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from experiments.protocol.experiment import Run
 from experiments.protocol.settings import Split
-from experiments.studies.correlation import measure, view
+from experiments.protocol.task import Context
+from experiments.studies.correlation import measure
 from experiments.studies.correlation.pairs import (
     CorrelationSums,
     contrast,
@@ -68,27 +64,6 @@ def test_samples_without_variance_are_counted_and_leave_other_classes_alone():
     assert np.isnan(standardise(np.full((1, 4), 1e6 + 0.1))).all()
     with pytest.raises(ValueError, match=r"samples\[1\]: expected finite values"):
         standardise([[1, 2], [3, np.inf]])
-
-
-def test_float32_rounds_each_standardised_sample_once():
-    classes = samples(2, 30)[:, None]
-    rounded = standardise(classes[:, 0], np.float32)
-    assert rounded.dtype == np.float32
-    assert (rounded == standardise(classes[:, 0]).astype(np.float32)).all()
-    sums = sums_of(classes, np.float32)
-    assert sums.sums.dtype == np.float64
-    assert (sums.sums == rounded).all()
-    assert (sums + sums).dtype == np.float32
-
-
-def test_correlations_need_samples():
-    sums = CorrelationSums(2, 30)
-    with pytest.raises(ValueError, match=r"samples: .*one of each class, found 0"):
-        sums.means_with(samples(1, 30))
-    sums.add(samples(2, 30))
-    assert np.isfinite(sums.means_with(samples(1, 30))).all()
-    with pytest.raises(ValueError, match=r"samples: .*two of each class, found 1"):
-        sums.pair_means()
 
 
 @pytest.mark.parametrize(
@@ -152,45 +127,15 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
         measure.members_of(scene_of(12, 8, 12), SPLIT, 0)
 
 
-def test_pictures_are_squares_of_the_first_frame_its_bits_and_the_prototype():
-    scene = scene_of(4, 4, 4)
-    first = measure.members_of(scene, SPLIT, 0)["training"][:, 0]
-    words = Median().encode(scene.images[first])
-    rows = list(measure.pictures(scene, SPLIT, 0, crop=[2, 5, 4]))
-    assert [row["picture"] for row in rows] == 3 * [
-        "speckle",
-        "hypervector",
-        "prototype",
-    ]
-    images = [
-        cv2.imdecode(np.frombuffer(base64.b64decode(row["png"]), np.uint8), -1)
-        for row in rows
-    ]
-    for k, frame in enumerate(scene.images[first].numpy()):
-        speckle, hypervector, prototype = images[3 * k : 3 * k + 3]
-        ones = bits.unpack(words[k : k + 1], 100).view(10, 10).numpy()
-        assert (speckle == frame[2:6, 5:9]).all()
-        assert (hypervector == 255 * ones[2:6, 5:9]).all()
-        assert set(np.unique(prototype)) == {0, 255}
-
-
-def test_a_kind_that_there_is_not_is_an_error_that_names_the_key():
-    rows = measure.correlation.rows(Run(), {}, SPLIT, [0], ["speckles"])
-    with pytest.raises(ValueError, match=r"task\.kinds: .* found \['speckles'\]"):
-        next(rows)
-
-
-def test_contrasts_are_means_over_seeds():
-    rows = pd.DataFrame([
-        {"seed": seed, "kind": kind, "samples": part, "class_i": a, "class_j": b,
-         "value": {"AA": 0.2 + 0.1 * seed, "BB": 0.15}.get(a + b, 0.1), "n": 100}
-        for seed in (0, 1) for kind in ("speckle", "hypervector", "prototype")
-        for part in ("training", "held-out", "all") for a in "AB" for b in "AB"
-    ])  # fmt: skip
-    numbers = {quantity.name: quantity for quantity in view.quantities(rows)}
-    assert numbers["correlation/max_same_class_speckle"].value == pytest.approx(0.25)
-    contrast = numbers["correlation/contrast_prototype"]
-    # ΔC is 0.1 and 0.2; t(0.975, 1)·0.0707·√1.5 = 1.1
-    assert contrast.value == pytest.approx(0.15)
-    assert contrast.high == pytest.approx(0.15 + 1.1004, abs=1e-3)
-    assert (contrast.seeds, contrast.n) == (2, 2 * 2 * 100)
+@pytest.mark.parametrize(
+    ("asked", "sentence"),
+    [
+        (lambda: sums_of(samples(2, 30)[:, :0, None]).means_with([[1, 2]]), "class, found 0"),
+        (lambda: sums_of(samples(2, 30)[:, None]).pair_means(), "two of each class, found 1"),
+        (lambda: next(measure.Correlation({}, SPLIT, [0], ["speckles"]).rows(Context())),
+         r"task\.kinds: .* found \['speckles'\]"),
+    ],
+)  # fmt: skip
+def test_what_has_no_correlation_is_named(asked, sentence):
+    with pytest.raises(ValueError, match=sentence):
+        asked()

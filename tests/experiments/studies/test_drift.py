@@ -12,28 +12,25 @@ import torch
 
 from baselines.linear import PenalisedClassifier
 from experiments.protocol.evaluate import bank_of, evaluate
-from experiments.protocol.experiment import Run
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.records.rows import unpack_labels
 from experiments.studies.drift import measure
 from experiments.studies.drift.measure import (
     Choice,
     choose,
-    drift,
     subsets,
     updates,
     ways,
 )
-from experiments.studies.drift.numbers import best_updates, ratio, regained
-from experiments.studies.drift.sessions import accuracies
+from experiments.studies.drift.numbers import accuracies, ratio
 from experiments.studies.drift.zeroing import Unlabelled, first_of_each, rezeroed
 from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.standardised import FRACTION, standardised
-from hdc.readouts import Counts
 from scenes.frames import Frames
+from tests.experiments import composed
 
 SPLIT = Split("random", 0.2)
 # Samples of the old session, of the new one, and of both.
@@ -41,7 +38,7 @@ OLD, NEW, ASKED = np.arange(40), np.arange(60, 72), np.r_[40:60, 72:120]
 
 
 def built(name):
-    return models_of({name: configs.part("model", name)})[name]
+    return models_of({name: composed.part("model", name)})[name]
 
 
 @pytest.fixture(scope="module")
@@ -107,35 +104,11 @@ def test_updates_of_hdc_are_its_own_recalibrations(scene):
     ):
         model = HDCClassifier().fit(images[train], labels[train])
         if options:
-            model.recalibrate(images[NEW], labels[NEW], seed=7, **options)
+            model.recalibrate(images[NEW], labels[NEW], random_state=7, **options)
         assert (found.pop(key) == model.predict(images[ASKED])).all(), key
     assert not found
     with pytest.raises(ValueError, match="p: "):
         list(ways(HDCClassifier(), bank, OLD, NEW, ASKED, (2.0,), seed=7))
-
-
-class OwnCounts(Counts):
-    """Refuses a method in words of its own."""
-
-    def adapt(self, state, words, rows, share, seed, method):
-        if method not in self.methods:
-            raise ValueError(f"I only know {self.methods}")
-        return super().adapt(state, words, rows, share, seed, method)
-
-
-def own_counts():
-    return HDCClassifier(readout=OwnCounts())
-
-
-@pytest.mark.parametrize(
-    "make",
-    [lambda: built("hdc_lda"), lambda: built("hdc_integer"), own_counts],
-    ids=["lda", "integer", "own"],
-)
-def test_an_update_that_a_read_out_does_not_have_has_no_row(scene, make):
-    """It was told by the start of an error."""
-    made = ways(make(), bank_of(scene), OLD, NEW, ASKED, (0.5,), seed=0)
-    assert [way for way, *_ in made] == ["new", "balanced", "pooled"]
 
 
 class FromOld(PenalisedClassifier):
@@ -234,116 +207,45 @@ def test_unlabelled_frames_are_the_first_with_the_share_that_is_asked_for(scene)
     assert first_of_each(pool, labels, np.array([3, 1])) is None
 
 
-def test_what_is_updated_without_labels_in_the_seeds_that_are_asked_for(
-    scene, monkeypatch
-):
-    """The stored model; it re-zeroed by six frames of all classes, by ten with six of the class
-    whose number is the seed; one trained on the first three new samples; and one that has a
-    reference of the class without touch alone."""
-    monkeypatch.setattr(
-        Run, "scenes", lambda run, config, seeds: ((seed, scene) for seed in seeds)
-    )
-    names = ["ridge_standardised", "hdc_reference"]
-    options = {
-        "scene": {}, "old_split": SPLIT, "models": {"hdc": configs.part("model", "hdc")},
-        "seeds": [0, 1], "n_test": 30, "n_new": [3], "p": [],
-        "zeroing": {name: configs.part("model", name) for name in names},
-        "zeroing_seeds": [1], "n_alone": [3], "n_zero": [6, 600], "shares": [0.6],
-        "n_shares": [10], "n_untouched": [4, 99],
-    }  # fmt: skip
-    rows = pd.DataFrame(drift.rows(Run(), **options, no_touch="None"))
-    labelled = rows[rows.model == "hdc"]
-    assert labelled.method.tolist() == 2 * ["stored", "new", "balanced", "pooled"]
-    assert rows.seed.tolist() == 4 * [0] + 14 * [1]
-    # The true classes stand once a seed, the new session first.
-    choice, bank = choose(scene, SPLIT, 30, seed=1), bank_of(scene)
-    assert rows[rows.labels.notna()].index.tolist() == [0, 4]
-    asked = np.concatenate([choice.tests["new"], choice.tests["old"]])
-    truth = scene.labels[asked]
-    assert (unpack_labels(rows.labels[4]) == truth).all()
-    line = accuracies(rows.ffill()).loc[4]
-    right = evaluate(HDCClassifier(), bank, choice.old, asked) == truth
-    assert (line.new, line.old) == (right[:30].mean(), right[30:].mean())
-    assert (line.n_old, line.n_test_new, line.n_test_old) == (48, 30, 12)
-    # Classes follow each other in time from sample 60 on.
-    old, six = choice.old, np.arange(60, 66)
-    ten = np.array([60, 63, 61, 64, 67, 70, 73, 76, 62, 65])
-    before, after = old[scene.labels[old] == 2], np.array([62, 65, 68, 71])
-    for name in names:
-        model, found = built(name), rows[rows.model == name]
-        (without,) = rezeroed(model, bank, old, asked, before, [after])
-        new = evaluate(model, bank, six[:3], asked)
-        made = [*rezeroed(model, bank, old, asked, old, [None, six, ten]), new, without]
-        ways = [
-            ("stored", 0),
-            ("zeroed", 6),
-            ("zeroed", 10),
-            ("new", 3),
-            ("untouched", 4),
-        ]
-        assert list(zip(found.method, found.n_new, strict=True)) == ways
-        assert found.share.fillna(0).tolist() == [0, 0, 0.6, 0, 0]
-        for predicted, expected in zip(found.predicted, made, strict=True):
-            assert (unpack_labels(predicted) == expected).all()
-    rows = pd.DataFrame(drift.rows(Run(), **options, no_touch="air"))
-    assert "untouched" not in set(rows.method)
-
-
 # Accuracies ---------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def frame_of(predicting):
-    """frame_of((seed, method, n_new, right in the new session, more), …): lines of HDC, of 1000
-    frames in each session."""
-
-    def line(seed, method, n_new, right, **more):
-        row = {"scene": "drift", "origin": "simulated", "model": "hdc", "p": None, "seed": seed,
-               "method": method, "n_new": n_new, "right_new": right, "right_old": 900,
-               "n_test_new": 1000, "n_test_old": 1000, **more}  # fmt: skip
-        return predicting(row)
-
-    return lambda *lines: pd.DataFrame([line(*given, **more) for *given, more in lines])
+def test_an_update_that_a_read_out_does_not_have_has_no_row(scene):
+    made = ways(built("hdc_lda"), bank_of(scene), OLD, NEW, ASKED, (0.5,), seed=0)
+    assert [way for way, *_ in made] == ["new", "balanced", "pooled"]
 
 
-def test_what_an_update_regains_is_a_ratio_of_means_with_its_interval(frame_of):
-    """t(0.975, 1) = 12.7062."""
-    lines = []
-    for seed, old, stored, updated in ((0, 900, 400, 800), (1, 800, 500, 650)):
-        lines += [
-            (seed, "stored", 0, stored, {"right_old": old}),
-            (seed, "zeroed", 10, updated, {"right_old": old, "share": 0.6}),
-            (seed, "zeroed", 10, stored, {"right_old": old}),
-        ]
-    found, none = regained(frame_of(*lines)).to_dict("records")
-    half = 12.7062 * 0.05  # of two shares 10 points apart
-    # Of gains 0.4 and 0.15: 0.6875 + (gain − 0.6875·lost)/0.4 is 0.828 and 0.547.
-    for name, value, low, high in (
-        ("before", 0.85, 0.85 - half, 1.0),
-        ("stored", 0.45, 0.0, 1.0),
-        ("updated", 0.725, 0.0, 1.0),
-        ("old", 0.85, 0.85 - half, 1.0),
-        ("lost", 0.4, 0.4 - 2 * half, 0.4 + 2 * half),
-        ("regained", 0.6875, 0.6875 - 12.7062 * 0.140625, 0.6875 + 12.7062 * 0.140625),
-    ):
-        bounds = [found[f"{name}{end}"] for end in ("", "_low", "_high")]
-        assert bounds == pytest.approx([value, low, high], rel=1e-4, abs=1e-9), name
-    assert found["update"] == "re-referenced, 60 % of one class"
-    assert not found["labels"]
-    assert (none["update"], none["regained"]) == ("re-referenced, all classes alike", 0)
-    assert np.isnan(ratio(np.array([0.1, 0.2]), np.array([0.0, -0.1])).value)  # no loss
+def test_what_is_regained_is_a_ratio_of_means_with_its_interval():
+    """t(0.975, 1) = 12.7062; 0.6875 + (gain − 0.6875·lost)/0.4 is 0.828 and 0.547."""
+    found = ratio(pd.Series([0.4, 0.15]), pd.Series([0.5, 0.3]))
+    assert found.value == pytest.approx(0.6875)
+    assert found.high - found.value == pytest.approx(12.7062 * 0.140625, rel=1e-4)
+    assert np.isnan(ratio(pd.Series([0.1]), pd.Series([-0.1])).value)  # no loss
 
 
-def test_the_best_update_has_the_highest_mean_and_few_labels(frame_of):
-    """Of 60 labelled frames the paper has no number; frames of one class are no way to choose."""
-    lines = (
-        (0, "stored", 0, 400, {}),
-        (0, "new", 50, 800, {}),
-        (0, "pooled", 50, 790, {}),
-        (0, "pooled", 60, 880, {}),
-        (0, "zeroed", 90, 400, {}),
-        (0, "zeroed", 30, 990, {"share": 1.0}),
+def test_rows_have_answers_in_the_seeds_and_sessions_that_are_asked_for(
+    scene, monkeypatch
+):
+    """The true classes stand once a seed, the new session first."""
+    monkeypatch.setattr(
+        Context, "scenes", lambda run, _, seeds: [(s, scene) for s in seeds]
     )
-    best = best_updates(frame_of(*lines))
-    found = list(zip(best.method, best.n_new, best.labels, strict=True))
-    assert found == [("new", 50, True), ("zeroed", 90, False)]
+    of = {
+        name: {name: composed.part("model", name)} for name in ("hdc", "hdc_reference")
+    }
+    task = composed.made(
+        measure.Drift, scene={}, old_split=SPLIT, models=of["hdc"], seeds=[0, 1], n_test=30,
+        n_new=[3], p=[], zeroing=of["hdc_reference"], zeroing_seeds=[1], n_zero=[6, 600],
+        n_untouched=[4, 99], no_touch="None",
+    )  # fmt: skip
+    rows = pd.DataFrame(task.rows(Context()))
+    labelled = ["stored", "new", "balanced", "pooled"]
+    assert rows.method.tolist() == 2 * labelled + ["stored", "zeroed", "untouched"]
+    assert rows.seed.tolist() == 4 * [0] + 7 * [1]
+    assert rows[rows.labels.notna()].index.tolist() == [0, 4]
+    choice = choose(scene, SPLIT, 30, seed=1)
+    truth = scene.labels[choice.asked]
+    assert (unpack_labels(rows.labels[4]) == truth).all()
+    line = accuracies(rows.ffill()).loc[4]
+    right = evaluate(HDCClassifier(), bank_of(scene), choice.old, choice.asked) == truth
+    assert (line.new, line.old) == (right[:30].mean(), right[30:].mean())

@@ -4,15 +4,15 @@ import subprocess
 
 import pytest
 
-from experiments.protocol.experiment import Run
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.studies.footprint import measure
+from tests.experiments import composed
 
-NEEDED = configs.task("footprint")["needed"]
+NEEDED = composed.task("footprint")["needed"]
 
 
 def rows_of(scene):
-    return measure.footprint.rows(Run(), [scene], ["hdc"], frames=3, needed=NEEDED)
+    return measure.Footprint([scene], ["hdc"], 3, NEEDED).rows(Context())
 
 
 def test_a_scene_has_what_it_needs_and_no_more():

@@ -5,7 +5,7 @@ from itertools import combinations
 
 import numpy as np
 
-from experiments.protocol.experiment import Run
+from experiments.protocol.task import Context
 from experiments.studies.limits.numerics import measure
 
 
@@ -20,7 +20,7 @@ def test_the_exact_mean_is_that_of_rational_correlations():
 
 
 def test_float64_is_within_tolerance_everywhere_and_float32_is_not():
-    rows = list(measure.numerics.rows(Run(), samples=6, pixels=500, repeats=1))
+    rows = list(measure.Numerics(samples=6, pixels=500, repeats=1).rows(Context()))
     errors = {}
     for row in rows:
         errors[row["input"], row["method"], row["number"]] = row["error"]

@@ -6,54 +6,40 @@ from importlib.util import find_spec
 import numpy as np
 import pandas as pd
 import pytest
-import torch
 from rich.console import Console
 
-from experiments.protocol.experiment import Run
-from experiments.protocol.settings import Split
-from experiments.protocol.splits import nested, resample_split
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.records.results import Results
 from experiments.reporting.resamples import RIVAL
 from experiments.studies.recordings import figures as drawing
 from experiments.studies.recordings import measure, tables
 from experiments.studies.recordings.accuracies import Accuracies, recordings
 from experiments.studies.recordings.view import STUDY
-from scenes.frames import Frames
+from tests.experiments import composed
 
 RANDOM = {"kind": "random", "test_fraction": 0.5}
 
 
-def test_training_sets_grow_and_hold_no_test_frame(frames_and_labels):
-    frames, labels = frames_and_labels(90, classes=3, side=12)
-    scene = Frames(torch.from_numpy(frames), labels, ("a", "b", "c"))
-    pool, test = resample_split(scene, Split(**RANDOM), (0, 0), most_test=20)
-    assert len(test) == 20
-    order, sizes = nested(pool, scene.labels, [1, 5, 1000], (0, 0))
-    assert sizes == [1, 5]  # no class has a thousand
-    for label, of_class in enumerate(order):
-        assert set(scene.labels[of_class]) == {label}
-        assert not set(of_class) & set(test)
-    again = resample_split(scene, Split(**RANDOM), (0, 0), most_test=20)
-    assert all(map(np.array_equal, (pool, test), again))
-    other = resample_split(scene, Split(**RANDOM), (0, 1), most_test=20)
-    assert not np.array_equal(test, other[1])
-
-
 @pytest.fixture
 def of_small(recording):
-    """of_small(experiment) → its rows on a small recording, without the runner."""
-    scene = configs.part("scene", "recorded")["scene"] | {"path": str(recording(60, 3))}
-    run = Run(console=Console(quiet=True), force=True, scene_name="here")
-    return lambda experiment: partial(experiment.rows, run, scene)
+    """of_small(task) → its rows on a small recording, without the runner."""
+    scene = composed.part("scene", "recorded")["scene"] | {
+        "path": str(recording(60, 3))
+    }
+    context = Context(console=Console(quiet=True), force=True, scene_name="here")
+
+    def rows(kind, **config):
+        return list(composed.made(kind, scene=scene, **config).rows(context))
+
+    return lambda kind: partial(rows, kind)
 
 
 def models(*names):
-    return {name: configs.part("model", name) for name in names}
+    return {name: composed.part("model", name) for name in names}
 
 
 def test_a_model_is_asked_within_its_limits(of_small):
-    ask = of_small(measure.recordings)
+    ask = of_small(measure.Recordings)
     named = models("hdc", "hdc_integer", "ridge", "greys_chosen", "softmax")
     splits = {"random": RANDOM, "counts": RANDOM}
     stop = {"least_steps": 1, "most_steps": 3, "loss": 0.0}
@@ -63,7 +49,8 @@ def test_a_model_is_asked_within_its_limits(of_small):
         "softmax": {"draws": 1, "stop": stop},
         "hdc_integer": {"scenes": ["elsewhere"]},
     }
-    ask = partial(ask, splits, named, [1, 5], draws=2, seeds=[0, 1])
+    about = {"splits": splits, "models": named, "n_per_class": [1, 5]}
+    ask = partial(ask, **about, draws=2, seeds=[0, 1])
     rows = pd.DataFrame(ask(limits=limits))
     draws = list(zip(rows.seed, rows.draw, strict=True))
     asked = rows.assign(at=draws).groupby(["split", "model"])["at"].agg(list)
@@ -83,17 +70,18 @@ def test_a_model_is_asked_within_its_limits(of_small):
     assert rows[rows.model == "hdc"].stopped.isna().all()
     for wrong, message in (
         ({"hcd": {"draws": 1}}, r"limits: expected models among .* 'hcd'"),
-        ({"hdc": {"draw": 1}}, r"limits\.hdc\.draw: expected one of scenes"),
+        ({"hdc": {"draw": 1}}, r"task\.limits\.hdc\.draw: expected one of scenes"),
     ):
         with pytest.raises(ValueError, match=message):
-            list(ask(limits=wrong))
+            ask(limits=wrong)
 
 
 def test_bytes_of_a_model_are_those_of_its_bits(of_small):
     names = ("hdc", "hdc_levels_lda", "softmax_dual")
     limits = {"hdc_levels_lda": {"n_per_class": [5]}}
-    ask = of_small(measure.recording_costs)
-    rows = list(ask(RANDOM, models(*names), [1, 5], repeats=1, limits=limits))
+    ask = of_small(measure.RecordingCosts)
+    about = {"split": RANDOM, "models": models(*names), "n_per_class": [1, 5]}
+    rows = ask(**about, repeats=1, limits=limits)
     asked = [(row["model"], row["n"]) for row in rows]
     assert asked == [("hdc", 1), ("softmax_dual", 1), *((name, 5) for name in names)]
     found = {row["model"]: row for row in rows}
@@ -119,9 +107,10 @@ def test_repetitions_take_turns_until_a_model_has_taken_its_time(of_small, monke
         timed.trained = timed.model.fit(frames, labels)
 
     monkeypatch.setattr(measure.Timed, "repeat", repeat)
-    ask = of_small(measure.recording_costs)
+    ask = of_small(measure.RecordingCosts)
     named = models("ridge", "mean_image")
-    ridge, mean = ask(RANDOM, named, [5], repeats=3, most_s=12)
+    about = {"split": RANDOM, "models": named, "n_per_class": [5]}
+    ridge, mean = ask(**about, repeats=3, most_s=12)
     first, second = turns[:2]
     assert turns == [first, second, first, second, second]  # 10 + 10/3 s are enough
     assert (ridge["fit_s"], mean["fit_s"]) == (10 / 3, 10 / 5)
@@ -150,33 +139,27 @@ def measured(tmp_path, write_measurement):
     def write(name="recordings", **scenes):
         for scene, right in scenes.items():
             rows = of_draws(right) if isinstance(right, dict) else right
-            config = {"scene": configs.part("scene", scene)["scene"]}
+            config = {"scene": composed.part("scene", scene)["scene"]}
             write_measurement(name, rows, config=config, scene=scene)
         return Results(tmp_path).frame("recordings")
 
     return write
 
 
-def test_one_fibre_seen_through_more_fields_is_one_recording(measured):
-    fibres = ("fibre_grouped", "fibre_4_fields", "fibre_16_fields")
-    frame = measured(**{scene: {"hdc": 5} for scene in fibres})
-    assert list(recordings(frame)) == ["fibre_grouped"]
-
-
-@pytest.mark.parametrize(
-    ("draws", "known"), [(9, False), (10, True)], ids=["few draws", "ten draws"]
-)
+@pytest.mark.parametrize(("draws", "known"), [(9, False), (10, True)])
 def test_accuracies_of_one_n_are_those_of_the_rows(measured, draws, known):
     right = np.arange(60, 60 + draws)
-    (rows,) = recordings(measured(gelsight=of_draws({"hdc": right}, draws))).values()
+    # One fibre that is seen through more fields is one recording.
+    frame = measured(
+        fibre_4_fields={"hdc": 5}, gelsight=of_draws({"hdc": right}, draws)
+    )
+    (rows,) = recordings(frame).values()
     every = Accuracies(rows)
     assert every.sizes == [5, 50]
     assert every.by_unit("hdc", 5).tolist() == (right // 2 / 100).tolist()
     found = every.mean("hdc", 50)
-    assert found.value == pytest.approx(right.mean() / 100)
     bounds = np.quantile(right / 100, (0.025, 0.975)) if known else [np.nan] * 2
-    assert found[1:] == pytest.approx(tuple(bounds), nan_ok=True)
-    assert np.isnan(every.by_unit("ridge", 50)).all()
+    assert found == pytest.approx((right.mean() / 100, *bounds), nan_ok=True)
     assert np.isnan(every.mean("ridge", 50).value)
 
 
@@ -193,30 +176,20 @@ def test_a_recording_that_needs_no_speckle_says_so(measured):
     }
 
 
-def test_steps_add_up_to_the_whole_loss(measured):
-    right = {"ridge_standardised": 80, "linear_bits": 78, "hdc_lda": 79}
-    frame = measured(gelsight={**right, "hdc_integer": 50, "hdc": 45})
-    table = tables.decomposition(frame)
-    assert table.change.sum() == pytest.approx(-0.35)
-    assert table.change.min() == pytest.approx(-0.29)
-    assert "equal weights" in table.step[table.change.idxmin()]
-
-
 def test_models_are_compared_in_the_draws_in_which_both_were_asked(measured):
     """Models that no claim needs are asked in the first ten of twenty draws."""
     rows = of_draws({"hdc": [40] * 10 + [100] * 10})
     rows += of_draws({"hdc_integer": 50, "thumbnail": 60, "ridge": 55}, draws=10)
     frame = measured(gelsight=rows)
     (step,) = tables.decomposition(frame).to_dict("records")
+    assert step["step"] == "mean to majority: one bit"
     found = (step["before_accuracy"], step["after_accuracy"], step["change"])
     assert found == pytest.approx((0.5, 0.4, -0.1))
     told = tables.front(frame).set_index("n").told
     assert told[50] == "coarse layout alone: more than HDC, and than any model here"
 
 
-def test_the_forest_takes_the_stronger_rival_and_no_saturated_recording(
-    measured, figures
-):
+def test_the_forest_takes_the_stronger_rival_and_no_saturated_recording(measured):
     right = {"hdc": 60, "hdc_levels_lda": 70, RIVAL: 50}
     right["softmax_dual_standardised"] = 65
     few = of_draws({"hdc": 60, RIVAL: 50}, sizes=(1, 5))  # in both panels
@@ -230,9 +203,6 @@ def test_the_forest_takes_the_stronger_rival_and_no_saturated_recording(
         ("tactip", "hdc", "few"): 0.1,
         ("tactip", "hdc", "most"): 0.1,
     }
-    axes = figures(STUDY)["forest"].axes[0]
-    names = [text.get_text() for text in axes.get_yticklabels()]
-    assert names == ["captured", "GelSight", "TacTip, surface"]
 
 
 # Costs --------------------------------------------------------------------------------------------

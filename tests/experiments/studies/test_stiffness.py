@@ -1,4 +1,4 @@
-"""Stiffness: the problem is what it says, and every method ends for the reason that it gives."""
+"""Stiffness: the problem is what it says, and methods take the steps that theory gives them."""
 
 from __future__ import annotations
 
@@ -8,83 +8,101 @@ import pytest
 import torch
 from torch.nn import functional as F
 
-from experiments.protocol.experiment import Run
-from experiments.records import configs
+from experiments.protocol.evaluate import bank_of
+from experiments.protocol.task import Context
 from experiments.studies.limits.stiffness import measure, newton, view
 from experiments.studies.limits.stiffness.problem import Problem, condition
 from scenes.frames import Frames
+from tests.experiments import composed
 
 pytestmark = pytest.mark.usefixtures("one_thread")
-ARRIVING = ["gradient descent", "momentum", "Adam, rate 1", "L-BFGS", "Newton"]
+METHODS = measure.named_methods([1], 2000, {"lr": 0.1, "batch_size": None})
 
 
-def problem_of(strength=1e-2, n=20, d=6, contrast=1.0):
+def problem_of(apart=1.0, strength=1e-2, n=30, d=6):
     rng = np.random.default_rng(0)
     frames = rng.integers(0, 190, (n, d)) + 60 * np.eye(3)[np.arange(n) % 3][:, :1]
-    onehot = np.eye(3)[np.arange(n) % 3]
-    return Problem(measure.of_contrast(frames, contrast), onehot, strength)
+    return Problem.of(frames, np.eye(3)[np.arange(n) % 3], strength, apart, 2)
 
 
 def loss_of(problem):
-    """The penalised loss of a flat tensor of weights, by torch."""
+    """The penalised loss of a flat tensor of weights, by torch; the intercept stands last."""
     x, onehot = torch.from_numpy(problem.x), torch.from_numpy(problem.onehot)
 
     def loss(flat):
         w = flat.view(onehot.shape[1], x.shape[1])
         fit = F.cross_entropy(x @ w.T, onehot)
-        return fit + problem.strength / 2 * w.square().sum()
+        return fit + problem.strength / 2 * w[:, :-1].square().sum()
 
     return loss
 
 
-def eigenvalues(problem, weights):
-    """Of the Hessian at some weights, by torch."""
+def eigenvalues(problem, weights, of=slice(None)):
+    """Of the Hessian at some weights, or of the part `of` some weights of a class, by torch."""
     flat = torch.from_numpy(weights.ravel())
     hessian = torch.autograd.functional.hessian(loss_of(problem), flat)
-    return torch.linalg.eigvalsh(hessian).numpy()
+    places = torch.arange(weights.size).view(*weights.shape)[:, of].flatten()
+    return torch.linalg.eigvalsh(hessian[places][:, places]).numpy()
 
 
-def test_loss_and_gradient_are_those_of_torch():
+def optimum_of(problem):
+    best = newton.optimum(problem)
+    return best.astype(float), float(problem.evaluate(best)[0])
+
+
+def followed(name, problem, budget_s=60.0, least=None):
+    """The points of a method; `least` is the loss of the optimum, if that is known."""
+    least = optimum_of(problem)[1] if least is None else least
+    return measure.Watch(problem, least, budget_s, goal=1e-6).follow(METHODS[name])
+
+
+# The problem --------------------------------------------------------------------------------------
+
+
+def test_loss_and_gradient_are_those_of_torch_and_the_bound_is_above_every_eigenvalue():
     problem = problem_of()
-    weights = np.random.default_rng(1).standard_normal((3, 6))
-    flat = torch.from_numpy(weights.ravel()).requires_grad_()
-    expected = loss_of(problem)(flat)
-    expected.backward()
-    loss, gradient = problem.evaluate(weights)
-    assert loss == pytest.approx(expected.item(), rel=1e-14)
-    np.testing.assert_allclose(gradient.ravel(), flat.grad.numpy(), rtol=1e-12)
+    for scale in (0, 1, 10):
+        weights = scale * np.random.default_rng(1).standard_normal((3, 7))
+        flat = torch.from_numpy(weights.ravel()).requires_grad_()
+        expected = loss_of(problem)(flat)
+        expected.backward()
+        loss, gradient = problem.evaluate(weights)
+        assert loss == pytest.approx(expected.item(), rel=1e-14)
+        np.testing.assert_allclose(gradient.ravel(), flat.grad.numpy(), atol=1e-14)
+        assert eigenvalues(problem, weights)[-1] <= problem.bound * (1 + 1e-12)
 
 
 def test_the_condition_number_is_that_of_the_hessian_where_frames_tell_something():
     problem = problem_of(strength=1e-3, n=5)  # fewer frames than pixels
-    weights = newton.optimum(problem).astype(float)
+    weights, _ = optimum_of(problem)
     values = eigenvalues(problem, weights)
-    # Two contrasts of classes, five directions of frames; the others have the penalty alone.
+    # Two contrasts of classes; four directions of centred frames, and the intercept.
     told = values[-2 * 5 :]
     assert values[-2 * 5 - 1] == pytest.approx(1e-3, rel=1e-9)
     assert condition(problem, weights) == pytest.approx(told[-1] / told[0], rel=1e-6)
 
 
-def test_the_bound_is_above_every_eigenvalue():
-    problem = problem_of()
-    for scale in (0, 1, 10):
-        weights = scale * np.random.default_rng(2).standard_normal(18)
-        assert eigenvalues(problem, weights)[-1] <= problem.bound * (1 + 1e-12)
+@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
+def test_near_repetitions_stay_stiff_without_their_mean(apart):
+    """κ grows as the square of how near they are, and frames are centred."""
+    problem = problem_of(apart, apart**2 * 1e-2)
+    assert np.abs(problem.x[:, :-1].mean(0)).max() < 1e-14
+    kappa = condition(problem, optimum_of(problem)[0])
+    assert 1 < kappa * apart**2 < 100
 
 
-def test_the_optimum_has_digits_that_float64_has_not():
-    best = newton.optimum(problem_of())
-    _, gradient = problem_of().evaluate(best)
-    assert best.dtype == np.longdouble
-    assert np.linalg.norm(gradient) < 1e-12
-
-
-def test_less_contrast_and_a_weaker_penalty_are_stiffer():
-    def kappa(**how):
-        problem = problem_of(**how)
-        return condition(problem, newton.optimum(problem).astype(float))
-
-    assert kappa() < kappa(contrast=0.1) < kappa(contrast=0.1, strength=1e-4)
+def test_the_condition_number_of_frames_is_that_of_the_hessian_of_the_solver_that_we_ship():
+    rng = np.random.default_rng(0)
+    labels = np.arange(30) % 3
+    images = torch.from_numpy(rng.integers(0, 255, (30, 2, 3))).byte()
+    scene = Frames(images, labels, tuple("abc"), origin="simulated")
+    x = images.flatten(1).double().numpy() / 255
+    centred = np.column_stack([x - x.mean(0), np.ones(30)])
+    problem = Problem(centred, np.eye(3)[labels], 1 / 30)  # C = 1
+    without_intercept = slice(0, -1)
+    *_, largest = eigenvalues(problem, optimum_of(problem)[0], without_intercept)
+    found = measure.condition_of(bank_of(scene))
+    assert found == pytest.approx(largest * 30, rel=1e-3)
 
 
 @pytest.mark.parametrize("dtype", [np.float64, np.longdouble])
@@ -95,83 +113,89 @@ def test_a_system_is_solved_in_its_own_precision(dtype):
     assert error < 1e3 * np.finfo(dtype).eps
     with pytest.raises(np.linalg.LinAlgError):
         newton.solve(-matrix, exact)
+    best = newton.optimum(problem_of())  # digits that float64 has not
+    assert best.dtype == np.longdouble
+    assert np.linalg.norm(problem_of().evaluate(best)[1]) < 1e-12
 
 
-def followed(name, problem, budget_s=60.0, least=None):
-    """The points of a method; `least` is the loss of the optimum, if that is known."""
-    if least is None:
-        least, _ = problem.evaluate(newton.optimum(problem))
-    watch = measure.Watch(problem, least, budget_s, goal=1e-6)
-    return watch.follow(measure.named_methods([1])[name])
+# The methods --------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("name", ARRIVING)
+@pytest.mark.parametrize("name", METHODS)
 def test_every_method_arrives_where_nothing_is_stiff(name):
-    points = followed(name, problem_of())
-    assert [point["ended"] for point in points[:-1]] == [""] * (len(points) - 1)
-    end = points[-1]
+    *before, end = followed(name, problem_of())
+    assert {point["ended"] for point in before} == {""}
+    assert 1e-3 < before[0]["error"] < 1 + 1e-9
     assert end["ended"] == "arrived"
-    assert end["gradient"] <= 1e-6
-    assert 0 <= end["error"] < 1e-10
-    assert end["error"] < 1e-6 * points[0]["error"]
+    assert -1e-12 < end["error"] <= 1e-6
 
 
-def test_out_of_time_is_said():
-    end = followed("gradient descent", problem_of(), budget_s=0.0)[-1]
-    assert end["ended"] == "out of time"
+@pytest.mark.parametrize(
+    ("name", "power"), [("gradient descent", 1.0), ("momentum", 0.5)]
+)
+def test_steps_grow_with_the_condition_number_as_predicted(name, power):
+    kappas, steps = [], []
+    for apart in (0.1, 0.05, 0.025):
+        problem = problem_of(apart, apart**2)
+        best, least = optimum_of(problem)
+        kappas.append(condition(problem, best))
+        steps.append(followed(name, problem, least=least)[-1]["evaluations"])
+    observed, _ = np.polyfit(np.log(kappas), np.log(steps), 1)
+    assert observed == pytest.approx(power, abs=0.1)
 
 
-def test_newton_fails_where_rounding_makes_the_hessian_indefinite():
-    problem = problem_of(strength=1e-22, contrast=1e-9, n=40)
-    end = followed("Newton", problem, least=0.0)[-1]
-    assert end["ended"].startswith("failed: ")
+def wrong_gradient(problem, weights, true=Problem.evaluate):
+    loss, gradient = true(problem, weights)
+    return loss, gradient + 1e-3
 
 
-@pytest.mark.filterwarnings("ignore:overflow encountered")
-def test_a_descent_that_diverges_fails(monkeypatch):
-    monkeypatch.setattr(Problem, "bound", 1e-3)
-    # A quadratic penalty grows without end where the rate is too large.
-    end = followed("gradient descent", problem_of(strength=10.0))[-1]
-    assert end["ended"] == "failed: not a number"
+@pytest.mark.filterwarnings("ignore:overflow encountered", "ignore:invalid value")
+@pytest.mark.parametrize(
+    ("name", "given", "budget_s", "changed", "ended"),
+    [
+        ("gradient descent", {}, 0.0, {}, "out of time"),
+        # Rounding makes the Hessian indefinite.
+        ("Newton", {"apart": 1e-9, "strength": 1e-22}, 60, {}, "failed: Hessian not"),
+        # A quadratic penalty grows without end where the rate is too large.
+        ("gradient descent", {"strength": 10.0}, 60, {"bound": 1e-3}, "failed: not a"),
+        ("L-BFGS", {}, 60, {"evaluate": wrong_gradient}, "goes no further"),
+    ],
+)  # fmt: skip
+def test_a_method_that_does_not_arrive_says_why(
+    monkeypatch, name, given, budget_s, changed, ended
+):
+    problem = problem_of(**given)
+    least = 0.0 if given else optimum_of(problem)[1]
+    for attribute, value in changed.items():
+        monkeypatch.setattr(Problem, attribute, value)
+    end = followed(name, problem, budget_s, least)[-1]
+    assert end["ended"].startswith(ended)
 
 
-def test_a_gradient_that_is_wrong_does_not_arrive_at_the_optimum(monkeypatch):
-    true = Problem.evaluate
-    least, _ = true(problem_of(), newton.optimum(problem_of()))
-
-    def wrong(problem, weights):
-        loss, gradient = true(problem, weights)
-        return loss, gradient + 1e-3
-
-    monkeypatch.setattr(Problem, "evaluate", wrong)
-    end = followed("L-BFGS", problem_of(), least=least)[-1]
-    assert end["error"] > 1e-8
-
-
-def test_a_line_is_a_point_of_a_method_on_a_problem_and_the_best_rate_of_adam_counts():
-    class OnFrames(Run):
+def test_the_table_has_the_best_rate_of_adam_and_the_curves_have_real_problems():
+    class OnFrames(Context):
         def scene(self, config, seed):
-            rng = np.random.default_rng(0)
+            if config == "missing":
+                raise ValueError("expected a folder")
             labels = np.arange(60) % 3
-            frames = rng.integers(0, 60, (3, 8, 8))[labels]
-            frames += rng.integers(0, 190, (60, 8, 8))
+            frames = np.random.default_rng(0).integers(0, 190, (60, 8, 8))
+            frames += 60 * (labels == 0)[:, None, None]
             images = torch.from_numpy(frames).byte()
             return Frames(images, labels, ("a", "b", "c"), origin="simulated")
 
-    task = configs.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
-    task["problems"] = [
-        {"contrast": 1, "strength": 0.01},
-        {"contrast": 0.01, "strength": 1e-8},
-    ]
+    task = composed.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
+    task["real"] = {"touch": {"scene": {}}, "spr": {"scene": "missing"}}
+    task["problems"] = task["problems"][:2]
     del task["_target_"]
-    frame = pd.DataFrame(measure.stiffness.rows(OnFrames(), **task))
+    frame = pd.DataFrame(composed.made(measure.Stiffness, **task).rows(OnFrames()))
+    frame = frame.assign(scene="touch", split="random split")
     ends = view.ends(frame)
-    assert frame.kappa.nunique() == ends.kappa.nunique() == 2
-    assert len(ends) == 2 * 5
-    of_adam = ends[ends.method.str.startswith("Adam, rate")]
-    assert len(of_adam) == 2
-    last = frame[frame.ended != ""]
-    for end in of_adam.itertuples():
-        rates = last[(last.kappa == end.kappa) & last.method.str.startswith("Adam")]
-        arrived = rates[rates.ended == "arrived"]
-        assert end.error == (arrived if len(arrived) else rates).error.min()
+    assert len(ends) == 2 * len(view.COLOURS)
+    last = frame[
+        (frame.ended == "arrived") & frame.method.str.startswith("Adam", na=False)
+    ]
+    for end in ends[ends.method.str.startswith("Adam")].itertuples():
+        rates = last[last.kappa == end.kappa]
+        assert not len(rates) or end.evaluations == rates.evaluations.min()
+    assert view.curves(frame).real.dropna().tolist() == ["touch"]
+    assert view.ends(frame.drop(columns="apart")) is None

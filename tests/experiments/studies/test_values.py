@@ -6,15 +6,21 @@ import pytest
 import torch
 from sklearn.linear_model import RidgeCV
 
-from experiments.protocol.experiment import Run
-from experiments.records import configs
+from experiments.protocol.task import Context
 from experiments.studies.promises.values import view
-from experiments.studies.promises.values.measure import coverage, values
+from experiments.studies.promises.values.measure import Coverage, Values
 from experiments.studies.promises.values.numbers import ridge_values
 from scenes.frames import Frames
+from tests.experiments import composed
 
 SPLITS = {"random": {"kind": "random", "test_fraction": 0.4, "group": None}}
-MODELS = {name: configs.part("model", name) for name in ("hdc", "hdc_lda")}
+MODELS = {name: composed.part("model", name) for name in ("hdc", "hdc_lda")}
+
+
+def rows_of(kind, **config):
+    """The rows of a task on the frames of the test."""
+    task = composed.made(kind, scene={}, splits=SPLITS, **config)
+    return list(task.rows(Context()))
 
 
 @pytest.fixture
@@ -35,11 +41,11 @@ def scene(monkeypatch):
         "unknown": Frames(noise, np.zeros(20, int), ("X",)),
     }.items():
         object.__setattr__(made, name, value)
-    monkeypatch.setattr(Run, "scene", lambda *_: made)
+    monkeypatch.setattr(Context, "scene", lambda *_: made)
 
 
 def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
-    rows = list(values.rows(Run(), {}, SPLITS, n_train=[20, 100, 999], draws=1))
+    rows = rows_of(Values, n_train=[20, 100, 999], draws=1)
     assert {row["n"] for row in rows} == {20, 100}
     error = {row["model"]: row["error"] for row in rows if row["n"] == 100}
     assert max(error, key=error.get) == "mean"
@@ -49,16 +55,10 @@ def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
     assert min(inside.values()) > 0.8
 
 
-def test_values_below_the_least_are_left_out(scene):
-    mean, *_ = values.rows(Run(), {}, SPLITS, n_train=[20], draws=1, at_least=5.0)
-    assert 25 < mean["n_test"] < 55
-    assert mean["error"] < 1.6  # of 5 mm; of all 10 mm, it is 2.5
-
-
 @pytest.mark.filterwarnings("ignore:lda. no class has two")
 def test_sets_hold_their_promise_and_noise_is_refused(scene):
     rows = pd.DataFrame(
-        coverage.rows(Run(), {}, SPLITS, MODELS, n_per_class=[1, 2, 20, 999], draws=4)
+        rows_of(Coverage, models=MODELS, n_per_class=[1, 2, 20, 999], draws=4)
     )
     means = rows.groupby(["n", "model"])[view.OF_SETS].mean().reset_index()
     least, two, middle, most = means.n.unique()
@@ -70,15 +70,6 @@ def test_sets_hold_their_promise_and_noise_is_refused(scene):
     assert (many.refused < 0.18).all()
     assert (many.unknown_refused == 1).all()
     assert (rows.answers.isna() == (rows.n == 1)).all()  # one frame fits no probability
-    at_most = rows[rows.n == most]
-    for line in at_most.itertuples():  # tenths of the probability
-        answers, sure = np.array(line.answers), np.array(line.sure)
-        assert (answers * np.arange(10) / 10 <= sure + 1e-9).all()
-        assert (sure <= answers * np.arange(1, 11) / 10 + 1e-9).all()
-    bins = at_most[["answers", "right", "sure"]].map(np.sum)
-    assert (bins.answers == at_most.n_test).all()
-    assert (bins.right > 0.8 * bins.answers).all()
-    assert bins.sure.sum() == pytest.approx(bins.right.sum(), rel=0.1)
 
 
 # Calibration --------------------------------------------------------------------------------------
@@ -112,14 +103,6 @@ def test_perfect_probabilities_have_the_error_of_chance():
     lines = [bins_of(sure, rng.random(1000) < sure, draw) for draw in range(200)]
     found = view.calibrated(pd.concat(lines))
     assert found.perfect[0] == pytest.approx(found.calibration.mean(), rel=0.1)
-
-
-def test_a_bin_of_few_answers_is_not_drawn():
-    sure, right = np.repeat([0.25, 0.85], [19, 20]), np.arange(39) % 2 == 0
-    few = bins_of(sure, right).assign(n=10, sure=0)  # not the most training frames
-    drawn = view.reliability(pd.concat([few, bins_of(sure, right)]))
-    assert drawn.place.tolist() == [8]
-    np.testing.assert_allclose(drawn[["probability", "right"]], [[85, 50]])
 
 
 def test_ridge_of_values_is_that_of_scikit_learn():

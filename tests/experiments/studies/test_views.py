@@ -5,7 +5,8 @@ import io
 
 import numpy as np
 import pandas as pd
-from matplotlib import pyplot as plt
+from matplotlib.figure import Figure
+from matplotlib.text import Text
 
 from experiments.records import configs
 from experiments.records.files import ROOT
@@ -26,7 +27,7 @@ SPLITS = ("split", "test frames of another")  # what a head says of it
 def words(figure):
     """All texts of a figure, those of its ticks too."""
     figure.draw_without_rendering()
-    return " ".join(" ".join(t.get_text().split()) for t in figure.findobj(plt.Text))
+    return " ".join(" ".join(t.get_text().split()) for t in figure.findobj(Text))
 
 
 def drawn(figure):
@@ -73,7 +74,6 @@ def test_a_figure_draws_its_csv_alone_and_has_scene_and_split_in_its_title(commi
                 found = [np.asarray(part, float) for part in (one, other)]
                 np.testing.assert_allclose(*found, 2e-5, 1e-6, err_msg=figure.name)
             problems += missing(figure.name, first, data)
-            plt.close("all")
         for table in committed.tables(study):
             assert len(table.heads) <= MOST_COLUMNS
     assert not problems, "\n".join(problems)
@@ -82,10 +82,12 @@ def test_a_figure_draws_its_csv_alone_and_has_scene_and_split_in_its_title(commi
 
 def test_no_two_models_look_alike_and_texts_of_a_figure_keep_their_digits():
     models = [path.stem for path in (configs.CONFIGS / "model").glob("*.yaml")]
-    looks = {(*plot.style_of(m)[:2], plot.look_of(m)["mfc"]) for m in models}
+    looks = {
+        tuple(map(plot.look_of(m).get, ("color", "marker", "mfc"))) for m in models
+    }
     assert len(looks) == len(models)
     assert len({configs.display(model)["name"] for model in models}) == len(models)
-    figure = plt.figure()
+    figure = Figure()
     figure.text(0.123456, 0.5, "C = 0.0551")
     svg = plot.save(figure, "svg").decode()
     assert "C = 0.0551" in svg

@@ -65,11 +65,15 @@ def test_frames_of_one_kind_tell_what_is_unlike_them(
 def test_any_parameter_of_a_part_is_set(hdc, folder, tmp_path):
     path = tmp_path / "m"
     words = ("train", folder, "-o", path, "--encoder", "levels")
-    sets = ("encoder__thresholds=3", "encoder__ties=raster", "readout__balance=true")
+    sets = (
+        "encoder__thresholds=3",
+        "encoder__ties=raster",
+        "readout__class_weight=balanced",
+    )
     assert hdc(*words, *(w for text in sets for w in ("--set", text)))[0] == 0
     model = HDCClassifier.load(path)
     assert (model.encoder_.thresholds, model.encoder_.ties) == (3, "raster")
-    assert model.readout_.balance is True
+    assert model.readout_.class_weight == "balanced"
 
 
 def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):

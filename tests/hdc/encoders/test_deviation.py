@@ -54,44 +54,6 @@ def test_bits_by_their_definition(d, dtype, thresholds, kinds_of_frames):
     assert np.array_equal(found, plainly(frames, thresholds))
 
 
-def test_bits_by_floats(camera_frames):
-    """All but those whose difference is at a threshold, to steps of 2⁻¹⁶."""
-    frames = camera_frames(8, side=100)
-    words = Deviation().fit(frames).encode(torch.from_numpy(frames))
-    found = unpacked(words, 7 * 10_000).reshape(8, 7, 10_000)
-    pixels = frames.reshape(8, -1).astype(float)
-    mean, deviation = pixels.mean(1), pixels.std(1)
-    scaled = (pixels - mean[:, None]) / deviation[:, None]
-    d = scaled - scaled.mean(0)
-    above = d[:, None] / d.std(1)[:, None, None] - np.array(DEFAULT)[:, None]
-    clear = np.abs(above) > 1e-3
-    assert clear.mean() > 0.99
-    assert np.array_equal(found[clear], above[clear] > 0)
-
-
-@pytest.mark.parametrize(
-    ("thresholds", "d", "threads"),
-    [
-        *((DEFAULT, d, 2) for d in (1, 63, 64, 65, 4161, 70_001)),
-        ([0], 65, 1),
-        ([-1000, 999_999], 4161, 1),
-    ],
-    ids=repr,
-)
-@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
-def test_kernels_make_the_same_bits(d, thresholds, threads, dtype, kinds_of_frames):
-    pytest.importorskip("numba")
-    frames = torch.from_numpy(kinds_of_frames(d, dtype))
-    encoder = Deviation(thresholds).fit(frames[:9])
-    before = torch.get_num_threads()
-    torch.set_num_threads(threads)
-    try:
-        words = encoder.encode(frames)
-        assert torch.equal(by("compiled", encoder.encode, frames), words)
-    finally:
-        torch.set_num_threads(before)
-
-
 @pytest.mark.parametrize("backend", backends.BACKENDS)
 def test_no_sum_overflows_at_many_pixels(backend):
     """Two frames of 2²⁴ + 1 pixels whose one bright pixel stands apart by all that can be."""
@@ -118,15 +80,6 @@ def test_the_largest_sums_are_whole_and_variances_rounded_down():
     total = sum([2**17] * (n // 2)) - (n - n // 2) * 2**17
     variance = Fraction(n * 2**34) / n - Fraction(total, n) ** 2
     assert deviations_of(differences) == [isqrt(floor(variance))]
-
-
-@pytest.mark.parametrize("backend", backends.BACKENDS)
-def test_every_backend_rounds_variances_down(backend, variance_below_one):
-    if backend == "compiled":
-        pytest.importorskip("numba")
-    encoder, frame = variance_below_one
-    words = by(backend, encoder.encode, frame)
-    assert unpacked(words, 6).astype(int).tolist() == [[1, 1, 0, 1, 1, 0]]
 
 
 def test_frames_that_say_nothing_are_named():

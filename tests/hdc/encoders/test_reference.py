@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from fractions import Fraction
 from math import floor, isqrt
 
@@ -11,10 +10,8 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, bits
-from hdc.backends import BACKENDS
-from hdc.encoders import Levels, Median, Quantile, Reference
+from hdc.encoders import Levels, Quantile, Reference
 from hdc.encoders.standardised import standardised
-from tests.hdc.own import by
 
 
 def as_integers(frame: np.ndarray) -> list[int]:
@@ -121,48 +118,6 @@ def test_words_are_those_of_the_differences(base, brightest):
     if base == "median":
         found = bits.unpack(words, 91).numpy()
         assert np.array_equal(found, brightest(differences))
-    compiled = by("compiled", encoder.encode, torch.from_numpy(frames))
-    assert torch.equal(compiled, words)
-
-
-@pytest.mark.filterwarnings("ignore:.*constant frame|.*of the pixels of a frame")
-@pytest.mark.parametrize(
-    ("base", "d"),
-    [
-        *(("median", d) for d in (1, 2, 63, 64, 65, 4161, 70_001)),
-        ("levels", 4161),
-        (Quantile("1/9", "below"), 65),
-        (Levels(3, ties="raster"), 4161),
-    ],
-)
-@pytest.mark.parametrize("dtype", ["uint8", "uint16"])
-def test_kernels_make_the_same_bits(d, base, dtype, kinds_of_frames):
-    """Constant frames, saturated ones and such of two grey levels among them."""
-    pytest.importorskip("numba")
-    frames = torch.from_numpy(kinds_of_frames(d, dtype))
-    encoder = Reference(base).fit(frames[:9])
-    words = encoder.encode(frames)
-    assert torch.equal(by("compiled", encoder.encode, frames), words)
-
-
-@pytest.mark.parametrize("backend", BACKENDS)
-def test_many_ties_of_differences_are_warned_of_once(backend):
-    if backend == "compiled":
-        pytest.importorskip("numba")
-    frames = torch.zeros(3, 90, dtype=torch.uint8)
-    frames[0, :9] = frames[1, 9:20] = frames[2, 30:39] = 1
-    encoder = Reference().fit(frames)
-    with pytest.warns(UserWarning, match="of the pixels of a frame equal") as caught:
-        by(backend, encoder.encode, frames)
-    assert len(caught) == 1
-
-
-def test_brightness_and_contrast_change_no_bit():
-    rng = np.random.default_rng(2)
-    frames = torch.from_numpy(rng.integers(0, 60, (9, 200)).astype(np.int16))
-    encoder = Reference().fit(frames)
-    assert torch.equal(encoder.encode(4 * frames + 7), encoder.encode(frames))
-    assert not torch.equal(encoder.encode(frames), Median().encode(frames))
 
 
 def test_a_given_frame_is_the_reference(tmp_path):
@@ -228,18 +183,6 @@ def test_zero_takes_new_frames_and_names_what_does_not_fit():
         Reference(Levels(lit=0.5)).check()
     with pytest.raises(ValueError, match="base: expected one of median, "):
         Reference("x").check()
-
-
-def test_a_frame_that_is_the_reference_is_named_by_its_number():
-    rng = np.random.default_rng(5)
-    frames = rng.integers(0, 256, (40, 50)).astype(np.uint8)
-    encoder = Reference(frame=frames[33]).fit(frames)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always")
-        encoder.encode(torch.from_numpy(frames), 200)
-    assert [str(w.message).partition(":")[0] for w in caught] == [
-        "1 constant frame(s), at index 233"
-    ]
 
 
 def test_a_base_that_is_set_after_use_is_the_one_that_is_asked():

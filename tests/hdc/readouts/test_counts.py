@@ -39,7 +39,11 @@ def test_a_larger_class_is_compared_as_its_subsets_are_on_average():
     x = np.where(rng.random((8, 300)) < rng.random(300), 1.0, -1.0)
     rows = torch.tensor([0] * 5 + [1] * 3)
     words = bits.pack(torch.from_numpy(x > 0))
-    scores = fitted(Counts(balance=True), words, rows, 2, 300).scores(words).numpy()
+    scores = (
+        fitted(Counts(class_weight="balanced"), words, rows, 2, 300)
+        .scores(words)
+        .numpy()
+    )
     subsets = [(i, j, k) for i in range(5) for j in range(i) for k in range(j)]
     squares = [(x[list(subset)].sum(0) ** 2).sum() for subset in subsets]
     means = np.stack([x[:5].mean(0) * 3, x[5:].sum(0)])

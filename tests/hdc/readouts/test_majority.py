@@ -30,13 +30,11 @@ def test_one_larger_class_costs_nothing(more, readout):
     scores = []
     for seed in range(3):
         test = frames_of([60] * 5, seed)
-        equal = HDCClassifier(readout=readout(balance=False)).fit(
-            *frames_of([4] * 5, seed)
-        )
+        equal = HDCClassifier(readout=readout()).fit(*frames_of([4] * 5, seed))
         unequal = frames_of([4, 4 + more, 4, 4, 4], seed)
         models = [
-            HDCClassifier(readout=readout(balance=b)).fit(*unequal)
-            for b in (False, True)
+            HDCClassifier(readout=readout(class_weight=w)).fit(*unequal)
+            for w in (None, "balanced")
         ]
         scores.append([model.score(*test) for model in (equal, *models)])
     equal_score, published, balanced = np.mean(scores, 0)
@@ -62,8 +60,8 @@ def test_larger_classes_are_warned_of_unless_they_are_meant(name):
 def test_equal_classes_are_as_published(ties, readout):
     frames, labels = frames_of([6] * 5, 0)
     models = [
-        HDCClassifier(readout=readout(ties, balance=b)).fit(frames, labels)
-        for b in (True, False)
+        HDCClassifier(readout=readout(ties, class_weight=w)).fit(frames, labels)
+        for w in ("balanced", None)
     ]
     assert torch.equal(models[0].prototypes_, models[1].prototypes_)
     scores = [model.decision_function(frames) for model in models]
@@ -104,14 +102,16 @@ def test_parameters_that_do_not_fit_are_named():
     for readout in (Majority, Counts):
         for parameters, message in (
             ({"ties": "half"}, "ties: expected one of zero, one, random, found 'half'"),
-            ({"balance": "x"}, "balance: expected one of True, False, found 'x'"),
-            ({"seed": "x"}, "seed: expected an integer, found 'x'"),
-            ({"seed": 1.5}, "seed: expected an integer, found 1.5"),
+            ({"class_weight": "x"}, "expected one of None, balanced, found 'x'"),
+            ({"random_state": "x"}, "random_state: expected an integer, found 'x'"),
+            ({"random_state": 1.5}, "random_state: expected an integer, found 1.5"),
         ):
             with pytest.raises(ValueError, match=message):
                 HDCClassifier(readout=readout(**parameters)).fit(frames, labels)
-    model = HDCClassifier(readout=Majority("random", seed=np.int64(3)))
-    expected = HDCClassifier(readout=Majority("random", seed=3)).fit(frames, labels)
+    model = HDCClassifier(readout=Majority("random", random_state=np.int64(3)))
+    expected = HDCClassifier(readout=Majority("random", random_state=3)).fit(
+        frames, labels
+    )
     assert torch.equal(model.fit(frames, labels).prototypes_, expected.prototypes_)
 
 
@@ -121,12 +121,14 @@ def test_what_is_added_merged_and_arranged_before_settling_is_all_learnt(readout
     rng = np.random.default_rng(0)
     words = bits.pack(torch.from_numpy(rng.random((24, 130)) < 0.5))
     rows = torch.arange(24) % 3
-    whole = fitted(readout("random", seed=4), words, rows, 3, 130)
+    whole = fitted(readout("random", random_state=4), words, rows, 3, 130)
     first, last = rows == 0, rows == 2
-    part = readout("random", seed=4)
+    part = readout("random", random_state=4)
     model = Learned(part, part.empty(1, 130, "cpu"), 130)
     model = model.added(words[first][:2], rows[first][:2]).arranged([0], 2)
-    other = fitted(readout("random", seed=4), words[last], rows[last] - 2, 1, 130)
+    other = fitted(
+        readout("random", random_state=4), words[last], rows[last] - 2, 1, 130
+    )
     model = model.added(words[first][2:5], rows[first][2:5]).merged(other, [1])
     model = model.added(words[first][5:], rows[first][5:])
     of_no_samples = Learned(part, part.empty(1, 130, "cpu"), 130)

@@ -60,7 +60,7 @@ def test_neighbours_of_a_class_are_replaced(frames_and_labels):
 
 @pytest.mark.parametrize("k", [0, -1, 1.5, "x", None, True])
 def test_numbers_of_neighbours_that_are_none_are_named(k):
-    message = "n_neighbours: expected an integer ≥ 1, found"
+    message = "n_neighbors: expected an integer ≥ 1, found"
     with pytest.raises(ValueError, match=message):
         HDCClassifier(readout=Neighbours(k)).fit(np.eye(8), [0, 1] * 4)
     HDCClassifier(readout=Neighbours(np.int64(3))).fit(np.eye(8), [0, 1] * 4)

@@ -8,7 +8,7 @@ import timeit
 from collections.abc import Callable, Iterator
 from decimal import Decimal, localcontext
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -16,41 +16,42 @@ from numpy.typing import NDArray
 from threadpoolctl import threadpool_limits
 from torch import Tensor
 
-from experiments.protocol.experiment import Row, Run, experiment
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.correlation.pairs import (
     mean_pair_correlations,
     pair_correlations_double_sum,
 )
-from experiments.studies.limits.numerics.intensity import camera_of, exact_intensity
 from scenes.sensor.camera import Camera, MountedCamera
 from scenes.sensor.seeds import stream
 
 Samples = NDArray[Any]
 
 
-@experiment(revision=1)
-def numerics(
-    run: Run,
-    samples: int = 100,
-    pixels: int = 25_000,
-    repeats: int = 3,
-) -> Iterator[Row]:
+class Numerics(Task, frozen=True):
     """One row: a method on one input. Columns: ``input``, ``method``, ``number`` (its precision),
     ``error`` against an exact reference, ``time_s``, ``tolerance``, the error that it may have, and
     of what this project uses ``verdict``: whether it ``holds`` or ``fails``.
     Arguments: configs/experiment/numerics.yaml.
     """
-    # Of numpy and torch: waiting threads would count as CPU time.
-    with threadpool_limits(1):
-        for row, call in (*phases(), *correlations(samples, pixels)):
-            call()
-            times = timeit.repeat(
-                call, timer=time.process_time, number=1, repeat=repeats
-            )
-            within = row["error"] <= row["tolerance"]
-            verdict = "holds" if within else "fails"
-            ours = row.pop("ours")
-            yield row | {"time_s": min(times), "verdict": verdict if ours else ""}
+
+    revision: ClassVar = 1
+
+    samples: int = 100
+    pixels: int = 25000
+    repeats: int = 3
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        # Of numpy and torch: waiting threads would count as CPU time.
+        with threadpool_limits(1):
+            for row, call in (*phases(), *correlations(self.samples, self.pixels)):
+                call()
+                times = timeit.repeat(
+                    call, timer=time.process_time, number=1, repeat=self.repeats
+                )
+                within = row["error"] <= row["tolerance"]
+                verdict = "holds" if within else "fails"
+                ours = row.pop("ours")
+                yield row | {"time_s": min(times), "verdict": verdict if ours else ""}
 
 
 def phases() -> Iterator[tuple[Row, Callable[[], object]]]:
@@ -77,6 +78,28 @@ def phases() -> Iterator[tuple[Row, Callable[[], object]]]:
                 "tolerance": camera.read_noise / camera.grey,
             }
             yield {**row, "ours": number == "float64"}, call
+
+
+def camera_of(camera: Camera) -> MountedCamera:
+    """The camera on the CPU."""
+    return MountedCamera(camera, torch.device("cpu"))
+
+
+def exact_intensity(
+    camera: Camera,
+    phases: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """I/⟨I⟩ float64 [crop, crop] of phases [P] in rad: |F[A·e^{iφ}]|², summed over polarisations,
+    times the illumination; cosines have the mantissa of ``numpy.longdouble``, the rest float64."""
+    long = phases.astype(np.longdouble).reshape(camera.polarisations, -1)
+    field = (np.cos(long) + 1j * np.sin(long)).astype(np.complex128)
+    total = np.zeros((camera.crop, camera.crop))
+    for paths in field:
+        pupil = np.zeros((camera.grid, camera.grid), np.complex128)
+        pupil[: camera.pupil, : camera.pupil][camera.disc] = paths
+        speckle = np.fft.fft2(pupil)[: camera.crop, : camera.crop]
+        total += np.abs(speckle) ** 2
+    return total * camera.illumination / camera.path_count
 
 
 def _frame_of(

@@ -1,4 +1,4 @@
-"""A case: an extreme input, by the obvious implementation and by ours."""
+"""A case: an extreme input, by the obvious computation and by ours, against an exact reference."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.protocol.experiment import Row
+from experiments.records.rows import Row
 
 
 def largest(result: Any, exact: Any) -> float:
@@ -19,8 +19,10 @@ def largest(result: Any, exact: Any) -> float:
 
 
 def relative(result: Any, exact: Any) -> float:
-    """Largest relative distance from the exact result."""
-    return largest(np.asarray(result, float) / np.asarray(exact, float), 1)
+    """Distance from the exact result over its size, both as Euclidean norms."""
+    exact = np.asarray(exact, float)
+    apart = np.linalg.norm(np.asarray(result, float) - exact)
+    return float(apart / np.linalg.norm(exact))
 
 
 def differing(result: Any, exact: Any) -> float:
@@ -33,40 +35,33 @@ class Case:
     """The computations in words, the unit of the error, and `prepare`, which makes the input.
 
     It returns two functions without arguments, the obvious computation and ours, the exact result,
-    and the tolerance where that is derived from the input.
+    and the error that ours may have, if any.
     """
 
     part: str
+    case: str
     extreme: str
     naive: str
     ours: str
     unit: str
-    name: str
+    error: Callable[[Any, Any], float]
     prepare: Callable[[], tuple[Any, ...]]
-    error: Callable[[Any, Any], float] = largest
-    tolerance: float = 0.0
 
     def row(self) -> Row:
         """Both errors and the verdict."""
         naive, ours, exact, *derived = self.prepare()
-        tolerance = derived[0] if derived else self.tolerance
-        error_ours = self._error(ours, exact)
-        holds = error_ours is not None and error_ours <= tolerance
-        same = ("part", "extreme", "naive", "ours", "unit")
-        return {
-            "case": self.name,
-            **{name: getattr(self, name) for name in same},
+        (tolerance,) = derived or (0.0,)
+        error = self._error(ours, exact)
+        holds = error is not None and error <= tolerance
+        texts = ("case", "part", "extreme", "naive", "ours", "unit")
+        return {name: getattr(self, name) for name in texts} | {
             "tolerance": tolerance,
             "error_naive": self._error(naive, exact),
-            "error_ours": error_ours,
+            "error_ours": error,
             "verdict": "holds" if holds else "fails",
         }
 
-    def _error(
-        self,
-        compute: Callable[[], Any],
-        exact: Any,
-    ) -> float | None:
+    def _error(self, compute: Callable[[], Any], exact: Any) -> float | None:
         """The error of a computation; None where it raises or gives no number (0/0)."""
         with np.errstate(invalid="raise"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
@@ -75,27 +70,3 @@ class Case:
             except (ArithmeticError, RuntimeError, ValueError):
                 return None
         return value if math.isfinite(value) else None
-
-
-CASES: list[Case] = []
-"""Every case, once the modules of ``cases`` are imported."""
-
-
-def case(*texts: Any, name: str = "", **rest: Any) -> Any:
-    """Register a function as the `prepare` of a :class:`Case` with these attributes."""
-
-    def register(prepare: Any) -> Any:
-        words = name or prepare.__name__.replace("_", " ")
-        CASES.append(
-            Case(
-                *texts,
-                **{
-                    "name": words,
-                    "prepare": prepare,
-                    **rest,
-                },
-            )
-        )
-        return prepare
-
-    return register

@@ -1,25 +1,26 @@
-"""Extreme inputs by the obvious implementation and by ours, against an exact reference."""
+"""Extreme inputs by the obvious implementation and by ours, against an exact reference.
+
+Encoders, counters, read-outs and training have a file of cases each.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import ClassVar
 
-from experiments.protocol.experiment import Row, Run, experiment
-from experiments.studies.limits.stability.case import CASES
-from experiments.studies.limits.stability.cases import (  # noqa: F401  (their cases register themselves)
-    correlations,
-    counting,
-    encoders,
-    readouts,
-    sensor,
-    training,
-)
+from experiments.protocol.task import Context, Row, Task
+from experiments.studies.limits.stability import counting, encoders, readouts, training
+
+CASES = [*counting.CASES, *encoders.CASES, *readouts.CASES, *training.CASES]
 
 
-@experiment(revision=3)
-def stability(run: Run) -> Iterator[Row]:
+class Stability(Task, frozen=True):
     """One row: a case, with the errors of both computations."""
-    for case in CASES:
-        row = case.row()
-        run.note(f"{row['verdict']}: {case.name}")
-        yield row
+
+    revision: ClassVar = 4
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        for case in CASES:
+            row = case.row()
+            context.note(f"{row['verdict']}: {case.case}")
+            yield row

@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure as Canvas
 
 from experiments.reporting.columns import Column
 from experiments.reporting.plot import legend_below
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import number
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 NAMES = [
     *("case", "part", "extreme", "naive", "ours", "unit", "tolerance"),
@@ -42,25 +45,21 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     axes = figure.subplots()
     places, families = pd.factorize(data.part)
     unit = data.tolerance.mask(data.tolerance == 0, 1)  # a bit or a label
-    looks: tuple[tuple[str, float, Any], ...] = (
-        ("error_naive", -0.15, {"color": "#E69F00", "marker": "o", "label": "naive"}),
-        (
-            "error_ours",
-            0.15,
-            {"color": "#0072B2", "marker": "s", "label": "this library"},
-        ),
-    )
-    for column, apart, look in looks:
-        shares = (data[column] / unit).clip(NONE, LOST).fillna(LOST)
-        axes.plot(shares, places + apart, ls="", ms=3.2, alpha=0.5, **look)
+    for name, apart, look in (
+        ("naive", -0.15, {"color": "#E69F00", "marker": "o"}),
+        ("this library", 0.15, {"color": "#0072B2", "marker": "s"}),
+    ):
+        errors = data.error_naive if name == "naive" else data.error_ours
+        shares = (errors / unit).clip(NONE, LOST).fillna(LOST)
+        shown: Any = {"ls": "", "ms": 3.2, "alpha": 0.5, "label": name, **look}
+        axes.plot(shares, places + apart, **shown)
     axes.axvline(1, color="0.4", lw=0.7, ls="--")
     axes.set(xscale="log", xlim=(NONE / 10, LOST * 10))
     names = ["no\nerror", "$10^{-9}$", "1", "$10^9$", "no\nnumber"]
     axes.set_xticks([NONE, 1e-9, 1, 1e9, LOST], names)
-    sizes = data.part.value_counts()
-    axes.set_yticks(
-        range(len(families)), [f"{name} ({sizes[name]})" for name in families]
-    )
+    counts = np.bincount(places)
+    labels = [f"{name} ({n})" for name, n in zip(families, counts, strict=True)]
+    axes.set_yticks(range(len(families)), labels)
     axes.invert_yaxis()
     axes.minorticks_off()
     axes.grid(axis="y", color="0.92", lw=0.4)

@@ -1,7 +1,7 @@
-"""Softmax regression as a stiff problem: how five methods fare as the condition number rises.
+"""Softmax regression as a stiff problem: how methods fare as the condition number rises.
 
-The same frames become stiffer by a weaker penalty and by less contrast, which makes them nearly
-collinear. Each method runs until it arrives, fails, or has used its time.
+The same frames become stiffer the more nearly they repeat each other, under a weaker penalty. Each
+method runs until it arrives, can go no further, or has used its time.
 """
 
 from __future__ import annotations
@@ -10,13 +10,18 @@ import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
+import torch
+from scipy.sparse.linalg import LinearOperator, eigs
 
-from experiments.protocol.experiment import Row, Run, experiment
-from experiments.protocol.settings import Split
+from baselines.bank import Bank
+from baselines.softmax_dual import DualSoftmaxRegression
+from experiments.protocol.evaluate import bank_of
+from experiments.protocol.settings import Split, checked
 from experiments.protocol.splits import choose
+from experiments.protocol.task import Context, Row, Task
 from experiments.studies.limits.stiffness import methods
 from experiments.studies.limits.stiffness.newton import optimum
 from experiments.studies.limits.stiffness.problem import Array, Problem, condition
@@ -25,43 +30,96 @@ from scenes.frames import Scene
 _LATER = 1.25  # factor between the times of two points of a curve
 
 
-@experiment(revision=2, timed=True)
-def stiffness(
-    run: Run,
-    scene: Mapping[str, Any],
+class Stiffness(Task, frozen=True):
+    """One row: a point of the curve of a method on a problem, or a real problem's κ.
+
+    Columns: ``problem``, counted from 0; its ``apart``, ``strength`` and ``kappa``; ``method``;
+    ``evaluations`` of the loss and ``fit_s`` until then; ``error``, loss minus that of the optimum,
+    in units of the first; and in the last row of a method ``ended``, why it ended: ``arrived``,
+    ``out of time``, or what failed. A real problem has its ``scene``'s name, ``kappa`` and no
+    ``problem``. Arguments: configs/experiment/stiffness.yaml.
+    """
+
+    revision: ClassVar = 3
+    uses: ClassVar = ("baselines.softmax.SoftmaxRegression",)
+    timed: ClassVar = True
+
+    scene: Mapping[str, Any]
+    split: Split
+    seed: int
+    side: int
+    originals: int
+    problems: Sequence[Mapping[str, float | int]]
+    adam: Mapping[str, Any]
+    softmax: Mapping[str, Any]
+    budget_s: float | int
+    goal: float | int
+    real: Mapping[str, Mapping[str, Any]]
+    most: int
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        made = context.scene(self.scene, self.seed)
+        train, _ = choose(made, self.split, self.seed)
+        frames, onehot = pixels_of(made, train, self.side)
+        every = named_methods(self.adam["rates"], self.adam["steps"], self.softmax)
+        # A moment of each method, since the first steps of a library load parts of it.
+        for method in every.values():
+            Watch(Problem.of(frames, onehot, 1.0, 1.0, 1), 0.0, 0.0, 0.0).follow(method)
+        for number, how in enumerate(self.problems):
+            problem = Problem.of(frames, onehot, **how, originals=self.originals)
+            best = optimum(problem)
+            least, _ = problem.evaluate(best)
+            same = {"problem": number, **how, "origin": made.origin}
+            same["kappa"] = condition(problem, best.astype(np.float64))
+            for name, method in every.items():
+                context.note(f"κ = {same['kappa']:.1e}, {name}")
+                watch = Watch(problem, float(least), self.budget_s, self.goal)
+                for point in watch.follow(method):
+                    yield same | {"method": name, **point}
+        yield from real_problems(context, self.real, self.split, self.seed, self.most)
+
+
+def real_problems(
+    context: Context,
+    real: Mapping[str, Mapping[str, Any]],
     split: Split,
     seed: int,
-    side: int,
-    problems: Sequence[Mapping[str, float]],
-    adam_rates: Sequence[float],
-    budget_s: float,
-    goal: float,
+    most: int,
 ) -> Iterator[Row]:
-    """One row: a point of the curve of a method on a problem.
+    """κ of converged softmax on training frames of each scene, `most` of them, evenly spread, by a
+    split where it has none; one whose files are not there is left out."""
+    for name, part in real.items():
+        try:
+            scene = context.scene(part["scene"], seed)
+        except (ValueError, OSError) as error:
+            context.note(f"{name} left out: {str(error).partition(';')[0]}")
+            continue
+        own = checked(part["split"], Split, "split") if "split" in part else split
+        train, _ = choose(scene, own, seed)
+        some = train[:: -(-len(train) // most)]
+        kappa = condition_of(bank_of(scene, some))
+        yield {"real": name, "kappa": kappa, "n": len(some), "origin": scene.origin}
 
-    Columns: ``problem``, counted from 0; its ``contrast``, ``strength`` and ``kappa``; ``method``;
-    ``evaluations`` of the gradient and ``fit_s`` until then; ``gradient``, its norm relative to the
-    first; ``error``, loss minus that of the optimum; and in the last row of a method ``ended``, why
-    it ended: ``arrived``, ``out of time``, or what failed. Arguments:
-    configs/experiment/stiffness.yaml.
-    """
-    made = run.scene(scene, seed)
-    train, _ = choose(made, split, seed)
-    frames, onehot = pixels_of(made, train, side)
-    every = named_methods(adam_rates)
-    warm_up(Problem(frames / 255, onehot, 1.0), every)
-    for number, how in enumerate(problems):
-        x = of_contrast(frames, how["contrast"])
-        problem = Problem(x, onehot, how["strength"])
-        best = optimum(problem)
-        least, _ = problem.evaluate(best)
-        same = {"problem": number, **how, "origin": made.origin}
-        same["kappa"] = condition(problem, best.astype(np.float64))
-        for name, method in every.items():
-            run.note(f"κ = {same['kappa']:.1e}, {name}")
-            watch = Watch(problem, least, budget_s, goal)
-            for point in watch.follow(method):
-                yield same | {"method": name, **point}
+
+def condition_of(bank: Bank, model: DualSoftmaxRegression | None = None) -> float:
+    """κ of the problem of a model on frames, by their products: the largest eigenvalue of the
+    Hessian at the optimum over the penalty, which the least is not below."""
+    model = model or DualSoftmaxRegression()
+    every = np.arange(len(bank))
+    targets = model.start(bank.at(every), bank.labels)
+    gram, _ = bank.centred(every, every[:0], model.pixels)
+    dual, intercepts, _ = model.solve(gram, targets)
+    p = (gram @ dual + intercepts).softmax(1)
+
+    def product(logits: np.ndarray) -> np.ndarray:
+        """Of the Hessian, which has the same eigenvalues among the logits."""
+        moved = torch.from_numpy(logits.reshape(p.shape))
+        changed = p * (moved - (p * moved).sum(1, keepdim=True))
+        return (gram @ changed).numpy().ravel()
+
+    of_logits = LinearOperator((p.numel(), p.numel()), product, dtype=np.float64)
+    (largest,) = eigs(of_logits, 1, tol=1e-3, return_eigenvectors=False)
+    return 1 + model.C * float(largest.real)
 
 
 def pixels_of(scene: Scene, train: Array, side: int) -> tuple[Array, Array]:
@@ -75,29 +133,22 @@ def pixels_of(scene: Scene, train: Array, side: int) -> tuple[Array, Array]:
     return spread.flatten(1).double().numpy(), np.eye(classes.max() + 1)[classes]
 
 
-def of_contrast(frames: Array, contrast: float) -> Array:
-    """Frames [N, D] whose deviations from the mean grey are this part of what they were, scaled to
-    a mean square of their norms of one."""
-    grey = frames.mean()
-    flat = grey + contrast * (frames - grey)
-    return flat / np.sqrt((flat**2).sum(1).mean())
-
-
-def named_methods(adam_rates: Sequence[float]) -> dict[str, methods.Method]:
+def named_methods(
+    rates: Sequence[float], steps: int, softmax: Mapping[str, Any]
+) -> dict[str, methods.Method]:
     """The methods by their names; Adam once per rate."""
     named: dict[str, methods.Method] = {
         "gradient descent": methods.gradient_descent,
         "momentum": methods.momentum,
     }
-    for rate in adam_rates:
-        named[f"Adam, rate {rate:g}"] = partial(methods.adam, rate=rate)
-    return named | {"L-BFGS": methods.l_bfgs, "Newton": methods.newton}
-
-
-def warm_up(problem: Problem, every: Mapping[str, methods.Method]) -> None:
-    """A moment of each method, since the first steps of a library load parts of it."""
-    for method in every.values():
-        Watch(problem, 0.0, budget_s=0.0, goal=0.0).follow(method)
+    for rate in rates:
+        named[f"Adam, rate {rate:g}"] = partial(methods.adam, rate=rate, steps=steps)
+    return named | {
+        "L-BFGS": methods.l_bfgs,
+        "Newton": methods.newton,
+        "SoftmaxRegression": partial(methods.minibatches, **softmax),
+        "DualSoftmaxRegression": methods.dual,
+    }
 
 
 class Ended(Exception):
@@ -106,13 +157,13 @@ class Ended(Exception):
 
 @dataclass
 class Watch:
-    """Points that a method evaluates, and when: the clock stands still while a point is judged.
+    """Points that a method reaches, and when.
 
     Args:
         problem: what the method minimises.
-        least: F of the optimum, of more digits than float64.
+        least: F of the optimum.
         budget_s: time that a method has.
-        goal: norm of the gradient, relative to the first, at which it has arrived.
+        goal: error, in units of the first, at which it has arrived.
     """
 
     problem: Problem
@@ -122,50 +173,44 @@ class Watch:
     points: list[Row] = field(default_factory=list)
 
     def follow(self, method: methods.Method) -> list[Row]:
-        """The points of the curve of a method."""
-        self.points, self._evaluations, self._judging = [], 0, 0.0
-        self._first, self._due = 0.0, 0.0
+        """The points of the curve of a method; the first is that of zero weights."""
+        self._evaluations, self._due = 0, 0.0
+        first, _ = self.problem.evaluate(self.problem.start)
+        self._unit = float(first) - self.least
         self._begin = time.perf_counter()
         try:
-            method(self.problem, self._evaluate)
-            ended = "failed: no step lowers the loss"
+            method(self.problem, self)
+            ended = "goes no further"
         except Ended as end:
             ended = str(end)
         except np.linalg.LinAlgError:
             ended = "failed: Hessian not positive definite"
-        self._judge()
-        self.points[-1]["ended"] = ended
+        self.points.append(self._point | {"ended": ended})
         return self.points
 
-    def _evaluate(self, weights: Array) -> tuple[Any, Array]:
+    def evaluate(self, weights: Array) -> tuple[Any, Array]:
+        """The loss and its gradient."""
         loss, gradient = self.problem.evaluate(weights)
-        self._evaluations += 1
-        norm = float(np.linalg.norm(gradient))
-        self._first = self._first or norm
-        self._share, self._weights = norm / self._first, weights
-        self._seconds = time.perf_counter() - self._begin - self._judging
-        if not np.isfinite(norm):
-            raise Ended("failed: not a number")
-        if self._share <= self.goal:
-            raise Ended("arrived")
-        if self._seconds >= self.budget_s:
-            raise Ended("out of time")
-        if self._seconds >= self._due:
-            self._due = _LATER * self._seconds
-            self._judge()
+        self.reached(float(loss))
         return loss, gradient
 
-    def _judge(self) -> None:
-        """A point of the curve at the last evaluation."""
-        begin = time.perf_counter()
-        loss, _ = self.problem.evaluate(self._weights.astype(np.longdouble))
-        self.points.append(
-            {
-                "evaluations": self._evaluations,
-                "fit_s": self._seconds,
-                "gradient": self._share,
-                "error": float(loss - self.least),
-                "ended": "",
-            }
-        )
-        self._judging += time.perf_counter() - begin
+    def reached(self, loss: float) -> None:
+        """Keep the point, if it is due.
+
+        Raises:
+            Ended: the method has arrived, failed, or used its time.
+        """
+        self._evaluations += 1
+        seconds = time.perf_counter() - self._begin
+        error = (loss - self.least) / self._unit
+        self._point: Row = {"evaluations": self._evaluations, "fit_s": seconds}
+        self._point |= {"error": error, "ended": ""}
+        if not np.isfinite(error):
+            raise Ended("failed: not a number")
+        if error <= self.goal:
+            raise Ended("arrived")
+        if seconds >= self.budget_s:
+            raise Ended("out of time")
+        if seconds >= self._due:
+            self._due = _LATER * seconds
+            self.points.append(self._point)

@@ -35,7 +35,7 @@ def newton(problem: Problem, start: Array, evaluate: Evaluate) -> Iterator[Array
     yield weights
     for _ in range(_STEPS):
         hessian = curvature(problem.x, basis, weights)
-        hessian.flat[:: len(hessian) + 1] += problem.strength
+        hessian.flat[:: len(hessian) + 1] += np.tile(problem.penalty, basis.shape[1])
         slope = basis.T @ gradient
         step = basis @ -solve(hessian, slope.ravel()).reshape(slope.shape)
         promise = (gradient * step).sum()

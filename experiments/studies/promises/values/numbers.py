@@ -10,7 +10,7 @@ from sklearn.linear_model import RidgeCV
 from torch import Tensor
 
 from baselines.bank import Bank
-from experiments.protocol.experiment import Row
+from experiments.records.rows import Row
 from hdc import HDCClassifier, HDCRegressor
 from hdc.readouts import Majority
 
@@ -65,7 +65,7 @@ def binned(bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int) -> np.ndar
     places = np.searchsorted(edges, y, side="right")
     filled, bin_of = np.unique(places, return_inverse=True)
     means = np.array([y[bin_of == k].mean() for k in range(len(filled))])
-    model = HDCClassifier(readout=Majority(balance=True))
+    model = HDCClassifier(readout=Majority(class_weight="balanced"))
     model.fit(bank.at(np.arange(len(y))), bin_of)
     return means[model.predict(bank.at(queries))]
 

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import itertools
 from collections.abc import Iterator
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure as Canvas
-from matplotlib.lines import Line2D
 
 from experiments.records.results import by_scene
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.facets import facets
-from experiments.reporting.plot import legend_below, literal, look_of, wrapped
+from experiments.reporting.plot import handle, legend_below, look_of, wrapped
 from experiments.reporting.resamples import (
     models_of,
     over_units,
@@ -24,6 +22,9 @@ from experiments.reporting.resamples import (
 from experiments.reporting.study import Figure
 from experiments.reporting.table import ENDS, Table
 from experiments.reporting.text import percent, points
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 FEWEST = 20
 """Answers of a bin that the figure shows."""
@@ -190,10 +191,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
         axes.label_outer()
     for scene, axes in zip(data.scene.unique(), figure.axes, strict=False):
         axes.set_title(wrapped(scene_name(scene), 20), fontsize=6.5, loc="left")
-    handles = [
-        Line2D([], [], label=literal(display_name(model)), **look(model))
-        for model in colours
-    ]
+    handles = [handle(model, **look(model)) for model in colours]
     legend_below(figure, handles, 4)
 
 

@@ -5,25 +5,26 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas as pd
-from matplotlib.figure import Figure as Canvas
-from matplotlib.ticker import FuncFormatter
 
 from experiments.records.results import RUNS, of_experiment
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import median_range
 from experiments.reporting.facets import intervals
-from experiments.reporting.plot import handle, legend_below, look_of, style_of
+from experiments.reporting.plot import handle, legend_below, look_of
 from experiments.reporting.study import RUN, Figure
 from experiments.reporting.table import ENDS, Table
 from experiments.reporting.table import frame as table_of
 from experiments.reporting.text import interval, number, percent, two_digits
 from experiments.reporting.trained import split_of
-from experiments.studies.table1 import models
+from experiments.studies.table1 import tables
 from experiments.studies.table1.tables import on_scene
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure as Canvas
 
 NAME = "times_grid"
 OF = (RUNS, NAME)
@@ -95,7 +96,7 @@ def _line(
     known = hdc_s.notna()
     ratios = (seconds / hdc_s)[known].tolist()
     ratio, coverage = median_range(ratios)
-    line: Line = {"way": way, "model": model, "scene": models.scene()}
+    line: Line = {"way": way, "model": model, "scene": tables.scene()}
     line |= {"seconds": float(np.median(seconds)), **ratio.columns("ratio")}
     line |= {"at_least": None, "runs": len(ratios), "coverage": coverage}
     if ratio.value == math.inf:
@@ -135,10 +136,11 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     intervals(
         axes, arrows, "at_least", look=lambda m: {**look(m), "lolims": True}, **place
     )
-    axes.axhline(1, color=style_of("hdc")[0], lw=0.8)
-    axes.text(-0.57, 1.12, "HDC", color=style_of("hdc")[0], fontsize=6)
+    colour = look_of("hdc")["color"]
+    axes.axhline(1, color=colour, lw=0.8)
+    axes.text(-0.57, 1.12, "HDC", color=colour, fontsize=6)
     axes.set_yscale("log")
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda ratio, _: f"{ratio:,g}"))
+    axes.yaxis.set_major_formatter(lambda ratio, _: f"{ratio:,g}")
     axes.set_ylabel("training time relative to HDC")
     axes.set_xticks(range(len(ways)), [WAYS.get(way, way) for way in ways])
     axes.set_xlim(-0.6, len(ways) - 0.4)

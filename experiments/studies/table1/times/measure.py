@@ -12,7 +12,7 @@ import math
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -23,11 +23,11 @@ from experiments.protocol import data, machine
 from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.protocol.clock import Clock
 from experiments.protocol.data import at_seed
-from experiments.protocol.experiment import Row, Run, experiment
 from experiments.protocol.model import Model, check_model, instantiate
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
+from experiments.protocol.task import Context, Row, Task
 from experiments.protocol.trial import Report, Test, Trial, train, untested, warm_up
 from hdc.accuracy import accuracy
 from scenes.frames import Scene
@@ -39,18 +39,7 @@ Config = Mapping[str, Any]  # as a file of configs/model/ makes it
 Ways = Mapping[str, Mapping[str, Config]]
 
 
-@experiment(revision=2, timed=True, own_memory=True)
-def times_grid(
-    run: Run,
-    scene: Mapping[str, Any],
-    split: Split,
-    stop: StopRule,
-    seeds: Sequence[int],
-    ways: Ways,
-    keep_memory: Sequence[str],
-    to_end: Sequence[str],
-    fewer: Mapping[str, int],
-) -> Iterator[Row]:
+class TimesGrid(Task, frozen=True):
     """One row: one training of a model by a way, ``seconds`` until its training accuracy exceeds
     the target, of a model `to_end` or of one pass until it is fitted; None where it never does.
 
@@ -62,28 +51,50 @@ def times_grid(
     Raises:
         ValueError: for a way without HDC, or in a process that has kept memory for an earlier run.
     """
-    _check(ways, keep_memory)
-    turns = {seed: _training(run, scene, split, stop, to_end, seed) for seed in seeds}
-    for way, models in ways.items():
-        if way in keep_memory:
-            machine.keep_memory()
-        for config in models.values():
-            next(iter(turns.values())).warm_up(config["model"])
-        for turn, (seed, training) in enumerate(turns.items()):
-            here = {
-                name: at_seed(config["model"], seed)
-                for name, config in models.items()
-                if turn < fewer.get(name, len(turns))
-            }
-            for row in one_turn(training, here):
-                yield {
-                    "origin": training.scene.origin,
-                    "seed": seed,
-                    "way": way,
-                    "turn": turn,
-                    **row,
+
+    revision: ClassVar = 2
+    timed: ClassVar = True
+    own_memory: ClassVar = True
+
+    scene: Mapping[str, Any]
+    split: Split
+    stop: StopRule
+    seeds: Sequence[int]
+    ways: Ways
+    keep_memory: Sequence[str]
+    to_end: Sequence[str]
+    fewer: Mapping[str, int]
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        _check(self.ways, self.keep_memory)
+        turns = {
+            seed: _training(
+                context, self.scene, self.split, self.stop, self.to_end, seed
+            )
+            for seed in self.seeds
+        }
+        for way, models in self.ways.items():
+            if way in self.keep_memory:
+                machine.keep_memory()
+            for config in models.values():
+                next(iter(turns.values())).warm_up(config["model"])
+            for turn, (seed, training) in enumerate(turns.items()):
+                here = {
+                    name: at_seed(config["model"], seed)
+                    for name, config in models.items()
+                    if turn < self.fewer.get(name, len(turns))
                 }
-                run.note(f"{way}, seed {seed}, {row['model']}: {row['seconds']} s")
+                for row in one_turn(training, here):
+                    yield {
+                        "origin": training.scene.origin,
+                        "seed": seed,
+                        "way": way,
+                        "turn": turn,
+                        **row,
+                    }
+                    context.note(
+                        f"{way}, seed {seed}, {row['model']}: {row['seconds']} s"
+                    )
 
 
 def _check(ways: Ways, keep_memory: Sequence[str]) -> None:
@@ -198,7 +209,7 @@ class Training:
 
 
 def _training(
-    run: Run,
+    context: Context,
     scene: Mapping[str, Any],
     split: Split,
     stop: StopRule,
@@ -206,7 +217,7 @@ def _training(
     seed: int,
 ) -> Training:
     """The frames of a seed, in memory."""
-    sensor = run.scene(scene, seed)
+    sensor = context.scene(scene, seed)
     trained, tested = (
         Samples(data.take(sensor, chosen, Clock())[:], sensor.labels[chosen])
         for chosen in choose(sensor, split, seed)

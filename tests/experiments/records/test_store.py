@@ -15,8 +15,6 @@ from hypothesis.stateful import (
 from msgspec.structs import replace
 
 from experiments.records import store
-from experiments.records.record import to_line
-from experiments.records.run import RunRecord, Unfinished
 
 NAMES = st.integers(0, 3).map("touch-hdc-{:012x}".format)
 TIMES = st.floats(0.1, 10)
@@ -25,7 +23,9 @@ TIMES = st.floats(0.1, 10)
 def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
     write_run("hdc")
     (template,) = store.read(tmp_path)
-    fields = {key: getattr(template, key) for key in RunRecord.__struct_fields__}
+
+    def entry(name, status, seconds):
+        return replace(template, id=name, status=status, seconds=seconds)
 
     class Store(RuleBasedStateMachine):
         def __init__(self):
@@ -35,24 +35,18 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
             self.folder.mkdir()
             self.known, self.damaged = {}, 0
 
-        def entry(self, name, status, seconds):
-            if status == "finished":
-                return replace(template, id=name, training_s=seconds)
-            own = {"id": name, "status": status, "training_s": seconds}
-            return Unfinished(**{**fields, **own})
-
         def note(self, name, status, seconds):
             if status == "finished" or self.known.get(name, ("", 0))[0] != "finished":
                 self.known[name] = (status, seconds)
 
         @rule(name=NAMES, status=st.sampled_from(["finished", "failed"]), seconds=TIMES)
         def run_or_repeat(self, name, status, seconds):
-            store.append(self.folder, self.entry(name, status, seconds))
+            store.append(self.folder, entry(name, status, seconds))
             self.note(name, status, seconds)
 
         @rule(name=NAMES, share=st.floats(0.01, 0.99))
         def kill_while_a_line_is_written(self, name, share):
-            line = to_line(self.entry(name, "finished", 99.0)).encode()
+            line = store.to_line(entry(name, "finished", 99.0)).encode()
             path = self.folder / store.FILE
             before = path.read_bytes() if path.exists() else b""
             gap = b"" if not before or before.endswith(b"\n") else b"\n"
@@ -61,7 +55,7 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
 
         @rule(names=st.tuples(NAMES, NAMES), seconds=TIMES)
         def two_at_once(self, names, seconds):
-            entries = [self.entry(name, "finished", seconds) for name in names]
+            entries = [entry(name, "finished", seconds) for name in names]
             threads = [
                 Thread(target=store.append, args=(self.folder, e)) for e in entries
             ]
@@ -74,14 +68,13 @@ def test_the_store_is_a_dictionary_whatever_happens_to_it(tmp_path, write_run):
         @invariant()
         def reads_as_the_dictionary(self):
             found = list(store.read(self.folder))
-            errors = [entry for entry in found if isinstance(entry, ValueError)]
-            runs = {r.id: (r.status, r.training_s) for r in found if r not in errors}
+            errors = [one for one in found if isinstance(one, ValueError)]
+            runs = {r.id: (r.status, r.seconds) for r in found if r not in errors}
             assert runs == self.known
             assert len(errors) == self.damaged
             for name, (status, _) in self.known.items():
-                assert (store.find(self.folder, name) is not None) == (
-                    status == "finished"
-                )
+                is_found = store.find(self.folder, name) is not None
+                assert is_found == (status == "finished")
 
     few = settings(max_examples=15, stateful_step_count=12, deadline=None)
     run_state_machine_as_test(Store, settings=few)

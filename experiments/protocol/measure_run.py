@@ -1,0 +1,328 @@
+"""A training as a task: a model learns on a scene's frames under the clock, and is tested."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+import numpy as np
+from rich.console import Console
+from rich.live import Live
+from rich.text import Text
+from torch import Tensor
+
+from baselines import library
+from experiments.protocol import data
+from experiments.protocol.checkpoints import Checkpoints, Due
+from experiments.protocol.clock import Clock, timed
+from experiments.protocol.model import Model, check_model, instantiate
+from experiments.protocol.settings import (
+    Data,
+    Seeds,
+    Split,
+    check_arguments,
+    check_device,
+)
+from experiments.protocol.splits import choose
+from experiments.protocol.stop import StopRule
+from experiments.protocol.task import Context, Row, Task
+from experiments.protocol.trial import Report, Trial, train, warm_up
+from experiments.records.files import results_dir
+from experiments.records.rows import pack_labels
+from hdc.accuracy import accuracy
+from scenes.frames import Scene
+
+_SHARES = ("train_accuracy", "test_accuracy")
+_SINGLE_FRAMES = 20
+_BATCH_TIMES = 3  # of a prediction in a batch, of which the shortest counts …
+_LONG_S = 1.0  # … fewer where they take this long
+
+
+@dataclass(frozen=True)
+class Samples:
+    """The training or the test samples: indices int64 [N], labels int64 [N] and frames."""
+
+    indices: np.ndarray
+    labels: np.ndarray
+    frames: Tensor | data.LazyFrames
+
+    @property
+    def digest(self) -> str:
+        """SHA-256 of frames and labels."""
+        return data.digest(self.frames, self.labels)
+
+
+class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields=False):
+    """Trains one model on the frames of a scene. A row is a checkpoint of the training: what the
+    model reported, ``training_s`` and the accuracies, as far as it was tested there. The last row
+    is what came of it.
+
+    ============================ ===================================================================
+    ``stop``                     why it ended, one of :data:`experiments.protocol.stop.NAMES`
+    ``training_time_s``          in the paper's sense: of a model that learns by steps until its
+                                 training accuracy exceeded the target (None if it never did), of
+                                 one that is solved, or learns in one pass, until it is done
+    ``total_time_s``             of the whole training
+    ``beside.NAME_s``            of other models on the same frames: the mean of one training just
+                                 before and one just after
+    ``…_at_target``, ``…_max``   when training accuracy first exceeded the target; largest
+    ``model_bytes``              size of what was learnt; None where it is not known
+    ``test_set``, ``train_set``  SHA-256 of the frames and labels
+    ``labels``, ``predicted``    true classes of the test samples, and by the last model
+    ============================ ===================================================================
+    """
+
+    timed: ClassVar[bool] = True
+
+    scene: dict[str, Any]
+    model: dict[str, Any]
+    stop: StopRule
+    split: Split
+    data: Data
+    seed: Seeds
+    device: Any = "cpu"
+    beside: dict[str, dict[str, Any]]
+
+    def __post_init__(self) -> None:
+        check_arguments(self.scene, "scene")
+        check_arguments(self.model, "model")
+        check_device("model.device", self.model.get("device", "cpu"))
+
+    @functools.cached_property
+    def built(self) -> Scene:
+        """The scene."""
+        built: Scene = instantiate(self.scene, "scene")
+        return built
+
+    def fingerprint(self) -> str:
+        """Digest of the scene's frames."""
+        return self.built.fingerprint()
+
+    def rows(self, context: Context) -> Iterator[Row]:
+        """Its checkpoints, and its results.
+
+        Raises:
+            ValueError: naming the key of a wrong value, or what is wrong with a model's reports.
+        """
+        name, target = context.name, self.stop.target
+        # Errors of these are found before any frame is made.
+        unused: Model = instantiate(self.model, "model")
+        check_model(unused)
+        clock = Clock(self.device)
+        trained, tested = self._samples(context, clock)
+        shape = self.built.shape if self.data.pixels is None else (1, self.data.pixels)
+        warm_up(unused, shape, len(trained.labels))
+        beside = _Beside(self, shape, trained)
+        model: Model = instantiate(self.model, "model")
+        digests = trained.digest, tested.digest
+        tests = _Tests(model, trained, tested, target)
+        samples = trained.frames, trained.labels
+        beside.train()
+        curve: tuple[Report, ...] = ()
+        # Without automatic refreshing: no thread draws while the clock runs.
+        with Live(console=context.console, transient=True, auto_refresh=False) as live:
+            live.update(Text(f"train {name}"), refresh=True)
+            for trial in train(model, name, *samples, self.stop, clock, tests):
+                yield from trial.curve[len(curve) :]
+                curve = trial.curve
+                if curve:
+                    live.update(
+                        Text(f"train {name} {_progress(curve[-1])}"), refresh=True
+                    )
+        beside.train()
+        if not curve:
+            raise ValueError(f"model {name}: expected at least one report, found none")
+        if "train_accuracy" not in curve[-1]:  # it was not tested at its end
+            tests.all_frames()
+        results = {
+            **self._of_frames(trained, tested),
+            **_of_trial(trial, target),
+            **beside.seconds(),
+            "train_accuracy_final": tests.train_accuracy,
+            "test_accuracy_final": accuracy(tests.predicted, tested.labels),
+            "right": int((tests.predicted == tested.labels).sum()),
+            "predicted": pack_labels(tests.predicted),
+            **_predicting(model, tested, self.device),
+            **dict(zip(("train_set", "test_set"), digests, strict=True)),
+        }
+        if (trained.digest, tested.digest) != digests:
+            raise ValueError(
+                f"model {name}: expected it to leave its frames as they are"
+            )
+        yield {**results, "model_bytes": _size(model, context.console)}
+
+    def _samples(self, context: Context, clock: Clock) -> Iterator[Samples]:
+        """The training and the test samples."""
+        scene, chosen = self.built, choose(self.built, self.split, self.seed.split)
+        if context.cache:
+            folder = results_dir() / "cache"
+            scene = data.cached(scene, folder, context.console, self.scene)
+        if self.data.pixels is not None:
+            scene = data.PixelSubset(scene, self.data.pixels, self.seed.pixels)
+        for indices in chosen:
+            frames = data.take(scene, indices, clock)
+            yield Samples(indices, scene.labels[indices], frames)
+
+    def _of_frames(self, trained: Samples, tested: Samples) -> Row:
+        scene = self.built
+        height, width = scene.shape
+        return {
+            "origin": scene.origin,
+            "saturated": str(getattr(scene, "saturated", "") or ""),
+            "classes": json.dumps(list(scene.classes)),
+            "n_classes": len(scene.classes),
+            "n_samples": len(scene.labels),
+            "height": height,
+            "width": width,
+            "n_pixels": height * width,
+            "n_train": len(trained.indices),
+            "n_test": len(tested.indices),
+            "test_indices": pack_labels(tested.indices),
+            "labels": pack_labels(tested.labels),
+        }
+
+
+class _Beside:
+    """Other models that train on the same frames around a training: a ratio of times is one of
+    neighbours in time."""
+
+    def __init__(self, run: Training, shape: tuple[int, int], trained: Samples):
+        self._run, self._trained = run, trained
+        self._models = {name: part["model"] for name, part in run.beside.items()}
+        self._seconds: dict[str, list[float]] = {name: [] for name in self._models}
+        if self._models and isinstance(trained.frames, data.LazyFrames):
+            found = f"{len(trained.labels)} of {shape[0]} × {shape[1]} pixels"
+            raise ValueError(
+                f"beside: expected frames that fit in memory, found {found}"
+            )
+        for config in self._models.values():
+            warm_up(instantiate(config, "model"), shape, len(trained.labels))
+
+    def train(self) -> None:
+        """Train each of them once more."""
+        for name, config in self._models.items():
+            model: Model = instantiate(config, "model")
+            clock, rule = Clock(self._run.device), self._run.stop
+            samples = self._trained.frames, self._trained.labels
+            *_, trial = train(model, name, *samples, rule, clock)
+            self._seconds[name].append(trial.training_s or 0.0)
+
+    def seconds(self) -> Row:
+        """Mean seconds of each."""
+        means = {name: float(np.mean(times)) for name, times in self._seconds.items()}
+        return {f"beside.{name}_s": seconds for name, seconds in means.items()}
+
+
+class _Tests:
+    """Tests a model at the checkpoints of its training.
+
+    Attributes:
+        predicted: classes of the test frames by the last test.
+        train_accuracy: by the last test that had the training frames.
+    """
+
+    def __init__(
+        self,
+        model: Model,
+        trained: Samples,
+        tested: Samples,
+        target: float,
+    ):
+        self._model, self._trained, self._tested = model, trained, tested
+        self._checkpoints = Checkpoints(target, len(trained.labels))
+        self.predicted = np.empty(0, np.int64)
+        self.train_accuracy = 0.0
+
+    def __call__(self, report: Report, at_end: bool) -> Report | None:
+        due = Due.ALL if at_end else self._checkpoints.due(report)
+        if due is Due.NOTHING:
+            return None
+        found: Report = {}
+        if np.isfinite(report.get("loss", 0.0)):
+            found = self.all_frames() if due is Due.ALL else self.test_frames()
+        self._checkpoints.passed(report, found.get("train_accuracy"))
+        return found
+
+    def all_frames(self) -> Report:
+        """Accuracies on training and test frames."""
+        predicted = np.asarray(self._model.predict(self._trained.frames))
+        self.train_accuracy = accuracy(predicted, self._trained.labels)
+        return {"train_accuracy": self.train_accuracy, **self.test_frames()}
+
+    def test_frames(self) -> Report:
+        """Accuracy on the test frames."""
+        self.predicted = np.asarray(self._model.predict(self._tested.frames))
+        return {"test_accuracy": accuracy(self.predicted, self._tested.labels)}
+
+
+def _progress(row: Report) -> str:
+    """The time and the accuracies of a checkpoint."""
+    shares = (
+        f"  {k.partition('_')[0]} {x:.1%}" for k, x in row.items() if k in _SHARES
+    )
+    return f"{row['training_s']:.2f} s{''.join(shares)}"
+
+
+def _of_trial(trial: Trial, target: float) -> Row:
+    """What follows from the curve of a trial: when an accuracy first exceeded the target, and the
+    largest accuracies."""
+
+    def first(key: str, value: str) -> float | None:
+        reached = (row[value] for row in trial.curve if row.get(key, 0.0) > target)
+        return next(reached, None)
+
+    def largest(key: str) -> float | None:
+        return max((row[key] for row in trial.curve if key in row), default=None)
+
+    seconds = trial.training_s
+    iterative = any("loss" in row for row in trial.curve)
+    until_target = first("train_accuracy", "training_s")
+    if iterative:
+        # One report without steps of an optimiser: a solver that goes to the optimum.
+        once = len(trial.curve) == 1 and "steps" not in trial.curve[0]
+        solved = once and trial.stop == "finished"
+        seconds = until_target if until_target is not None or not solved else seconds
+    return {
+        "stop": trial.stop,
+        "iterative": iterative,
+        "training_time_s": seconds,
+        "total_time_s": trial.training_s,
+        "time_to_target_train_s": until_target,
+        "time_to_target_test_s": first("test_accuracy", "training_s"),
+        "train_accuracy_at_target": first("train_accuracy", "train_accuracy"),
+        "test_accuracy_at_target": first("train_accuracy", "test_accuracy"),
+        "train_accuracy_max": largest("train_accuracy"),
+        "test_accuracy_max": largest("test_accuracy"),
+    }
+
+
+def _predicting(model: Model, tested: Samples, device: str) -> Row:
+    """Seconds of predicting a frame, single and in a batch, in memory."""
+    frames = tested.frames[: data.fitting(tested.frames)]
+    singles = [
+        timed(functools.partial(model.predict, frames[i : i + 1]), device)
+        for i in range(min(_SINGLE_FRAMES, len(frames)))
+    ]
+    batches: list[float] = []
+    while len(batches) < _BATCH_TIMES and sum(batches) < _LONG_S:
+        batches.append(timed(functools.partial(model.predict, frames), device))
+    return {
+        "predict_single_s": float(np.median(singles)),
+        "predict_batch_s_per_frame": min(batches) / len(frames),
+    }
+
+
+def _size(model: Model, console: Console) -> int | None:
+    """Bytes of what a model has learnt; None where that is not known."""
+    try:
+        state: Any = library.state_tensors(model)
+        if state is None:
+            return None
+        return sum(t.numel() * t.element_size() for t in state.values())
+    # Any model can be asked: an error costs its size, and not its training.
+    except Exception as error:
+        console.print(f"model_bytes: not known, {error}", style="yellow", markup=False)
+        return None

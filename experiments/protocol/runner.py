@@ -1,0 +1,256 @@
+"""The runner: a config becomes a task, its rows a record; or the record is found finished."""
+
+from __future__ import annotations
+
+import json
+import time
+import traceback
+from collections.abc import Mapping, Sequence
+from contextlib import AbstractContextManager, nullcontext, suppress
+from dataclasses import dataclass
+from pathlib import Path, PurePath
+from typing import Any
+
+import msgspec
+import torch
+from rich.console import Console
+
+from experiments.protocol import machine
+from experiments.protocol.measure_run import Training
+from experiments.protocol.settings import Carried, check_device, checked
+from experiments.protocol.task import Context, Row, Task, named
+from experiments.records import configs, locks, store
+from experiments.records.environment import command, environment
+from experiments.records.files import results_dir
+from experiments.records.record import SCHEMA, Named, Record, labelled, name_of
+from experiments.records.revision import revisions
+from experiments.records.rows import Rows
+
+Config = Mapping[str, Any]
+_ERROR_CHARACTERS = 2000
+# Keys of a training's config that say how it is carried out or shown, not what it computes.
+NOT_IDENTITY = (
+    *("force", "cache", "exclusive", "task", "beside", "display", "scene_display"),
+    "sessions",  # what the scene is made of, and has in itself
+)
+_OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
+# Keys of an experiment that say which frames there are, and which of them test.
+_OF_FRAMES = ("scene.", "split.", "old_split.")
+_GROUPS = ("scene", "model", "stop")  # of configs/, that make a training
+_ORDER = {"scene": 0, "split": 1, "model": 2, "stop": 3}  # of what was changed
+_NO_CHANGE = ("device", "threads")
+
+
+@dataclass(frozen=True)
+class Asked:
+    """What the command line says besides the config.
+
+    Attributes:
+        choices: name of the file that each group of ``configs/`` was composed from.
+        keys: dotted, that the command line or the experiment's file set.
+        other_scene: whether the scene is not that of the experiment's file.
+    """
+
+    choices: Mapping[str, str | None]
+    keys: Sequence[str] = ()
+    other_scene: bool = False
+
+
+def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, bool]:
+    """Carry out what a config asks for, or find that it is finished.
+
+    Args:
+        config: the whole, resolved.
+        asked: what the command line says besides.
+        console: shows the progress.
+
+    Returns:
+        tuple: the record, and whether it was there already.
+
+    Raises:
+        locks.Held: if another process is at it.
+        ValueError: if the config is wrong; the key is named.
+    """
+    how = checked(config, Carried)
+    check_device("device", how.device)
+    task, own = _task(config)
+    about = _about(task, own, config, asked)
+    folder, threads = results_dir(), torch.get_num_threads()
+
+    def known(console: Console | None = None) -> Record | None:
+        """The finished record, if today's code would make the same."""
+        if how.force:
+            return None
+        columns = [f"beside.{name}_s" for name in getattr(task, "beside", ())]
+        same = threads if task.timed else None
+        now = about["revisions"]
+        return store.made_before(folder, about["id"], now, console, same, columns)
+
+    found = known()
+    if found is not None:
+        return found, True
+    with locks.held(store.lock_of(folder, about["id"]), about["id"]):
+        found = known(console)  # another process may have finished it since
+        if found is not None:
+            return found, True
+        limited = machine.libraries(own, threads)
+        with _alone(how, console), limited as libraries:
+            here = environment(how.device, threads)
+            here.exclusive, here.libraries = how.exclusive, libraries
+            begun = Record(**about, environment=here)
+            return _made(task, begun, how, console, folder), False
+
+
+def task_class(config: Config) -> type[Task]:
+    """What a config asks for: its ``task``, or a training.
+
+    Raises:
+        ValueError: if there is no task of its name.
+    """
+    return Training if config["task"] is None else named(config["task"])
+
+
+def _task(config: Config) -> tuple[Task, dict[str, Any]]:
+    """The task of a config, and what determines its rows."""
+    kind = task_class(config)
+    if kind is Training:
+        own = {k: v for k, v in config.items() if k not in NOT_IDENTITY}
+        own["threads"] = torch.get_num_threads()
+        return checked(config, kind), own
+    given = configs.without(("display",), config["task"])
+    given.pop("_target_")
+    task = checked(given, kind, "task")
+    own = {}
+    for one in msgspec.structs.fields(kind):
+        default = list(one.default) if isinstance(one.default, tuple) else one.default
+        own[one.name] = given.get(one.name, default)
+    return task, own
+
+
+def _about(
+    task: Task, own: dict[str, Any], config: Config, asked: Asked
+) -> dict[str, Any]:
+    """What a record says that is known before anything is made."""
+    is_training = isinstance(task, Training)
+    scene, model, stop = (asked.choices.get(g) or "custom" for g in _GROUPS)
+    experiment, kind = asked.choices.get("experiment"), type(task)
+    data, has_scene = task.fingerprint(), own.get("scene") is not None
+    about: dict[str, Any] = {"config": own, "data": data, "timed": task.timed}
+    about["changed"] = changed = _changed(own, asked.keys)
+    if is_training:
+        name = f"{scene}-{model}"
+        shown = config.get("display") or {}
+        about |= {"model": Named(model, model, shown), "stop": stop}
+        about["revisions"] = revisions(own)
+        if config["device"] != "cpu":  # its times do not compare
+            changed["model.device"] = json.dumps(config["device"])
+    else:
+        name = experiment = experiment or kind.__name__
+        about["task"] = target = f"{kind.__module__}.{kind.__qualname__}"
+        about["revisions"] = revisions({"_target_": target, **own})
+        others = asked.other_scene or any(map(_is_of_frames, asked.keys))
+        about["elsewhere"] = has_scene and others
+    if has_scene:
+        about["scene"] = Named(scene, scene, config.get("scene_display") or {})
+    determining = own
+    if config["device"] != "cpu":
+        determining = {**own, "device": config["device"]}
+    about["id"] = name_of(name, determining, data)
+    about |= {"experiment": experiment or "", "command": command()}
+    return {"schema": SCHEMA, "status": "interrupted", **about}
+
+
+def _is_of_frames(key: str) -> bool:
+    """Whether a key says which frames there are, or which of them test; seeds do not."""
+    key = key.removeprefix("task.")
+    same = key == "scene.path" or key.rpartition(".")[2] in configs.SEEDS
+    return key.startswith(_OF_FRAMES) and not same
+
+
+def _changed(own: Config, keys: Sequence[str]) -> dict[str, str]:
+    """Values by dotted key, as JSON, that were set: those of frames first, then of the model."""
+    found = {}
+    for key in keys:
+        key = key.removeprefix("task.")
+        group, _, rest = key.partition(".")
+        is_part = group in own and (rest or not isinstance(own[group], Mapping))
+        is_seed = key.rpartition(".")[2] in configs.SEEDS or group == "seed"
+        if is_part and not is_seed and key not in (*configs.COORDINATES, *_NO_CHANGE):
+            found[key] = json.dumps(_at(own, key))
+    ordered = sorted(found, key=lambda key: _ORDER.get(key.partition(".")[0], 9))
+    return {key: found[key] for key in ordered}
+
+
+def _at(config: Any, key: str) -> Any:
+    """The value of a dotted key, in which a number is a place of a list; None where none is."""
+    for part in key.split("."):
+        if isinstance(config, list):
+            config = dict(zip(map(str, range(len(config))), config, strict=True))
+        config = config.get(part) if isinstance(config, Mapping) else None
+    return config
+
+
+def _alone(how: Carried, console: Console) -> AbstractContextManager[None]:
+    """The machine to oneself, unless the config says otherwise."""
+    if not how.exclusive:
+        return nullcontext()
+    n = torch.get_num_threads()
+
+    def waiting() -> None:
+        text = f"waiting for {n} free cores: another run is timed (exclusive=false runs beside it)"
+        console.print(text, style="yellow", soft_wrap=True)
+
+    return machine.held(n, how.device, waiting)
+
+
+def _made(
+    task: Task, begun: Record, how: Carried, console: Console, folder: Path
+) -> Record:
+    """Carry out a task and add its record; one that breaks off is recorded as far as it came."""
+    name = begun.model.name if begun.model else begun.experiment
+    scene = begun.scene.name if begun.scene else ""
+    context = Context(name, scene, how.cache, how.force, console, begun)
+    rows: list[Row] = []
+    start = time.perf_counter()
+    try:
+        for row in task.rows(context):
+            rows.append(row)  # noqa: PERF402  (as far as they come)
+        seconds = time.perf_counter() - start
+        done = _ended(begun, rows, status="finished", seconds=seconds)
+    except BaseException as error:
+        text = "".join(traceback.format_exception_only(error)).strip()
+        status = "failed" if isinstance(error, Exception) else "interrupted"
+        # On a full disk, or where rows are no JSON, the first error is the one to see.
+        with suppress(OSError, TypeError):
+            broken = _ended(begun, rows, status=status, error=text[:_ERROR_CHARACTERS])
+            store.append(folder, broken)
+        raise
+    store.append(folder, done)
+    return done
+
+
+def _ended(begun: Record, rows: Sequence[Row], **ended: Any) -> Record:
+    """The record with its rows, and the labels of its scene and model.
+
+    Raises:
+        ValueError: for predictions that are no classes.
+        TypeError: for rows that JSON does not have.
+    """
+    changed, scene, model = begun.changed, begun.scene, begun.model
+    if model and not any("loss" in row for row in rows):
+        # What learns in one pass ends by itself, whatever the rule.
+        changed = {k: v for k, v in changed.items() if not k.startswith("stop.")}
+    of_model = {k: v for k, v in changed.items() if k.startswith(_OF_MODEL)}
+    if model:
+        label = labelled(model.name, of_model)
+        model = Named(model.name, label, model.display)
+    if scene:
+        of_scene = {
+            k: v for k, v in changed.items() if k.startswith(("scene.", "split."))
+        }
+        name, path = scene.name, _at(begun.config, "scene.path")
+        if name == "recorded":  # whatever the name of the file, by what is in it
+            name += f" {PurePath(str(path)).name} ({begun.data[:6]})"
+        scene = Named(scene.name, labelled(name, of_scene), scene.display)
+    about = {"changed": changed, "scene": scene, "model": model, "rows": Rows.of(rows)}
+    return msgspec.structs.replace(begun, **about, **ended)

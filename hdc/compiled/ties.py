@@ -1,0 +1,102 @@
+"""The first of equal pixels, by the orders of :mod:`hdc.encoders.ties`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from hdc.compiled.operations import compile_kernel, ones
+
+RULES = ("spread", "raster", "below")
+_SPREAD, _RASTER, _BELOW = range(3)
+
+
+@compile_kernel("uint64[::1](int64)")
+def rotations_of(width):
+    """h(w) of :mod:`hdc.encoders.ties`, [W]."""
+    rotations = np.empty(width, np.uint64)
+    for w in range(width):
+        rotations[w] = ((w * 0x9E37_79B1) & 0xFFFF_FFFF) >> 26
+    return rotations
+
+
+@compile_kernel("uint64(uint64, uint64)")
+def _rotated_left(word, by):
+    return (word << by) | (word >> ((np.uint64(64) - by) & np.uint64(63)))
+
+
+@compile_kernel("uint64(uint64, uint64)")
+def _rotated_right(word, by):
+    return (word >> by) | (word << ((np.uint64(64) - by) & np.uint64(63)))
+
+
+@compile_kernel("int64(uint64[::1], int64)")
+def _count_rounds(rotated, n):
+    """Ties in the first n ≤ 63 rounds."""
+    low = (np.uint64(1) << np.uint64(n)) - np.uint64(1)
+    total = np.int64(0)
+    for w in range(len(rotated)):
+        total += ones(rotated[w] & low)
+    return total
+
+
+@compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64)")
+def _add_spread(equals, words, rotations, missing, n_equal):
+    """Add the first `missing` of n_equal ties to words [W], by the order of ``spread``.
+
+    How many rounds of one bit a word fit whole is guessed from the share that is missing, which is
+    about right, since the order is even.
+    """
+    width = len(equals)
+    for w in range(width):
+        equals[w] = _rotated_left(equals[w], rotations[w])
+    low, n_low, high, n_high = np.int64(0), np.int64(0), np.int64(64), n_equal
+    while high - low > 1:
+        guess = low + (missing - n_low) * (high - low) // max(
+            np.int64(1), n_high - n_low
+        )
+        guess = min(max(guess, low + 1), high - 1)
+        count = _count_rounds(equals, guess)
+        if count <= missing:
+            low, n_low = guess, count
+        else:
+            high, n_high = guess, count
+    place = np.uint64(low)
+    whole_rounds = (np.uint64(1) << place) - np.uint64(1)
+    for w in range(width):
+        words[w] |= np.int64(_rotated_right(equals[w] & whole_rounds, rotations[w]))
+    rest = missing - n_low
+    for w in range(width):
+        if rest == 0:
+            return
+        bit = (equals[w] >> place) & np.uint64(1)
+        words[w] |= np.int64(_rotated_right(bit << place, rotations[w]))
+        rest -= np.int64(bit)
+
+
+@compile_kernel("void(uint64[::1], int64[::1], int64)")
+def _add_first(equals, words, missing):
+    """Add the first `missing` ties to words [W], in raster order."""
+    for w in range(len(equals)):
+        if missing <= 0:
+            return
+        ties = equals[w]
+        n = ones(ties)
+        if n > missing:  # leave the lowest ones alone
+            rest = ties
+            for _ in range(missing):
+                rest &= rest - np.uint64(1)
+            ties ^= rest
+        words[w] |= np.int64(ties)
+        missing -= n
+
+
+@compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64, int64)")
+def add_ties(equals, words, rotations, missing, n_equal, rule):
+    """Add ties to words [W] until `missing` are added, by a rule of :data:`RULES`."""
+    if missing == n_equal:
+        for w in range(len(equals)):
+            words[w] |= np.int64(equals[w])
+    elif rule == _SPREAD:
+        _add_spread(equals, words, rotations, missing, n_equal)
+    elif rule == _RASTER:
+        _add_first(equals, words, missing)

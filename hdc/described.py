@@ -1,0 +1,96 @@
+"""Parts of a model as JSON: their classes and parameters, for files and to tell them apart."""
+
+from __future__ import annotations
+
+import numbers
+from collections.abc import Collection, Mapping
+from typing import Any
+
+from hdc.parameters import Named, Parametrised, find_class, shown
+
+
+def describe(part: Parametrised, known: Named) -> dict[str, Any]:
+    """Class and parameters of a part, and of its own parts, as JSON.
+
+    A parameter that is no JSON is the value in the part's `stand_ins`.
+
+    Raises:
+        ValueError: for one that has none there.
+    """
+    parameters = part.get_params(deep=False)
+    for name, value in parameters.items():
+        if name in part.parts:
+            parameters[name] = describe(part.parts[name](value), known)
+            continue
+        stored = _as_json(value)
+        if stored is None and value is not None:
+            if name not in part.stand_ins:
+                raise ValueError(
+                    f"{type(part).__name__}.{name}: expected numbers, text or a list of them, "
+                    f"which a file keeps, found {shown(value)}"
+                )
+            stored = part.stand_ins[name]
+        parameters[name] = stored
+    return {"class": known.name_of(part), "parameters": parameters}
+
+
+def has_plain_parameters(part: Parametrised) -> bool:
+    """Whether numbers and text, those of its own parts too, say all that a part is."""
+    for value in part.get_params().values():
+        plain = value is None or _as_json(value) is not None
+        if not plain and not isinstance(value, Parametrised):
+            return False
+    return True
+
+
+def _as_json(value: Any) -> Any:
+    """A value as JSON has it: numpy's numbers as Python's, fractions as text, others as None."""
+    if isinstance(value, str | int | float | bool | None):
+        return value
+    if isinstance(value, list | tuple):
+        items = [_as_json(item) for item in value]
+        return None if None in items else items
+    if getattr(value, "shape", None) == ():  # a number of numpy or torch
+        return value.item()
+    return str(value) if isinstance(value, numbers.Rational) else None
+
+
+def rebuild(
+    description: Mapping[str, Any],
+    what: str,
+    known: Mapping[str, type],
+    trusted: Collection[str] | None = None,
+) -> Any:
+    """The part that :func:`describe` described; errors as of :func:`make_part`.
+
+    Args:
+        description: of a file, which may be anything.
+        what: the parameter, for errors.
+        known: our own classes by name.
+        trusted: dotted names of the other classes whose modules may be imported; None: any that
+            another process can import, too.
+    """
+    name = description["class"]
+    if trusted is None and name.startswith("__main__."):
+        raise ValueError(
+            f"{what}: expected a class in a module to import, found {name!r} of a script"
+        )
+    if name not in known and trusted is not None and name not in trusted:
+        raise ValueError(
+            f"{what}: expected one of {', '.join(known)}, or a class that is trusted, found "
+            f"{name!r}; to import it: load(path, trusted=[{name!r}]), or --trusted {name}"
+        )
+    kind = find_class(name, what, known)
+    if not issubclass(kind, Parametrised):
+        raise ValueError(f"{what}: expected a part of a model, found {name!r}")
+    parameters = kind.of_today(description["parameters"])
+    for key, value in parameters.items():
+        if isinstance(value, Mapping):
+            parameters[key] = rebuild(value, key, known, trusted)
+    part = kind(**parameters)
+    for key in part.parts:
+        found = getattr(part, key)
+        # A name would be imported, trusted or not.
+        if not isinstance(found, Parametrised):
+            raise ValueError(f"{key}: expected a part of a model, found {found!r}")
+    return part

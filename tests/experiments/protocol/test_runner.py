@@ -1,0 +1,347 @@
+"""One config, one record: named after what determines it, not repeated, kept when it breaks off."""
+
+import io
+import json
+from collections.abc import Mapping, Sequence
+from typing import Any, ClassVar
+
+import msgspec
+import numpy as np
+import pytest
+import torch
+from rich.console import Console
+
+import experiments
+import hdc
+from baselines import library
+from experiments.protocol import runner
+from experiments.protocol.task import Task
+from experiments.records import locks, store
+from experiments.records.environment import environment
+from experiments.records.results import Results
+from experiments.records.rows import unpack_labels
+from tests.experiments.composed import composed
+
+SENSOR = {"_target_": "scenes.sensor.scene.SpeckleScene", "seed": 1, "display": "x"}
+CALLS = []
+
+
+class Counting(Task, frozen=True):
+    """Numbers up to one."""
+
+    revision: ClassVar = 3
+    uses: ClassVar = ("hdc.bank",)
+    timed: ClassVar = True
+
+    scene: Mapping[str, Any] | None = None
+    most: int = 2
+    models: Mapping[str, Any] | None = None
+    sizes: Sequence[float | int] = (1,)
+
+    def rows(self, context):
+        CALLS.append((context, self))
+        for k in range(self.most):
+            yield {"k": np.int64(k), "call": len(CALLS), "nothing": np.nan}
+            if k == 7:
+                raise RuntimeError("no seven" + 20_000 * "!")
+
+
+@pytest.fixture(autouse=True)
+def nothing_called():
+    CALLS.clear()
+
+
+@pytest.fixture
+def count(results, one_thread):
+    """count(*words, choices, …, **task) → the record of Counting, and what was printed."""
+
+    def call(*words, choices=None, keys=(), other_scene=False, **task):
+        cfg = composed("threads=1", "exclusive=false", *words)
+        cfg["task"] = {"_target_": f"{__name__}.Counting", **task}
+        console = Console(record=True, width=300, file=io.StringIO())
+        choices = {"scene": "touch", "experiment": "numbers", **(choices or {})}
+        asked = runner.Asked(choices, keys, other_scene)
+        made, repeated = runner.carry_out(cfg, asked, console)
+        return made, repeated, console.export_text()
+
+    return call
+
+
+def the_record(results):
+    (entry,) = store.read(results)
+    return entry
+
+
+# What a record says -------------------------------------------------------------------------------
+
+
+def test_a_training_says_what_it_was_and_what_came_out(
+    carry_out, results, frames_and_labels, monkeypatch
+):
+    monkeypatch.setattr("sys.argv", ["run.py", "model=hdc", "a=[1, 2]"])
+    entry = carry_out("seed.run=2", "exclusive=false")
+    assert the_record(results) == entry
+    found = entry.results
+    assert (entry.status, found["stop"], entry.error) == ("finished", "finished", None)
+    assert (found["origin"], found["height"], found["width"]) == ("recorded", 16, 16)
+    assert (found["n_train"], found["n_test"], found["n_samples"]) == (40, 10, 50)
+    here = msgspec.structs.replace(environment("cpu", 1), exclusive=False)
+    assert (entry.environment, entry.timed) == (here, True)
+    assert entry.command == "python -m experiments.run model=hdc 'a=[1, 2]'"
+    assert entry.config["threads"] == 1
+    assert not set(runner.NOT_IDENTITY) & set(entry.config)
+    label = f"recorded frames.npz ({entry.data[:6]})"
+    assert (entry.scene.name, entry.scene.label) == ("recorded", label)
+    assert (entry.model.name, entry.model.label, entry.stop) == ("hdc", "hdc", "paper")
+    shown = entry.model.display["name"], entry.scene.display["name"]
+    assert shown == ("HDC", "Own recording")
+    # Every figure again, from the predictions in the record.
+    frames, labels = frames_and_labels()
+    tested, truth, answer = (
+        unpack_labels(found[key]) for key in ("test_indices", "labels", "predicted")
+    )
+    assert found["test_accuracy_final"] == (truth == answer).mean()
+    assert found["train_accuracy_final"] == found["train_accuracy_max"] > 0.5
+    np.testing.assert_array_equal(truth, labels[tested])
+    train = np.setdiff1d(np.arange(50), tested)
+    model = hdc.HDCClassifier().fit(frames[train], labels[train])
+    np.testing.assert_array_equal(answer, model.predict(frames[tested]))
+    state = library.state_tensors(model).values()
+    assert found["model_bytes"] == sum(t.nbytes for t in state)
+    assert 0 < found["predict_single_s"] < 1
+    assert 0 < found["training_time_s"] == found["total_time_s"] < 10
+
+
+def test_an_experiment_says_what_was_measured_how_and_on_what(count, results):
+    models = {"a": {"model": [{"display": {"name": "y"}, "b": 1}]}}
+    words = ("force=true", "cache=false")
+    made, repeated, _ = count(*words, scene=SENSOR, models=models, sizes=[1, 2])
+    # Displays are for tables: no row depends on them.
+    scene = {key: SENSOR[key] for key in ("_target_", "seed")}
+    config = {"scene": scene, "most": 2, "sizes": [1, 2]}
+    config["models"] = {"a": {"model": [{"b": 1}]}}
+    ((context, task),) = CALLS
+    said = (context.name, context.scene_name, context.cache, context.force)
+    assert said == ("numbers", "touch", False, True)
+    assert (task.scene, task.models, task.sizes) == (scene, config["models"], [1, 2])
+    assert made.revisions[f"{__name__}.Counting"] == 3
+    line = json.loads((results / store.FILE).read_text())
+    about = {
+        "schema": 6,
+        "experiment": "numbers",
+        "task": f"{__name__}.Counting",
+        "config": config,
+        "timed": True,
+        # JSON has no NaN, and what is missing at the end of a row is left out.
+        "rows": {"columns": ["k", "call", "nothing"], "values": [[0, 1], [1, 1]]},
+    }
+    assert line.items() >= about.items()
+    assert (made.data, repeated, made.scene.label) == ("", False, "touch")
+    assert made.rows.dicts()[0] == {"k": 0, "call": 1, "nothing": None}
+
+
+CHANGES = [
+    # Which run of a config it is, and how it is carried out, is no change of it.
+    ("scene model stop experiment seed.run split.n_train data.pixels scene.path", {}),
+    ("device threads exclusive cache force hydra/launcher hydra.sweeper.n", {}),
+    ("scene.sensor.noise", {"scene.sensor.noise": "0.2"}),
+    ("scene.seed model.sampling_seed", {}),
+    ("split.kind model.lr", {"split.kind": '"ordered"', "model.lr": "0.05"}),
+    ("model.momentum", {"model.momentum": "null"}),  # ~model.momentum
+    ("model.layers.1.n", {"model.layers.1.n": "3"}),
+    (
+        "stop.budget_s split.kind scene.n",
+        {"scene.n": "9", "split.kind": '"ordered"', "stop.budget_s": "60"},
+    ),
+    # Of an experiment.
+    ("task.seeds task.p nothing.of.it", {"seeds": "[0, 1]", "p": "0.5"}),
+]
+
+
+@pytest.mark.parametrize(("keys", "expected"), CHANGES, ids=lambda x: str(x)[:30])
+def test_what_was_set_is_in_the_record_frames_first(keys, expected):
+    config = {
+        "scene": {"n": 9, "seed": 3, "sensor": {"noise": 0.2}, "path": "x"},
+        "split": {"kind": "ordered", "n_train": 5},
+        "model": {"lr": 0.05, "sampling_seed": 3, "layers": [{}, {"n": 3}]},
+        "stop": {"budget_s": 60},
+        "data": {"pixels": 100},
+        "seed": {"run": 3},
+        "device": "cpu",
+        "threads": 1,
+        "seeds": [0, 1],
+        "p": 0.5,
+    }
+    found = runner._changed(config, keys.split())
+    assert list(found.items()) == list(expected.items())
+
+
+def test_labels_name_changes_and_the_rule_only_of_what_learns_by_steps(
+    carry_out, fake, recording
+):
+    path = recording()
+    words = ("split.test_fraction=0.3", "stop.budget_s=60", "seed.run=3")
+    once = carry_out(*words, scene=path)
+    assert once.scene.label.endswith(") (test_fraction=0.3)")
+    assert once.changed == {"split.test_fraction": "0.3"}
+    assert once.model.label == "hdc"
+    fake({"samples_seen": 1, "steps": 1, "loss": 1.0})
+    by_steps = carry_out(*words, "force=true", scene=path)
+    assert by_steps.model.label == "hdc (budget_s=60)"
+
+
+@pytest.mark.parametrize(
+    ("about", "other"),
+    [
+        ({}, False),
+        ({"other_scene": True}, True),
+        ({"keys": ["scene.seed", "task.most"]}, False),
+        ({"keys": ["task.scene.n"]}, True),
+        ({"keys": ["split.kind"]}, True),  # of which the task may have a part
+        ({"keys": ["scene.path", "scene.sensor.sampling_seed"]}, False),
+    ],
+    ids=str,
+)
+def test_other_frames_are_another_scene_or_split(count, about, other):
+    made, *_ = count(scene=SENSOR, **about)
+    assert made.elsewhere is other
+    assert not count(other_scene=True, most=3)[0].elsewhere  # there is no scene
+
+
+# What names it ------------------------------------------------------------------------------------
+
+IDENTITY = ["seed.run=1", "seed.pixels=7", "split.kind=ordered", "split.n_train=20",
+            "data.pixels=100", "model.readout.ties=one", "scene.subsample=2"]  # fmt: skip
+
+
+def test_the_id_is_a_function_of_config_and_data(carry_out, recording):
+    path = recording()
+    first = carry_out(scene=path).id
+    ids = [carry_out(override, scene=path).id for override in IDENTITY]
+    assert len({first, *ids}) == len(IDENTITY) + 1
+    for override in ("force=true", "cache=false", "exclusive=false"):
+        assert carry_out(override, scene=path).id == first
+    torch.set_num_threads(2)
+    assert carry_out(scene=path).id not in {first, *ids}
+    torch.set_num_threads(1)
+    with np.load(path) as held:
+        frames, labels = held["frames"], held["labels"]
+    frames[3, 0, 0] ^= 1
+    np.savez(path, frames=frames, labels=labels)
+    assert carry_out(scene=path).id not in {first, *ids}
+
+
+def test_committed_records_are_found_under_their_names(committed_results):
+    """Under another name, everything would be measured again."""
+    for record in committed_results.measurements:
+        kind = runner.named({"_target_": record.task})
+        task = runner.checked(record.config, kind, "task")
+        fields = msgspec.structs.fields(kind)
+        own = {f.name: record.config.get(f.name, f.default) for f in fields}
+        assert runner.name_of(record.experiment, own, record.data) == record.id
+        assert task.timed <= record.timed
+
+
+# Found finished, or made again --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("group", "key", "value", "why"),
+    [
+        ("revisions", f"{__name__}.Counting", 0, "Counting (changed)"),
+        ("revisions", "experiments", 0, f"(revision 0, now {experiments.REVISION})"),
+        ("environment", "threads", 2, "2 threads, now 1"),
+        ("environment", "changes", "x", "changes of a checkout that are in no commit"),
+    ],
+    ids=str,
+)
+def test_what_was_finished_by_other_code_or_threads_is_made_again_and_why_is_said(
+    count, results, group, key, value, why
+):
+    first, *_ = count()
+    assert count()[1:] == (True, "")
+    path = results / store.FILE
+    entry = json.loads(path.read_text())
+    entry[group][key] = value
+    path.write_text(json.dumps(entry))
+    made, repeated, said = count()
+    assert (made.id, repeated) == (first.id, False)
+    assert said.startswith(f"{first.id}: made again, finished otherwise: ")
+    assert why in said
+    assert count()[1]
+    assert len(store.find(results, first.id).rows.values) == len(CALLS) == 2
+    assert count("force=true")[1] is False
+
+
+def test_a_run_without_the_models_beside_it_that_are_asked_for_is_made_again(
+    carry_out, results
+):
+    """Their times do not determine its id."""
+    beside = "+beside.same.model._target_=hdc.HDCClassifier"
+    alone = carry_out()
+    both = carry_out(beside)
+    assert both.id == alone.id
+    assert both.results["beside.same_s"] > 0
+    assert not carry_out.repeated
+    assert "no beside.same_s" in carry_out.said
+    for overrides in ([beside], []):
+        assert carry_out(*overrides) == both
+        assert carry_out.repeated
+
+
+def test_a_run_that_another_process_is_at_is_left_to_it(count, results):
+    made, *_ = count()
+    with locks.held(store.lock_of(results, made.id)):
+        assert count()[0] == made  # a finished run can be shown
+        with pytest.raises(locks.Held, match=made.id):
+            count("force=true")
+
+
+# Broken off ---------------------------------------------------------------------------------------
+
+
+def test_what_breaks_off_is_kept_as_far_as_it_came_and_made_again(count, results):
+    with pytest.raises(RuntimeError):
+        count(most=9)
+    entry = the_record(results)
+    assert (entry.status, len(entry.rows.values)) == ("failed", 8)
+    assert entry.error.startswith("RuntimeError: no seven")
+    assert len(entry.error) <= 2000
+    assert Results(results).measurements == []
+
+
+def test_a_training_that_breaks_off_leaves_its_curve(carry_out, results, fake):
+    calls = []
+
+    def predict(self, frames):
+        calls.append(len(frames))
+        if len(calls) > 5:  # one in the warm-up, two a report
+            raise RuntimeError("not that way")
+        return np.zeros(len(frames), np.int64)
+
+    reports = [{"samples_seen": k, "loss": 2.0} for k in (1, 2)]
+    fake(*reports, predict=predict)
+    with pytest.raises(RuntimeError, match="not that way"):
+        carry_out()
+    entry = the_record(results)
+    assert (entry.status, entry.error) == ("failed", "RuntimeError: not that way")
+    assert [row["training_s"] > 0 for row in entry.curve] == [True, True]
+    assert Results(results).unfinished == [entry]
+    # Predictions that are no classes are a failure that can be read, too.
+    fake({"samples_seen": 1}, predict=lambda self, frames: np.full(len(frames), 99))
+    with pytest.raises(ValueError, match="predicted: expected labels from 0 to 4"):
+        carry_out()
+    assert len(the_record(results).curve) == 1
+    assert Results(results).problems == []
+
+
+def test_a_full_disk_leaves_the_records_that_there_were(count, results, full_disk):
+    first, *_ = count()
+    count("force=true")  # composes
+    for k in range(100):
+        failed = full_disk(k, lambda: count("force=true"))
+        assert store.find(results, first.id).id == first.id
+        if failed is None:
+            break
+        assert "No space left" in str(failed)
+    assert 0 < k < 100

@@ -1,0 +1,273 @@
+"""An exported header: its contents and sizes, what is refused, and the command."""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from hdc import HDCClassifier, HDCRegressor
+from hdc.encoders import Deviation, Smoothed
+from hdc.export import Plan, Sizes, header
+from hdc.readers import Window
+from hdc.readouts import Majority
+from tests.hdc.export.compiler import ENCODERS, STRICT, run, trained_on
+
+pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
+
+PAGE = Path(__file__).parents[3] / "docs" / "export.md"
+
+ANSWER = """
+#include "touch.h"
+
+int answer(touch_scratch *s, const touch_pixel *frame);
+
+int answer(touch_scratch *s, const touch_pixel *frame)
+{
+    int found = touch_predict(s, frame);
+
+    return touch_known(s) ? found : -1;
+}
+"""
+
+
+# What it is made of ------------------------------------------------------------------------------
+
+SIZES = """#include <stdio.h>
+#include "touch.h"
+int main(void)
+{
+    printf("%zu %zu", TABLES, TOUCH_SCRATCH_BYTES);
+    return 0;
+}
+"""
+
+
+@pytest.mark.parametrize("pixel_bits", [8, 16])
+@pytest.mark.parametrize("encoder", ENCODERS, ids=repr)
+def test_no_floating_point_no_library_and_the_sizes_that_are_said(
+    encoder, pixel_bits, gcc, tmp_path
+):
+    """2 KB of code with -Os; the rest of what `size` calls text are tables and names."""
+    plan = Plan.of(trained_on(130, encoder)[0], "touch", pixel_bits, alpha=0.2)
+    text = header(plan, "touch.h", "a test")
+    assert not re.search(r"float|double|malloc|calloc", text)
+    assert re.findall(r"#include.*", text) == ["#include <stdint.h>"]
+    (tmp_path / "touch.h").write_text(text)
+    (tmp_path / "touch.c").write_text(ANSWER)
+    names = re.findall(r"^static const u?int\d+_t (\w+)\[", text, re.MULTILINE)
+    tables = " + ".join(f"sizeof {name}" for name in names)
+
+    def asked(*words):
+        return subprocess.check_output(words, cwd=tmp_path, text=True)
+
+    asked(gcc, "-std=c99", "-Os", "-ffreestanding", *STRICT, "-c", "touch.c")
+    assert asked("nm", "-u", "touch.o") == ""
+    code, data, bss = (int(n) for n in asked("size", "touch.o").split()[6:9])
+    constants = plan.sizes.constant_bytes
+    assert (data, bss) == (0, 0)
+    assert constants < code < constants + 2048
+    said = run(gcc, tmp_path, SIZES.replace("TABLES", tables))
+    assert said.decode() == f"{constants} {plan.sizes.scratch_bytes}"
+
+
+PAGE_ROWS = [
+    (
+        "100 × 100 × 8 bits, 10 classes, median, majority",
+        Sizes(10_000, 10_000, 8, 1, 10),
+    ),
+    (
+        "500 × 500 × 8 bits, 10 classes, median, majority",
+        Sizes(250_000, 250_000, 8, 1, 10),
+    ),
+    ("the same with 16 bits", Sizes(250_000, 250_000, 16, 1, 10)),
+    (
+        "100 × 100 × 8 bits, 10 classes, levels (7), majority",
+        Sizes(10_000, 10_000, 8, 7, 10),
+    ),
+    (
+        "100 × 100 × 8 bits, 10 classes, median, lda",
+        Sizes(10_000, 10_000, 8, 1, 10, planes=4),
+    ),
+]
+
+
+def test_the_table_of_the_page_is_computed():
+    page = PAGE.read_text(encoding="utf-8")
+    for what, sizes in PAGE_ROWS:
+        numbers = (
+            sizes.constant_bytes,
+            sizes.scratch_bytes,
+            sizes.frame_bytes,
+            sizes.pixel_steps,
+            sizes.word_steps,
+        )
+        row = " | ".join([what, *(f"{number:,}" for number in numbers)])
+        assert f"| {row} |\n" in page, f"| {row} |"
+
+
+def test_programs_of_the_page_compile(tmp_path):
+    """The C++ program whole; of the ROS 2 node what is ours, as no ROS is here."""
+    if shutil.which("g++") is None:
+        pytest.skip("no compiler here: looked for g++")
+    window = Window((0, 0, 16, 16), 2)
+    frames = np.random.default_rng(0).integers(0, 256, (40, 8, 8), np.uint8)
+    model = HDCClassifier().fit(frames, np.arange(40) % 2)
+    plan = Plan.of(model, "touch", alpha=0.1, window=window)
+    (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a test"))
+    programs = re.findall(r"```cpp\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    assert len(programs) == 2
+    (tmp_path / "program.cpp").write_text(programs[0])
+    command = ["g++", "-std=c++11", *STRICT[:4], "-o", "program", "program.cpp"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    (tmp_path / "frames.raw").write_bytes(np.ascontiguousarray(frames[:3]).tobytes())
+    done = subprocess.run(
+        [tmp_path / "program", "frames.raw"],
+        cwd=tmp_path,
+        capture_output=True,
+        check=True,
+    )
+    known = model.is_known(frames[:3], 0.1)
+    found = np.where(known, model.predict(frames[:3]).astype(str), "")
+    assert done.stdout.decode().splitlines() == found.tolist()
+    used = set(re.findall(r"\b(?:touch|TOUCH)_\w+", programs[1]))
+    written = (tmp_path / "touch.h").read_text()
+    assert used
+    for name in used:
+        assert re.search(rf"\b{name}\b", written), name
+
+
+def test_names_of_any_kind(gcc, tmp_path):
+    names = ['a "b" \\', "??/", "ü\t", "*/ /*", "1" * 60]
+    frames = np.random.default_rng(0).integers(0, 256, (5, 64), np.uint8)
+    plan = Plan.of(HDCClassifier().fit(frames, names), "touch")
+    (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a */ /* test\n#error"))
+    source = (
+        '#include <stdio.h>\n#include "touch.h"\nint main(void)\n{\n'
+        "    for (int c = 0; c < TOUCH_CLASSES; c++) {\n"
+        "        fputs(touch_classes[c], stdout);\n        fputc(0, stdout);\n    }\n"
+        "    return 0;\n}\n"
+    )
+    assert run(gcc, tmp_path, source).decode().split("\0")[:-1] == sorted(names)
+
+
+# Refusals ----------------------------------------------------------------------------------------
+
+
+class Shifted(Majority):
+    pass
+
+
+IMAGES = np.random.default_rng(0).integers(0, 256, (8, 8, 9), np.uint8)
+CLASSES = np.arange(8) % 2
+ENCODER = "expected the encoder median, quantile, levels or deviation, found"
+REFUSED = [
+    (HDCClassifier("reference"), {}, ENCODER),
+    (HDCClassifier(Smoothed("deviation", 1), "lda"), {}, f"{ENCODER} Smoothed"),
+    (HDCClassifier(readout="counts"), {}, "cosines of which need roots"),
+    (HDCClassifier(readout="ridge"), {}, "weights of which are no whole numbers"),
+    (HDCClassifier(readout="neighbours"), {}, "keeps every training frame"),
+    (HDCClassifier(readout="kernel"), {}, "keeps every training frame"),
+    (HDCClassifier(readout=Shifted()), {}, "which export does not know"),
+    (HDCRegressor(), {}, "expected a classifier, found HDCRegressor"),
+    (HDCClassifier(readout="lda"), {"alpha": 0.2}, "^alpha: expected the read-out maj"),
+    (HDCClassifier(readout="trained"), {"alpha": 0.2}, "^alpha: expected the read-out"),
+    (HDCClassifier(), {"name": "1"}, "name: expected letters"),
+    (HDCClassifier(), {"pixel_bits": 12}, "bits: expected one of 8, 16, found 12"),
+    (HDCClassifier(), {"alpha": 1.0}, r"alpha: expected a share in \(0, 1\), found 1.0"),
+    (HDCClassifier(), {"alpha": 0.0}, r"alpha: expected a share in \(0, 1\), found 0.0"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "settings", "message"), REFUSED, ids=repr)
+def test_what_is_not_exported_is_refused_with_the_reason(model, settings, message):
+    model.fit(IMAGES, CLASSES)
+    with pytest.raises(ValueError, match=message):
+        Plan.of(model, **{"name": "touch", **settings})
+
+
+def test_frames_too_large_and_untrained_models_are_refused():
+    model, _ = trained_on(65, Deviation([0]))
+    model.n_features_in_ = 2**21 + 1
+    with pytest.raises(ValueError, match="at most 2097152 pixels of 16 bits with the"):
+        Plan.of(model, "touch", 16)
+    with pytest.raises(ValueError, match="expected a trained model"):
+        Plan.of(HDCClassifier(), "touch")
+
+
+# The command -------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def model(tmp_path):
+    path = tmp_path / "m.safetensors"
+    trained_on(130)[0].save(path, {"crop": None, "subsample": 2})
+    return path
+
+
+@pytest.mark.parametrize(
+    ("compiler", "pixel_bits"),
+    [
+        (("gcc", "-std=c99", "-O0"), 8),
+        (("gcc", "-std=c99", "-O3"), 16),
+        (("g++", "-std=c++11", "-O3", "-x", "c++"), 8),
+    ],
+)
+def test_test_vectors_agree_and_notice_a_change(
+    compiler, pixel_bits, model, tmp_path, hdc
+):
+    if shutil.which(compiler[0]) is None:
+        pytest.skip(f"no compiler here: looked for {compiler[0]}")
+    target = tmp_path / "my-touch.h"
+    words = ("--bits", pixel_bits, "--reject", 0.2, "--test-vectors", 9)
+    status, out, err = hdc("export", model, "-o", target, *words)
+    assert (status, err) == (0, [])
+    assert out == [
+        f"classes: 4, frames of 130 pixels of {pixel_bits} bits, 130 bits compared",
+        f"tables: {8 * 3 * 4 + 4 + 8 * 4} bytes",
+        f"memory: {8 * 3 + 8 * 4 + (pixel_bits // 8) * 1024 + 256} bytes, and "
+        f"{130 * pixel_bits // 8} of the frame",
+        f"operations a frame: {130 * (2 + pixel_bits // 8)} of a pixel, 12 of a word of 64 bits",
+        f"{target}: written",
+        f"{tmp_path / 'my-touch_test.c'}: written, 9 frames",
+    ]
+    command = [*compiler, *STRICT, "-o", "vectors", "my-touch_test.c"]
+    subprocess.run(command, cwd=tmp_path, check=True)
+    assert subprocess.run([tmp_path / "vectors"], check=False).returncode == 0
+    text = target.read_text()
+    start = text.index("my_touch_prototypes")
+    word = re.search("0x[0-9a-f]{16}", text[start:])[0]
+    for before, after in ((word, f"0x{int(word, 16) ^ 1:016x}"), (">> 26", ">> 25")):
+        assert before not in text[:start]
+        target.write_text(text.replace(before, after, 1))
+        subprocess.run(command, cwd=tmp_path, check=True)
+        assert subprocess.run([tmp_path / "vectors"], check=False).returncode > 0
+
+
+def test_only_own_files_are_replaced(model, tmp_path, hdc):
+    target, vectors = tmp_path / "touch.h", tmp_path / "touch_test.c"
+    vectors.write_text("int main(void) { return 0; }")
+    status, _, err = hdc("export", model, "-o", target, "--test-vectors", 1)
+    assert (status, len(err)) == (1, 1)
+    assert str(vectors) in err[0]
+    assert not target.exists()
+    vectors.unlink()
+    for _ in range(2):
+        assert hdc("export", model, "-o", target, "--test-vectors", 1)[0] == 0
+    first = target.read_text()
+    assert hdc("export", model, "-o", target)[0] == 0
+    assert target.read_text() == first
+    target.write_text("mine")
+    assert hdc("export", model, "-o", target)[0] == 1
+    assert target.read_text() == "mine"
+
+
+@pytest.mark.parametrize("name", ["touch.txt", "1.h", "nowhere/touch.h"])
+def test_other_names_of_a_header_are_refused_in_one_line(name, model, tmp_path, hdc):
+    status, out, err = hdc("export", model, "-o", tmp_path / name)
+    assert (status, out, len(err)) == (1, [], 1)
+    assert "expected" in err[0]
