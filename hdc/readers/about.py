@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
 
-from hdc.readers.files import SettingError
+from hdc.readers.files import SettingError, wrong
 from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
@@ -32,12 +32,16 @@ class Asked(NamedTuple):
         labels: name of the array or column of labels.
         table: a CSV.
         values: columns or arrays that are values; None means all numbers.
+        sessions, groups: names of the columns or arrays that are these.
         dataset: name of the array of frames; "" where the file has one that can be.
+        frames: how many of each file of a folder, evenly spaced; None means all.
     """
 
     labels: str | None = None
     table: Path | None = None
     values: Sequence[str] | None = ()
+    sessions: str | None = None
+    groups: str | None = None
     fewest_classes: int = 2
     axes: Sequence[str] | None = None
     dataset: str = ""
@@ -45,8 +49,15 @@ class Asked(NamedTuple):
     image_column: str = "image"
     skip_damaged: bool = False
     skip_missing: bool = False
+    frames: int | None = None
     check: bool = True
     memory_bytes: int = 2**28
+
+    def within(self, group: str) -> Asked:
+        """The same of a file whose arrays are known by their names in a group."""
+        names = {name: getattr(self, name) for name in ("labels", "sessions", "groups")}
+        known = {k: name and name.removeprefix(group) for k, name in names.items()}
+        return self._replace(**known)
 
     @property
     def named(self) -> Sequence[str]:
@@ -129,6 +140,23 @@ class Columns:
         """Those of these columns that are there."""
         kept = {name: self.columns[name] for name in names if name in self.columns}
         return Columns(self.where, self.n, self.place, kept)
+
+    def known_as(self, asked: Asked) -> Columns:
+        """These, of which those that are asked for are ``session`` and ``group``.
+
+        Raises:
+            SettingError: there is no such column.
+        """
+        wanted = {"session": asked.sessions, "group": asked.groups}
+        columns = dict(self.columns)
+        for known, name in wanted.items():
+            if name is None:
+                continue
+            if name not in self.columns:
+                raise wrong(f"{known}s", name, f"one of {', '.join(self.columns)}")
+            columns.pop(name, None)
+            columns[known] = self.columns[name]
+        return replace(self, columns=columns)
 
     def about(self, value_columns: Sequence[str] | None, fewest_classes: int) -> About:
         """What the columns mean.
@@ -304,6 +332,20 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
         elif part:
             key.append((1, 0, part.casefold()))
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
+
+
+def grouped(about: About, members: np.ndarray) -> tuple[About, str]:
+    """Frames whose `members` [N] of a kind, such as files, are groups; and names of the classes of
+    a single one, whose frames are split. Where all classes are such, nothing is a group."""
+    assert about.labels is not None
+    pairs = np.unique(np.stack([about.labels, members]), axis=1)
+    alone = np.bincount(pairs[0])[about.labels] == 1
+    if alone.all():
+        return about, ""
+    apart = members.max() + 1 + np.arange(len(members))
+    samples = {**about.samples, "group": np.where(alone, apart, members)}
+    names = (about.classes[c] for c in np.unique(about.labels[alone]))
+    return replace(about, samples=samples), ", ".join(names)
 
 
 def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:

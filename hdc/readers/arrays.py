@@ -40,7 +40,9 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     array = store.arrays.pop(name)
     _check_pixels(path, name, array)
     # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
-    arrays = beside(path, store, asked, name[: name.rfind("/") + 1])
+    group = name[: name.rfind("/") + 1]
+    asked = asked.within(group)
+    arrays = beside(path, store, asked, group)
     table = _table(path, arrays, asked)
     columns = None if table is None else Columns.read(table)
     axes = asked.axes or store.axes.get(name)
@@ -73,7 +75,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     if table is not None and asked.table is None:
         notes.append(f"labels of {table.name}")
     return Recording.of(
-        columns.about(values, asked.fewest_classes),
+        columns.known_as(asked).about(values, asked.fewest_classes),
         frames,
         window,
         digest=cache(lambda: _digest(path, *read)),

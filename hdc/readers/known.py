@@ -19,18 +19,16 @@ _ABOUT = (*LABELS, "classes", "values", "value_names", "value_units", *KNOWN)
 
 
 def beside(path: Path, store: Store, asked: Asked, group: str) -> dict[str, Any]:
-    """The arrays of a file without its frames; the labels are ``label``.
-
-    They are those of the name that is asked for, with the `group` of the frames or without, or else
-    of one of :data:`LABELS`.
+    """The arrays of a file without its frames, by their names in the `group` of these; the labels
+    are ``label``: those that are asked for, or else those of one of :data:`LABELS`.
 
     Raises:
         BadFrame: one that is known by its name, or asked for, cannot be read.
     """
     arrays = {k.removeprefix(group): array for k, array in store.arrays.items()}
     unread = {k.removeprefix(group): why for k, why in store.unread.items()}
-    labels = asked.labels and asked.labels.removeprefix(group)
-    for name in (labels, *_ABOUT, *asked.named):
+    labels = asked.labels
+    for name in (labels, asked.sessions, asked.groups, *_ABOUT, *asked.named):
         if name in unread:
             raise BadFrame(f"{path}[{name}]: {unread[name]}")
     if labels is not None and labels not in arrays:

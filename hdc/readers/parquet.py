@@ -60,7 +60,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
             raise BadFrame(f"{place(i)}: expected an image, found none")
         return decoded(place(i), data)
 
-    columns = Columns.of_texts(path, len(table), place, texts)
+    columns = Columns.of_texts(path, len(table), place, texts).known_as(asked)
     images = Images(len(table), image, place, window)
     return Recording.of(
         columns.about(asked.values, asked.fewest_classes),

@@ -25,6 +25,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     """
     columns = Columns.read(path, asked.named if asked.fewest_classes > 0 else ())
     _check_header(path, [*columns.columns])
+    columns = columns.known_as(asked)
     chosen = [name for name in asked.named if name in columns.columns]
     known = columns.only("label", *KNOWN, *chosen)
     if asked.fewest_classes > 0 and not chosen and "label" not in known.columns:
