@@ -13,7 +13,7 @@ import numpy as np
 from hdc import readers
 from hdc.command import messages
 from hdc.command.source import Source, opened, recording
-from hdc.readers import Recording, Window, gathered, stores
+from hdc.readers import Recording, Window, about, gathered, stores
 from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
 from hdc.readers.table import columns_in
@@ -145,9 +145,25 @@ def _described(words: list[str], frames: Recording) -> list[str]:
         n = len(np.unique(frames.group))
         lines.append(f"groups: {n}, each learnt or tested as a whole")
     lines += messages.reading_line(frames)
-    lines += _twins_line(words, frames)
+    lines += [*_twins_line(words, frames), *_unit_lines(frames)]
     test = ("--test-fraction", "0.2", "-o", "model.safetensors")
     return [*lines, shlex.join(["hdc", "train", *words, *test])]
+
+
+def _unit_lines(frames: Recording) -> list[str]:
+    """The option for each column that seems to number recordings, where none is known."""
+    if frames.session is not None or frames.group is not None:
+        return []
+    lines = []
+    for name, column in frames.samples.items():
+        n = len(np.unique(column))
+        if about.is_of_units(name) and 1 < n < len(frames):
+            word = messages.printable(shlex.quote(name))
+            lines.append(
+                f"{word} has {n} values: --sessions {word} tests whole recordings, --groups {word} "
+                "whole objects"
+            )
+    return lines
 
 
 def _twins_line(words: list[str], frames: Recording) -> list[str]:

@@ -63,7 +63,7 @@ def _why_no_session(
     """Why no session can be tested; empty where one can."""
     if session is None:
         return (
-            "no sessions are known ({session} in a template, or a column session); "
+            "no sessions are known ({session} in a template, or --sessions NAME of a column); "
             "frames recorded together are nearly alike"
         )
     if not session.any():

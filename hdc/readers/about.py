@@ -25,6 +25,13 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
 """Texts for a missing number, in upper or lower case."""
 
 
+_OF_UNITS = re.compile(
+    r"(?:^|[^a-z])(?:session|trial|run|day|date|take|rep|repetition|batch|block|visit)s?"
+    r"(?:[^a-z]|no|nr|id|num|number|$)"
+)
+"""Names of columns that number recordings, in lower case."""
+
+
 class Asked(NamedTuple):
     """What a user asks of a recording; see :func:`hdc.readers.open_recording`.
 
@@ -316,6 +323,11 @@ def _is_missing(text: str) -> bool:
 def is_unnamed(column: str) -> bool:
     """Whether nobody named a column; pandas writes its index so."""
     return not column or column.startswith("Unnamed: ")
+
+
+def is_of_units(column: str) -> bool:
+    """Whether a column's name says that it numbers recordings, such as ``trial`` or ``runNo``."""
+    return _OF_UNITS.search(column.lower()) is not None
 
 
 def normalised(texts: Sequence[str] | np.ndarray) -> list[str]:

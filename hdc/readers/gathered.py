@@ -270,14 +270,12 @@ def suggested(files: Sequence[str]) -> list[str]:
         if depth == 1:
             made = [twins, "{label}", "{session}"]
         elif depth == 2:
-            made = [
-                twins and f"{{session}}/{twins}",
-                "{label}/{group}",
-                "{session}/{label}",
-            ]
+            # A number that begins anew in each session is no group: a file is one.
+            of_day = twins and f"{{session}}/{twins.replace('{group}', '*')}"
+            made = [of_day, "{label}/{group}", "{session}/{label}"]
         else:
             rest = "*/" * (depth - 3)
-            made = ["{session}/{label}/{group}", "{label}/{session}/{group}"]
+            made = ["{session}/{label}/*", "{label}/{session}/*"]
             made = [f"{rest}{one}" for one in made]
         found += [f"{one}{suffix}" for one in made if one]
     return found

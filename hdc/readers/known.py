@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from hdc.readers.about import KNOWN, Asked, Columns, numbered
+from hdc.readers.about import KNOWN, Asked, Columns, is_of_units, numbered
 from hdc.readers.files import Ambiguous, BadFrame, wrong
 from hdc.readers.stores import Store
 
@@ -153,7 +153,9 @@ def _choices(store: Store, lengths: Sequence[int]) -> list[str]:
     """Options that name what can be learnt: arrays of one of these lengths."""
     choices = []
     for name, array in store.arrays.items():
-        if len(array.shape) != 1 or len(array) not in lengths or name in KNOWN:
+        if len(array.shape) != 1 or len(array) not in lengths:
+            continue
+        if name in KNOWN or is_of_units(name):
             continue
         word = shlex.quote(name)
         if len(np.unique(array)) < len(array):
