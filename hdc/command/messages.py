@@ -162,9 +162,12 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
     n, share = result["frames"], result["accuracy"]
     low, high = result["interval"]
     guessed = printable(result["guessed"])
+    by = (
+        "" if result["interval_by"] == f"{n} frames" else f" by {result['interval_by']}"
+    )
     found = [
-        f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}), {round(share * n)} of {n} "
-        "frames",
+        f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}{by}), {round(share * n)} of "
+        f"{n} frames",
         f"a guess of {guessed}, the largest class: accuracy {result['guess']:.1%}",
     ]
     if "refused" in result:

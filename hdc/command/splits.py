@@ -34,6 +34,11 @@ class Units:
     of: np.ndarray
     why: str = ""
 
+    def reason(self, recording: Recording) -> str:
+        """Why frames or groups are tested and no sessions; empty of groups where none are known."""
+        is_said = self.kind == "frame" or recording.session is not None
+        return self.why if is_said else ""
+
 
 def _kinds(recording: Recording) -> np.ndarray:
     """The class of each frame [N]; one of frames of numbers."""

@@ -81,8 +81,7 @@ def train(
         held_out = tested, unit
     lines = []
     if choose:
-        model, given, line = chosen(frames, learnt, period)
-        lines.append(line)
+        model, given, lines = chosen(frames, learnt, period)
     else:
         model = hdc.HDCClassifier(encoder or "median", readout or "majority")
         if frames.values is not None:
@@ -119,8 +118,8 @@ def _held_out_lines(
     result = scores.score(model, frames, tested, reject)
     first, *others = messages.score_lines(result)
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
-    if unit.kind == "frame":
-        lines.append(f"held out at random because {unit.why}")
+    if why := unit.reason(frames):
+        lines.append(f"held out {splits.HOW[unit.kind]} because {why}")
     return lines
 
 
@@ -149,9 +148,9 @@ def _learnable(model: Any, recording: Recording, rows: np.ndarray) -> Any:
 
 def chosen(
     recording: Recording, rows: np.ndarray, period: float | None
-) -> tuple[Any, Any, str]:
+) -> tuple[Any, Any, list[str]]:
     """The untrained form that is best in cross-validation of the frames `rows`, what it takes of
-    these, and a line."""
+    these, and what to say."""
     from hdc.command.compare import candidates, judge
 
     data, (folds,) = judge.prepared(recording, rows, period=period)
@@ -164,7 +163,9 @@ def chosen(
         found = f"{mine:.3g} of a guess's error, {forms[0].name} {published:.3g}"
     else:
         found = f"accuracy {1 - mine:.1%}, the published form {1 - published:.1%}"
-    line = f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"
+    lines = [f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"]
+    if why := folds.units.reason(recording):
+        lines.append(f"chosen by {folds.how} because {why}")
     all_rows = np.arange(len(rows))
     given, _ = data.given(best.model, all_rows, all_rows)
-    return best.model, given, line
+    return best.model, given, lines

@@ -74,6 +74,9 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         notes.append("channels are red, green, blue")
     if table is not None and asked.table is None:
         notes.append(f"labels of {table.name}")
+    beside_it = path.with_suffix(".csv")
+    if table is None and asked.labels is None and "label" in columns_in(beside_it):
+        notes.append(f"labels and values of the file, not of {beside_it.name}")
     return Recording.of(
         columns.known_as(asked).about(values, asked.fewest_classes),
         frames,
