@@ -33,10 +33,9 @@ def look(source: Source) -> None:
     file, _ = readers.split_name(source.path)
     with stores.loaded_once():
         if file.exists():
-            for line in _shortened(contents(file)):
-                click.echo(line)
+            messages.say(*_shortened(contents(file)))
         for taken, frames in _readings(source.words(Window()))[:MOST]:
-            click.echo("\n" + "\n".join(_described(taken, frames)))
+            messages.say("", *_described(taken, frames))
 
 
 def _shortened(lines: list[str]) -> list[str]:

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from hdc.readers import Recording, natural_key
@@ -96,6 +97,12 @@ def _counted(names: Sequence[str], different: Sequence[str]) -> str:
     if len(different) > LISTED:
         shown.append(f"… {len(different)} in all")
     return ", ".join(shown)
+
+
+def say(*lines: str) -> None:
+    """Print lines, of which a name of a file or a class can hold no code of a terminal."""
+    for line in lines:
+        click.echo(printable(line))
 
 
 def printable(text: str) -> str:

@@ -101,7 +101,7 @@ def train(
     lines += messages.reading_line(frames)
     lines += messages.circular_lines(frames, period)
     first = f"{output}: {len(learnt)} frames, {messages.whole(frames)}"
-    click.echo("\n".join([first, *lines]))
+    messages.say(first, *lines)
 
 
 def _held_out_lines(

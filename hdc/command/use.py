@@ -89,8 +89,7 @@ def evaluate(
     if as_json:
         click.echo(json.dumps(result))
     else:
-        lines = [*messages.score_lines(result), *messages.confusions(result)]
-        click.echo("\n".join(lines))
+        messages.say(*messages.score_lines(result), *messages.confusions(result))
 
 
 @click.command(short_help="Describe a saved model.")

@@ -90,9 +90,9 @@ def compare(
         _check_alike(frames, later)
     data, of_each = judge.prepared(frames, np.arange(len(frames)), later, period)
     tests = dict(zip((FOLDS, str(other)), of_each, strict=False))
-    say = _nothing if as_json else click.echo
+    say = _nothing if as_json else messages.say
     heads = _heads(frames, tests)
-    say("\n".join([*_about(frames, tests, period), "  ".join(heads)]))
+    say(*_about(frames, tests, period), "  ".join(heads))
     tried: dict[Candidate, list[Row]] = {}
     left_out: dict[str, str] = {}
     try:
@@ -115,10 +115,13 @@ def compare(
         "best": _best(tried),
         "command": source.training_line(window, *_words(chosen, period)),
     }
-    click.echo(json.dumps(result) if as_json else "\n".join(_sentences(result)))
+    if as_json:
+        click.echo(json.dumps(result))
+    else:
+        say(*_sentences(result))
 
 
-def _nothing(_: str) -> None:
+def _nothing(*_: str) -> None:
     """Say nothing: JSON alone is printed."""
 
 
