@@ -124,13 +124,17 @@ def recorded_together(
 ) -> tuple[np.ndarray, str]:
     """The session [n] of each of the frames `index`, else its group, else a number of its own; and
     how many there are, in words."""
+    n, alone = len(index), ""
     for kind, known in (("session", recording.session), ("group", recording.group)):
-        unit = (
-            None if known is None else np.unique(known[index], return_inverse=True)[1]
-        )
-        if unit is not None and 0 < unit.max() < len(index) - 1:
-            return unit, f"{unit.max() + 1} {kind}s"
-    return np.arange(len(index)), f"{len(index)} frames"
+        if known is None:
+            continue
+        unit = np.unique(known[index], return_inverse=True)[1]
+        count = int(unit.max()) + 1
+        if 1 < count < n:
+            return unit, f"{count} {kind}s"
+        if count == 1:
+            alone = f" of one {kind}"
+    return np.arange(n), f"{n} frames{alone}"
 
 
 def interval_of(right: np.ndarray, unit: np.ndarray) -> tuple[float, float]:

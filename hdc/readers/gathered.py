@@ -233,10 +233,7 @@ def _about(root: Path, parts: Sequence[_Part], asked: Asked) -> tuple[About, lis
     if alone:
         notes.append(f"{alone}: one file, whose frames are split")
     elif "group" not in about.samples:
-        notes.append(
-            "each class is one file, whose frames are split: with two files or more of each, "
-            "{label}_{group} in a template tests whole ones"
-        )
+        notes.append("each class is one file, whose frames are split")
     return about, notes
 
 

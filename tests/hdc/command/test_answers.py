@@ -236,6 +236,8 @@ def test_an_interval_is_of_recordings_where_they_are_known(tmp_path):
     found = scores.score(Nearest(), recording, np.arange(4))
     assert found["interval_by"] == "2 groups"
     assert "% by 2 groups), 4 of 4 frames" in messages.score_lines(found)[0]
+    found = scores.score(Nearest(), recording, np.arange(2))
+    assert found["interval_by"] == "2 frames of one group"
 
 
 def test_a_score_of_values_is_complete(tmp_path):

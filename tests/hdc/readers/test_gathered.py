@@ -100,7 +100,7 @@ def test_a_file_is_a_group_where_the_template_has_none(gathered):
     names = open_recording(root, template="day1/{label}.npy")  # a class a file
     assert names.classes == ("ball_1", "ball_2", "mug_1")
     assert names.group is None
-    assert "each class is one file, whose frames are split" in names.notes[1]
+    assert names.notes[1] == "each class is one file, whose frames are split"
     alone = open_recording(root, template="day1/{label}_*.npy")
     assert alone.group[: 2 * N].tolist() == [0] * N + [1] * N
     assert len({*alone.group[2 * N :].tolist()}) == N
