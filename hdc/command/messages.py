@@ -19,6 +19,12 @@ _WHOLE = 0.9
 _DEGREES = re.compile(r"deg|angle|°|theta|yaw|rotation|azimuth|orientation")
 _MARKUP = re.compile(r"(?::\w+:)?`+~?([^`]*)`+")
 """A name in a docstring, as Sphinx marks it."""
+FALL = 0.1
+"""Fall of the accuracy on another recording that is told to be of the sensor."""
+DIFFERS = (
+    "Your sensor differs between the recordings: record five frames of each class and hdc "
+    "recalibrate the model."
+)
 LISTED = 12
 """Names of classes or sessions that one line shows."""
 

@@ -79,7 +79,7 @@ def train(
 
         (learnt, tested), unit = splits.hold_out(frames, test_fraction)
         held_out = tested, unit
-    lines = []
+    lines: list[str] = []
     if choose:
         model, given, lines = chosen(frames, learnt, period)
     else:
@@ -91,10 +91,14 @@ def train(
         given = _learnable(model, frames, learnt)
     model.fit(given, truth_of(frames)[learnt])
     model._columns = list(frames.features) or None
-    model.save(output, metadata=_metadata(frames, window))
     lines += messages.content_lines(frames, learnt)
+    metadata = _metadata(frames, window)
     if held_out is not None:
-        lines += _held_out_lines(model, frames, *held_out)
+        result = _tested(model, frames, held_out[0])
+        lines += _held_out_lines(result, frames, held_out[1])
+        if len(frames.classes) > 1 and "accuracy" in result:
+            metadata["held_out"] = result["accuracy"]
+    model.save(output, metadata=metadata)
     form = messages.form_line(model, output)
     is_plain = not (choose or encoder or readout)
     lines.append(f"{form}; --choose tries others" if is_plain else form)
@@ -104,18 +108,18 @@ def train(
     messages.say(first, *lines)
 
 
-def _held_out_lines(
-    model: Any, frames: Recording, tested: np.ndarray, unit: Any
-) -> list[str]:
-    """The score of the frames that were held out, and why they were these.
-
-    Of a model of one class, the score is how many it refuses.
-    """
-    from hdc.command import scores, splits
+def _tested(model: Any, frames: Recording, tested: np.ndarray) -> dict[str, Any]:
+    """The score of the frames that were held out; of a model of one class, how many it refuses."""
+    from hdc.command import scores
 
     is_of_one = frames.values is None and len(frames.classes) == 1
-    reject = options.RATE if is_of_one else None
-    result = scores.score(model, frames, tested, reject)
+    return scores.score(model, frames, tested, options.RATE if is_of_one else None)
+
+
+def _held_out_lines(result: dict[str, Any], frames: Recording, unit: Any) -> list[str]:
+    """The score of the frames that were held out, and why they were these."""
+    from hdc.command import splits
+
     first, *others = messages.score_lines(result)
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
     if why := unit.reason(frames):

@@ -90,6 +90,10 @@ def evaluate(
         click.echo(json.dumps(result))
     else:
         messages.say(*messages.score_lines(result), *messages.confusions(result))
+        before = found.metadata_.get("held_out")
+        share = result.get("accuracy", before)
+        if isinstance(before, float) and before - share > messages.FALL:
+            messages.say(messages.DIFFERS)
 
 
 @click.command(short_help="Describe a saved model.")

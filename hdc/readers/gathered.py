@@ -23,8 +23,8 @@ from hdc.readers.files import Ambiguous, BadFrame, file_digest, wrong
 from hdc.readers.recording import Recording, Window
 from hdc.readers.template import Template
 
-_NUMBERED = re.compile(r"(.*?)([\W_]*(?:[A-Za-z]+=)?)(\d+)")
-"""A name such as ball__t=0: what it is of, what is between, and a number."""
+_NUMBERED = re.compile(r"(.*?)((?:[\W_]+[A-Za-z]*=?)?)(\d+)")
+"""A name such as ball__t=0 or ball_run2: what it is of, what is between, and a number."""
 Fields = Mapping[str, str]
 """Texts that the name of a file says, by field."""
 

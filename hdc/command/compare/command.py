@@ -24,8 +24,6 @@ FOLDS = "folds"
 """Name of the test that chooses."""
 CLEAR = 0.05
 """A gain is clear below this probability that it is chance."""
-FALL = 0.1
-"""Fall of the accuracy on another recording that is told to be of the sensor."""
 _NAME = 26
 """Characters of the column of names."""
 
@@ -271,11 +269,8 @@ def _sentences(result: Mapping[str, Any]) -> list[str]:
             won = f"{result['gain']:.3g} of a guess's error less"
         lines.append(f"{chosen} over {published}: {won}, {_clear(result)}.")
     first, *others = result["models"][chosen].get("accuracy", (0,))
-    if others and first - others[-1] > FALL:
-        lines.append(
-            "The sensor differs between the recordings: record five frames of each class wherever "
-            "you use it, and hdc recalibrate the model."
-        )
+    if others and first - others[-1] > messages.FALL:
+        lines.append(messages.DIFFERS)
     return lines
 
 

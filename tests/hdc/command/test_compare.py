@@ -233,7 +233,7 @@ def test_another_recording_is_tested_and_chooses_nothing(hdc, archive, tmp_path)
     published.fit(frames_of(3, 12, noise=40), np.repeat(NAMES, 12))
     share = published.score(frames, np.repeat(NAMES, 5))
     assert result["models"]["median, majority"]["accuracy"] == [1.0, share]
-    assert hdc(*words)[1][-1].startswith("The sensor differs between")
+    assert hdc(*words)[1][-1].startswith("Your sensor differs between")
 
 
 def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):

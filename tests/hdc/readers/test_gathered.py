@@ -147,6 +147,8 @@ def test_what_names_do_not_say_is_said_by_the_files(tmp_path, write_film):
          ["{label}{group:d}.npy", "{label}.npy", "{session}.npy"]),
         (["ball1.mat", "ball2.mat", "mug1.mat", "x.avi"],
          ["{label}{group:d}.mat", "{label}.mat", "{session}.mat", "{label}.avi", "{session}.avi"]),
+        (["a_ball_run1.avi", "a_ball_run2.avi", "mug_run1.avi"],
+         ["{label}_run{group}.avi", "{label}.avi", "{session}.avi"]),
         (["run1.h5", "run2.h5"], ["{label}.h5", "{session}.h5"]),
         (["ball_1.avi", "mug_1.avi"], ["{label}.avi", "{session}.avi"]),
         (["d1/ball_1.avi", "d1/ball_2.avi", "d2/mug_1.avi"],
