@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.about import Asked, natural_key
+from hdc.readers.about import natural_key
+from hdc.readers.asked import Asked
 from hdc.readers.files import (
     Ambiguous,
     BadFrame,

@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from hdc.readers.about import Asked, Columns
+from hdc.readers.about import Columns
+from hdc.readers.asked import Asked
 from hdc.readers.axes import ALONG, Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count

@@ -18,7 +18,8 @@ from pathlib import Path, PurePath
 import numpy as np
 
 from hdc.readers import ARRAY, VIDEO, kind_of
-from hdc.readers.about import About, Asked, Columns, grouped
+from hdc.readers.about import About, Columns, grouped
+from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, file_digest, wrong
 from hdc.readers.recording import Recording, Window
 from hdc.readers.template import Template
@@ -65,6 +66,8 @@ def open_frames(
     """
     if asked.frames is not None and asked.frames < 1:
         raise wrong("frames", asked.frames, "null or an integer ≥ 1")
+    if asked.skip_damaged:
+        raise wrong("skip_damaged", True, f"false unless {root} is a folder of images")
     parts = [_part(root, file, fields, window, asked) for file, fields in files]
     first = parts[0].recording
     for part in parts:

@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hdc.readers.about import KNOWN, Asked, Columns, is_of_units, numbered
+from hdc.readers.about import KNOWN, Columns, is_of_units, numbered
+from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, wrong
 from hdc.readers.stores import Store
 

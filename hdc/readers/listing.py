@@ -16,7 +16,8 @@ from typing import NamedTuple
 import numpy as np
 
 from hdc.readers import gathered
-from hdc.readers.about import Asked, Columns, natural_key
+from hdc.readers.about import Columns, natural_key
+from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, wrong
 from hdc.readers.recording import Recording, Window, with_progress
 from hdc.readers.table import Rows, read_csv

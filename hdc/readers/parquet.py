@@ -16,7 +16,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from hdc.readers.about import Asked, Columns
+from hdc.readers.about import Columns
+from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, file_digest, wrong
 from hdc.readers.images import Images, decoded
 from hdc.readers.recording import Recording, Window

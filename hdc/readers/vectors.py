@@ -15,7 +15,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.about import KNOWN, Asked, Columns, is_unnamed
+from hdc.readers.about import KNOWN, Columns, is_unnamed
+from hdc.readers.asked import Asked
 from hdc.readers.axes import Frames
 from hdc.readers.files import file_digest
 from hdc.readers.recording import Recording, Window

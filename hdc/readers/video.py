@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.about import About, Asked, Columns, grouped
+from hdc.readers.about import About, Columns, grouped
+from hdc.readers.asked import Asked
 from hdc.readers.files import file_digest
 from hdc.readers.film import Film
 from hdc.readers.recording import Recording, Window

@@ -168,6 +168,8 @@ def test_what_cannot_be_is_named(gathered):
     template = "{session}/{label}_{group}.npy"
     with pytest.raises(ValueError, match="frames: expected null or an integer ≥ 1"):
         open_recording(root, template=template, frames=-1)
+    with pytest.raises(ValueError, match="skip_damaged: expected false unless"):
+        open_recording(root, template=template, skip_damaged=True)
     with pytest.raises(ValueError, match="axes: expected 3 different names among"):
         open_recording(root, template=template, axes=["height", "width"])
     with pytest.raises(ValueError, match="expected a label of each frame"):
