@@ -13,7 +13,7 @@ def accuracy(predicted: np.ndarray, labels: np.ndarray) -> float:
     return float((np.asarray(predicted) == labels).mean())
 
 
-def wilson(n_right: float, n: int, level: float = 0.95) -> tuple[float, float]:
+def wilson(n_right: float, n: float, level: float = 0.95) -> tuple[float, float]:
     """Wilson interval of a fraction p = n_right / n (JASA 22, 209 (1927)).
 
     (p + z²/2n ± z·√(p(1 − p)/n + z²/4n²)) / (1 + z²/n)

@@ -38,7 +38,8 @@ cli = click.Group(
 
     \b
     a folder         images in a sub-folder per class, or as a manifest.csv
-                     (file, label), a --template or --values say
+                     (file, label), a --template or --values say; or a video
+                     or a file of arrays for each recording, by a --template
     .npz, .mat, .h5  frames [N, H, W] or [N, D] with labels or values [N]
     .tif, .npy       frames, with a CSV of labels beside it
     .parquet         a column of images

@@ -64,17 +64,16 @@ def export(
         plan = exporting.Plan.of(found, name, int(bits), reject, window)
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from error
-    for line in _size_lines(plan):
-        click.echo(line)
+    messages.say(*_size_lines(plan))
     origin = f"{model.name}, trained {found.metadata_.get('trained', 'in Python')}"
     write_atomically(output, exporting.header(plan, output.name, origin))
-    click.echo(f"{output}: written")
+    messages.say(f"{output}: written")
     if test_vectors:
         text = exporting.test_vectors(
             plan, found, output.name, program.name, test_vectors
         )
         write_atomically(program, text)
-        click.echo(f"{program}: written, {test_vectors} frames")
+        messages.say(f"{program}: written, {test_vectors} frames")
 
 
 def _name(output: Path) -> str:

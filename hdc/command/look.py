@@ -8,14 +8,16 @@ from contextlib import suppress
 from pathlib import Path, PurePath
 
 import click
+import numpy as np
 
 from hdc import readers
 from hdc.command import messages
 from hdc.command.source import Source, opened, recording
-from hdc.readers import Recording, Window, stores
+from hdc.readers import Recording, Window, about, gathered, stores
 from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
 from hdc.readers.table import columns_in
+from hdc.readers.template import Template
 
 MOST = 12
 """Arrays, columns and readings that are shown."""
@@ -31,10 +33,9 @@ def look(source: Source) -> None:
     file, _ = readers.split_name(source.path)
     with stores.loaded_once():
         if file.exists():
-            for line in _shortened(contents(file)):
-                click.echo(line)
+            messages.say(*_shortened(contents(file)))
         for taken, frames in _readings(source.words(Window()))[:MOST]:
-            click.echo("\n" + "\n".join(_described(taken, frames)))
+            messages.say("", *_described(taken, frames))
 
 
 def _shortened(lines: list[str]) -> list[str]:
@@ -139,6 +140,42 @@ def _described(words: list[str], frames: Recording) -> list[str]:
         lines.append(f"a frame is the {len(frames.features)} columns from {numbers}")
     if frames.session is not None:
         lines.append(messages.session_line(frames))
+    if frames.group is not None:
+        n = len(np.unique(frames.group))
+        lines.append(f"groups: {n}, each learnt or tested as a whole")
     lines += messages.reading_line(frames)
+    lines += [*_twins_line(words, frames), *_unit_lines(frames)]
     test = ("--test-fraction", "0.2", "-o", "model.safetensors")
     return [*lines, shlex.join(["hdc", "train", *words, *test])]
+
+
+def _unit_lines(frames: Recording) -> list[str]:
+    """The option for each column that seems to number recordings, where none is known."""
+    if frames.session is not None or frames.group is not None:
+        return []
+    lines = []
+    for name, column in frames.samples.items():
+        n = len(np.unique(column))
+        if about.is_of_units(name) and 1 < n < len(frames):
+            word = messages.printable(shlex.quote(name))
+            lines.append(
+                f"{word} has {n} values: --sessions {word} tests whole recordings, --groups {word} "
+                "whole objects"
+            )
+    return lines
+
+
+def _twins_line(words: list[str], frames: Recording) -> list[str]:
+    """A question, where names of classes differ in a number alone; or nothing."""
+    template = gathered.numbered(frames.classes)
+    if not template:
+        return []
+    read = Template(template).read
+    things = [(read(name) or {}).get("label", name) for name in frames.classes]
+    first = next(thing for thing in things if things.count(thing) > 1)
+    twins = [n for n, t in zip(frames.classes, things, strict=True) if t == first]
+    shown = messages.printable(", ".join(_shortened(twins)))
+    asked = f"are {shown} recordings of one class?"
+    in_folders = Path(words[0]).is_dir() and "--template" not in words
+    rest = f" --template '{template}/*'" if in_folders else f" {template} reads them so"
+    return [f"{asked}{rest}"]

@@ -8,6 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import click
 import numpy as np
 
 from hdc.readers import Recording, natural_key
@@ -18,6 +19,12 @@ _WHOLE = 0.9
 _DEGREES = re.compile(r"deg|angle|°|theta|yaw|rotation|azimuth|orientation")
 _MARKUP = re.compile(r"(?::\w+:)?`+~?([^`]*)`+")
 """A name in a docstring, as Sphinx marks it."""
+FALL = 0.1
+"""Fall of the accuracy on another recording that is told to be of the sensor."""
+DIFFERS = (
+    "Your sensor differs between the recordings: record five frames of each class and hdc "
+    "recalibrate the model."
+)
 LISTED = 12
 """Names of classes or sessions that one line shows."""
 
@@ -98,6 +105,12 @@ def _counted(names: Sequence[str], different: Sequence[str]) -> str:
     return ", ".join(shown)
 
 
+def say(*lines: str) -> None:
+    """Print lines, of which a name of a file or a class can hold no code of a terminal."""
+    for line in lines:
+        click.echo(printable(line))
+
+
 def printable(text: str) -> str:
     """A name on one line of a table: tabs, line feeds and the like are written as escapes."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
@@ -162,9 +175,12 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
     n, share = result["frames"], result["accuracy"]
     low, high = result["interval"]
     guessed = printable(result["guessed"])
+    by = (
+        "" if result["interval_by"] == f"{n} frames" else f" by {result['interval_by']}"
+    )
     found = [
-        f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}), {round(share * n)} of {n} "
-        "frames",
+        f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}{by}), {round(share * n)} of "
+        f"{n} frames",
         f"a guess of {guessed}, the largest class: accuracy {result['guess']:.1%}",
     ]
     if "refused" in result:

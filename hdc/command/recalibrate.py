@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 from hdc.command import options
-from hdc.command.messages import learnt
+from hdc.command.messages import learnt, say
 from hdc.command.source import Source, recording
 from hdc.command.work import frames_for, load
 from hdc.io import check_replaceable
@@ -81,7 +81,7 @@ def recalibrate(
         found.recalibrate(_batches(frames), frames.values)
         line = f"{len(frames)} new frames, {learnt(frames)}"
     found.save(output)
-    click.echo(f"{output}: {line}")
+    say(f"{output}: {line}")
 
 
 def _by_labels(model: Any, frames: Recording, options: dict[str, Any]) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from hdc.command import options
+from hdc.command import messages, options
 from hdc.readers.listing import image_files
 
 FRAMES = Path(__file__).with_name("recording")
@@ -28,7 +28,16 @@ def sample(folder: Path) -> None:
                 f"FOLDER: expected no {part.name} in it, found {folder / part.name}"
             )
     for part in parts:
-        shutil.copytree(part, folder / part.name)
+        _copy(part, folder / part.name)
         classes = ", ".join(sorted(path.name for path in part.iterdir()))
         frames = len(image_files(part))
-        click.echo(f"{folder / part.name}: {frames} frames of {classes}")
+        messages.say(f"{folder / part.name}: {frames} frames of {classes}")
+
+
+def _copy(source: Path, target: Path) -> None:
+    """Copy a folder; one error names the first file that cannot be written."""
+    try:
+        shutil.copytree(source, target)
+    except shutil.Error as error:  # of all files
+        _, path, why = error.args[0][0]
+        raise OSError(f"{path}: {why}") from error

@@ -49,9 +49,12 @@ def _of_classes(
     answers = np.array([row[str(label)] for label in found["label"]])
     largest = int(model.counts_.argmax())
     wrong = np.flatnonzero(answers != truth)
+    right = answers == truth
+    unit, of = recorded_together(recording, index)
     result: dict[str, Any] = {
         "accuracy": accuracy(answers, truth),
-        "interval": [*wilson(len(index) - len(wrong), len(index))],
+        "interval": [*interval_of(right, unit)],
+        "interval_by": of,
         "guessed": names[largest],
         "guess": float((truth == largest).mean()),
         "classes": names,
@@ -69,9 +72,11 @@ def _of_classes(
         result |= {"reject": wanted.reject, "refused": found["known"].count(False)}
     if wanted.interval is not None:
         sets = [[str(label) for label in own] for own in found["set"]]
-        inside = [names[k] in own for k, own in zip(truth, sets, strict=True)]
+        inside = np.array([names[k] in own for k, own in zip(truth, sets, strict=True)])
         size = float(np.mean([len(own) for own in sets]))
-        result["coverage"] = _coverage(inside, wanted.interval) | {"mean_size": size}
+        result["coverage"] = _coverage(inside, wanted.interval, unit) | {
+            "mean_size": size
+        }
     return result
 
 
@@ -87,6 +92,7 @@ def _of_values(
     truth = recording.values[index]
     arrays = {name: np.array(rows) for name, rows in found.items()}
     period = model.period
+    unit, _ = recorded_together(recording, index)
     errors = circular.errors(arrays["values"], truth, period).mean(axis=0)
     guesses = circular.errors(truth, model.mean_, period).mean(axis=0)
     rows: dict[str, Any] = {}
@@ -103,15 +109,54 @@ def _of_values(
             inside = (low <= truth[:, k]) & (truth[:, k] <= high)
             width = float((high - low).mean())
             width_or_none = width if np.isfinite(width) else None
-            coverage = _coverage(inside, wanted.interval)
+            coverage = _coverage(inside, wanted.interval, unit)
             rows[name]["coverage"] = coverage | {"mean_width": width_or_none}
     return {"errors": rows}
 
 
-def _coverage(inside: Any, asked: float) -> dict[str, Any]:
-    share = float(np.mean(inside))
-    interval = [*wilson(int(np.sum(inside)), len(inside))]
+def _coverage(inside: np.ndarray, asked: float, unit: np.ndarray) -> dict[str, Any]:
+    share, interval = float(np.mean(inside)), [*interval_of(inside, unit)]
     return {"asked": asked, "share": share, "interval": interval}
+
+
+def recorded_together(
+    recording: Recording, index: np.ndarray
+) -> tuple[np.ndarray, str]:
+    """The session [n] of each of the frames `index`, else its group, else a number of its own; and
+    how many there are, in words."""
+    n, alone = len(index), ""
+    for kind, known in (("session", recording.session), ("group", recording.group)):
+        if known is None:
+            continue
+        unit = np.unique(known[index], return_inverse=True)[1]
+        count = int(unit.max()) + 1
+        if 1 < count < n:
+            return unit, f"{count} {kind}s"
+        if count == 1:
+            alone = f" of one {kind}"
+    return np.arange(n), f"{n} frames{alone}"
+
+
+def interval_of(right: np.ndarray, unit: np.ndarray) -> tuple[float, float]:
+    """95 % interval of the share of frames [n] that are right, which vary unit by unit.
+
+    It is Wilson's of the number of frames that would vary as much if each were a unit: p(1 − p)/v
+    with v = k/(k − 1)·Σ(rᵢ − p·nᵢ)²/n², where rᵢ of the nᵢ frames of unit i of k are right (Korn,
+    Graubard, Survey Methodology 24, 193 (1998)); where p is 0 or 1, it is k. Of few units it is
+    divided by the squared ratio of the quantiles of Student's t, with k − 1 degrees of freedom,
+    and of the normal distribution (expanded as in Abramowitz, Stegun, 26.7.5).
+    """
+    sizes, counts = np.bincount(unit), np.bincount(unit, weights=right)
+    n, k, share = len(right), len(sizes), float(np.mean(right))
+    if k == n:
+        return wilson(int(right.sum()), n)
+    variance = k / (k - 1) * float(((counts - share * sizes) ** 2).sum()) / n**2
+    as_many = float(k if share in (0, 1) else n)
+    if variance > 0:
+        as_many = min(share * (1 - share) / variance, n)
+    free = k - 1
+    as_many /= 1 + 2.42 / free + 4.35 / free**2
+    return wilson(share * as_many, as_many)
 
 
 def _explained(truth: np.ndarray, predicted: np.ndarray, period: float | None) -> float:

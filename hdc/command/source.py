@@ -22,7 +22,8 @@ _OPTIONS = (
     click.option(
         "--template",
         metavar="PATTERN",
-        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'.",
+        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png', or of a "
+        "file of arrays or a video, such as '{label}_{group}.avi'.",
     ),
     click.option(
         "--values",
@@ -45,6 +46,23 @@ _OPTIONS = (
         help="Array or column of labels, or a CSV with a row per frame.",
     ),
     axes,
+    click.option(
+        "--sessions",
+        metavar="NAME",
+        help="Array or column of the session of each frame. [default: session]",
+    ),
+    click.option(
+        "--groups",
+        metavar="NAME",
+        help="Array or column of what was recorded together. [default: group]",
+    ),
+    click.option(
+        "--frames",
+        type=click.IntRange(1),
+        metavar="N",
+        help="Take N evenly spaced frames of each file of a folder of arrays or videos. "
+        "[default: all]",
+    ),
     click.option(
         "--skip-damaged", is_flag=True, help="Leave damaged images out, and count them."
     ),
@@ -224,6 +242,9 @@ _SETTINGS = (
     "image_column",
     "labels",
     "axes",
+    "sessions",
+    "groups",
+    "frames",
     "skip_damaged",
     "skip_missing",
 )

@@ -34,6 +34,11 @@ class Units:
     of: np.ndarray
     why: str = ""
 
+    def reason(self, recording: Recording) -> str:
+        """Why frames or groups are tested and no sessions; empty of groups where none are known."""
+        is_said = self.kind == "frame" or recording.session is not None
+        return self.why if is_said else ""
+
 
 def _kinds(recording: Recording) -> np.ndarray:
     """The class of each frame [N]; one of frames of numbers."""
@@ -63,7 +68,7 @@ def _why_no_session(
     """Why no session can be tested; empty where one can."""
     if session is None:
         return (
-            "no sessions are known ({session} in a template, or a column session); "
+            "no sessions are known ({session} in a template, or --sessions NAME of a column); "
             "frames recorded together are nearly alike"
         )
     if not session.any():

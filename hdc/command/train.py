@@ -79,10 +79,9 @@ def train(
 
         (learnt, tested), unit = splits.hold_out(frames, test_fraction)
         held_out = tested, unit
-    lines = []
+    lines: list[str] = []
     if choose:
-        model, given, line = chosen(frames, learnt, period)
-        lines.append(line)
+        model, given, lines = chosen(frames, learnt, period)
     else:
         model = hdc.HDCClassifier(encoder or "median", readout or "majority")
         if frames.values is not None:
@@ -92,35 +91,39 @@ def train(
         given = _learnable(model, frames, learnt)
     model.fit(given, truth_of(frames)[learnt])
     model._columns = list(frames.features) or None
-    model.save(output, metadata=_metadata(frames, window))
     lines += messages.content_lines(frames, learnt)
+    metadata = _metadata(frames, window)
     if held_out is not None:
-        lines += _held_out_lines(model, frames, *held_out)
+        result = _tested(model, frames, held_out[0])
+        lines += _held_out_lines(result, frames, held_out[1])
+        if len(frames.classes) > 1 and "accuracy" in result:
+            metadata["held_out"] = result["accuracy"]
+    model.save(output, metadata=metadata)
     form = messages.form_line(model, output)
     is_plain = not (choose or encoder or readout)
     lines.append(f"{form}; --choose tries others" if is_plain else form)
     lines += messages.reading_line(frames)
     lines += messages.circular_lines(frames, period)
     first = f"{output}: {len(learnt)} frames, {messages.whole(frames)}"
-    click.echo("\n".join([first, *lines]))
+    messages.say(first, *lines)
 
 
-def _held_out_lines(
-    model: Any, frames: Recording, tested: np.ndarray, unit: Any
-) -> list[str]:
-    """The score of the frames that were held out, and why they were these.
-
-    Of a model of one class, the score is how many it refuses.
-    """
-    from hdc.command import scores, splits
+def _tested(model: Any, frames: Recording, tested: np.ndarray) -> dict[str, Any]:
+    """The score of the frames that were held out; of a model of one class, how many it refuses."""
+    from hdc.command import scores
 
     is_of_one = frames.values is None and len(frames.classes) == 1
-    reject = options.RATE if is_of_one else None
-    result = scores.score(model, frames, tested, reject)
+    return scores.score(model, frames, tested, options.RATE if is_of_one else None)
+
+
+def _held_out_lines(result: dict[str, Any], frames: Recording, unit: Any) -> list[str]:
+    """The score of the frames that were held out, and why they were these."""
+    from hdc.command import splits
+
     first, *others = messages.score_lines(result)
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
-    if unit.kind == "frame":
-        lines.append(f"held out at random because {unit.why}")
+    if why := unit.reason(frames):
+        lines.append(f"held out {splits.HOW[unit.kind]} because {why}")
     return lines
 
 
@@ -149,9 +152,9 @@ def _learnable(model: Any, recording: Recording, rows: np.ndarray) -> Any:
 
 def chosen(
     recording: Recording, rows: np.ndarray, period: float | None
-) -> tuple[Any, Any, str]:
+) -> tuple[Any, Any, list[str]]:
     """The untrained form that is best in cross-validation of the frames `rows`, what it takes of
-    these, and a line."""
+    these, and what to say."""
     from hdc.command.compare import candidates, judge
 
     data, (folds,) = judge.prepared(recording, rows, period=period)
@@ -164,7 +167,9 @@ def chosen(
         found = f"{mine:.3g} of a guess's error, {forms[0].name} {published:.3g}"
     else:
         found = f"accuracy {1 - mine:.1%}, the published form {1 - published:.1%}"
-    line = f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"
+    lines = [f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"]
+    if why := folds.units.reason(recording):
+        lines.append(f"chosen by {folds.how} because {why}")
     all_rows = np.arange(len(rows))
     given, _ = data.given(best.model, all_rows, all_rows)
-    return best.model, given, line
+    return best.model, given, lines

@@ -89,8 +89,11 @@ def evaluate(
     if as_json:
         click.echo(json.dumps(result))
     else:
-        lines = [*messages.score_lines(result), *messages.confusions(result)]
-        click.echo("\n".join(lines))
+        messages.say(*messages.score_lines(result), *messages.confusions(result))
+        before = found.metadata_.get("held_out")
+        share = result.get("accuracy", before)
+        if isinstance(before, float) and before - share > messages.FALL:
+            messages.say(messages.DIFFERS)
 
 
 @click.command(short_help="Describe a saved model.")

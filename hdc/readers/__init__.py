@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.about import Asked, natural_key
+from hdc.readers.about import natural_key
+from hdc.readers.asked import Asked
 from hdc.readers.files import (
     Ambiguous,
     BadFrame,
@@ -55,9 +56,10 @@ _READERS = {
 """The module that opens each kind."""
 _SETTINGS = {
     "template": (FOLDER,),
+    "frames": (FOLDER,),
     "table": (FOLDER, ARRAY, VIDEO),
-    "axes": (ARRAY,),
-    "labels": (ARRAY, IMAGES),
+    "axes": (ARRAY, FOLDER),
+    "labels": (ARRAY, IMAGES, FOLDER),
     "skip_damaged": (FOLDER,),
     "skip_missing": (FOLDER,),
 }
@@ -76,6 +78,9 @@ def open_recording(
     table: str | Path | None = None,
     image_column: str = "image",
     value_columns: Sequence[str] = (),
+    sessions: str | None = None,
+    groups: str | None = None,
+    frames: int | None = None,
     window: Window | None = None,
     check: bool = True,
     fewest_classes: int = 2,
@@ -85,8 +90,9 @@ def open_recording(
     """Open recorded frames with their labels, values and order.
 
     Args:
-        path: a folder of images; an .npz, .npy, .mat, .h5 or TIFF, of which ``FILE:/NAME`` is one
-            array; a .parquet with images; a .csv of vectors; or a video. ``~`` is the home folder.
+        path: a folder of images, or of files of arrays or videos; an .npz, .npy, .mat, .h5 or TIFF,
+            of which ``FILE:/NAME`` is one array; a .parquet with images; a .csv of vectors; or a
+            video. ``~`` is the home folder.
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
             would lower the contrast of a speckle).
@@ -94,13 +100,17 @@ def open_recording(
         axes: of an array, such as ``("label", "order", "height", "width")``.
         labels: name of the array or column of labels, or a CSV with them, whose columns of numbers
             are not learnt.
-        template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``.
+        template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``;
+            or of a file of arrays or a video, such as ``{session}/{label}_{group}.avi``.
         table: CSV with a row per image, in or relative to the folder, or with a row per frame of an
             array or a video; its columns of numbers are values. Of a video also one with a row per
             interval. Default for both: beside the file, its suffix replaced by .csv.
         image_column: column of the table, or of the .parquet, that has the images.
         value_columns: columns, or arrays of a file, that are values; default: all numeric ones
             but order, session and group (none of a manifest.csv or of a .csv of vectors).
+        sessions, groups: the column, or the array [N], that has the session or the group of each
+            frame; default: ``session`` and ``group``.
+        frames: of a folder of arrays or videos, how many of each file, evenly spaced; default: all.
         window: crop and subsample in one.
         check: decode every image of a folder at once; otherwise each when it is asked for.
         fewest_classes: a recording of fewer is refused; with 0 it needs neither labels nor values.
@@ -125,6 +135,9 @@ def open_recording(
         labels=None if labels is None else str(labels),
         table=None if table is None else Path(table).expanduser(),
         values=values,
+        sessions=sessions,
+        groups=groups,
+        frames=frames,
         fewest_classes=fewest_classes,
         axes=axes,
         dataset=dataset,

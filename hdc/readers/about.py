@@ -9,13 +9,13 @@ from __future__ import annotations
 import re
 import unicodedata
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
-from hdc.readers.files import SettingError
+from hdc.readers.asked import Asked
+from hdc.readers.files import SettingError, wrong
 from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
@@ -25,33 +25,11 @@ _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
 """Texts for a missing number, in upper or lower case."""
 
 
-class Asked(NamedTuple):
-    """What a user asks of a recording; see :func:`hdc.readers.open_recording`.
-
-    Attributes:
-        labels: name of the array or column of labels.
-        table: a CSV.
-        values: columns or arrays that are values; None means all numbers.
-        dataset: name of the array of frames; "" where the file has one that can be.
-    """
-
-    labels: str | None = None
-    table: Path | None = None
-    values: Sequence[str] | None = ()
-    fewest_classes: int = 2
-    axes: Sequence[str] | None = None
-    dataset: str = ""
-    template: str | None = None
-    image_column: str = "image"
-    skip_damaged: bool = False
-    skip_missing: bool = False
-    check: bool = True
-    memory_bytes: int = 2**28
-
-    @property
-    def named(self) -> Sequence[str]:
-        """The values that are named."""
-        return self.values or ()
+_OF_UNITS = re.compile(
+    r"(?:^|[^a-z])(?:session|trial|run|day|date|take|rep|repetition|batch|block|visit)s?"
+    r"(?:[^a-z]|no|nr|id|num|number|$)"
+)
+"""Names of columns that number recordings, in lower case."""
 
 
 @dataclass(frozen=True)
@@ -129,6 +107,23 @@ class Columns:
         """Those of these columns that are there."""
         kept = {name: self.columns[name] for name in names if name in self.columns}
         return Columns(self.where, self.n, self.place, kept)
+
+    def known_as(self, asked: Asked) -> Columns:
+        """These, of which those that are asked for are ``session`` and ``group``.
+
+        Raises:
+            SettingError: there is no such column.
+        """
+        wanted = {"session": asked.sessions, "group": asked.groups}
+        columns = dict(self.columns)
+        for known, name in wanted.items():
+            if name is None:
+                continue
+            if name not in self.columns:
+                raise wrong(f"{known}s", name, f"one of {', '.join(self.columns)}")
+            columns.pop(name, None)
+            columns[known] = self.columns[name]
+        return replace(self, columns=columns)
 
     def about(self, value_columns: Sequence[str] | None, fewest_classes: int) -> About:
         """What the columns mean.
@@ -290,6 +285,11 @@ def is_unnamed(column: str) -> bool:
     return not column or column.startswith("Unnamed: ")
 
 
+def is_of_units(column: str) -> bool:
+    """Whether a column's name says that it numbers recordings, such as ``trial`` or ``runNo``."""
+    return _OF_UNITS.search(column.lower()) is not None
+
+
 def normalised(texts: Sequence[str] | np.ndarray) -> list[str]:
     """Names in Unicode's composed form (NFC): an é of one code point or two is the same name."""
     return [unicodedata.normalize("NFC", str(text)) for text in texts]
@@ -304,6 +304,20 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
         elif part:
             key.append((1, 0, part.casefold()))
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
+
+
+def grouped(about: About, members: np.ndarray) -> tuple[About, str]:
+    """Frames whose `members` [N] of a kind, such as files, are groups; and names of the classes of
+    a single one, whose frames are split. Where all classes are such, nothing is a group."""
+    assert about.labels is not None
+    pairs = np.unique(np.stack([about.labels, members]), axis=1)
+    alone = np.bincount(pairs[0])[about.labels] == 1
+    if alone.all():
+        return about, ""
+    apart = members.max() + 1 + np.arange(len(members))
+    samples = {**about.samples, "group": np.where(alone, apart, members)}
+    names = (about.classes[c] for c in np.unique(about.labels[alone]))
+    return replace(about, samples=samples), ", ".join(names)
 
 
 def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:

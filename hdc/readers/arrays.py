@@ -15,7 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from hdc.readers.about import Asked, Columns
+from hdc.readers.about import Columns
+from hdc.readers.asked import Asked
 from hdc.readers.axes import ALONG, Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
@@ -40,7 +41,9 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     array = store.arrays.pop(name)
     _check_pixels(path, name, array)
     # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
-    arrays = beside(path, store, asked, name[: name.rfind("/") + 1])
+    group = name[: name.rfind("/") + 1]
+    asked = asked.within(group)
+    arrays = beside(path, store, asked, group)
     table = _table(path, arrays, asked)
     columns = None if table is None else Columns.read(table)
     axes = asked.axes or store.axes.get(name)
@@ -72,8 +75,11 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         notes.append("channels are red, green, blue")
     if table is not None and asked.table is None:
         notes.append(f"labels of {table.name}")
+    beside_it = path.with_suffix(".csv")
+    if table is None and asked.labels is None and "label" in columns_in(beside_it):
+        notes.append(f"labels and values of the file, not of {beside_it.name}")
     return Recording.of(
-        columns.about(values, asked.fewest_classes),
+        columns.known_as(asked).about(values, asked.fewest_classes),
         frames,
         window,
         digest=cache(lambda: _digest(path, *read)),

@@ -63,6 +63,18 @@ class Film:
         if len(self._kept) < len(self.numbers):
             self._kept = {}
 
+    def expect(self) -> None:
+        """Choose all frames that the header states, or as many as there are; none is decoded but
+        the first."""
+        first = next(stream_video(self.path, self._window, notes=self.notes))[1]
+        with opened(self.path) as (_, stream):
+            count = stream.frames
+        if count == 0:
+            self.read(lambda *_: False)
+            count = self.count
+        self.shape, self.dtype = first.shape, first.dtype
+        self.numbers = [*range(count)]
+
     def choose(self, table: Path, numbers: list[int]) -> None:
         """Choose frames of these numbers, in this order, of those that were read for a table."""
         time_of = dict(zip(self.numbers, self.times, strict=True))

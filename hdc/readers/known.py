@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from hdc.readers.about import KNOWN, Asked, Columns, numbered
+from hdc.readers.about import KNOWN, Columns, is_of_units, numbered
+from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, wrong
 from hdc.readers.stores import Store
 
@@ -19,18 +20,16 @@ _ABOUT = (*LABELS, "classes", "values", "value_names", "value_units", *KNOWN)
 
 
 def beside(path: Path, store: Store, asked: Asked, group: str) -> dict[str, Any]:
-    """The arrays of a file without its frames; the labels are ``label``.
-
-    They are those of the name that is asked for, with the `group` of the frames or without, or else
-    of one of :data:`LABELS`.
+    """The arrays of a file without its frames, by their names in the `group` of these; the labels
+    are ``label``: those that are asked for, or else those of one of :data:`LABELS`.
 
     Raises:
         BadFrame: one that is known by its name, or asked for, cannot be read.
     """
     arrays = {k.removeprefix(group): array for k, array in store.arrays.items()}
     unread = {k.removeprefix(group): why for k, why in store.unread.items()}
-    labels = asked.labels and asked.labels.removeprefix(group)
-    for name in (labels, *_ABOUT, *asked.named):
+    labels = asked.labels
+    for name in (labels, asked.sessions, asked.groups, *_ABOUT, *asked.named):
         if name in unread:
             raise BadFrame(f"{path}[{name}]: {unread[name]}")
     if labels is not None and labels not in arrays:
@@ -155,7 +154,9 @@ def _choices(store: Store, lengths: Sequence[int]) -> list[str]:
     """Options that name what can be learnt: arrays of one of these lengths."""
     choices = []
     for name, array in store.arrays.items():
-        if len(array.shape) != 1 or len(array) not in lengths or name in KNOWN:
+        if len(array.shape) != 1 or len(array) not in lengths:
+            continue
+        if name in KNOWN or is_of_units(name):
             continue
         word = shlex.quote(name)
         if len(np.unique(array)) < len(array):

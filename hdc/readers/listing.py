@@ -1,4 +1,7 @@
-"""A folder of images: which files belong to it, with the label, values and order of each."""
+"""A folder of images: which files belong to it, with the label, values and order of each.
+
+A folder without images may be one of arrays or videos; see :mod:`hdc.readers.gathered`.
+"""
 
 from __future__ import annotations
 
@@ -12,7 +15,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdc.readers.about import Asked, Columns, natural_key
+from hdc.readers import gathered
+from hdc.readers.about import Columns, natural_key
+from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, wrong
 from hdc.readers.recording import Recording, Window, with_progress
 from hdc.readers.table import Rows, read_csv
@@ -58,18 +63,40 @@ class _Listing(NamedTuple):
 
 
 def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
-    """Open the images of a folder, listed by its table or manifest, a template, or sub-folders.
+    """Open the frames of a folder: its images, or else its files of arrays and videos.
 
-    With ``check`` every image is decoded at once.
+    Images are listed by its table or manifest, a template, or sub-folders. With ``check`` every
+    one is decoded at once.
 
     Raises:
         BadFrame: a file is no usable image, or its size or depth is not that of the first.
         SettingError: the template or a column cannot be, or a path has two readings.
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
+    listing, values = _listed(root, asked)
+    if not listing.rows and asked.table is None:
+        others = [file for file in listing.others if not is_image(file)]
+        if files := gathered.files_of(root, others, asked.template):
+            return gathered.open_frames(root, files, listing.others, window, asked)
+    if values is None and asked.named:
+        wanted = f"a table with the columns {', '.join(asked.named)}"
+        raise wrong("table", None, wanted)
+    for name in ("axes", "labels", "frames"):
+        if setting := getattr(asked, name):
+            wanted = f"null unless {root} is a folder of arrays or videos"
+            raise wrong(name, setting, wanted)
+    return _of_images(root, listing, values, window, asked)
+
+
+def _of_images(
+    root: Path,
+    listing: _Listing,
+    values: Sequence[str] | None,
+    window: Window,
+    asked: Asked,
+) -> Recording:
     from hdc.readers.images import Images, ahead, decode, is_whole  # OpenCV
 
-    listing, values = _listed(root, asked)
     if asked.skip_damaged:
         whole = ahead(is_whole, listing.files)
         shown = with_progress(whole, len(listing.rows), "Looking for damage")
@@ -79,7 +106,7 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
     files = listing.files
     for _, row in listing.rows:
         del row["file"]
-    columns = Columns.of_rows(listing.where, listing.rows)
+    columns = Columns.of_rows(listing.where, listing.rows).known_as(asked)
     about = columns.about(values, asked.fewest_classes)
     names = np.array([os.path.relpath(file, root) for file in files])
 
@@ -119,9 +146,6 @@ def _listed(root: Path, asked: Asked) -> tuple[_Listing, Sequence[str] | None]:
         table, column, values = root / MANIFEST, "file", asked.named
         required = ("file", "label", *asked.named)
     if table is None:
-        if asked.named:
-            wanted = f"a table with the columns {', '.join(asked.named)}"
-            raise wrong("table", None, wanted)
         files = all_files(root)
         rows = [(str(root / file), {"file": file}) for file in files if is_image(file)]
         others = [file for file in files if not is_image(file)]

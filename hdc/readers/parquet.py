@@ -16,7 +16,8 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from hdc.readers.about import Asked, Columns
+from hdc.readers.about import Columns
+from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, file_digest, wrong
 from hdc.readers.images import Images, decoded
 from hdc.readers.recording import Recording, Window
@@ -60,7 +61,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
             raise BadFrame(f"{place(i)}: expected an image, found none")
         return decoded(place(i), data)
 
-    columns = Columns.of_texts(path, len(table), place, texts)
+    columns = Columns.of_texts(path, len(table), place, texts).known_as(asked)
     images = Images(len(table), image, place, window)
     return Recording.of(
         columns.about(asked.values, asked.fewest_classes),

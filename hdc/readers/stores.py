@@ -216,21 +216,36 @@ def _hdf5(path: Path) -> Store:
     file = h5py.File(path, "r", rdcc_nbytes=2**26)  # chunks of several frames
     store = Store({}, frames_last=path.suffix.lower() == ".mat")
 
-    def visit(name: str, item: Any) -> None:
-        if not isinstance(item, h5py.Dataset) or name.startswith("#"):
-            return
+    for name, item in _datasets(file, "", set()):
         store.frames_last |= "MATLAB_class" in item.attrs
         if why := _filled_in(path, item):
             store.unread[name] = why
-            return
+            continue
         array = _dataset(path, item)
         if array is None:
             store.unread[name] = f"{_PLAINLY} ({_ADVICE.format(name)})"
         elif array.shape:
             store.arrays[name] = array
-
-    file.visititems(visit)
     return store
+
+
+def _datasets(group: Any, before: str, seen: set[Any]) -> Iterator[tuple[str, Any]]:
+    """Path and dataset of all in a group, once; MATLAB's #refs# have one for each cell of text."""
+    import h5py
+
+    for name in group:
+        is_own = isinstance(group.get(name, getlink=True), h5py.HardLink)
+        if name.startswith("#") or not is_own:
+            continue
+        item = group[name]
+        place = h5py.h5o.get_info(item.id)
+        if (key := (place.fileno, place.addr)) in seen:
+            continue
+        seen.add(key)
+        if isinstance(item, h5py.Group):
+            yield from _datasets(item, f"{before}{name}/", seen)
+        elif isinstance(item, h5py.Dataset):
+            yield f"{before}{name}", item
 
 
 def _dataset(path: Path, item: Any) -> Any:
@@ -268,9 +283,16 @@ def _dataset(path: Path, item: Any) -> Any:
 
 def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
     """Rows of characters, or a cell array of them; None of other cells."""
+    import h5py
+
     rows: Any = np.atleast_2d(item[()].T)
     if kind == b"cell":
-        cells = [item.file[reference] for reference in rows.ravel()]
+        found = (h5py.h5r.dereference(cell, item.id) for cell in rows.flat)
+        cells = [
+            h5py.Dataset(one) for one in found if isinstance(one, h5py.h5d.DatasetID)
+        ]
+        if len(cells) < rows.size:
+            return None
         if any(cell.attrs.get("MATLAB_class") != b"char" for cell in cells):
             return None
         rows = [cell[()].ravel() for cell in cells]

@@ -1,20 +1,33 @@
 """A CSV with a row per frame: vectors such as spectra, one number per column.
 
 ``label``, ``order``, ``session`` and ``group`` are known by name, columns that are chosen as values
-are what is learnt, and all others are the numbers of the frame, in their order.
+are what is learnt, and all others are the numbers of the frame, in their order. One that is unlike
+its neighbours, such as a force among wavelengths, is noted.
 """
 
 from __future__ import annotations
 
+import re
+from collections import Counter
 from collections.abc import Sequence
 from functools import cache
 from pathlib import Path
 
-from hdc.readers.about import KNOWN, Asked, Columns, is_unnamed
+import numpy as np
+
+from hdc.readers.about import KNOWN, Columns, is_unnamed
+from hdc.readers.asked import Asked
 from hdc.readers.axes import Frames
 from hdc.readers.files import file_digest
 from hdc.readers.recording import Recording, Window
 from hdc.readers.table import parse_number
+
+_DIGITS = re.compile(r"\d+(?:\.\d+)?")
+_FEWEST, _MOST, _TIMES = 8, 0.75, 10
+"""Columns that say what is usual, their share, and a range that is another."""
+_REMEDY = (
+    "--column learns a number, --sessions or --groups splits by one, or take it out"
+)
 
 
 def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
@@ -25,6 +38,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     """
     columns = Columns.read(path, asked.named if asked.fewest_classes > 0 else ())
     _check_header(path, [*columns.columns])
+    columns = columns.known_as(asked)
     chosen = [name for name in asked.named if name in columns.columns]
     known = columns.only("label", *KNOWN, *chosen)
     if asked.fewest_classes > 0 and not chosen and "label" not in known.columns:
@@ -37,13 +51,38 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         raise ValueError(
             f"{path}: expected columns of numbers, found {[*columns.columns]}"
         )
+    odd = unlike(numbers, vectors)
+    notes = [f"{', '.join(odd)}: a pixel unlike the others, {_REMEDY}"] if odd else []
     return Recording.of(
         known.about(chosen, asked.fewest_classes),
         Frames(columns.place, vectors, ("frame", "feature"), window),
         window,
         digest=cache(lambda: file_digest(path)),
         features=tuple(numbers[:: window.subsample]),
+        notes=tuple(notes),
     )
+
+
+def unlike(names: Sequence[str], vectors: np.ndarray) -> list[str]:
+    """Names of columns whose name or range of numbers is not that of the columns around them.
+
+    A name is another one where the others differ in a number alone, as 400nm and 401nm; a range is
+    where the largest number is ten times or a tenth of that of the four columns around.
+
+    Args:
+        names: of D columns.
+        vectors: float64 [N, D].
+    """
+    if len(names) < _FEWEST:
+        return []
+    forms = [_DIGITS.sub("#", name) for name in names]
+    form, count = Counter(forms).most_common(1)[0]
+    has_form = count >= _MOST * len(names)
+    largest = np.abs(vectors).max(axis=0)
+    around = np.median([np.roll(largest, k) for k in (-2, -1, 1, 2)], axis=0)
+    is_odd = (largest > _TIMES * around) | (_TIMES * largest < around)
+    pairs = zip(names, forms, is_odd.tolist(), strict=True)
+    return [name for name, own, odd in pairs if odd or (has_form and own != form)]
 
 
 def _check_header(path: Path, names: Sequence[str]) -> None:

@@ -14,7 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.about import About, Asked, Columns
+from hdc.readers.about import About, Columns, grouped
+from hdc.readers.asked import Asked
 from hdc.readers.files import file_digest
 from hdc.readers.film import Film
 from hdc.readers.recording import Recording, Window
@@ -77,7 +78,7 @@ def _of_intervals(table: Path, film: Film, asked: Asked) -> About:
                 f"{columns.place(row)}: expected at least one frame of {film.path.name} from "
                 "start_s to end_s, found none"
             )
-    known = columns.only("label", "session", "group")
+    known = columns.known_as(asked).only("label", "session", "group")
     whole = known.about((), asked.fewest_classes)
     assert whole.labels is not None
     rows = order[members]
@@ -86,7 +87,10 @@ def _of_intervals(table: Path, film: Film, asked: Asked) -> About:
     about = About(samples, whole.classes, whole.labels[rows])
     if "group" in samples or len(np.unique(samples.get("session", 0))) > 1:
         return about
-    return _grouped(about, film)
+    about, alone = grouped(about, members)
+    if alone:
+        film.notes.append(f"{alone}: one interval, whose frames are split")
+    return about
 
 
 def _intervals(columns: Columns) -> tuple[np.ndarray, np.ndarray]:
@@ -103,24 +107,8 @@ def _intervals(columns: Columns) -> tuple[np.ndarray, np.ndarray]:
     return starts, ends
 
 
-def _grouped(about: About, film: Film) -> About:
-    """The same with an interval as a group; frames of a class of one interval are split."""
-    assert about.labels is not None
-    members = about.samples["interval"]
-    pairs = np.unique(np.stack([about.labels, members]), axis=1)
-    alone = np.bincount(pairs[0])[about.labels] == 1
-    if alone.all():
-        return about
-    names = ", ".join(about.classes[c] for c in np.unique(about.labels[alone]))
-    if names:
-        film.notes.append(f"{names}: one interval, whose frames are split")
-    apart = members.max() + 1 + np.arange(len(members))
-    samples = {**about.samples, "group": np.where(alone, apart, members)}
-    return replace(about, samples=samples)
-
-
 def _of_frames(table: Path, film: Film, asked: Asked) -> About:
-    columns = Columns.read(table, ("frame", *asked.named))
+    columns = Columns.read(table, ("frame", *asked.named)).known_as(asked)
     numbers = columns.columns.pop("frame").tolist()
     seen: set[int] = set()
     for i, number in enumerate(numbers):

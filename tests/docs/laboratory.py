@@ -37,6 +37,7 @@ def make(folder):
     columns = {"image": images, "label": names.tolist(), "session": session}
     pq.write_table(pa.table(columns), folder / "touches.parquet")
     _film(folder, frames)
+    _films(folder / "films", frames, labels)
     for k, name in enumerate(names):
         path = folder / "touches" / f"day{session[k]}" / name / f"{k}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -44,6 +45,18 @@ def make(folder):
     later = np.arange(20) % 2
     frames = (base[later] + noise[60:]).astype(np.uint8)
     np.savez(folder / "later.npz", frames=frames, labels=NAMES[later])
+
+
+def _films(folder, frames, labels):
+    """Three films of ten frames of each touch."""
+    folder.mkdir()
+    for label, name in enumerate(NAMES):
+        for k, some in enumerate(np.split(frames[labels == label], 3), start=1):
+            path, code = folder / f"{name}_{k}.avi", cv2.VideoWriter_fourcc(*"MJPG")
+            film = cv2.VideoWriter(str(path), code, 10, (64, 48))
+            for frame in some:
+                film.write(np.dstack([frame] * 3))
+            film.release()
 
 
 def _film(folder, frames):

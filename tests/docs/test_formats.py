@@ -39,7 +39,7 @@ def printed(command, capsys):
 def test_each_format_has_a_session(files):
     shown = {next(steps(session))[0] for session in SESSIONS}
     names = {shlex.split(command)[2] for command in shown}
-    assert len(SESSIONS) == len(names) == 7
+    assert len(SESSIONS) == len(names) == 8
     assert all((files / name).exists() for name in names)
 
 
@@ -54,6 +54,6 @@ def test_commands_print_what_the_page_shows_and_train(
     assert lines
     for line in lines:
         trained = printed(line, capsys)
-        if "classes: left" in trained:
+        if "classes: left (" in trained:
             evaluated = printed("hdc evaluate model.safetensors later.npz", capsys)
             assert evaluated.startswith("accuracy 100.0%"), line

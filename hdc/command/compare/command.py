@@ -18,13 +18,12 @@ from hdc.readers import Recording, Window
 if TYPE_CHECKING:
     from hdc.command.compare.candidates import Candidate
     from hdc.command.compare.judge import Row, Test
+    from hdc.command.splits import Units
 
 FOLDS = "folds"
 """Name of the test that chooses."""
 CLEAR = 0.05
 """A gain is clear below this probability that it is chance."""
-FALL = 0.1
-"""Fall of the accuracy on another recording that is told to be of the sensor."""
 _NAME = 26
 """Characters of the column of names."""
 
@@ -89,9 +88,9 @@ def compare(
         _check_alike(frames, later)
     data, of_each = judge.prepared(frames, np.arange(len(frames)), later, period)
     tests = dict(zip((FOLDS, str(other)), of_each, strict=False))
-    say = _nothing if as_json else click.echo
+    say = _nothing if as_json else messages.say
     heads = _heads(frames, tests)
-    say("\n".join([*_about(frames, tests, period), "  ".join(heads)]))
+    say(*_about(frames, tests, period), "  ".join(heads))
     tried: dict[Candidate, list[Row]] = {}
     left_out: dict[str, str] = {}
     try:
@@ -110,13 +109,17 @@ def compare(
         "tests": {name: len(test.rows) for name, test in tests.items()},
         "models": {c.name: _numbers(c, rows, frames) for c, rows in tried.items()},
         "left_out": left_out,
-        **_gain(chosen, listed[0], tried, of_each[-1].units.of),
+        **_gain(chosen, listed[0], tried, of_each[-1].units),
+        "best": _best(tried),
         "command": source.training_line(window, *_words(chosen, period)),
     }
-    click.echo(json.dumps(result) if as_json else "\n".join(_sentences(result)))
+    if as_json:
+        click.echo(json.dumps(result))
+    else:
+        say(*_sentences(result))
 
 
-def _nothing(_: str) -> None:
+def _nothing(*_: str) -> None:
     """Say nothing: JSON alone is printed."""
 
 
@@ -181,7 +184,7 @@ def _gain(
     chosen: Candidate,
     published: Candidate,
     tried: Mapping[Candidate, Sequence[Row]],
-    units: np.ndarray,
+    units: Units,
 ) -> dict[str, Any]:
     """Names of the chosen and the published form, and what the one wins in the last test."""
     from hdc.command.compare import judge
@@ -195,8 +198,14 @@ def _gain(
     if len(tried[chosen]) > 1:  # no choice has seen the other recording
         losses = {name: losses[name] for name in found.values()}
     gain = losses[published.name].mean() - losses[chosen.name].mean()
-    p = judge.p_value(chosen.name, published.name, losses, units)
-    return {**found, "gain": float(gain), "p_value": p}
+    p = judge.p_value(chosen.name, published.name, losses, units.of)
+    return {**found, "gain": float(gain), "p_value": p, "of": f"{units.kind}s"}
+
+
+def _best(tried: Mapping[Candidate, Sequence[Row]]) -> list[str]:
+    """Names of the models with the least loss in the last test; of the grey values, too."""
+    losses = {model.name: rows[-1].losses.mean() for model, rows in tried.items()}
+    return [name for name, loss in losses.items() if loss == min(losses.values())]
 
 
 # Words -------------------------------------------------------------------------------------------
@@ -207,7 +216,8 @@ def _about(
 ) -> list[str]:
     """What is compared, and how it is tested."""
     (_, folds), *others = tests.items()
-    why = f", for {folds.units.why}" if folds.units.kind == "frame" else ""
+    reason = folds.units.reason(frames)
+    why = f", for {reason}" if reason else ""
     return [
         f"{len(frames)} frames, {messages.whole(frames)}",
         *messages.reading_line(frames),
@@ -246,21 +256,27 @@ def _line(name: str, numbers: Mapping[str, Any], heads: Sequence[str]) -> str:
 def _sentences(result: Mapping[str, Any]) -> list[str]:
     """What was left out, the line to type, and what the choice wins."""
     lines = [f"left out: {name}: {why}" for name, why in result["left_out"].items()]
-    lines.append(f"Use: {result['command']}")
     chosen, published = result["chosen"], result["published"]
+    if result["best"] != [chosen]:
+        names = ", ".join(result["best"])
+        lines.append(f"Best of the table: {names}. Cross-validation chose {chosen}.")
+    lines.append(f"Use: {result['command']}")
     if chosen == published:
         lines.append(f"No other form was better than {published} in the folds.")
     else:
         won = f"{100 * result['gain']:+.1f} points of accuracy"
         if "values" in result:
             won = f"{result['gain']:.3g} of a guess's error less"
-        clear = "a clear gain" if result["p_value"] < CLEAR else "no clear gain"
-        gain = f"{won}, {clear} (p = {result['p_value']:.2g})"
-        lines.append(f"{chosen} over {published}: {gain}.")
+        lines.append(f"{chosen} over {published}: {won}, {_clear(result)}.")
     first, *others = result["models"][chosen].get("accuracy", (0,))
-    if others and first - others[-1] > FALL:
-        lines.append(
-            "The sensor differs between the recordings: record five frames of each class wherever "
-            "you use it, and hdc recalibrate the model."
-        )
+    if others and first - others[-1] > messages.FALL:
+        lines.append(messages.DIFFERS)
     return lines
+
+
+def _clear(result: Mapping[str, Any]) -> str:
+    """Whether a gain is clear: over recordings that are known, for frames of one are alike."""
+    p = f"p = {result['p_value']:.2g}"
+    if result["of"] == "frames":
+        return f"{p} of single frames; a gain is clear only over sessions or groups"
+    return f"{'a' if result['p_value'] < CLEAR else 'no'} clear gain ({p} of {result['of']})"

@@ -319,8 +319,26 @@ def test_info_shows_what_a_model_was_trained_on(
     assert says in found["encoder in words"]
     assert (found["kind"], found["crop"]) == ("HDCClassifier", [0, 0, 24, 12])
     assert (found["frames"], found["trained"][:2]) == ("24 × 12 pixels", "20")
+    assert "held_out" not in found
     assert found["classes"] == {"a": 12, "b": 12, "c": 12}
     assert found["bytes to predict"] == model.prediction_bytes_
     assert found["bytes of the file"] == path.stat().st_size
     # Beside the bits, what the last word and scales need.
     assert least <= found["bits per pixel and class"] < least + 1
+
+
+def test_another_day_that_is_much_worse_is_told_to_be_of_the_sensor(
+    hdc, folder, frames, write, tmp_path
+):
+    """100 % at random and 37 % on another day ended in a recommended command."""
+    path = tmp_path / "m"
+    assert hdc("train", folder, "-o", path, "--test-fraction", 0.3)[0] == 0
+    assert json.loads("".join(hdc("info", path)[1]))["held_out"] == 1.0
+    said = (
+        "Your sensor differs between the recordings: record five frames of each class"
+    )
+    assert not any(said in line for line in hdc("evaluate", path, folder)[1])
+    other = write(tmp_path / "other", 255 - frames)
+    out = hdc("evaluate", path, other)[1]
+    assert out[0].startswith("accuracy 0.0%")
+    assert out[-1] == f"{said} and hdc recalibrate the model."

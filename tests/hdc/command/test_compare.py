@@ -175,8 +175,12 @@ def test_rows_come_cheapest_first_and_the_last_lines_say_what_to_type(hdc, archi
         "median, majority", "levels, lda", "deviation, lda",
     ]  # fmt: skip
     line = f"Use: hdc train {shlex.quote(str(archive))} --encoder median "
-    assert out[14].startswith(line)
-    assert out[15] == "No other form was better than median, majority in the folds."
+    right = {row.split("  ")[0]: row.split("%")[0].split()[-1] for row in out[4:14]}
+    best = [name for name, share in right.items() if share == max(right.values())]
+    said = f"Best of the table: {', '.join(best)}. Cross-validation chose median, majority."
+    assert out[14:-2] == ([] if best == ["median, majority"] else [said])
+    assert out[-2].startswith(line)
+    assert out[-1] == "No other form was better than median, majority in the folds."
 
 
 def corner(path, n=60):
@@ -200,7 +204,15 @@ def test_the_line_to_type_trains_the_chosen_model(hdc, tmp_path, monkeypatch):
     assert result["p_value"] < 0.01
     said = hdc(*words)[1][-1]
     assert said.startswith("levels, lda over median, majority: +")
-    assert "points of accuracy, a clear gain (p = " in said
+    assert "points of accuracy, p = " in said
+    assert said.endswith(
+        "of single frames; a gain is clear only over sessions or groups."
+    )
+    kept = dict(np.load("c.npz")) | {"session": np.arange(60) // 6}
+    np.savez("sessions.npz", **kept)
+    said = hdc("compare", "sessions.npz", *words[2:])[1][-1]
+    assert ", a clear gain (p = " in said
+    assert said.endswith(" of sessions).")
     assert hdc(*shlex.split(result["command"])[1:])[0] == 0
     model = HDCClassifier.load("model.safetensors")
     found = f"{model.encoder!r}, {model.readout!r}".lower()
@@ -221,7 +233,7 @@ def test_another_recording_is_tested_and_chooses_nothing(hdc, archive, tmp_path)
     published.fit(frames_of(3, 12, noise=40), np.repeat(NAMES, 12))
     share = published.score(frames, np.repeat(NAMES, 5))
     assert result["models"]["median, majority"]["accuracy"] == [1.0, share]
-    assert hdc(*words)[1][-1].startswith("The sensor differs between")
+    assert hdc(*words)[1][-1].startswith("Your sensor differs between")
 
 
 def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
@@ -235,12 +247,38 @@ def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
     monkeypatch.setattr(judge, "judged", interrupted)
     stop = "median, neighbours"
     status, out, _ = hdc("compare", archive)
-    assert (status, out[-3]) == (0, "interrupted: the rows above are whole")
+    assert (status, out[-4]) == (0, "interrupted: the rows above are whole")
     assert "Use: hdc train" in out[-2]
     stop = "median, majority"
     status, _, (line,) = hdc("compare", archive)
     assert status == 1
     assert "expected median, majority to learn, it was interrupted" in line
+
+
+@pytest.mark.parametrize(
+    ("known", "how", "why"),
+    [
+        ({"group": np.arange(24) // 4}, "6 folds by group", ""),
+        ({"group": np.arange(24) // 4, "session": np.zeros(24, int)}, "6 folds by group",
+         "all frames are of one session"),
+        ({"session": np.arange(24) // 12}, "5 folds at random", "a class is of one session"),
+        ({"session": np.arange(24) % 4}, "4 folds by session", ""),
+    ],
+)  # fmt: skip
+def test_folds_are_of_what_was_recorded_together_or_it_is_said_why(
+    hdc, tmp_path, known, how, why
+):
+    """Of 24 videos with groups nothing was chosen; folds were at random without a reason."""
+    path = tmp_path / "r.npz"
+    labels = np.arange(24) // 12
+    np.savez(path, frames=frames_of(2, 12, noise=40), labels=labels, **known)
+    words = ("compare", path, "--encoder", "median", "--readout", "majority")
+    (line,) = [row for row in hdc(*words)[1] if row.startswith("chosen by")]
+    assert line == f"chosen by {how}" + (f", for {why}" if why else "")
+    out = hdc("train", path, "-o", tmp_path / "m", "--choose")[1]
+    chosen = [row for row in out if row.startswith("chosen")]
+    assert f" by {how} (" in chosen[0]
+    assert chosen[1:] == ([f"chosen by {how} because {why}"] if why else [])
 
 
 @pytest.mark.parametrize("learns_values", [False, True])
@@ -261,6 +299,7 @@ def test_train_takes_the_best_form(hdc, of_values, tmp_path, learns_values):
         said = f"{loss[best]:.3g} of a guess's error, median, ridge {loss['median, ridge']:.3g}"
         how = "3 folds by session"
     assert out[1] == f"chosen: {best} among {len(loss)} by {how} ({said})"
+    assert out[2].startswith("chosen by 5 folds at random because") != learns_values
     if not learns_values:
         plain = HDCClassifier(*best.split(", ")).fit(frames, names)
         found = HDCClassifier.load(tmp_path / "m")

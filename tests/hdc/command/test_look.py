@@ -135,6 +135,58 @@ def test_what_is_missing_is_said_after_what_is_there(typed):
     assert "--labels FILE.csv with a row for each of 12 frames" in err
 
 
+def films(path, write_film):
+    path.mkdir()
+    for k, name in enumerate(
+        ("golf_ball__t=0", "golf_ball__t=1", "mug__t=0", "mug__t=1")
+    ):
+        write_film(path / f"{name}.avi", FRAMES[k // 2 :: 3], "MJPG")
+
+
+def runs(path, _):
+    for k, frame in enumerate(FRAMES):
+        file = path / f"{NAMES[k]}{k // 6}" / f"{k}.png"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        assert cv2.imwrite(str(file), frame)
+
+
+def trials(path, _):
+    arrays = {"cube": CUBE, "label": LABELS, "runNo": np.arange(12) // 4 % 2}
+    scipy.io.savemat(path, arrays)
+
+
+@pytest.mark.parametrize(
+    ("name", "write", "asked", "option", "held_out"),
+    [
+        ("films", films, "are golf_ball__t=0, golf_ball__t=1 recordings of one class? "
+         "{label}__t={group} reads them so", "--template {label}__t={group}.avi", "in groups"),
+        ("runs", runs, "are air0, air1 recordings of one class? --template '{label}{group:d}/*'",
+         "--template {label}{group:d}/*", "in groups"),
+        ("x.mat", trials, "runNo has 2 values: --sessions runNo tests whole recordings, --groups "
+         "runNo whole objects", "--sessions runNo", "in the last sessions"),
+        ("x.mat", trials, None, "--groups runNo", "in groups"),
+    ],
+)  # fmt: skip
+def test_what_seems_to_be_recorded_apart_raises_a_question(
+    typed, tmp_path, write_film, name, write, asked, option, held_out
+):
+    """A trial was offered as something to learn, and each of three films of a ball as a class."""
+    write(tmp_path / name, write_film)
+    out = typed("look", name)[1]
+    if asked is not None:
+        assert asked in out.splitlines()
+    words = ("train", name, *option.split(), "--test-fraction", 0.4, "-o", "m")
+    out = typed(*words)[1]
+    assert f"\nheld out {held_out}" in out
+
+
+def test_columns_that_are_not_there_are_named(typed, tmp_path):
+    trials(tmp_path / "x.mat", None)
+    for option in ("--sessions", "--groups"):
+        err = typed("look", "x.mat", option, "trial")[2]
+        assert f"error: {option[2:]}: expected one of runNo" in err
+
+
 def test_of_many_arrays_the_first_are_shown_and_the_file_is_loaded_once(
     typed, tmp_path, monkeypatch
 ):

@@ -2,6 +2,7 @@
 
 import os
 import re
+import shutil
 import subprocess
 import sys
 import warnings
@@ -148,9 +149,58 @@ def test_help_does_without_torch():
 
 
 def test_no_code_of_a_name_reaches_the_terminal(hdc, tmp_path):
-    status, _, (line,) = hdc("train", tmp_path / "a\x1b[31m\u202eb", "-o", "m")
+    odd = tmp_path / "a\x1b[31m\u202eb"
+    status, _, (line,) = hdc("train", odd, "-o", "m")
     assert (status, line.isprintable()) == (1, True)
     assert r"a\x1b[31m\u202eb" in line
+    frames, names = np.eye(12, dtype="u1").reshape(12, 3, 4), ["\x1b[2J", "b"] * 6
+    odd.mkdir()
+    model, array = odd / "m", odd / "x\x1b[0m.npz"
+    np.savez(array, frames=frames, labels=names)
+    for words in (
+        ("look", odd),
+        ("look", array),
+        ("train", array, "-o", model),
+        ("evaluate", model, array),
+        ("recalibrate", model, array, "-o", model),
+        ("export", model, "-o", odd / "m.h"),
+        ("sample", odd),
+    ):
+        status, out, err = hdc(*words)
+        assert (status, bool(out)) == (0, True), words
+        assert all(line.isprintable() for line in [*out, *err]), words
+
+
+@pytest.mark.parametrize("step", ["fsync", "replace"])
+def test_a_file_that_cannot_be_written_is_the_one_that_was_asked_for(
+    hdc, folder, model, monkeypatch, step
+):
+    """It was a temporary one."""
+
+    def fail(*_):
+        raise OSError(30, "Read-only file system", "a temporary file")
+
+    kept = model.read_bytes()
+    monkeypatch.setattr(os, step, fail)
+    status, _, lines = hdc("train", folder, "-o", model)
+    assert (status, lines) == (
+        1,
+        [f"error: [Errno 30] Read-only file system: '{model}'"],
+    )
+    assert model.read_bytes() == kept
+
+
+def test_a_full_disk_is_a_short_line(hdc, tmp_path, monkeypatch):
+    """Of a sample all files were listed, in 6 kB."""
+
+    def full(*_, **__):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(shutil, "copyfile", full)
+    status, _, (line,) = hdc("sample", tmp_path / "s")
+    assert status == 1
+    assert line.startswith(f"error: {tmp_path}/s/touches/")
+    assert line.endswith(".png: [Errno 28] No space left on device")
 
 
 @pytest.fixture

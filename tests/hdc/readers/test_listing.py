@@ -112,7 +112,7 @@ def test_fields_that_a_template_cannot_have_are_named(template):
         ({"crop": [-1, 0, 5, 5]}, "crop: expected null or"),
         ({"crop": [0, 0, 5.0, 5]}, "crop: expected null or"),
         ({"subsample": 0}, "subsample: expected an integer ≥ 1, found 0"),
-        ({"axes": ("frame",)}, "axes: expected null unless path is a file of arrays"),
+        ({"axes": ("frame",)}, "axes: expected null unless .* is a folder of arrays"),
     ],
 )  # fmt: skip
 def test_settings_that_cannot_be_are_named(folder, settings, message):

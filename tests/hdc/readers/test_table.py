@@ -129,3 +129,48 @@ def test_a_table_of_vectors_that_cannot_be_used_is_named(
     (tmp_path / "v.csv").write_text(rows)
     with pytest.raises(ValueError, match=rf"v\.csv{message}"):
         open_recording(tmp_path / "v.csv", **settings)
+
+
+RNG = np.random.default_rng(0)
+SPECTRUM = [f"{k}nm" for k in range(400, 412)]
+
+
+@pytest.mark.parametrize(
+    ("names", "numbers", "odd"),
+    [
+        (SPECTRUM, 1, ""),
+        ([*SPECTRUM, "force"], 1, "force"),
+        (["position", *SPECTRUM[:5], "trial", *SPECTRUM[5:]], 1, "position, trial"),
+        # By its range; a spectrum that rises and falls is none.
+        ([f"ch{k}" for k in range(12)], [1] * 5 + [100] + [1] * 6, "ch5"),
+        ([f"ch{k}" for k in range(12)], [1] * 5 + [0.01] + [1] * 6, "ch5"),
+        ([f"ch{k}" for k in range(12)], 4.0 ** -np.abs(np.arange(12) - 6), ""),
+        ([*"abcdefghi"], 1, ""),
+        (["400nm", "401nm", "force"], 1, ""),  # too few to say
+    ],
+)  # fmt: skip
+def test_a_pixel_unlike_its_neighbours_is_named(tmp_path, names, numbers, odd):
+    """A force was learnt as a pixel, and a position leaked: 100 %."""
+    vectors = RNG.uniform(0.5, 1, (6, len(names))) * numbers
+    rows = [",".join(["label", *names])]
+    rows += [",".join(["ab"[k % 2], *map(str, row)]) for k, row in enumerate(vectors)]
+    (tmp_path / "t.csv").write_text("\n".join(rows))
+    recording = open_recording(tmp_path / "t.csv")
+    assert recording.features == tuple(names)
+    notes = [
+        note.partition(": a pixel unlike the others")[0] for note in recording.notes
+    ]
+    assert notes == ([odd] if odd else [])
+
+
+def test_a_column_is_the_session_or_the_group_that_is_asked_for(tmp_path):
+    """Of a table of vectors it is no pixel then."""
+    rows = ["label,run,p1,object,p2", "a,r10,1,x,2", "b,r2,3,y,4", "a,r2,5,x,6"]
+    (tmp_path / "t.csv").write_text("\n".join(rows))
+    found = open_recording(tmp_path / "t.csv", sessions="run", groups="object")
+    assert found.session.tolist() == [1, 0, 0]
+    assert found.samples["session_name"].tolist() == ["r10", "r2", "r2"]
+    assert found.group.tolist() == [0, 1, 0]
+    assert found[:].tolist() == [[1, 2], [3, 4], [5, 6]]
+    with pytest.raises(ValueError, match="groups: expected one of label, run, p1, obj"):
+        open_recording(tmp_path / "t.csv", groups="nothing")

@@ -1,0 +1,181 @@
+"""A folder of files of arrays or videos: what names say, and which frames of which file come."""
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+
+from hdc.readers import Ambiguous, BadFrame, open_recording
+from hdc.readers.gathered import suggested
+
+N, H, W = 6, 16, 24
+
+
+def frames_of(number):
+    """uint8 [6, 16, 24]: uniform frames, different in each file and each place."""
+    greys = 40 * number + 5 * np.arange(N)
+    return np.broadcast_to(greys[:, None, None], (N, H, W)).astype(np.uint8)
+
+
+def save_h5(path, frames):
+    with h5py.File(path, "w") as file:
+        file["run/frames"] = frames
+
+
+WRITERS = {
+    "npy": np.save,
+    "npz": lambda path, frames: np.savez(path, cube=frames),
+    "mat": lambda path, f: scipy.io.savemat(path, {"cube": np.moveaxis(f, 0, -1)}),
+    "h5": save_h5,
+    "mkv": None,
+    "avi": None,
+}
+NAMES = ("day1/mug_1", "day1/ball_1", "day1/ball_2", "day2/mug_1", "day2/ball_1")
+
+
+@pytest.fixture
+def gathered(tmp_path, write_film):
+    """gathered(suffix) → a folder with a file of six frames for each of the names."""
+
+    def make(suffix):
+        for number, name in enumerate(sorted(NAMES)):
+            path = tmp_path / f"{name}.{suffix}"
+            path.parent.mkdir(exist_ok=True)
+            if suffix in ("mkv", "avi"):
+                code = {"mkv": "FFV1", "avi": "MJPG"}[suffix]
+                write_film(path, frames_of(number), code)
+            else:
+                WRITERS[suffix](path, frames_of(number))
+        (tmp_path / "day1" / "notes.txt").touch()
+        return tmp_path
+
+    return make
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_files_are_labelled_by_their_names(gathered, suffix):
+    """Six of nine data sets had a file per recording, and needed a script."""
+    root = gathered(suffix)
+    template = f"{{session}}/{{label}}_{{group}}.{suffix}"
+    recording = open_recording(root, template=template, crop=[8, 0, 16, 8])
+    assert recording.shape == (5 * N, 8, 16)
+    assert recording.dtype == np.uint8
+    assert recording.classes == ("ball", "mug")
+    assert (
+        recording.names == np.repeat(["ball", "ball", "mug", "ball", "mug"], N).tolist()
+    )
+    assert recording.samples["session_name"].tolist() == ["day1"] * 18 + ["day2"] * 12
+    assert recording.group.tolist() == np.repeat([1, 2, 1, 1, 1], N).tolist()
+    files = [f"{name}.{suffix}" for name in sorted(NAMES)]
+    assert recording.samples["file"].tolist() == np.repeat(files, N).tolist()
+    assert recording.place(7).startswith(f"{root / files[1]}, frame 1")
+    assert recording.other_files == ("day1/notes.txt",)
+    expected = np.concatenate([frames_of(k) for k in range(5)])[:, :8, :16].astype(int)
+    order = np.random.default_rng(0).permutation(5 * N)
+    for index in (np.arange(5 * N), order, [7, 7, 0]):
+        found = recording.frames(index).astype(int)
+        assert np.abs(found - expected[index]).max() <= 2 * (suffix == "avi")
+
+
+@pytest.mark.parametrize("suffix", ["npy", "mkv"])
+def test_evenly_spaced_frames_are_taken_of_each_file(gathered, suffix):
+    root = gathered(suffix)
+    template = f"{{session}}/{{label}}_{{group}}.{suffix}"
+    whole = open_recording(root, template=template)
+    for frames, rows in ((1, [3]), (2, [1, 4]), (3, [1, 3, 5]), (9, [*range(N)])):
+        some = open_recording(root, template=template, frames=frames)
+        kept = (N * np.arange(5)[:, None] + rows).ravel()
+        assert np.array_equal(some[:], whole[kept])
+        assert some.names == [whole.names[k] for k in kept]
+        assert some.place(len(rows)) == whole.place(N + rows[0])
+        assert (some.fingerprint() == whole.fingerprint()) == (frames == 9)
+
+
+def test_a_file_is_a_group_where_the_template_has_none(gathered):
+    root = gathered("npy")
+    expected = np.repeat(np.arange(5), N).tolist()
+    assert open_recording(root, template="*/{label}_*.npy").group.tolist() == expected
+    one_each = open_recording(root, template="*/{label}_*.npy", frames=1)
+    assert one_each.group is None
+    names = open_recording(root, template="day1/{label}.npy")  # a class a file
+    assert names.classes == ("ball_1", "ball_2", "mug_1")
+    assert names.group is None
+    assert names.notes[1] == "each class is one file, whose frames are split"
+    alone = open_recording(root, template="day1/{label}_*.npy")
+    assert alone.group[: 2 * N].tolist() == [0] * N + [1] * N
+    assert len({*alone.group[2 * N :].tolist()}) == N
+    assert alone.notes[1] == "mug: one file, whose frames are split"
+
+
+def test_what_names_do_not_say_is_said_by_the_files(tmp_path, write_film):
+    """Labels, runs and numbers in a file for each day; a film with its table."""
+    labels = np.array([*"ababab"])
+    for day in (1, 2):
+        np.savez(
+            tmp_path / f"day{day}.npz",
+            frames=frames_of(day),
+            labels=labels,
+            values=np.arange(6.0) * day,
+            value_names=["force"],
+            run=np.arange(6) // 2,
+        )
+    recording = open_recording(tmp_path, template="{session}.npz", groups="run")
+    assert recording.names == [*labels, *labels]
+    assert recording.session.tolist() == [0] * 6 + [1] * 6
+    assert recording.group.tolist() == [0, 0, 1, 1, 2, 2, 3, 3, 4, 4, 5, 5]
+    forced = open_recording(tmp_path, template="{session}.npz", value_columns=["force"])
+    assert forced.values.ravel().tolist() == [0, 1, 2, 3, 4, 5, 0, 2, 4, 6, 8, 10]
+    named = open_recording(tmp_path, template="{label}.npz")
+    assert named.classes == ("day1", "day2")
+    assert "labels of the names of the files, not those in them" in named.notes
+    assert named.values is None
+    for day in (1, 2):
+        film = tmp_path / f"film{day}.mkv"
+        write_film(film, frames_of(day))
+        film.with_suffix(".csv").write_text("start_s,end_s,label\n0,0.2,a\n0.2,0.6,b\n")
+    films = open_recording(tmp_path, template="{session}.mkv")
+    assert films.names == [*"aabbbb"] * 2
+    assert films.session.tolist() == [0] * 6 + [1] * 6
+
+
+@pytest.mark.parametrize(
+    ("files", "expected"),
+    [
+        (["ball__t=0.avi", "ball__t=1.avi", "mug__t=0.avi"],
+         ["{label}__t={group}.avi", "{label}.avi", "{session}.avi"]),
+        (["a_ball-1.npy", "a_ball-2.npy", "b_1.npy"],
+         ["{label}{group:d}.npy", "{label}.npy", "{session}.npy"]),
+        (["ball1.mat", "ball2.mat", "mug1.mat", "x.avi"],
+         ["{label}{group:d}.mat", "{label}.mat", "{session}.mat", "{label}.avi", "{session}.avi"]),
+        (["a_ball_run1.avi", "a_ball_run2.avi", "mug_run1.avi"],
+         ["{label}_run{group}.avi", "{label}.avi", "{session}.avi"]),
+        (["run1.h5", "run2.h5"], ["{label}.h5", "{session}.h5"]),
+        (["ball_1.avi", "mug_1.avi"], ["{label}.avi", "{session}.avi"]),
+        (["d1/ball_1.avi", "d1/ball_2.avi", "d2/mug_1.avi"],
+         ["{session}/{label}_*.avi", "{label}/{group}.avi", "{session}/{label}.avi"]),
+        (["x/a/1.avi", "x/b/1.avi"],
+         ["{session}/{label}/*.avi", "{label}/{session}/*.avi"]),
+    ],
+)  # fmt: skip
+def test_templates_are_suggested_by_names(files, expected):
+    assert suggested(files) == expected
+
+
+def test_what_cannot_be_is_named(gathered):
+    root = gathered("npy")
+    with pytest.raises(Ambiguous, match=r"5 files of frames, such as day1/ball_1\.npy"):
+        open_recording(root)
+    template = "{session}/{label}_{group}.npy"
+    with pytest.raises(ValueError, match="frames: expected null or an integer ≥ 1"):
+        open_recording(root, template=template, frames=-1)
+    with pytest.raises(ValueError, match="skip_damaged: expected false unless"):
+        open_recording(root, template=template, skip_damaged=True)
+    with pytest.raises(ValueError, match="axes: expected 3 different names among"):
+        open_recording(root, template=template, axes=["height", "width"])
+    with pytest.raises(ValueError, match="expected a label of each frame"):
+        open_recording(root, template="{session}/*.npy")
+    with pytest.raises(ValueError, match="expected images in one sub-folder per"):
+        open_recording(root, template="{label}.npy")
+    np.save(root / "day2" / "mug_1.npy", frames_of(1)[:, 1:])
+    with pytest.raises(BadFrame, match=r"mug_1\.npy: expected frames \(16, 24\) uint8"):
+        open_recording(root, template=template)
