@@ -35,7 +35,7 @@ from hdc.readouts.base import HeldOut
 from hdc.readouts.leave_one_out import (
     Products,
     discriminants,
-    inverse_diagonal,
+    inverse_squares,
     spread_over,
 )
 
@@ -120,21 +120,29 @@ class Problem:
 
     def solve(self, penalty: float | None) -> Solution:
         """With ℓ, but for rounding's share at least; None is the nearest mean, ℓ without end."""
-        chosen = spread_over(self.onehot.argmax(1))
+        rows = self.onehot.argmax(1)
+        chosen = spread_over(rows)
         centred = self.share - self.share.mean(1, keepdim=True)
         if penalty is None:
-            own = self.diagonal[chosen]
-            nearest = Products(self.right, self.between, own, None)
+            counts = self.onehot.sum(0)[rows[chosen]]
+            left = (counts - 1) / counts - self.diagonal[chosen]
+            nearest = Products(self.right, self.between, left, None)
             return Solution(centred, self._offsets(centred), nearest)
         penalty = max(penalty, _LEAST * self.trace / len(self.products))
         self.products.diagonal().copy_(self.diagonal + penalty)
         factor = torch.linalg.cholesky(self.products)
         solved = torch.cholesky_solve(self.right, factor)
         of_mean_pairs = (self.between - self.right.T @ solved) / penalty
-        own = 1 - penalty * inverse_diagonal(factor, chosen)
+        left = penalty * inverse_squares(factor, self._columns(chosen))
         dual = centred - (solved - self.share @ (self.onehot.T @ solved))
-        kept = Products(solved, of_mean_pairs, own, penalty)
+        kept = Products(solved, of_mean_pairs, left, penalty)
         return Solution(dual, self._offsets(dual), kept)
+
+    def _columns(self, places: Tensor) -> Tensor:
+        """Columns [N, m] of C."""
+        columns = -self.share @ self.onehot[places].T
+        columns[places, torch.arange(len(places))] += 1
+        return columns
 
     def _offsets(self, dual: Tensor) -> Tensor:
         halfway = self.of_means + self.of_means.mean(1, keepdim=True)
@@ -195,12 +203,13 @@ class Primal:
             factor = torch.linalg.cholesky(matrix)
             solved = torch.cholesky_solve(apart, factor)
             weights = penalty * solved
-            half = torch.linalg.solve_triangular(factor, inside.T, upper=False)
-            own = (half**2).sum(0)
+            own = inverse_squares(factor, inside.T)
         frames = torch.cat([d @ solved for d in self._inside()])
         halfway = (self.means + self.means.mean(0)) / 2
         offsets = -(halfway.T * weights).sum(0)
-        kept = Products(frames, apart.T @ solved, own, penalty)
+        counts = torch.bincount(self.rows)[self.rows[chosen]]
+        left = (counts - 1) / counts.double() - own
+        kept = Products(frames, apart.T @ solved, left, penalty)
         return Solution(weights, offsets, kept)
 
     def _inside(self) -> Iterator[Tensor]:

@@ -13,7 +13,7 @@ from experiments.studies.limits.stability import counting, encoders, readouts, t
 CASES = [*counting.CASES, *encoders.CASES, *readouts.CASES, *training.CASES]
 
 
-@experiment(revision=4)
+@experiment(revision=5)
 def stability(run: Run) -> Iterator[Row]:
     """One row: a case, with the errors of both computations."""
     for case in CASES:
