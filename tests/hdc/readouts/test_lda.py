@@ -138,9 +138,10 @@ def test_a_model_is_the_same_among_frames_and_among_bits(monkeypatch):
     _, words, rows = problem(300, 65, 4, 3)
     rows[rows == 3] = 5
     primal = fitted(LDA(), words, rows, 6, 65)
-    by_pairs = lambda words, rows: Problem.of(
-        gram(words.packed, words.packed, 65), rows
-    )  # noqa: E731
+
+    def by_pairs(words, rows):
+        return Problem.of(gram(words.packed, words.packed, 65), rows)
+
     monkeypatch.setattr(lda, "problem_of", by_pairs)
     expected = fitted(LDA(), words, rows, 6, 65)
     planes = [bits.unpack(model.weights_, 65).long() for model in (primal, expected)]
