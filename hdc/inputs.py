@@ -86,26 +86,21 @@ def columns_of(frames: Any) -> list[str | int] | None:
     """Names of the columns of a data frame; None for frames that are none."""
     if not hasattr(frames, "columns"):
         return None
-    return [_column_name(name) for name in frames.columns]
-
-
-def _column_name(name: Any) -> str | int:
-    """A name that JSON has: a number stays one."""
-    return int(name) if isinstance(name, Integral) else str(name)
+    # JSON has text and numbers.
+    return [int(n) if isinstance(n, Integral) else str(n) for n in frames.columns]
 
 
 def _check_axes(found: tuple[int, ...]) -> None:
     """Raise ValueError for the shape of frames that is neither [N, H, W] nor [N, D]."""
+    wrong = ""
     if len(found) == 1 and found[0]:
-        raise ValueError(
-            f"frames: expected shape [N, H, W] or [N, D], found {found}; "
-            "Reshape your data: of one frame, frames[None] is a batch"
-        )
-    if len(found) > 3:
-        raise ValueError(
-            f"frames: expected shape [N, H, W] or [N, D], found {found}; "
-            "take one channel of each frame"
-        )
+        wrong = f"{found}; Reshape your data: of one frame, frames[None] is a batch"
+    elif len(found) > 3:
+        wrong = f"{found}; take one channel of each frame"
+    elif len(found) == 2 and found[1] == 0:
+        wrong = f"0 feature(s) (shape={found}) while a minimum of 1 is required."
+    if wrong:
+        raise ValueError(f"frames: expected shape [N, H, W] or [N, D], found {wrong}")
 
 
 def _as_array(frames: Any) -> np.ndarray:
@@ -131,7 +126,7 @@ def tensor(frames: Any) -> Tensor:
 
     Raises:
         TypeError: for values that are no numbers.
-        ValueError: for complex numbers, masked pixels, or frames without pixels.
+        ValueError: for complex numbers or masked pixels.
     """
     _check_unmasked("frames", frames)
     if not isinstance(frames, Tensor):
@@ -158,12 +153,23 @@ def tensor(frames: Any) -> Tensor:
             array = array.copy()
         frames = torch.from_numpy(array)
     _check_dense("frames", frames)
-    if frames.ndim == 2 and frames.shape[1] == 0:
-        raise ValueError(
-            f"frames: expected shape [N, H, W] or [N, D] with pixels, found 0 feature(s) "
-            f"(shape={tuple(frames.shape)}) while a minimum of 1 is required."
-        )
     return frames
+
+
+def check_frames(frames: Any) -> None:
+    """Raise TypeError or ValueError for all but tensors [N, H, W] or [N, D] of real pixels."""
+    if not isinstance(frames, Tensor):
+        found = type(frames).__name__
+        raise TypeError(f"frames: expected a torch tensor, found {found}")
+    if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
+        shape = tuple(frames.shape)
+        raise ValueError(
+            f"frames: expected shape [N, H, W] or [N, D] with pixels, found {shape}"
+        )
+    if frames.dtype == torch.bool or frames.is_complex():
+        raise TypeError(
+            f"frames: expected real or integer pixels, found {frames.dtype}"
+        )
 
 
 def _check_dense(name: str, values: Tensor) -> None:

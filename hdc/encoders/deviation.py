@@ -117,7 +117,8 @@ def _level(threshold: Fraction, sigma: int) -> int:
 def _warn_of_none(deviations: Sequence[int], first: int) -> None:
     """Warn of frames that do not differ from the reference, or alike in all pixels."""
     none = [i for i, sigma in enumerate(deviations) if sigma == 0]
-    warn_of_constant(none, first)
+    if none:
+        warn_of_constant(none, first)
 
 
 def _exact(values: Sequence[Any]) -> list[Fraction]:

@@ -20,7 +20,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import backends, bits
+from hdc import backends, bits, inputs
 from hdc.encoders.base import Encoder
 from hdc.encoders.thresholds import one_by_one
 from hdc.encoders.ties import TIES, in_order
@@ -80,7 +80,8 @@ class RankEncoder(Encoder):
 
     def warn(self, ties: Ties, n_pixels: int, first: int) -> None:
         """Warn of constant frames, by number, and once of frames with many ties."""
-        warn_of_constant(ties.constant, first)
+        if ties.constant:
+            warn_of_constant(ties.constant, first)
         share = ties.most / n_pixels
         if share <= self.tied_share or self._warned:
             return
@@ -115,32 +116,30 @@ def encode_ranks(
 
     Arguments and errors as of :meth:`RankEncoder.encode`; `rule` is its `ties`.
     """
-    check_frames(frames)
+    inputs.check_frames(frames)
     if rule not in TIES:
         check_choice("ties", rule, TIES)
     n = len(frames)
     n_pixels = frames.shape[1:].numel()
     ones = count_ones(quantiles, n_pixels)
-    width = bits.words_for(len(ones) * n_pixels)
-    words = torch.empty(n, width, dtype=torch.int64, device=frames.device)
     kernels = backends.in_use.get()
+    if n == 0 or (kernels and frames.dtype in _COMPILED):
+        width = bits.words_for(len(ones) * n_pixels)
+        words = torch.empty(n, width, dtype=torch.int64, device=frames.device)
+    if n == 0:
+        return words, Ties([], 0)
     if kernels and frames.dtype in _COMPILED:
         images = frames.reshape(n, n_pixels).numpy()
         equal, split = kernels.encode(images, words.numpy(), ones, rule)
         return words, ties_of(equal, split, n_pixels)
-    if n == 0:
-        return words, Ties([], 0)
     step, route = route_of(frames, n_pixels)
-    counted = []
+    found = []
     for start in range(0, n, step):
         pixels = _pixels(frames[start : start + step], first + start)
-        found = map(torch.as_tensor, route(pixels, ones, rule))
-        words[start : start + step], *counts = found
-        counted.append(counts)
-    equal, split = (
-        torch.cat(part).numpy(force=True) for part in zip(*counted, strict=True)
-    )
-    return words, ties_of(equal, split, n_pixels)
+        found.append(map(torch.as_tensor, route(pixels, ones, rule)))
+    words, equal, split = (torch.cat(part) for part in zip(*found, strict=True))
+    counts = equal.numpy(force=True), split.numpy(force=True)
+    return words, ties_of(*counts, n_pixels)
 
 
 def count_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
@@ -150,27 +149,8 @@ def count_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
     ]
 
 
-def check_frames(frames: Tensor) -> None:
-    """Raise ValueError for frames of another shape or no pixels, TypeError for bool or complex, and
-    for what is no tensor."""
-    if not isinstance(frames, Tensor):
-        found = type(frames).__name__
-        raise TypeError(f"frames: expected a torch tensor, found {found}")
-    if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
-        found = tuple(frames.shape)
-        raise ValueError(
-            f"frames: expected shape [N, H, W] or [N, D] with pixels, found {found}"
-        )
-    if frames.dtype == torch.bool or frames.is_complex():
-        raise TypeError(
-            f"frames: expected real or integer pixels, found {frames.dtype}"
-        )
-
-
 def warn_of_constant(constant: Sequence[int], first: int) -> None:
-    """Warn of frames, counted from number `first`, of which all pixels are equal; if there are."""
-    if not constant:
-        return
+    """Warn of frames, counted from number `first`, of which all pixels are equal."""
     listed = [str(first + i) for i in constant[:10]]
     if len(constant) > len(listed):
         listed.append("…")

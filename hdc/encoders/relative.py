@@ -103,7 +103,8 @@ class RelativeEncoder(Encoder):
             flat = flat[~values[flat].any(1)]
             constant += (start + flat).tolist()
             words.append(self.of_differences(values.sub_(reference), first + start))
-        warn_of_constant(constant, first)
+        if constant:
+            warn_of_constant(constant, first)
         return torch.cat(words)
 
     def _in_range(self, n_pixels: int) -> Tensor:

@@ -12,7 +12,6 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.encoders.named import Around
-from hdc.encoders.ranks import check_frames
 from hdc.encoders.standardised import EXACT, LARGEST, integers
 from hdc.parameters import check_integer
 from hdc.tensors import checked
@@ -88,7 +87,7 @@ class Smoothed(Around):
 
         In 1/1024 of a grey level for types of at most 16 bits, else of 18 bits.
         """
-        check_frames(frames)
+        inputs.check_frames(frames)
         flat = frames.flatten(1)
         height, width = self.shape_.tolist()
         found = torch.empty(flat.shape, dtype=torch.int32, device=frames.device)

@@ -9,8 +9,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import backends
-from hdc.encoders.ranks import check_finite, check_frames
+from hdc import backends, inputs
+from hdc.encoders.ranks import check_finite
 
 FRACTION = 16  # bits after the point of a standardised pixel
 _STEPS = 2.0**FRACTION
@@ -28,7 +28,7 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
     more than 16 bits first lose the middle of their range, so that no offset takes bits from what
     differs, and are scaled to integers of 18 bits, frame by frame.
     """
-    check_frames(frames)
+    inputs.check_frames(frames)
     flat = frames.flatten(1)
     n_pixels = flat.shape[1]
     kernels = backends.in_use.get()

@@ -2,34 +2,51 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 
 import torch
 from torch import Tensor
 
 from hdc import backends, bits
+from hdc.hypervectors import Hypervectors
 
 MOST_FRAMES = 8000
 """Training frames of a read-out that is solved by the products of all pairs."""
 _ROWS = 64  # of a Gram matrix at a time
 _STEP = 64  # words unpacked at a time; their floats stay in the cache
+_SIGNS = 2**20  # bits that are floats at a time, for sums over frames
 
 
-def check_memory(readout: str, n: int, matrices: int) -> None:
-    """Raise ValueError for more frames than a Gram matrix of all pairs has room for.
+def check_memory(
+    readout: str, n: int, matrices: int, dimension: int | None = None
+) -> None:
+    """Raise ValueError for more frames than the products of all pairs have room for.
 
     Args:
         readout: its name, for the error.
         n: training frames.
         matrices: float64 [n, n] that are held at a time.
+        dimension: D, of a read-out that takes the products of all pairs of bits where D < n.
     """
-    if n > MOST_FRAMES:
-        memory = matrices * 8 * n**2 / 1e9
-        raise ValueError(
-            f"{readout}: expected at most {MOST_FRAMES} frames, found {n}, which need {matrices} "
-            f"matrices of {n} × {n}, {memory:.1f} GB; train on some of them, or use a read-out "
-            "without such a matrix, such as 'neighbours'"
-        )
+    size = n if dimension is None else min(n, dimension)
+    if size <= MOST_FRAMES:
+        return
+    expected, found, fewer = (
+        f"{MOST_FRAMES} frames",
+        f"{n}",
+        "fewer frames of each class",
+    )
+    if dimension is not None:
+        expected += f" or {MOST_FRAMES} bits"
+        found += f" frames of {dimension} bits"
+        fewer += ", or on fewer pixels (--subsample)"
+    memory = matrices * 8 * size**2 / 1e9
+    raise ValueError(
+        f"{readout}: expected at most {expected}, found {found}, which need {matrices} matrices "
+        f"of {size} × {size}, {memory:.1f} GB; train on {fewer}, or use a read-out without such "
+        "a matrix, such as 'neighbours'"
+    )
 
 
 def dot(planes: Tensor, n: Tensor, words: Tensor, dimension: int) -> Tensor:
@@ -109,3 +126,48 @@ def _sums_of_ones(factors: Tensor, words: Tensor) -> Tensor:
         ones = bits.unpack(words[:, start:stop], n_bits).float()
         sums[:, start * bits.WORD : stop * bits.WORD] = factors.T @ ones
     return sums
+
+
+# Sums over frames that outnumber their bits -------------------------------------------------------
+
+
+def signs(words: Hypervectors) -> Tensor:
+    """The bits in ±1, float64 [N, D] (CPU)."""
+    ones = bits.unpack(words.packed.cpu(), words.dimension)
+    return ones.double().mul_(2).sub_(1)
+
+
+def in_parts(words: Hypervectors) -> Iterator[slice]:
+    """Rows of hypervectors that are unpacked at a time."""
+    step = max(1, _SIGNS // words.dimension)
+    for start in range(0, len(words), step):
+        yield slice(start, start + step)
+
+
+def scatter(words: Hypervectors, rows: Tensor) -> tuple[Tensor, Tensor]:
+    """Σ (x − μ)·(x − μ)ᵀ of all frames in ±1 and the means μ of their classes, and these means.
+
+    Sums are whole numbers, exact below 2⁵³, up to one division for each class.
+
+    Args:
+        words: N hypervectors.
+        rows: their classes int64 [N] (CPU), each of 0 … L − 1 with a frame.
+
+    Returns:
+        float64 [D, D] and [L, D] (CPU).
+    """
+    size = words.dimension
+    total = torch.zeros(size, size, dtype=torch.float64)
+    means = []
+    for c in range(int(rows.max()) + 1):
+        of_class = words[rows == c]
+        n = len(of_class)
+        products = torch.zeros_like(total)
+        sums = torch.zeros(size, dtype=torch.float64)
+        for part in in_parts(of_class):
+            x = signs(of_class[part])
+            products.addmm_(x.T, x)
+            sums += x.sum(0)
+        total += products.mul_(n).addr_(sums, sums, alpha=-1).div_(n)
+        means.append(sums / n)
+    return total, torch.stack(means)

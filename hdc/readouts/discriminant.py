@@ -1,4 +1,4 @@
-"""Discriminant analysis solved among the frames, of any products G of them.
+"""Discriminant analysis solved among the frames, of any products G of them, or among few bits.
 
 With N frames, n_c of class c, and L classes,
 
@@ -8,22 +8,34 @@ With N frames, n_c of class c, and L classes,
     b_c = −½·(E_c + mean over classes of E)ᵀ·G·A_c
 
 and the score of a query x for class c is g(x)ᵀ·A_c + b_c, with its products g(x) with the frames.
+
+Frames x ∈ {±1}^D that outnumber their bits are solved among these, where the equations are fewer,
+
+    S = Xᵀ·C·X                                     scatter within classes
+    w_c = ℓ·(S + ℓ·I)⁻¹·m_c,  m = E'ᵀ·X            weights of the bits, w = Aᵀ·X
+    b_c = −½·(μ_c + mean over classes of μ)·w_c    of the means μ = Eᵀ·X
+
+with the same solution but for rounding, of some N·κ·ε by either, for the condition number κ of the
+equations.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
 import torch
 from torch import Tensor
 
+from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share
+from hdc.readouts.arithmetic import in_parts, scatter, signs
 from hdc.readouts.base import HeldOut
 from hdc.readouts.leave_one_out import (
     Products,
     discriminants,
-    inverse_diagonal,
+    inverse_squares,
     spread_over,
 )
 
@@ -36,7 +48,7 @@ class Solution(NamedTuple):
     """Discriminants that are learned with one penalty.
 
     Attributes:
-        dual: A, float64 [N, L].
+        dual: A, float64 [N, L]; of a problem among bits w, [D, L].
         offsets: b, float64 [L].
         products: for the scores of frames without themselves.
     """
@@ -98,31 +110,112 @@ class Problem:
         )
 
     @property
+    def n_classes(self) -> int:
+        return self.onehot.shape[1]
+
+    @property
     def trace(self) -> float:
         """tr K."""
         return float(self.diagonal.sum())
 
     def solve(self, penalty: float | None) -> Solution:
         """With ℓ, but for rounding's share at least; None is the nearest mean, ℓ without end."""
-        chosen = spread_over(self.onehot.argmax(1))
+        rows = self.onehot.argmax(1)
+        chosen = spread_over(rows)
         centred = self.share - self.share.mean(1, keepdim=True)
         if penalty is None:
-            own = self.diagonal[chosen]
-            nearest = Products(self.right, self.between, own, None)
+            counts = self.onehot.sum(0)[rows[chosen]]
+            left = (counts - 1) / counts - self.diagonal[chosen]
+            nearest = Products(self.right, self.between, left, None)
             return Solution(centred, self._offsets(centred), nearest)
         penalty = max(penalty, _LEAST * self.trace / len(self.products))
         self.products.diagonal().copy_(self.diagonal + penalty)
         factor = torch.linalg.cholesky(self.products)
         solved = torch.cholesky_solve(self.right, factor)
         of_mean_pairs = (self.between - self.right.T @ solved) / penalty
-        own = 1 - penalty * inverse_diagonal(factor, chosen)
+        left = penalty * inverse_squares(factor, self._columns(chosen))
         dual = centred - (solved - self.share @ (self.onehot.T @ solved))
-        kept = Products(solved, of_mean_pairs, own, penalty)
+        kept = Products(solved, of_mean_pairs, left, penalty)
         return Solution(dual, self._offsets(dual), kept)
+
+    def _columns(self, places: Tensor) -> Tensor:
+        """Columns [N, m] of C."""
+        columns = -self.share @ self.onehot[places].T
+        columns[places, torch.arange(len(places))] += 1
+        return columns
 
     def _offsets(self, dual: Tensor) -> Tensor:
         halfway = self.of_means + self.of_means.mean(1, keepdim=True)
         return -0.5 * (halfway * dual).sum(0)
+
+
+@dataclass(frozen=True)
+class Primal:
+    """:class:`Problem` among the D bits of frames in ±1; :meth:`of` hypervectors and classes.
+
+    Attributes:
+        products: S, float64 [D, D].
+        diagonal: that of K, float64 [N].
+        words: N hypervectors.
+        rows: their classes int64 [N].
+        means: μ, float64 [L, D].
+    """
+
+    products: Tensor
+    diagonal: Tensor
+    words: Hypervectors
+    rows: Tensor
+    means: Tensor
+
+    @classmethod
+    def of(cls, words: Hypervectors, rows: Tensor) -> Self:
+        """Make it from hypervectors of classes int64 [N], each of them with a frame."""
+        products, means = scatter(words, rows)
+        problem = cls(products, torch.empty(len(rows)), words, rows, means)
+        squares = [(d**2).sum(1) for d in problem._inside()]
+        return replace(problem, diagonal=torch.cat(squares))
+
+    @property
+    def n_classes(self) -> int:
+        return len(self.means)
+
+    @property
+    def is_empty(self) -> bool:
+        return not self.diagonal.any()
+
+    @property
+    def trace(self) -> float:
+        """tr S."""
+        return float(self.diagonal.sum())
+
+    def solve(self, penalty: float | None) -> Solution:
+        """As of :class:`Problem`, with weights of the bits."""
+        apart = (self.means - self.means.mean(0)).T
+        chosen = spread_over(self.rows)
+        inside = signs(self.words[chosen]) - self.means[self.rows[chosen]]
+        if penalty is None:
+            weights = solved = apart
+            own = self.diagonal[chosen]
+        else:
+            penalty = max(penalty, _LEAST * self.trace / len(self.rows))
+            matrix = self.products.clone()
+            matrix.diagonal().add_(penalty)
+            factor = torch.linalg.cholesky(matrix)
+            solved = torch.cholesky_solve(apart, factor)
+            weights = penalty * solved
+            own = inverse_squares(factor, inside.T)
+        frames = torch.cat([d @ solved for d in self._inside()])
+        halfway = (self.means + self.means.mean(0)) / 2
+        offsets = -(halfway.T * weights).sum(0)
+        counts = torch.bincount(self.rows)[self.rows[chosen]]
+        left = (counts - 1) / counts.double() - own
+        kept = Products(frames, apart.T @ solved, left, penalty)
+        return Solution(weights, offsets, kept)
+
+    def _inside(self) -> Iterator[Tensor]:
+        """Frames minus the mean of their class, float64 [B, D] each."""
+        for part in in_parts(self.words):
+            yield signs(self.words[part]) - self.means[self.rows[part]]
 
 
 def _centre_within_classes(

@@ -92,7 +92,8 @@ class Kernel(Readout):
         """See :meth:`hdc.readouts.base.Readout.fit`.
 
         Raises:
-            ValueError: for more than 8000 frames, of which the matrices fill the memory.
+            ValueError: for more than 8000 frames, of which the products of all pairs fill the
+                memory.
         """
         n = len(rows)
         check_memory("kernel", n, matrices=3)

@@ -6,6 +6,8 @@ among the N frames (:mod:`hdc.readouts.discriminant`) with x ∈ {±1}^D and
     G = X·Xᵀ = D − 2·Hamming                       integers, N × N
     w = Aᵀ·X                                       weights of the bits
 
+or, of more frames than bits, among the bits.
+
 The shrunken covariance is (1 − α)·S + α·(tr S/D)·I, so that ℓ = α/(1 − α)·tr(K)/D; α = 1 is the
 nearest mean.
 
@@ -31,7 +33,13 @@ from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
 from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
 from hdc.readouts.base import NOWHERE, HeldOut, Readout, State
-from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
+from hdc.readouts.discriminant import (
+    Primal,
+    Problem,
+    Solution,
+    check_mixed,
+    held_out_of,
+)
 from hdc.readouts.leave_one_out import spread_over
 
 SHRINKAGES = ("ledoit_wolf", "oas")
@@ -104,20 +112,24 @@ class LDA(Readout):
         """See :meth:`hdc.readouts.base.Readout.fit`.
 
         Raises:
-            ValueError: for more than 8000 frames, of which the Gram matrices fill the memory.
+            ValueError: for more than 8000 frames of more than 8000 bits, of which neither the
+                products of all pairs of frames nor those of bits fit in the memory.
         """
-        check_memory("lda", len(rows), matrices=2)
-        known, place = rows.unique(return_inverse=True)
         packed, dimension = words.packed, words.dimension
-        problem = Problem.of(gram(packed, packed, dimension), place)
+        check_memory("lda", len(rows), matrices=2, dimension=dimension)
+        known, place = rows.unique(return_inverse=True)
+        problem = problem_of(words, place)
         if problem.is_empty:
             warnings.warn(
                 "lda: no class has two different frames, so the nearest mean is learned",
                 stacklevel=3,
             )
         alpha, solution = shrunken(problem, dimension, self.shrinkage)
-        dual, offsets, products = solution
-        weights = combinations(dual, packed)[:, :dimension]
+        weights, offsets, products = solution
+        if isinstance(problem, Primal):
+            weights = weights.T.float()
+        else:
+            weights = combinations(weights, packed)[:, :dimension]
         means = class_means(packed, place, len(known), dimension)
         learned = weights, means, offsets
         state, unit = _stored(learned, known, n_classes, alpha, packed.device)
@@ -225,8 +237,15 @@ def closed_form(
     return min(1.0, max(0.0, share))
 
 
+def problem_of(words: Hypervectors, rows: Tensor) -> Problem | Primal:
+    """The one with fewer equations, for classes int64 [N], each of them with a frame."""
+    if len(rows) > words.dimension:
+        return Primal.of(words, rows)
+    return Problem.of(gram(words.packed, words.packed, words.dimension), rows)
+
+
 def shrunken(
-    problem: Problem, dimension: int, shrinkage: float | str
+    problem: Problem | Primal, dimension: int, shrinkage: float | str
 ) -> tuple[float, Solution]:
     """α, and what is learned with it from a problem in D dimensions."""
     alpha = share_of_target(problem, dimension, shrinkage)
@@ -235,15 +254,16 @@ def shrunken(
     return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
 
 
-def share_of_target(problem: Problem, dimension: int, shrinkage: float | str) -> float:
+def share_of_target(
+    problem: Problem | Primal, dimension: int, shrinkage: float | str
+) -> float:
     """α for a problem in D dimensions; 1 is the nearest mean."""
     if problem.is_empty:
         return 1.0
     if not isinstance(shrinkage, str):
         return float(shrinkage)
-    n, n_classes = problem.onehot.shape
     squares = float((problem.products**2).sum())
-    degrees = max(1, n - n_classes)
+    degrees = max(1, len(problem.diagonal) - problem.n_classes)
     return closed_form(
         shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
     )

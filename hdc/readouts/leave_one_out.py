@@ -7,7 +7,9 @@ their class, the discriminant of class c is
 
 Without a frame x = μ_y + d of a class of n frames, μ_y moves by −d/(n − 1), and S loses
 n/(n − 1)·d·dᵀ, so that M⁻¹ follows by Sherman and Morrison's formula. ℓ stays. All that is needed
-are products with M⁻¹ of d and of the means, which the dual form of :mod:`hdc.readouts.lda` has.
+are products with M⁻¹ of d and of the means, which :mod:`hdc.readouts.discriminant` has. The
+formula's denominator is what dᵀ·M⁻¹·d leaves of (n − 1)/n, nearly nothing under a weak penalty:
+among frames it is ℓ·cᵀ·(K + ℓ·I)⁻¹·c, for the frame's column c of C, and needs no subtraction.
 """
 
 from __future__ import annotations
@@ -30,13 +32,14 @@ class Products:
     Attributes:
         frames: d_iᵀ·M⁻¹·m_c, float64 [N, L].
         means: m_cᵀ·M⁻¹·m_k, float64 [L, L].
-        own: d_iᵀ·M⁻¹·d_i of the frames :func:`spread_over`, float64 [m].
+        left: (n − 1)/n − d_iᵀ·M⁻¹·d_i of the frames :func:`spread_over`, in a class of n frames,
+            float64 [m].
         penalty: ℓ; None if it is infinite.
     """
 
     frames: Tensor
     means: Tensor
-    own: Tensor
+    left: Tensor
     penalty: float | None
 
 
@@ -62,12 +65,10 @@ def evenly(n: int, most: int | None = None) -> Tensor:
     return torch.linspace(0, n - 1, min(n, most or MOST)).round().long()
 
 
-def inverse_diagonal(factor: Tensor, places: Tensor) -> Tensor:
-    """Entries [m] of the diagonal of (F·Fᵀ)⁻¹ for a lower triangular F [N, N]."""
-    units = factor.new_zeros(len(factor), len(places))
-    units[places, torch.arange(len(places))] = 1
-    columns = torch.linalg.solve_triangular(factor, units, upper=False)
-    return (columns**2).sum(0)
+def inverse_squares(factor: Tensor, columns: Tensor) -> Tensor:
+    """cᵀ·(F·Fᵀ)⁻¹·c [m] of columns c [N, m] for a lower triangular F [N, N]."""
+    halves = torch.linalg.solve_triangular(factor, columns, upper=False)
+    return (halves**2).sum(0)
 
 
 def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
@@ -83,9 +84,10 @@ def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
     chosen = spread_over(rows)
     counts = torch.bincount(rows, minlength=n_classes)
     several = counts[rows[chosen]] > 1
-    chosen, own = chosen[several], products.own[several][:, None]
+    chosen, left = chosen[several], products.left[several][:, None]
     row = rows[chosen]
     n = counts[row].double()[:, None]
+    own = (n - 1) / n - left
     is_own = torch.nn.functional.one_hot(row, n_classes).double()
     moved = 1 / (n - 1)
     frames = products.frames[chosen]
@@ -98,6 +100,5 @@ def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
     scores = products.means[row] - squares / 2 + more * frames + gained * along
     if products.penalty is None:
         return scores, chosen
-    share = n * moved
-    lost = share / (1 - share * own) * along * (frames + gained * own)
+    lost = along * (frames + gained * own) / left
     return products.penalty * (scores + lost), chosen

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -54,15 +55,21 @@ class Linear(State):
 
 
 def quantised(
-    words: Tensor, dual: Tensor, dimension: int, prior: Linear | None
+    words: Tensor,
+    weights_in: Callable[[int, int], Tensor],
+    dimension: int,
+    prior: Linear | None,
 ) -> tuple[Tensor, Tensor]:
-    """Weights Xᵀa, and those of before, rounded to 8 bits; a few words at a time, twice."""
+    """Weights, and those of before, rounded to 8 bits; a few words at a time, twice.
+
+    `weights_in` gives float64 [T, B], those of the bits in words start to stop.
+    """
     width = words.shape[1]
     starts = range(0, width, _STEP)
 
     def weights(start: int) -> Tensor:
         stop = min(start + _STEP, width)
-        total = _weights(dual, words, start, stop)
+        total = weights_in(start, stop)
         if prior is not None:
             total = total + prior.floats(start, stop)
         return total
@@ -70,7 +77,7 @@ def quantised(
     largest_each = [weights(start).abs().amax(1) for start in starts]
     largest = torch.stack(largest_each).amax(0)
     scales = torch.where(largest > 0, largest / (_OFFSET - 1), 1.0)
-    planes = words.new_zeros(dual.shape[1], _PLANES, width)
+    planes = words.new_zeros(len(scales), _PLANES, width)
     for start in starts:
         stop = min(start + _STEP, width)
         q = (weights(start) / scales[:, None]).round()
@@ -83,7 +90,7 @@ def quantised(
     return planes, scales
 
 
-def _weights(dual: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
+def weights_of(dual: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
     """Xᵀa of the bits in words start to stop, float64 [T, B]."""
     part = words[:, start:stop].cpu().contiguous().numpy()
     signs = _signs_of_bytes()[part.view(np.uint8)]

@@ -87,7 +87,7 @@ MUTANTS = {
     "worst kernel factors": (kernel, "min", constant(max), "Kernel, its factors"),
     "a sign in leave-one-out": (
         discriminant, "discriminants",
-        before(lambda products, rows: (replace(products, own=-products.own), rows)),
+        before(lambda products, rows: (replace(products, left=-products.left), rows)),
         "Kernel, frames left out, few frames"),
     # Others.
     "dark pixels are ones": (Median, "encode", inverted, "Median, 16-bit pixels of 4,097"),

@@ -10,11 +10,14 @@ import torch
 from sklearn.covariance import OAS, LedoitWolf
 
 from hdc import backends, bits
-from hdc.readouts import LDA
-from hdc.readouts.arithmetic import combinations, gram
-from hdc.readouts.discriminant import Problem
+from hdc.hypervectors import Hypervectors
+from hdc.readouts import LDA, arithmetic, lda
+from hdc.readouts.arithmetic import combinations, gram, scatter
+from hdc.readouts.discriminant import Primal, Problem
 from hdc.readouts.lda import shrunken
-from tests.hdc.definition import discriminants, scatter
+from hdc.readouts.leave_one_out import discriminants as left_out
+from tests.hdc.definition import discriminants
+from tests.hdc.definition import scatter as scatter_trace
 from tests.hdc.own import by, fitted
 
 
@@ -40,7 +43,7 @@ def dual(words: torch.Tensor, rows: torch.Tensor, d: int, shrinkage):
 def by_definition(x, rows, asked, alpha) -> np.ndarray:
     penalty = None
     if alpha < 1:
-        penalty = alpha / (1 - alpha) * scatter(x, rows) / x.shape[1]
+        penalty = alpha / (1 - alpha) * scatter_trace(x, rows) / x.shape[1]
     return discriminants(x, rows, asked, penalty)
 
 
@@ -85,6 +88,85 @@ def test_scores_are_the_stated_function_of_the_stored_integers():
     expected = products * model.scales_ + model.offsets_
     assert torch.equal(model.scores(words), expected)
     assert model.scales_.max() == 2**20
+
+
+# Among the bits, where these are fewer than the frames --------------------------------------------
+
+
+def both_ways(n: int, d: int, shrinkage):
+    """Frames, classes, α and what is learned among the frames and among the bits."""
+    x, words, rows = problem(n, d, 4, 1)
+    given = Primal.of(Hypervectors(words, d), rows)
+    return x, rows, dual(words, rows, d, shrinkage), shrunken(given, d, shrinkage)
+
+
+def inside(x: np.ndarray, rows: torch.Tensor) -> np.ndarray:
+    """Frames minus the mean of their class."""
+    means = np.stack([x[rows.numpy() == c].mean(0) for c in range(4)])
+    return x - means[rows.numpy()]
+
+
+@pytest.mark.parametrize("shrinkage", ["ledoit_wolf", "oas", 1e-6, 0.01, 0.9, 1.0])
+@pytest.mark.parametrize(("n", "d"), [(200, 65), (900, 30), (40, 130)])
+def test_among_frames_and_among_bits_it_is_the_same_up_to_the_condition(
+    n, d, shrinkage, monkeypatch
+):
+    """Weights, offsets and scores of left-out frames, up to N·κ·ε of the unshrunken ones."""
+    monkeypatch.setattr(arithmetic, "_SIGNS", 7 * d)
+    x, rows, (alpha, frames), (other, bits_) = both_ways(n, d, shrinkage)
+    assert other == pytest.approx(alpha, rel=1e-12)
+    kappa = 1.0
+    if alpha < 1:
+        spread = np.linalg.norm(inside(x, rows), 2) ** 2
+        penalty = alpha / (1 - alpha) * scatter_trace(x, rows.numpy()) / d
+        kappa = (spread + penalty) / penalty
+    bound = n * kappa * 2.0**-53
+    weights, expected = bits_.dual.numpy(), x.T @ frames.dual.numpy()
+    means = np.stack([x[rows.numpy() == c].mean(0) for c in range(4)])
+    size = np.linalg.norm(means - means.mean(0))
+    assert np.linalg.norm(weights - expected) <= bound * size
+    apart = np.abs(bits_.offsets.numpy() - frames.offsets.numpy())
+    assert apart.max() <= bound * size * np.linalg.norm(means, axis=1).max()
+    found, places = left_out(bits_.products, rows)
+    without, chosen = left_out(frames.products, rows)
+    assert torch.equal(places, chosen)
+    assert float((found - without).norm()) <= bound * float(without.norm())
+
+
+def test_a_model_is_the_same_among_frames_and_among_bits(monkeypatch):
+    """To a step of its weights; of classes without frames and with one, too."""
+    _, words, rows = problem(300, 65, 4, 3)
+    rows[rows == 3] = 5
+    primal = fitted(LDA(), words, rows, 6, 65)
+
+    def by_pairs(words, rows):
+        return Problem.of(gram(words.packed, words.packed, 65), rows)
+
+    monkeypatch.setattr(lda, "problem_of", by_pairs)
+    expected = fitted(LDA(), words, rows, 6, 65)
+    planes = [bits.unpack(model.weights_, 65).long() for model in (primal, expected)]
+    q, other = ((2 ** torch.arange(4)[:, None] * one).sum(1) for one in planes)
+    assert (q - other).abs().max() <= 1
+    torch.testing.assert_close(primal.scales_, expected.scales_, rtol=1e-3, atol=2)
+    assert (primal.offsets_[3:5] == expected.offsets_[3:5]).all()
+    assert torch.equal(primal.scores(words).argmax(1), expected.scores(words).argmax(1))
+
+
+def test_scatter_is_exact(monkeypatch):
+    """That of frames which differ from their class in one bit, too, and of one frame a class."""
+    monkeypatch.setattr(arithmetic, "_SIGNS", 3 * 40)
+    x = np.ones((64, 40))
+    x[:, ::3] = -1
+    x[5, 7] = -1
+    rows = torch.arange(64) % 2
+    rows[0] = 2
+    words = Hypervectors(bits.pack(torch.from_numpy(x > 0)), 40)
+    found, means = scatter(words, rows)
+    expected = np.zeros((40, 40))
+    expected[7, 7] = 4 - 4 / 32  # n·v − s²/n of one −1 among 32
+    assert (found.numpy() == expected).all()
+    assert (means[2].numpy() == x[0]).all()
+    assert means[1, 7] == 30 / 32
 
 
 # Shrinkage ----------------------------------------------------------------------------------------

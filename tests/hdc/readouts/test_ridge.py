@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sklearn.linear_model import Ridge as PlainRidge
 
 from hdc import HDCClassifier, bits
 from hdc.hypervectors import Hypervectors
-from hdc.readouts import Ridge, RidgeValues, linear
+from hdc.readouts import Ridge, RidgeValues, arithmetic, linear, ridge
 from hdc.readouts.arithmetic import gram
 from hdc.readouts.linear import Linear
-from hdc.readouts.ridge import PENALTIES, Dual, solve
+from hdc.readouts.ridge import PENALTIES, smoother_of, solve
 from tests.hdc.own import fitted
 
 
@@ -36,6 +36,7 @@ def problem(
 
 
 @given(st.integers(3, 30), st.integers(1, 300), st.integers(1, 3), st.integers(0, 99))
+@example(30, 12, 2, 0)  # solved among the bits
 @settings(max_examples=40, deadline=None)
 def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(n, d, t, seed):
     x, words, y = problem(n, d, t, seed)
@@ -43,14 +44,13 @@ def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(n, d, t, seed
     given_words = Hypervectors(words, d)
     model, residuals = solve(given_words, y)
     penalty = float(model.penalty)
-    dual = Dual.of(given_words, penalty)
     whole = plain(x, y.numpy(), penalty)
     weights = np.atleast_2d(whole.coef_)
     rounding = np.abs(weights).max(1) / 254 * d  # half a step of 8 bits, at every pixel
     expected = whole.predict(queries).reshape(5, t)
     found = model.values(Hypervectors(asked, d)).numpy()
     assert (np.abs(found - expected) <= rounding + 1e-6).all()
-    smoother = dual.smoother(gram(asked, words, d))
+    smoother = smoother_of(given_words, penalty).of_queries(Hypervectors(asked, d))
     change = (smoother[..., None] * residuals).numpy()
     errors = []
     for i in range(n):
@@ -81,6 +81,30 @@ def test_the_penalty_is_the_one_with_the_least_left_out_error():
     assert float(fitted.penalty) == pytest.approx(unit * best)
     assert float((residuals**2).sum()) == pytest.approx(min(errors))
     assert len({round(error, 6) for error in errors}) > 3
+
+
+@pytest.mark.parametrize("penalty", [None, 1e-4])
+def test_among_frames_and_among_bits_it_is_the_same_ridge(penalty, monkeypatch):
+    """Up to N·κ·ε, and to a step of the weights; bits are summed some frames at a time."""
+    monkeypatch.setattr(arithmetic, "_SIGNS", 700)
+    x, words, y = problem(90, 70, 2, 0)
+    given_words = Hypervectors(words, 70)
+    bits_, left_out = solve(given_words, y, penalty)
+    monkeypatch.setattr(ridge, "_among_bits", ridge._among_frames)
+    frames, expected = solve(given_words, y, penalty)
+    kept = float(frames.penalty)
+    kappa = (np.linalg.norm(x - x.mean(0), 2) ** 2 + kept) / kept
+    bound = 90 * kappa * 2.0**-53
+    assert float(bits_.penalty) == pytest.approx(kept, rel=bound)
+    assert float((left_out - expected).norm()) <= bound * float(expected.norm())
+    # Weights are Xᵀ·(K + λ)⁻¹·y, and ‖Xᵀ·(K + λ)⁻¹‖ is at most 1/(2·√λ).
+    size = float((y - y.mean(0)).norm()) / (2 * kept**0.5)
+    assert float((bits_.scales - frames.scales).abs().max()) <= bound * size
+    expected = plain(x, y.numpy(), kept).intercept_
+    apart = np.abs(bits_.intercepts.numpy() - expected).max()
+    assert apart <= bound * size * 70**0.5
+    steps = (bits_.floats(0, 2) - frames.floats(0, 2)) / frames.scales[:, None]
+    assert float(steps.abs().max()) < 1.001
 
 
 def test_weights_are_those_of_floats_in_any_block(monkeypatch):

@@ -17,7 +17,7 @@ CASES = [*counting.CASES, *encoders.CASES, *readouts.CASES, *training.CASES]
 class Stability(Task, frozen=True):
     """One row: a case, with the errors of both computations."""
 
-    revision: ClassVar = 4
+    revision: ClassVar = 5
 
     def rows(self, context: Context) -> Iterator[Row]:
         for case in CASES:
