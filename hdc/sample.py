@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc.inputs import Label
+from hdc.tensors import checked
 
 KEPT = 19
 """Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB per class at D = 250,000."""
@@ -53,6 +55,27 @@ class Sample:
                 words = torch.cat((own, _some(words, share, drawn)))
             seen[label], kept[label] = n + n_other, words
         return Sample(seen, kept)
+
+    @classmethod
+    def restored(
+        cls, classes: Sequence[Label], seen: Any, words: Tensor | None, dimension: int
+    ) -> Self:
+        """That of a file: hypervectors of so many frames that each class has seen, or none.
+
+        Raises:
+            ValueError: for what does not fit.
+        """
+        kept = [min(count, KEPT) for count in seen]
+        if min(kept) < 0 or len(kept) != len(classes):
+            raise ValueError(f"seen {seen!r}")
+        counts = {label: n for label, n in zip(classes, seen, strict=True) if n}
+        if words is None:
+            return cls(counts)
+        n = sum(kept)
+        checked({"sample": words}, {"sample": "int64 N W"}, N=n, D=dimension)
+        parts = zip(classes, words.split(kept), strict=True)
+        found = {label: part.clone() for label, part in parts if len(part)}
+        return cls(counts, found)
 
     def to(self, device: torch.device | str) -> Sample:
         """The same in the memory of a device."""
