@@ -103,7 +103,8 @@ class HDCClassifier(Adapting):
 
         `groups` says which frames were recorded together, such as the session or the object of each
         of N frames. :meth:`is_known` then refuses about as many known frames as asked of another
-        group, too; nothing else depends on it.
+        group, too; nothing else depends on it. It takes counters of each class in each group, and
+        up to 100 hypervectors per class.
 
         Frames of one class alone make a model for :meth:`is_known`, of the read-outs majority,
         counts and neighbours; they need no labels, and their class is ``"known"``. A call that

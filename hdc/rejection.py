@@ -13,8 +13,9 @@ are known, a frame is left out together with all frames of its group, of whateve
 for frames of another group. Where they are not, frames are left out one by one, and α holds only
 for frames that come as those of training did, not for another session.
 
-Up to 19 frames of each class are left out (:mod:`hdc.sample`). Their distances are exact: the
-counts of a class without a frame or a group follow from the counts with it.
+Up to 100 frames of each class are left out, chosen at random; of a read-out that counts, without
+groups, the 19 that it keeps (:mod:`hdc.sample`). Their distances are exact: the counts of a class
+without a frame or a group follow from the counts with it.
 """
 
 from __future__ import annotations
@@ -43,6 +44,8 @@ VERSION = 2
 """Of the rule; an exported header names it."""
 UNITS = ("frame", "group")
 """What was left out at a time."""
+MOST = 100
+"""Frames of a class that are left out, where there are so many hypervectors."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +134,7 @@ def by_frames(
 
 def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
     """The rejection of hypervectors and their rows int64 [N], with single ones left out."""
-    reservoir = Reservoir()
+    reservoir = Reservoir(size=MOST)
     reservoir.add(words.packed, rows.tolist())
     kept = {int(row): frames for row, frames in reservoir.sample().kept.items()}
     majority = Majority()
@@ -167,7 +170,7 @@ class Groups:
         # A cell is a class and a group that have frames in common.
         self._cells, self._cell_of = torch.unique(pairs, dim=0, return_inverse=True)
         self._counters = Counters(len(self._cells), dimension, device)
-        numbers = Reservoir()
+        numbers = Reservoir(size=MOST)
         numbers.add(torch.arange(len(rows))[:, None], rows.tolist())
         self._chosen = torch.cat([*numbers.sample().kept.values()]).flatten()
         self._words: list[Tensor] = []

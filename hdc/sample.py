@@ -92,10 +92,12 @@ class Reservoir:
 
     Args:
         start: what came by before.
+        size: hypervectors of a class to keep, in place of 19.
     """
 
-    def __init__(self, start: Sample | None = None) -> None:
+    def __init__(self, start: Sample | None = None, size: int = KEPT) -> None:
         start = start or Sample()
+        self._size = size
         self._seen = dict(start.seen)
         self._kept = {label: list(words) for label, words in start.kept.items()}
 
@@ -105,8 +107,8 @@ class Reservoir:
         for i, label in enumerate(labels):
             k = self._seen.get(label, 0)
             self._seen[label] = k + 1
-            place = k if k < KEPT else random_place(_SEED, k)
-            if place < KEPT:
+            place = k if k < self._size else random_place(_SEED, k)
+            if place < self._size:
                 chosen[label, place] = i
         for (label, place), i in chosen.items():
             kept = self._kept.setdefault(label, [])
