@@ -197,10 +197,6 @@ class Answering(Saved):
 
     @property
     def left_out_(self) -> str:
-        """``"group"`` where :meth:`is_known` is calibrated by frames of groups that were left out.
-
-        Else ``"frame"``: it is not calibrated for another session.
-        """
         with self._computing():
             return self._trained.rejection.unit
 
