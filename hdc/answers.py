@@ -34,14 +34,15 @@ class Answering(Saved):
     def predict_set(self, frames: Any, alpha: float = RATE, mask: bool = False) -> Any:
         """The classes that each of Q frames may be of: Q arrays of labels, or bool [Q, L].
 
-        The set of a frame that is like none of the classes is empty; any other contains the label
-        of :meth:`predict`. With majority and counts, a set contains the right label with
-        probability 1 − alpha at least (full conformal prediction), if the frame is exchangeable
-        with the training frames of its class. This holds for each class with 1/alpha − 1 training
-        frames or more, and for smaller classes together. Other read-outs compare scores with those
-        of training frames that were left out. That covers about 1 − alpha, without a guarantee
-        (:mod:`hdc.conformal`). A class with fewer frames than 1/alpha − 1 and than 4 is in every
-        set. Nothing is promised after drift.
+        The set of a frame that scores like none of the classes is empty; any other contains the
+        label of :meth:`predict`. :meth:`is_known` has a rule of its own. With majority and counts,
+        a set contains the right label with probability 1 − alpha at least (full conformal
+        prediction), if the frame is exchangeable with the training frames of its class. This holds
+        for each class with 1/alpha − 1 training frames or more, and for smaller classes together.
+        Other read-outs compare scores with those of training frames that were left out. That covers
+        about 1 − alpha, without a guarantee (:mod:`hdc.conformal`). A class with fewer frames than
+        1/alpha − 1 and than 4 is in every set. Nothing is promised after drift, in another session
+        for example.
 
         Args:
             frames: the queries.
@@ -59,25 +60,34 @@ class Answering(Saved):
             return possible
         return [self.classes_[row] for row in possible]
 
-    @needs("held_out")
     @renamed("reject", "alpha")
     def is_known(self, frames: Any, alpha: float = RATE) -> np.ndarray:
         """Whether frames are like those of some class: bool [Q].
 
-        False where :meth:`predict_set` is empty. This refuses a share `alpha` of new frames of
-        known classes at most, if they come as the training frames did. Noise, black frames and
-        objects that were not trained are refused if there are 1/alpha training frames, and 4 of
-        each class (or 1/alpha − 1 of it).
+        A frame is known if its hypervector is near the majority of some class, nearer than all but
+        a share `alpha` of training frames that were left out of it (:mod:`hdc.rejection`). About
+        this share of new frames of known classes is refused: of another group, where :meth:`fit`
+        was given groups; else only of frames that come as the training frames did, and more in
+        another session. :attr:`left_out_` says which. An unknown object is refused only if it looks
+        less like every class than their own frames do; try it.
 
         Args:
             frames: the queries.
             alpha: share of frames of known classes that may be refused.
 
         Raises:
-            ValueError: as :meth:`predict_set`.
+            ValueError: for a share outside (0, 1), or a model that has no distances to compare
+                with; it says so.
         """
         share = check_share("alpha", alpha, "(0, 1)")
-        return self._p_values(frames, share).max(1) > share
+        self._check_is_trained()
+        with self._computing():
+            rejection = self._head.rejection
+        farthest = rejection.threshold(share)
+        near = self._each(
+            frames, lambda words: rejection.nearest(words.packed) <= farthest
+        )
+        return torch.cat(near).numpy(force=True)
 
     @needs("held_out")
     def p_values(self, frames: Any, alpha: float = RATE) -> np.ndarray:
@@ -94,9 +104,7 @@ class Answering(Saved):
         Raises:
             ValueError: as :meth:`predict_set`.
         """
-        return self._p_values(frames, check_share("alpha", alpha, "(0, 1)"))
-
-    def _p_values(self, frames: Any, share: float) -> np.ndarray:
+        share = check_share("alpha", alpha, "(0, 1)")
         parts = self._each(frames, lambda words: self._head.p_values(words, share))
         return np.concatenate(parts)
 
@@ -186,6 +194,11 @@ class Answering(Saved):
     @property
     def counts_(self) -> np.ndarray:
         return self._trained.counts.numpy()
+
+    @property
+    def left_out_(self) -> str:
+        with self._computing():
+            return self._trained.rejection.unit
 
     @property
     def prediction_bytes_(self) -> int:

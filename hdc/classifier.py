@@ -19,6 +19,7 @@ from hdc.estimator import check_alike, joined
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
+from hdc.rejection import grouped, of_words
 from hdc.sample import Reservoir, Sample
 
 KNOWN = "known"
@@ -68,6 +69,8 @@ class HDCClassifier(Adapting):
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
+        left_out_: ``"group"`` where :meth:`is_known` is calibrated for frames of another group,
+            else ``"frame"``.
         metadata_: values that :meth:`save` was given to keep with the model.
 
     Example:
@@ -95,8 +98,13 @@ class HDCClassifier(Adapting):
 
     # Training ------------------------------------------------------------------------------------
 
-    def fit(self, frames: Any, y: Any = None) -> Self:
+    def fit(self, frames: Any, y: Any = None, groups: Any = None) -> Self:
         """Learn from frames [N, H, W] or [N, D] and N labels y.
+
+        `groups` says which frames were recorded together, such as the session or the object of each
+        of N frames. :meth:`is_known` then refuses about as many known frames as asked of another
+        group, too; nothing else depends on it. It takes counters of each class in each group, and
+        up to 100 hypervectors per class.
 
         Frames of one class alone make a model for :meth:`is_known`, of the read-outs majority,
         counts and neighbours; they need no labels, and their class is ``"known"``. A call that
@@ -113,6 +121,9 @@ class HDCClassifier(Adapting):
             y = [KNOWN] * len(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
         inputs.check_discrete(labels)
+        together = None
+        if groups is not None:
+            together = inputs.label_array(groups, len(frames), "groups").tolist()
         classes = inputs.classes_of(labels)
         _check_several(readout, classes.tolist())
         backend = self._decided(frames)
@@ -120,7 +131,9 @@ class HDCClassifier(Adapting):
             encoder, shape = self._learned_encoder(encoder, frames)
             words = self._batches(frames, encoder, shape)
             dimension = encoder.dimension(prod(shape))
-            head = _learned(readout, words, labels, classes, dimension, self.device)
+            head = _learned(
+                readout, words, labels, classes, dimension, self.device, together
+            )
         self._begin(encoder, shape, backend)
         self._columns = columns
         self._head = head
@@ -269,11 +282,15 @@ def _learned(
     classes: np.ndarray,
     dimension: int,
     device: str,
+    together: Sequence[inputs.Label] | None,
 ) -> Head:
     """A head of hypervectors of D bits that come in batches, with N labels of these classes."""
     index = {label: row for row, label in enumerate(classes.tolist())}
     rows = torch.tensor([index[label] for label in labels])
     n_classes = len(classes)
+    groups = None
+    if together is not None:
+        groups = grouped(together, rows, classes.tolist(), readout, dimension, device)
     if not isinstance(readout, Updatable):
         words = joined(batches)
         state = readout.fit(words, rows, n_classes)
@@ -281,7 +298,13 @@ def _learned(
         sample = Sample(dict(zip(index, counts, strict=True)))
         closed = type(readout).held_out is not Readout.held_out
         training = None if closed or state.held_out is not None else (words, rows)
-        return Head(readout, state, sample, classes, dimension, training=training)
+        calibrated = of_words(words, rows, n_classes)
+        if groups is not None:
+            groups.add(words.packed)
+            calibrated = groups.rejection()
+        return Head(
+            readout, state, sample, classes, dimension, calibrated, training=training
+        )
     reservoir = Reservoir()
 
     def drawn() -> Iterator[tuple[Hypervectors, Tensor]]:
@@ -289,8 +312,11 @@ def _learned(
         for words in batches:
             stop = start + len(words.packed)
             reservoir.add(words.packed, labels[start:stop])
+            if groups is not None:
+                groups.add(words.packed)
             yield words, rows[start:stop]
             start = stop
 
     state = readout.add(readout.empty(n_classes, dimension, device), drawn())
-    return Head(readout, state, reservoir.sample(), classes, dimension)
+    found = None if groups is None else groups.rejection()
+    return Head(readout, state, reservoir.sample(), classes, dimension, found)

@@ -20,7 +20,8 @@ from hdc.parameters import is_number
 from hdc.probability import Temperature, cross_validated, of_several
 from hdc.readouts.base import HeldOut, Readout, Updatable
 from hdc.readouts.majority import Counting
-from hdc.sample import KEPT, Reservoir, Sample
+from hdc.rejection import Rejection, by_frames, of_words
+from hdc.sample import Reservoir, Sample
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
 
 _ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
@@ -38,6 +39,8 @@ class Head:
     """[L], of the rows."""
     dimension: int
     """D, bits of a hypervector."""
+    calibrated: Rejection | None = None
+    """How far out known frames are, where counters and the sample do not tell."""
     recalibrated: bool = False
     """Whether prototypes are no longer those of the counted hypervectors."""
     training: tuple[Hypervectors, Tensor] | None = None
@@ -81,7 +84,7 @@ class Head:
         reservoir = Reservoir(self.sample)
         reservoir.add(words.packed, labels)
         state = readout.add(head.state, [(words, head.rows_of(labels))])
-        return replace(head, state=state, sample=reservoir.sample())
+        return replace(head, state=state, sample=reservoir.sample(), calibrated=None)
 
     def with_classes(self, labels: Iterable[Label]) -> Head:
         """With rows for these labels, of which some may be new."""
@@ -104,7 +107,8 @@ class Head:
         readout: Any = self.readout
         places = [head.index[label] for label in labels]
         state = readout.merge(head.state, other.state, places)
-        return replace(head, state=state, sample=self.sample.merged(other.sample))
+        sample = self.sample.merged(other.sample)
+        return replace(head, state=state, sample=sample, calibrated=None)
 
     def adapted(
         self, words: Hypervectors, labels: Sequence[Label], options: Mapping[str, Any]
@@ -120,10 +124,18 @@ class Head:
             # Scores of before and of now are in two units.
             state = replace(state, held_out=None)
         sample = self.sample.replaced(words.packed, labels)
+        calibrated = None
         if not isinstance(readout, Updatable):
             sample = Sample(sample.seen)
+            if not missing:
+                calibrated = of_words(words, rows, len(self.index))
         return replace(
-            self, state=state, sample=sample, recalibrated=True, training=None
+            self,
+            state=state,
+            sample=sample,
+            recalibrated=True,
+            training=None,
+            calibrated=calibrated,
         )
 
     def to(self, device: torch.device | str) -> Head:
@@ -131,8 +143,16 @@ class Head:
         training = self.training
         if training is not None:
             training = training[0].to(device), training[1]
-        state, sample = self.state.to(device), self.sample.to(device)
-        return replace(self, state=state, sample=sample, training=training)
+        calibrated = self.calibrated
+        if calibrated is not None:
+            calibrated = calibrated.to(device)
+        return replace(
+            self,
+            state=self.state.to(device),
+            sample=self.sample.to(device),
+            training=training,
+            calibrated=calibrated,
+        )
 
     # Answers -------------------------------------------------------------------------------------
 
@@ -178,6 +198,27 @@ class Head:
         return Hypervectors(torch.cat(words), self.dimension), torch.tensor(rows)
 
     @functools.cached_property
+    def rejection(self) -> Rejection:
+        """How far out known frames are, made when first asked for.
+
+        Raises:
+            ValueError: where no training frames can be left out of the prototypes.
+        """
+        if self.calibrated is not None:
+            return self.calibrated
+        if not self.sample.kept:
+            raise ValueError(
+                "is_known: expected distances of left-out frames, found a model that was "
+                f"recalibrated for some classes alone, or saved without them, of {self.readout!r}; "
+                "fit anew, or recalibrate by frames of all classes"
+            )
+        if isinstance(self.readout, Counting):
+            kept = {self.index[label]: own for label, own in self.sample.kept.items()}
+            return by_frames(self.readout, self.state, kept)
+        words, rows = self._kept()
+        return of_words(words, rows, len(self.index))
+
+    @functools.cached_property
     def conformal(self) -> Conformal:
         """Samples that new frames are compared with, made when first asked for.
 
@@ -216,6 +257,8 @@ class Head:
         held_out = self._held_out_to_keep()
         if held_out is not None:
             tensors |= prefixed("held_out", held_out._asdict())
+        if self.calibrated is not None:
+            tensors |= prefixed("known", self.calibrated.tensors())
         header = {
             "classes": classes,
             "seen": [seen.get(label, 0) for label in classes],
@@ -254,7 +297,7 @@ class Head:
         if not classes or inputs.classes_of(classes).tolist() != classes:
             raise ValueError(f"classes {classes!r}")
         # Up to version 3, whole read-outs had a sample, and all that do not count a majority.
-        parts = ["readout", "sample", "held_out"]
+        parts = ["readout", "sample", "held_out", "known"]
         if not isinstance(readout, Counting):
             parts.append("majority")
         check_parts(tensors, parts)
@@ -264,11 +307,15 @@ class Head:
         held_out = _held_out_of(without_prefix("held_out", tensors), n_classes)
         if held_out is not None:
             state = replace(state, held_out=held_out)
-        words = tensors["sample"] if isinstance(readout, Updatable) else None
-        sample = _sample_of(classes, header["seen"], words, dimension)
+        if isinstance(readout, Updatable) and "sample" not in tensors:
+            raise ValueError("no tensor 'sample'")
+        words = tensors.get("sample")
+        sample = Sample.restored(classes, header["seen"], words, dimension)
         labels = inputs.label_array(classes, n_classes)
         recalibrated = bool(header["recalibrated"])
-        head = cls(readout, state, sample, labels, dimension, recalibrated)
+        own = without_prefix("known", tensors)
+        calibrated = Rejection.restored(own, dimension) if own else None
+        head = cls(readout, state, sample, labels, dimension, calibrated, recalibrated)
         sharpness = header.get("sharpness")  # of version 2.0
         if sharpness is not None:
             if not is_number(sharpness) or sharpness <= 0:
@@ -287,23 +334,6 @@ def _warn_of_missing(missing: Sequence[Label]) -> None:
         "alike, frames of these classes will be taken for the others",
         stacklevel=5,
     )
-
-
-def _sample_of(
-    classes: Sequence[Label], seen: Any, words: Tensor | None, dimension: int
-) -> Sample:
-    """The sample of a file: hypervectors of so many frames that each class has seen."""
-    kept = [min(count, KEPT) for count in seen]
-    if min(kept) < 0 or len(kept) != len(classes):
-        raise ValueError(f"seen {seen!r}")
-    counts = {label: n for label, n in zip(classes, seen, strict=True) if n}
-    if words is None:
-        return Sample(counts)
-    n = sum(kept)
-    checked({"sample": words}, {"sample": "int64 N W"}, N=n, D=dimension)
-    parts = zip(classes, words.split(kept), strict=True)
-    found = {label: part.clone() for label, part in parts if len(part)}
-    return Sample(counts, found)
 
 
 def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | None:

@@ -202,7 +202,7 @@ def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> 
         )
 
 
-def label_array(labels: Any, n: int) -> np.ndarray:
+def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
     """Labels [n], each a str, int, float or bool, as an array; those of a column [n, 1], too.
 
     Each is exactly what was given, in an array of objects where numpy has no type that holds them.
@@ -211,7 +211,7 @@ def label_array(labels: Any, n: int) -> np.ndarray:
         ValueError: for a wrong number of labels, another type such as dates, NaN, masked ones, or a
             set or a dictionary of them.
     """
-    labels = _without_column(one_a_frame("labels", labels, n))
+    labels = _without_column(one_a_frame(name, labels, n))
     if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
         labels = labels.tolist()  # numbers as Python's, of the same value
     items = [_as_python(label) for label in labels]
@@ -221,7 +221,7 @@ def label_array(labels: Any, n: int) -> np.ndarray:
             if not isinstance(label, _TIMES):
                 advice = ""
             raise ValueError(
-                f"labels[{i}]: expected a str, int, float or bool, found {label!r}{advice}"
+                f"{name}[{i}]: expected a str, int, float or bool, found {label!r}{advice}"
             )
     array = np.array(items, object)
     if len(set(map(type, items))) == 1:

@@ -172,6 +172,17 @@ def add(a: Tensor, b: Tensor) -> Tensor:
     return torch.cat((total, carry.unsqueeze(0))) if carry.any() else total
 
 
+def subtract(a: Tensor, b: Tensor) -> Tensor:
+    """Difference of two sets of counters [P, W] and [P', W], P' ≤ P, of which b is never larger."""
+    difference = a.clone()
+    borrow = torch.zeros_like(a[0])
+    for p, plane in enumerate(a):
+        taken = b[p] if p < len(b) else torch.zeros_like(plane)
+        difference[p] = plane ^ taken ^ borrow
+        borrow = (~plane & (taken | borrow)) | (taken & borrow)
+    return difference
+
+
 def greater(counts: Tensor, threshold: int) -> Tensor:
     """Where counters [P, W] are greater than a number: a mask [W], all ones for a negative number.
 

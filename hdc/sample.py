@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from typing import Any, Self
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc.inputs import Label
+from hdc.tensors import checked
 
 KEPT = 19
 """Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB per class at D = 250,000."""
@@ -54,6 +56,27 @@ class Sample:
             seen[label], kept[label] = n + n_other, words
         return Sample(seen, kept)
 
+    @classmethod
+    def restored(
+        cls, classes: Sequence[Label], seen: Any, words: Tensor | None, dimension: int
+    ) -> Self:
+        """That of a file: hypervectors of so many frames that each class has seen, or none.
+
+        Raises:
+            ValueError: for what does not fit.
+        """
+        kept = [min(count, KEPT) for count in seen]
+        if min(kept) < 0 or len(kept) != len(classes):
+            raise ValueError(f"seen {seen!r}")
+        counts = {label: n for label, n in zip(classes, seen, strict=True) if n}
+        if words is None:
+            return cls(counts)
+        n = sum(kept)
+        checked({"sample": words}, {"sample": "int64 N W"}, N=n, D=dimension)
+        parts = zip(classes, words.split(kept), strict=True)
+        found = {label: part.clone() for label, part in parts if len(part)}
+        return cls(counts, found)
+
     def to(self, device: torch.device | str) -> Sample:
         """The same in the memory of a device."""
         kept = {label: words.to(device) for label, words in self.kept.items()}
@@ -69,10 +92,12 @@ class Reservoir:
 
     Args:
         start: what came by before.
+        size: hypervectors of a class to keep, in place of 19.
     """
 
-    def __init__(self, start: Sample | None = None) -> None:
+    def __init__(self, start: Sample | None = None, size: int = KEPT) -> None:
         start = start or Sample()
+        self._size = size
         self._seen = dict(start.seen)
         self._kept = {label: list(words) for label, words in start.kept.items()}
 
@@ -82,8 +107,8 @@ class Reservoir:
         for i, label in enumerate(labels):
             k = self._seen.get(label, 0)
             self._seen[label] = k + 1
-            place = k if k < KEPT else random_place(_SEED, k)
-            if place < KEPT:
+            place = k if k < self._size else random_place(_SEED, k)
+            if place < self._size:
                 chosen[label, place] = i
         for (label, place), i in chosen.items():
             kept = self._kept.setdefault(label, [])

@@ -89,7 +89,7 @@ def train(
             model = hdc.HDCRegressor(*parts, period=period)
         model.set_params(**dict(parameters))
         given = _learnable(model, frames, learnt)
-    model.fit(given, truth_of(frames)[learnt])
+    model.fit(given, truth_of(frames)[learnt], **_together(frames, learnt))
     model._columns = list(frames.features) or None
     lines += messages.content_lines(frames, learnt)
     metadata = _metadata(frames, window)
@@ -139,6 +139,16 @@ def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
     metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
     metadata["version"] = hdc.__version__
     return metadata
+
+
+def _together(frames: Recording, rows: np.ndarray) -> dict[str, Any]:
+    """What a classifier is told of frames that were recorded together, by which it refuses."""
+    from hdc.command import splits
+
+    if frames.values is not None:
+        return {}
+    unit = splits.units(frames, rows)
+    return {} if unit.kind == "frame" else {"groups": unit.of}
 
 
 def _learnable(model: Any, recording: Recording, rows: np.ndarray) -> Any:

@@ -11,6 +11,7 @@ import numpy as np
 
 from hdc.export.plan import Plan
 from hdc.readouts import LDA
+from hdc.rejection import VERSION
 
 MARK = "Made by hdc export"
 """Text near the beginning of the files of an export; no others are replaced."""
@@ -40,6 +41,7 @@ def filled(template: str, plan: Plan, **words: object) -> str:
             mark=MARK,
             is_weighted=isinstance(plan.readout, LDA),
             is_cut=plan.is_cut,
+            rejection=VERSION,
             **words,
         )
     )

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
-from fractions import Fraction
 from typing import Any, Self
 
 import numpy as np
@@ -13,15 +12,12 @@ from torch import Tensor
 from hdc import bits
 from hdc.availability import renamed
 from hdc.classifier import HDCClassifier
-from hdc.conformal import Peers
 from hdc.encoders import Deviation, Levels, Median, Quantile
 from hdc.encoders.ranks import RankEncoder
 from hdc.export.sizes import Sizes
-from hdc.export.thresholds import distance_thresholds
-from hdc.parameters import check_choice
+from hdc.parameters import check_choice, check_share
 from hdc.readers import Window
 from hdc.readouts import LDA, Counts, Kernel, Majority, Neighbours, Ridge, Trained
-from hdc.readouts.majority import EXTRAS
 
 PIXEL_BITS = (8, 16)
 """Bits of a pixel that a header can be made for."""
@@ -48,12 +44,14 @@ class Plan:
         encoder, readout, state: the parts of the model, and what the read-out has learned.
         classes: names of the L classes that have training frames, in the order of the model.
         rows: their rows in the model.
-        left_out: names of the others, which no frame can be of.
+        empty: names of the others, which no frame can be of.
         frame_shape: (H, W) or (D,) of the frames.
         window: how training frames were cut out of images.
         tables: by name, uint64 [L, W] (weights [L, 4, W], lit [W]) of hypervectors, int64 [L] or
             [T] of numbers.
-        share: of frames of known classes that may be refused; None without rejection.
+        alpha: share of frames of known classes that may be refused; None without rejection.
+        farthest: the largest distance at which a frame is known.
+        left_out: what was left out to find it, of :data:`hdc.rejection.UNITS`.
         sizes: what it takes.
     """
 
@@ -63,11 +61,13 @@ class Plan:
     state: Any
     classes: tuple[str, ...]
     rows: tuple[int, ...]
-    left_out: tuple[str, ...]
+    empty: tuple[str, ...]
     frame_shape: tuple[int, ...]
     window: Window
     tables: dict[str, np.ndarray]
-    share: Fraction | None
+    alpha: float | None
+    farthest: int
+    left_out: str
     sizes: Sizes
 
     @property
@@ -107,14 +107,17 @@ class Plan:
         known = model.counts_ > 0
         rows = np.flatnonzero(known).tolist()
         names = np.array([str(label) for label in model.classes_.tolist()])
-        share = None if alpha is None else _exact_share(alpha)
+        farthest, unit = 0, ""
         relative = isinstance(encoder, Deviation)
         if relative:
             _check_size(model.n_features_in_, pixel_bits)
         tables = _encoding(encoder, model.n_features_in_)
         tables |= _classes(readout, model.state_, rows, model.dimension_)
-        if share is not None:
-            tables |= _rejection(model, rows, share)
+        if alpha is not None:
+            share = check_share("alpha", alpha, "(0, 1)")
+            rejection = model._head.rejection
+            farthest, unit = rejection.threshold(share), rejection.unit
+            tables |= _majorities(model, rows, rejection.prototypes)
         sizes = Sizes(
             pixels=model.n_features_in_,
             ranked=_ranked(encoder, model.n_features_in_),
@@ -124,7 +127,6 @@ class Plan:
             ties="" if relative else encoder.ties,
             planes=PLANES if "weights" in tables else 1,
             extra=int("majority" in tables),
-            rejects=share is not None,
             relative=relative,
         )
         return cls(
@@ -134,11 +136,13 @@ class Plan:
             state=model.state_,
             classes=tuple(names[known].tolist()),
             rows=tuple(rows),
-            left_out=tuple(names[~known].tolist()),
+            empty=tuple(names[~known].tolist()),
             frame_shape=tuple(model.frame_shape_),
             window=window or Window(),
             tables=tables,
-            share=share,
+            alpha=alpha,
+            farthest=farthest,
+            left_out=unit,
             sizes=sizes,
         )
 
@@ -174,14 +178,6 @@ def _check_exportable(model: Any) -> None:
             "export: expected the read-out majority, trained or lda, found "
             f"{model.readout_!r}, {why}"
         )
-
-
-def _exact_share(alpha: float) -> Fraction:
-    """The share as it is written: 0.05 is 1/20."""
-    share = Fraction(str(alpha))
-    if not 0 < share < 1:
-        raise ValueError(f"alpha: expected a share in (0, 1), found {alpha!r}")
-    return share
 
 
 def _check_size(n_pixels: int, pixel_bits: int) -> None:
@@ -252,25 +248,11 @@ def _weights(state: Any, rows: list[int], dimension: int) -> dict[str, np.ndarra
     }
 
 
-def _rejection(
-    model: HDCClassifier, rows: list[int], share: Fraction
+def _majorities(
+    model: HDCClassifier, rows: list[int], prototypes: Tensor
 ) -> dict[str, np.ndarray]:
-    """Thresholds, and the prototypes that they are of where the scores are of others."""
-    readout: Any = model.readout_
-    if not isinstance(readout, Majority):
-        raise ValueError(
-            "alpha: expected the read-out majority, whose file has frames to compare with, found "
-            f"{readout!r}; export it without a rejection"
-        )
-    deciding = readout.deciding(model.state_)[rows]
-    labels = model.classes_.tolist()
-    peers = []
-    for row, prototypes in zip(rows, deciding, strict=True):
-        peers.append(Peers.of(model._head.sample.kept[labels[row]], prototypes))
-    thresholds = distance_thresholds(peers, share, model.dimension_)
-    tables = {"thresholds": np.array(thresholds, np.int64)}
-    # Those of classes of unequal size are thinned for the scores, and whole for rejection.
-    whole = deciding[:, EXTRAS.index(0)]
-    if not whole.equal(model.prototypes_[rows]):
-        tables["majority"] = _unsigned(whole)
-    return tables
+    """The prototypes of rejection where the scores are of others: lda, trained, thinned ones."""
+    counts = isinstance(model.readout_, Majority)
+    if counts and prototypes.equal(model.prototypes_[rows]):
+        return {}
+    return {"majority": _unsigned(prototypes)}

@@ -23,7 +23,6 @@ class Sizes:
         ties: rule of an encoder that ranks, one of :data:`hdc.encoders.ties.TIES`.
         planes: hypervectors that the read-out has of a class: a prototype, or four of weights.
         extra: hypervectors of a class that rejection compares with, besides.
-        rejects: whether there are thresholds of rejection.
         relative: whether pixels are compared with a reference, and not ranked.
     """
 
@@ -35,7 +34,6 @@ class Sizes:
     ties: str = "spread"
     planes: int = 1
     extra: int = 0
-    rejects: bool = False
     relative: bool = False
 
     @property
@@ -68,8 +66,6 @@ class Sizes:
             total += 4 * self.thresholds
         if self.planes > 1:
             total += 2 * 8 * self.classes  # a scale and a bias of each class
-        if self.rejects:
-            total += 8 * self.classes
         if self.has_lit:
             total += 8 * bits.words_for(self.pixels)
         return total

@@ -82,11 +82,11 @@ def answer(
 
 def is_known(plan: Plan, words: np.ndarray) -> bool:
     """Whether words uint64 [W] are near enough to some class."""
-    if plan.share is None:
+    if plan.alpha is None:
         return True
-    table = "majority" if "majority" in plan.tables else "prototypes"
-    distances = np.bitwise_count(words ^ plan.tables[table]).sum(1, dtype=np.int64)
-    return bool((distances <= plan.tables["thresholds"]).any())
+    table = plan.tables["majority" if "majority" in plan.tables else "prototypes"]
+    distances = np.bitwise_count(words ^ table).sum(1, dtype=np.int64)
+    return bool(distances.min() <= plan.farthest)
 
 
 def digest(words: np.ndarray) -> int:

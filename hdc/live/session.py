@@ -25,9 +25,7 @@ from hdc.live.sources import Source
 from hdc.readouts import Majority
 
 ALPHA = 0.05
-"""Error rate of prediction sets: they miss the true class in one of twenty frames.
-
-A frame whose set is empty is none of the classes."""
+"""Share of known frames that are shown as none of the classes, and of sets without the true one."""
 Interval = tuple[float, ...]
 """A value, and the lower and upper end of its interval; one with a period has no interval."""
 
@@ -147,8 +145,16 @@ class Session:
             likely = tuple(map(str, model.predict_set(words, ALPHA)[0]))
         except ValueError:  # it was recalibrated, and has no scores of training frames
             likely = None
-        (label,) = map(str, model.predict(words).tolist())
-        return Answer(None if likely == () else label, likely, distances)
+        return Answer(self._label(words), likely, distances)
+
+    def _label(self, words: Hypervectors) -> str | None:
+        """The class of a frame; None if it is known to be none of them."""
+        (label,) = map(str, self.model.predict(words).tolist())
+        try:
+            (known,) = self.model.is_known(words, ALPHA)
+        except ValueError:  # it was recalibrated for some classes alone
+            return label
+        return label if known else None
 
     # Teaching ------------------------------------------------------------------------------------
 

@@ -139,7 +139,9 @@ def sets(
         # That few frames refuse nothing is what is measured here.
         warnings.filterwarnings("ignore", message=".*no frame is refused")
         found = model.predict_set(queries, alpha)
-        refused = None if unknown is None else ~model.is_known(unknown, alpha)
+        refused = None
+        if unknown is not None:
+            refused = model.p_values(unknown, alpha).max(1) <= alpha
     sizes = np.array([len(one) for one in found])
     held = [label in one for one, label in zip(found, labels, strict=True)]
     return {

@@ -1,0 +1,256 @@
+"""Whether a frame is like some class: its distance to the nearest prototype.
+
+This is version 2 of the rule, the same in Python and in an exported header. Whatever the read-out,
+the prototype of a class is the majority of its training hypervectors (Eq. 1). A frame is as far out
+as the nearest prototype is. It is known unless it is farther out than training frames were that
+were left out of the prototypes: of m distances of left-out frames, increasing, the
+⌊α(m + 1)⌋-th from the end is the last at which a frame is known. If the frame and the training
+frames are exchangeable, about α of such frames are refused. This is the jackknife, which has no
+guarantee for every distribution (Barber et al., Ann. Statist. 49, 486 (2021), Sec. 1).
+
+**Groups.** Frames of one session, object or video are more alike than those of two. Where groups
+are known, a frame is left out together with all frames of its group, of whatever class, and α holds
+for frames of another group. Where they are not, frames are left out one by one, and α holds only
+for frames that come as those of training did, not for another session.
+
+Up to 100 frames of each class are left out, chosen at random; of a read-out that counts, without
+groups, the 19 that it keeps (:mod:`hdc.sample`). Their distances are exact: the counts of a class
+without a frame or a group follow from the counts with it.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+import warnings
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from fractions import Fraction
+from typing import Any, Self
+
+import torch
+from torch import Tensor
+
+from hdc import bits, planes
+from hdc.hypervectors import Hypervectors
+from hdc.inputs import Label
+from hdc.prototypes import Counters, tie_breaker
+from hdc.readouts.base import Readout
+from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
+from hdc.sample import Reservoir
+from hdc.tensors import checked
+
+VERSION = 2
+"""Of the rule; an exported header names it."""
+UNITS = ("frame", "group")
+"""What was left out at a time."""
+MOST = 100
+"""Frames of a class that are left out, where there are so many hypervectors."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rejection:
+    """Prototypes, and how far out training frames were that were left out of them."""
+
+    prototypes: Tensor
+    """int64 [K, W], of the classes that have training frames."""
+    distances: Tensor
+    """int64 [m] (CPU), of left-out frames, increasing."""
+    unit: str
+    """One of :data:`UNITS`."""
+
+    @classmethod
+    def of(cls, prototypes: Tensor, distances: Sequence[Tensor], unit: str) -> Self:
+        """From distances in any order, in several parts."""
+        none = torch.empty(0, dtype=torch.int64)
+        found = torch.cat([none, *(part.cpu() for part in distances)])
+        return cls(prototypes.contiguous(), found.sort().values, unit)
+
+    def threshold(self, alpha: float) -> int:
+        """The largest distance at which a frame is known; a warning where none is too large."""
+        share = Fraction(str(alpha))  # 0.05 is 1/20
+        m = len(self.distances)
+        farther = math.floor(share * (m + 1))
+        if farther == 0:
+            warnings.warn(
+                f"alpha={alpha:g} needs at least {math.ceil(1 / share) - 1} training frames to "
+                f"leave out, found {m}; no frame is refused",
+                stacklevel=3,
+            )
+            return planes.WORD * self.prototypes.shape[1]
+        return int(self.distances[-farther])
+
+    def nearest(self, words: Tensor) -> Tensor:
+        """Distances int64 [Q] of hypervectors [Q, W] to the nearest prototype."""
+        return bits.hamming(words, self.prototypes).amin(1)
+
+    def tensors(self) -> dict[str, Tensor]:
+        """Those of a file."""
+        return {"prototypes": self.prototypes, self.unit: self.distances}
+
+    @classmethod
+    def restored(cls, tensors: Mapping[str, Tensor], dimension: int) -> Self:
+        """That of the tensors of a file; ValueError for others."""
+        (unit,) = [name for name in UNITS if name in tensors] or UNITS[:1]
+        m = len(tensors.get(unit, ()))  # none where each class has a single frame
+        kinds = {"prototypes": "int64 K W", unit: "int64 M"}
+        found = checked(tensors, kinds, D=dimension, M=m)
+        if (found[unit].diff() < 0).any():
+            raise ValueError(f"known.{unit}: expected increasing distances")
+        return cls(found["prototypes"], found[unit], unit)
+
+    def to(self, device: torch.device | str) -> Self:
+        """The same with its prototypes in the memory of a device."""
+        return replace(self, prototypes=self.prototypes.to(device))
+
+
+# Frame by frame ----------------------------------------------------------------------------------
+
+
+def by_frames(
+    readout: Counting, counted: Counted, kept: Mapping[int, Tensor]
+) -> Rejection:
+    """The rejection of counters, with frames left out one by one.
+
+    Args:
+        readout, counted: that have counted all frames.
+        kept: hypervectors int64 [m, W] to leave out of each row that has frames. The only one of a
+            class says nothing of others and is not left out.
+    """
+    rows = sorted(kept)
+    deciding = readout.deciding(counted)
+    whole = deciding[rows, EXTRAS.index(0)]
+    found = []
+    for place, row in enumerate(rows):
+        words = kept[row]
+        if len(words) > 1:
+            _, if_zero, _, if_one, _ = deciding[row]
+            without = (words & if_one) | (~words & if_zero)
+            distances = bits.hamming(words, whole)
+            distances[:, place] = bits.count_ones(words ^ without)
+            found.append(distances.amin(1))
+    return Rejection.of(whole, found, "frame")
+
+
+def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
+    """The rejection of hypervectors and their rows int64 [N], with single ones left out."""
+    reservoir = Reservoir(size=MOST)
+    reservoir.add(words.packed, rows.tolist())
+    kept = {int(row): frames for row, frames in reservoir.sample().kept.items()}
+    majority = Majority()
+    return by_frames(majority, majority.fit(words, rows, n_classes), kept)
+
+
+# Group by group ----------------------------------------------------------------------------------
+
+
+class Groups:
+    """Counts of training frames by class and group, and the frames that will be left out.
+
+    Args:
+        rows: the class of each frame, int64 [N]; all of 0 … L − 1 occur.
+        groups: the group of each frame, any N labels.
+        readout: of the model; one that counts says which way ties go.
+        dimension: D.
+        device: of the hypervectors.
+    """
+
+    def __init__(
+        self,
+        rows: Tensor,
+        groups: Sequence[Label],
+        readout: Readout,
+        dimension: int,
+        device: torch.device | str,
+    ):
+        number = {group: k for k, group in enumerate(dict.fromkeys(groups))}
+        self.rows, self.groups = rows, torch.tensor([number[g] for g in groups])
+        self.readout = readout if isinstance(readout, Counting) else Majority()
+        pairs = torch.stack((self.rows, self.groups), 1)
+        # A cell is a class and a group that have frames in common.
+        self._cells, self._cell_of = torch.unique(pairs, dim=0, return_inverse=True)
+        self._counters = Counters(len(self._cells), dimension, device)
+        numbers = Reservoir(size=MOST)
+        numbers.add(torch.arange(len(rows))[:, None], rows.tolist())
+        self._chosen = torch.cat([*numbers.sample().kept.values()]).flatten()
+        self._words: list[Tensor] = []
+        self._numbers: list[Tensor] = []
+        self._n_seen = 0
+
+    @property
+    def single(self) -> list[int]:
+        """Classes of a single group, whose frames cannot be left out."""
+        return (self._cells[:, 0].bincount() == 1).nonzero().flatten().tolist()
+
+    def add(self, words: Tensor) -> None:
+        """Count the next of the frames, hypervectors int64 [n, W]."""
+        start, stop = self._n_seen, self._n_seen + len(words)
+        self._counters.add(words, self._cell_of[start:stop])
+        chosen = self._chosen
+        own = chosen[(chosen >= start) & (chosen < stop)]
+        self._words.append(words[(own - start).to(words.device)])
+        self._numbers.append(own)
+        self._n_seen = stop
+
+    def rejection(self) -> Rejection:
+        """With each group left out of all classes in turn."""
+        words, numbers = torch.cat(self._words), torch.cat(self._numbers)
+        counts, n = self._of_classes()
+        whole = torch.stack(
+            [self._majority(c, own, int(n[c])) for c, own in enumerate(counts)]
+        )
+        found = []
+        for group in self.groups[numbers].unique():
+            left, alone = whole.clone(), []
+            for cell in (self._cells[:, 1] == group).nonzero().flatten().tolist():
+                c = int(self._cells[cell, 0])
+                rest = int(n[c] - self._counters.n[cell])
+                if rest == 0:
+                    alone.append(c)
+                    continue
+                others = planes.subtract(counts[c], self._counters.planes[cell])
+                left[c] = self._majority(c, others, rest)
+            is_left_out = self.groups[numbers] == group
+            is_left_out &= ~torch.isin(self.rows[numbers], torch.tensor(alone))
+            distances = bits.hamming(words[is_left_out.to(words.device)], left)
+            distances[:, alone] = planes.WORD * words.shape[1]
+            found.append(distances.amin(1))
+        return Rejection.of(whole, found, "group")
+
+    def _of_classes(self) -> tuple[list[Tensor], Tensor]:
+        """Counts of each class, bit-sliced [P, W], and its frames int64 [L]."""
+        counts: dict[int, Tensor] = {}
+        for (c, _), own in zip(
+            self._cells.tolist(), self._counters.planes, strict=True
+        ):
+            counts[c] = planes.add(counts[c], own) if c in counts else own
+        return [counts[c] for c in sorted(counts)], self.rows.bincount()
+
+    def _majority(self, c: int, counts: Tensor, n: int) -> Tensor:
+        """The prototype int64 [W] of n frames of class c with these counts."""
+        readout = self.readout
+        breaker = functools.partial(
+            tie_breaker, self._counters.dimension, readout.random_state
+        )
+        return planes.majorities(
+            counts[None], torch.tensor([n]), [0], readout.ties, lambda _: breaker(c)
+        )[0]
+
+
+def grouped(
+    groups: Sequence[Label], rows: Tensor, classes: Sequence[Label], *given: Any
+) -> Groups | None:
+    """What counts N frames of rows int64 [N] by group; None where no group can be left out.
+
+    A warning names classes of a single group. `given` are the others of :class:`Groups`.
+    """
+    found = Groups(rows, groups, *given)
+    single = found.single
+    if single:
+        named = ", ".join(repr(classes[row]) for row in single[:5])
+        warnings.warn(
+            f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
+            "not calibrated for another group of these",
+            stacklevel=4,
+        )
+    return found if len(single) < len(classes) else None
