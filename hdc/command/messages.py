@@ -184,7 +184,7 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
         f"a guess of {guessed}, the largest class: accuracy {result['guess']:.1%}",
     ]
     if "refused" in result:
-        found.append(refused_line(result["refused"], n, result["reject"]))
+        found.append(_refused_of(result, n))
     if "coverage" in result:
         own = result["coverage"]
         line = _coverage_line(own, "sets")
@@ -192,10 +192,20 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def refused_line(refused: int, n: int, reject: float, known: bool = True) -> str:
-    """How many frames were refused as none of the classes, and how many known ones may be."""
-    frames, of = ("known frames", "") if known else ("frames", " of known ones")
-    return f"refused {refused} of {n} {frames}; expected at most {100 * reject:g} %{of}"
+def _refused_of(result: Mapping[str, Any], n: int) -> str:
+    text = f"refused {result['refused']} of {n} known frames; expected at most "
+    return text + limit_of_refused(result["reject"], result["left_out"])
+
+
+def limit_of_refused(reject: float, left_out: str) -> str:
+    """How many of known frames may be refused, and whether it holds for another session.
+
+    Args:
+        reject: the share that was asked for.
+        left_out: what the model left out to calibrate it: "group" or "frame".
+    """
+    here = "" if left_out == "group" else " (not calibrated for another session)"
+    return f"{100 * reject:g} %{here}"
 
 
 def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:

@@ -70,6 +70,7 @@ def _of_classes(
     }
     if wanted.reject:
         result |= {"reject": wanted.reject, "refused": found["known"].count(False)}
+        result["left_out"] = model.left_out_
     if wanted.interval is not None:
         sets = [[str(label) for label in own] for own in found["set"]]
         inside = np.array([names[k] in own for k, own in zip(truth, sets, strict=True)])

@@ -60,7 +60,9 @@ def predict(
             click.echo("\t".join(row))
         click.echo(json.dumps(answer) if as_json else "\t".join(row.values()))
     if reject:
-        click.echo(messages.refused_line(refused, number, reject, False), err=True)
+        limit = messages.limit_of_refused(reject, found.left_out_)
+        text = f"refused {refused} of {number} frames; expected at most {limit} of known ones"
+        click.echo(text, err=True)
 
 
 @click.command(short_help="Test a model on new labelled images.")

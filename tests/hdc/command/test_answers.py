@@ -20,6 +20,7 @@ class Nearest:
     dimension_ = 100
     readout_ = Majority()
     counts_ = np.array([1, 3, 2])
+    left_out_ = "group"
 
     def __init__(self):
         self.asked = []
@@ -191,6 +192,7 @@ def test_a_score_of_classes_is_complete(classes):
         "wrong": [{"file": f"{classes}, frame 1", "label": "a", "predicted": "b"}],
         "reject": 0.4,
         "refused": 1,
+        "left_out": "group",
         "coverage": {
             "asked": 0.8,
             "share": 0.5,  # a, b, b and c, and none
