@@ -145,7 +145,9 @@ class Session:
             likely = tuple(map(str, model.predict_set(words, ALPHA)[0]))
         except ValueError:  # it was recalibrated, and has no scores of training frames
             likely = None
-        return Answer(self._label(words), likely, distances)
+        # No label stands beside an empty set.
+        label = None if likely == () else self._label(words)
+        return Answer(label, likely, distances)
 
     def _label(self, words: Hypervectors) -> str | None:
         """The class of a frame; None if it is known to be none of them."""
