@@ -23,18 +23,19 @@ class Clock:
 
     Attributes:
         seconds: time counted so far.
+        cpu_s: processor time of this process in it, of all its threads.
     """
 
     def __init__(self, device: str = "cpu"):
         self.device = device
-        self.seconds = 0.0
-        self._started: float | None = None
+        self.seconds = self.cpu_s = 0.0
+        self._started: tuple[float, float] | None = None
 
     @contextmanager
     def running(self) -> Iterator[None]:
         """Count the time inside."""
         synchronise(self.device)
-        self._started = time.perf_counter()
+        self._started = _now()
         try:
             yield
         finally:
@@ -50,13 +51,20 @@ class Clock:
         try:
             yield
         finally:
-            self._started = time.perf_counter()
+            self._started = _now()
 
     def _hold(self) -> None:
         synchronise(self.device)
         if self._started is not None:
-            self.seconds += time.perf_counter() - self._started
+            seconds, cpu_s = _now()
+            self.seconds += seconds - self._started[0]
+            self.cpu_s += cpu_s - self._started[1]
         self._started = None
+
+
+def _now() -> tuple[float, float]:
+    """Seconds of the clock on the wall and of the processor."""
+    return time.perf_counter(), time.process_time()
 
 
 def timed(call: Callable[[], object], device: str = "cpu") -> float:

@@ -9,14 +9,17 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, TypeVar
 
 import msgspec
 import torch
 
+T = TypeVar("T")
 STAT = Path("/proc/stat")
+NOT_MEASURED = "load not measured"
 SIDE = 700
 """Side of the matrices whose product is the yardstick, about 20 ms on one core."""
 _PARTS = 5  # yardsticks at a time, of which the least counts
@@ -51,13 +54,56 @@ class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     def reason(self, load: Load) -> str:
         """Why a group with this load is disturbed; empty where it is not."""
         if load.others is None:
-            return "load not measured"
+            return NOT_MEASURED
         if load.others > self.others:
             return f"others took {load.others:.0%} of the processor time"
         worst = max(load.yardstick.values())
         if worst > self.yardstick:
             return f"a fixed piece of work took {worst:.2f} times its least"
         return ""
+
+    def columns(self, load: Load) -> dict[str, Any]:
+        """The load and the reason as cells of a row."""
+        yardsticks = {f"yardstick_{n}": times for n, times in load.yardstick.items()}
+        return {"others": load.others, **yardsticks, "disturbed": self.reason(load)}
+
+
+class Retries:
+    """Measures again what was disturbed, within a budget for all that is measured.
+
+    Args:
+        most: how often one thing is measured again.
+        budget_s: seconds that all of it may take in all.
+    """
+
+    def __init__(self, most: int, budget_s: float) -> None:
+        self._most, self._left_s = most, budget_s
+
+    def attempts(
+        self,
+        measure: Callable[[int], T],
+        reason: Callable[[T], str],
+        expected_s: float = 0.0,
+    ) -> Iterator[T]:
+        """What each attempt gives, the last of which stands.
+
+        Another follows one that was disturbed if the budget has room for as long as that took.
+
+        Args:
+            measure: called with the number of the attempt, from 0.
+            reason: why an attempt is disturbed; empty where it is not.
+            expected_s: least that an attempt is expected to take.
+        """
+        for attempt in range(1 + self._most):
+            start = time.perf_counter()
+            made = measure(attempt)
+            took = time.perf_counter() - start
+            yield made
+            if attempt:
+                self._left_s -= took
+            undisturbed = reason(made) in ("", NOT_MEASURED)
+            if undisturbed or max(took, expected_s) > self._left_s:
+                return
 
 
 class Watch:
