@@ -219,7 +219,7 @@ def _of_record(record: Record) -> Row:
         "command": record.command,
         "elsewhere": record.elsewhere,
         "device": environment.device,
-        "cpu": environment.cpu,
+        "cpu": environment.machine,
         "threads": environment.threads,
     }
 
