@@ -164,7 +164,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
 
     def _load(self, watch: Watch | None) -> Row:
         """The load beside the training, if it was watched."""
-        if self.disturbed is None or watch is None or watch.load is None:
+        if self.disturbed is None or watch is None:
             return {}
         cells = self.disturbed.columns(watch.load)
         return {f"load.{name}": value for name, value in cells.items()}

@@ -166,8 +166,8 @@ class _Timing:
         order = self._task.order(threads)
         for name in dict.fromkeys(order):
             config = self._task.models[name]["model"]
-            shape = tuple(self._samples.frames.shape[1:])
-            warm_up(_built(config), shape, len(self._samples.labels))
+            _, *shape = self._samples.frames.shape
+            warm_up(_built(config), (shape[0], shape[1]), len(self._samples.labels))
         for name in order:
             for row in self._of_model(name):
                 yield {"model": name, "threads": threads, "cold": False, **row}
@@ -199,7 +199,7 @@ class _Timing:
                 yield {**about, **limits.columns(group.load), **fit}
 
     def _group(self, config: Config) -> Group:
-        fits = []
+        fits: list[Row] = []
         start = time.perf_counter()
         with self._watch.watching():
             while not fits or time.perf_counter() - start < self._task.group_s:

@@ -203,26 +203,34 @@ def _learning_rate(runs: pd.DataFrame) -> Iterator[Quantity]:
 def _ratios(line: Cells, own: pd.DataFrame, timed: list[Any]) -> Iterator[Quantity]:
     """Training time relative to HDC, of the runs of Table I and of fits that are timed alone."""
     name = f"table1/{line['model']}_time_over_hdc"
-    note = "" if line["model"] == "softmax" else "the network's sizes are ours"
+    about = {
+        "note": "" if line["model"] == "softmax" else "the network's sizes are ours"
+    }
     if line.get(RATIO) is not None:
+        ratio, low, high = (line[f"{RATIO}{end}"] for end in ENDS)
         yield Quantity(
             name,
-            *(line[f"{RATIO}{end}"] for end in ENDS),
-            "median over runs" if line[f"{RATIO}{ENDS[1]}"] is not None else "",
+            ratio,
+            low,
+            high,
+            "median over runs" if low is not None else "",
             "by default",
             n=len(own.dropna(subset="beside.hdc_s")),
             made_by=own.command.iloc[0],
-            note=note,
+            **about,
         )
     for fits in timed:
+        ratio, low, high = (fits.get(f"over_hdc{end}") for end in ENDS)
         yield Quantity(
             name,
-            *(fits.get(f"over_hdc{end}") for end in ENDS),
-            "measurements" if fits["measurements"] > 1 else "",
+            ratio,
+            low,
+            high,
+            "measurements" if low is not None else "",
             f"fits, {counted(fits['threads'], 'thread')}",
             n=fits["fits"] - fits["disturbed"],
             made_by=f"{RUN}{times.NAME}",
-            note=note,
+            **about,
         )
 
 
