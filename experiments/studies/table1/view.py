@@ -203,9 +203,7 @@ def _learning_rate(runs: pd.DataFrame) -> Iterator[Quantity]:
 def _ratios(line: Cells, own: pd.DataFrame, timed: list[Any]) -> Iterator[Quantity]:
     """Training time relative to HDC, of the runs of Table I and of fits that are timed alone."""
     name = f"table1/{line['model']}_time_over_hdc"
-    about = {
-        "note": "" if line["model"] == "softmax" else "the network's sizes are ours"
-    }
+    note = "" if line["model"] == "softmax" else "the network's sizes are ours"
     if line.get(RATIO) is not None:
         ratio, low, high = (line[f"{RATIO}{end}"] for end in ENDS)
         yield Quantity(
@@ -217,7 +215,7 @@ def _ratios(line: Cells, own: pd.DataFrame, timed: list[Any]) -> Iterator[Quanti
             "by default",
             n=len(own.dropna(subset="beside.hdc_s")),
             made_by=own.command.iloc[0],
-            **about,
+            note=note,
         )
     for fits in timed:
         ratio, low, high = (fits.get(f"over_hdc{end}") for end in ENDS)
@@ -230,7 +228,7 @@ def _ratios(line: Cells, own: pd.DataFrame, timed: list[Any]) -> Iterator[Quanti
             f"fits, {counted(fits['threads'], 'thread')}",
             n=fits["fits"] - fits["disturbed"],
             made_by=f"{RUN}{times.NAME}",
-            **about,
+            note=note,
         )
 
 
