@@ -43,9 +43,7 @@ def profile(frame: pd.DataFrame) -> pd.DataFrame | None:
     whole = lines.groupby("model").recording.transform("nunique") == every
     lines = lines[whole].sort_values(["model", "factor"], kind="stable")
     rank = lines.groupby("model").factor.rank("max")
-    return lines.assign(share=rank / every)[
-        ["model", "factor", "share", "recording", "n"]
-    ]
+    return lines.assign(share=rank / every)[["model", "factor", "share"]]
 
 
 def _by_recording(lines: pd.DataFrame) -> Iterator[pd.DataFrame]:
