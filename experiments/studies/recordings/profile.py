@@ -23,7 +23,7 @@ from experiments.studies.recordings.tables import COSTS_OF, costs
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-_OTHER: Any = {"color": "0.8", "lw": 0.8, "zorder": 1}
+_OTHER: Any = {"marker": "", "color": "0.8", "lw": 0.8, "zorder": 1}
 
 
 def profile(frame: pd.DataFrame) -> pd.DataFrame | None:
@@ -64,7 +64,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     axes = figure.subplots()
     end = 1.5 * data.factor.max()
     for model, rows in data.groupby("model"):
-        look = {**look_of(str(model)), "marker": ""} if model in NAMED else _OTHER
+        look = {**look_of(str(model)), "ms": 4} if model in NAMED else _OTHER
         factors = [1.0, *rows.factor, end]
         shares = [0.0, *rows.share, rows.share.max()]
         axes.step(factors, shares, where="post", **look)
@@ -80,7 +80,7 @@ FIGURE = Figure(
     "performance_profile",
     Table("performance_profile", profile, of=COSTS_OF),
     draw,
-    title="How often a model is about as fast as the fastest that errs no more",
+    title="How often a model is fast for its accuracy",
     details=SPLIT,
     caption="Share of the recordings on which a model trains within a factor of the fastest model "
     "that errs no more than it does, at the most frames per class, with compiled kernels if they "
