@@ -81,8 +81,7 @@ class CommandLine:
     def _carry_out(self, cfg: DictConfig) -> None:
         hydra_cfg, config = HydraConfig.get(), resolved(cfg)
         task = task_class(config)
-        if not task.own_memory:
-            machine.keep_memory()
+        machine.keep_memory()
         torch.set_num_threads(machine.threads(config["threads"], hydra_cfg.launcher))
         if hydra_cfg.mode == RunMode.MULTIRUN:
             self._show_progress(config["exclusive"] and not task.timed, hydra_cfg)

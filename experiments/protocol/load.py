@@ -119,7 +119,7 @@ class Watch:
         self._least: dict[int, float] = {}
         for _ in range(_WARM_UP):
             self._yardsticks()
-        self.load: Load | None = None
+        self.load = Load(None, {})
 
     @contextmanager
     def watching(self) -> Iterator[None]:

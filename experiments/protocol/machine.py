@@ -26,8 +26,6 @@ from filelock import FileLock, Timeout
 from experiments.records import revision
 
 _POLL_S = 0.2
-# From 32 MB on, glibc gives a freed block back to the system whatever was freed before.
-_BLOCK_BYTES = 40 * 2**20
 # Options of mallopt in glibc's malloc.h (M_MMAP_MAX, M_TRIM_THRESHOLD, M_TOP_PAD), and what they
 # are set to.
 _MALLOPT = {
@@ -49,23 +47,6 @@ def keep_memory() -> bool:
     if mallopt is None:
         return False
     return all(mallopt(option, value) == 1 for option, value in _MALLOPT.items())
-
-
-def keeps_memory() -> bool:
-    """Whether freed memory is kept for the next allocation, by :func:`keep_memory` or otherwise.
-
-    Measured: a large block that is allocated again then needs no new pages.
-    """
-    if sys.platform != "linux":
-        return False
-    new_pages = []
-    for _ in range(2):
-        before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
-        block = bytes(1) * _BLOCK_BYTES  # touches every page
-        del block
-        faults = resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
-        new_pages.append(faults)
-    return min(new_pages) == 0
 
 
 def available() -> list[int]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import json
 from collections.abc import Iterator
+from contextlib import nullcontext
 from dataclasses import dataclass
 from typing import Any, ClassVar
 
@@ -18,6 +19,7 @@ from baselines import library
 from experiments.protocol import data
 from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.protocol.clock import Clock, timed
+from experiments.protocol.load import Limits, Watch
 from experiments.protocol.model import Model, check_model, instantiate
 from experiments.protocol.settings import (
     Data,
@@ -68,6 +70,8 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
     ``total_time_s``             of the whole training
     ``beside.NAME_s``            of other models on the same frames: the mean of one training just
                                  before and one just after
+    ``load.disturbed``           where the config has limits of a load: why the times do not count,
+                                 or empty; the others of ``load`` are what was measured
     ``…_at_target``, ``…_max``   when training accuracy first exceeded the target; largest
     ``model_bytes``              size of what was learnt; None where it is not known
     ``test_set``, ``train_set``  SHA-256 of the frames and labels
@@ -85,6 +89,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
     seed: Seeds
     device: Any = "cpu"
     beside: dict[str, dict[str, Any]]
+    disturbed: Limits | None = None
 
     def __post_init__(self) -> None:
         check_arguments(self.scene, "scene")
@@ -120,10 +125,12 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         digests = trained.digest, tested.digest
         tests = _Tests(model, trained, tested, target)
         samples = trained.frames, trained.labels
-        beside.train()
         curve: tuple[Report, ...] = ()
+        watch = Watch() if self.disturbed else None
         # Without automatic refreshing: no thread draws while the clock runs.
-        with Live(console=context.console, transient=True, auto_refresh=False) as live:
+        live = Live(console=context.console, transient=True, auto_refresh=False)
+        with watch.watching() if watch else nullcontext(), live:
+            beside.train()
             live.update(Text(f"train {name}"), refresh=True)
             for trial in train(model, name, *samples, self.stop, clock, tests):
                 yield from trial.curve[len(curve) :]
@@ -132,7 +139,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
                     live.update(
                         Text(f"train {name} {_progress(curve[-1])}"), refresh=True
                     )
-        beside.train()
+            beside.train()
         if not curve:
             raise ValueError(f"model {name}: expected at least one report, found none")
         if "train_accuracy" not in curve[-1]:  # it was not tested at its end
@@ -141,6 +148,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
             **self._of_frames(trained, tested),
             **_of_trial(trial, target),
             **beside.seconds(),
+            **self._load(watch),
             "train_accuracy_final": tests.train_accuracy,
             "test_accuracy_final": accuracy(tests.predicted, tested.labels),
             "right": int((tests.predicted == tested.labels).sum()),
@@ -153,6 +161,13 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
                 f"model {name}: expected it to leave its frames as they are"
             )
         yield {**results, "model_bytes": _size(model, context.console)}
+
+    def _load(self, watch: Watch | None) -> Row:
+        """The load beside the training, if it was watched."""
+        if self.disturbed is None or watch is None:
+            return {}
+        cells = self.disturbed.columns(watch.load)
+        return {f"load.{name}": value for name, value in cells.items()}
 
     def _samples(self, context: Context, clock: Clock) -> Iterator[Samples]:
         """The training and the test samples."""

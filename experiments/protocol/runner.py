@@ -31,7 +31,7 @@ _ERROR_CHARACTERS = 2000
 # Keys of a training's config that say how it is carried out or shown, not what it computes.
 NOT_IDENTITY = (
     *("force", "cache", "exclusive", "task", "beside", "display", "scene_display"),
-    "sessions",  # what the scene is made of, and has in itself
+    *("disturbed", "sessions"),  # the latter: what the scene has in itself
 )
 _OF_MODEL = ("model.", "stop.")  # keys of what was changed of a model, not of a scene
 # Keys of an experiment that say which frames there are, and which of them test.

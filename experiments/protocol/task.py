@@ -103,14 +103,11 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         revision: raised when its rows change.
         uses: dotted names of what its rows depend on, and its config does not name.
         timed: whether its rows have times: such a one runs alone on its cores.
-        own_memory: whether it says itself when the process keeps its memory
-            (:func:`experiments.protocol.machine.keep_memory`).
     """
 
     revision: ClassVar[int] = 1
     uses: ClassVar[tuple[str, ...]] = ()
     timed: ClassVar[bool] = False
-    own_memory: ClassVar[bool] = False
 
     @classmethod
     def components(cls, **_: Any) -> Sequence[str]:

@@ -29,6 +29,9 @@ _PACKAGES = (
 )
 # The variable with the command line, for workers of a launcher.
 COMMAND = "EXPERIMENTS_COMMAND"
+_CPUINFO = Path("/proc/cpuinfo")
+_NUMBERS = {"family": "cpu family", "model": "model", "stepping": "stepping"}
+_FLAGS = {*_NUMBERS.values(), "flags"}
 _COMPUTING = ("torch", "numpy")  # whose versions may move a number
 
 
@@ -37,6 +40,9 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
 
     Attributes:
         cpu: what the system calls its processor.
+        processor: its family, model, stepping and a digest of its flags; None where the system does
+            not say.
+        blas: kernels that compute products of matrices, by library.
         cores: of the machine.
         threads: of torch.
         device: as torch names it, a GPU with its model.
@@ -51,6 +57,8 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
     python: str | None = None
     platform: str | None = None
     cpu: str
+    processor: str | None = None
+    blas: dict[str, str] = {}
     cores: int | None = None
     threads: int
     device: str | None = None
@@ -60,6 +68,14 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
     changes: str | None = None
     exclusive: bool = True
     libraries: list[Any] = []
+
+    @property
+    def machine(self) -> str:
+        """What times of one machine have in common: the processor and its kernels, as far as they
+        are known."""
+        kernels = (f"{kernel} by {name}" for name, kernel in self.blas.items())
+        about = ", ".join(filter(None, [self.processor, *kernels]))
+        return f"{self.cpu} ({about})" if about else self.cpu
 
     @property
     def short_commit(self) -> str:
@@ -93,6 +109,8 @@ def environment(device: str, threads: int) -> Environment:
         python=platform.python_version(),
         platform=platform.platform(),
         cpu=cpu_model(),
+        processor=processor(),
+        blas=blas(),
         cores=os.cpu_count(),
         threads=threads,
         device=name,
@@ -109,18 +127,45 @@ def command() -> str:
     return os.environ.get(COMMAND) or shlex.join(typed)
 
 
-@functools.cache
 def cpu_model() -> str:
     """The system's name of its processor."""
     unknown = platform.processor() or platform.machine()
+    return _cpuinfo().get("model name", unknown)
+
+
+def processor() -> str | None:
+    """Family, model, stepping and a digest of the flags of the processor, where Linux says them."""
+    known = _cpuinfo()
+    if not known.keys() >= _FLAGS:
+        return None
+    numbers = (f"{name} {known[key]}" for name, key in _NUMBERS.items())
+    flags = " ".join(sorted(known["flags"].split()))
+    digest = hashlib.sha256(flags.encode()).hexdigest()[:8]
+    return f"{' '.join(numbers)} flags {digest}"
+
+
+@functools.cache
+def blas() -> dict[str, str]:
+    """The kernels that torch and OpenBLAS have chosen for this processor."""
+    import torch
+    from threadpoolctl import threadpool_info
+
+    found = {"torch": str(torch.backends.cpu.get_cpu_capability())}
+    for library in threadpool_info():
+        if "architecture" in library:
+            found[library["internal_api"]] = library["architecture"]
+    return found
+
+
+@functools.cache
+def _cpuinfo() -> dict[str, str]:
+    """What Linux says of the first processor; empty elsewhere."""
     try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
+        first = _CPUINFO.read_text().partition("\n\n")[0]
     except OSError:
-        return unknown
-    for line in lines:
-        if "model name" in line:
-            return line.partition(":")[2].strip()
-    return unknown
+        return {}
+    pairs = (line.partition(":") for line in first.splitlines())
+    return {name.strip(): value.strip() for name, _, value in pairs}
 
 
 @functools.cache

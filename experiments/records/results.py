@@ -26,6 +26,7 @@ STOPS = ("paper", "long", "end", "quick", "reached")
 _RESAMPLE = ("seed", "split", "draw")
 # Keys of a config in which measurements side by side may differ.
 _OF_MODELS = ("models", "seeds")
+_AGAIN = "measurement"  # key of which of several measurements of the same one is
 
 
 class Results:
@@ -155,7 +156,11 @@ def _label(record: Record) -> str:
 
 def _is_beside(one: Record, other: Record) -> bool:
     """Whether a measurement has other models than another, seeds of it or more, and all other
-    settings are equal. Times of two calls do not compare, so of what is timed there is one."""
+    settings are equal. Times of two calls do not compare, so of what is timed there is one, or one
+    of each number of its ``measurement``."""
+    if one.config.get(_AGAIN) != other.config.get(_AGAIN):
+        first, second = (configs.without((_AGAIN,), m.config) for m in (one, other))
+        return bool(first == second)
     rest, of_other = (configs.without(_OF_MODELS, m.config) for m in (one, other))
     models, seeds = (
         [set(m.config.get(key) or ()) for m in (one, other)] for key in _OF_MODELS
@@ -214,7 +219,7 @@ def _of_record(record: Record) -> Row:
         "command": record.command,
         "elsewhere": record.elsewhere,
         "device": environment.device,
-        "cpu": environment.cpu,
+        "cpu": environment.machine,
         "threads": environment.threads,
     }
 

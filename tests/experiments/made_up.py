@@ -48,6 +48,7 @@ def run(
     experiment="",
     error="ValueError: it broke",
     beside_s=None,
+    load=None,
     command="",
     **results,
 ):
@@ -105,6 +106,7 @@ def run(
         "labels": pack_labels(truth),
         **_of_trial(trial, 0.9),
         **{f"beside.{name}_s": s for name, s in (beside_s or {}).items()},
+        **(load or {}),
         "train_accuracy_final": rows[-1]["train_accuracy"],
         "test_accuracy_final": final,
         "right": int(right.sum()),

@@ -102,7 +102,7 @@ def test_neither_import_nor_a_run_changes_warnings_for_good(command_line):
             ["experiment", "task.models.cnn1"],
             False,
         ),
-        (["experiment=times_grid"], ["experiment", "stop.budget_s"], False),
+        (["experiment=times"], ["experiment", "stop.budget_s"], False),
     ],
     ids=str,
 )

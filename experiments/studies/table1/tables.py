@@ -27,6 +27,7 @@ OF = (RUNS, CHECKPOINTS)
 RATIO, AT_PAPERS = "training_time_over_hdc", "test_accuracy_at_papers"
 OVER_NUMPY = "training_time_over_numpy_hdc"
 AT_LEAST = "at_least_over_hdc"
+DISTURBED, _REASON = "disturbed", "load.disturbed"  # columns of a table, of runs
 _BESIDE = {RATIO: "beside.hdc_s", OVER_NUMPY: "beside.hdc_numpy_s"}
 
 PAPER = published.models_of_table1()
@@ -93,7 +94,19 @@ def _measured(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
     """What a row of Table I has besides the columns of all runs."""
     if not len(runs):
         return {}
-    return {**_relative_times(runs), **_at_papers(runs, reports)}
+    made = {**_relative_times(runs), **_at_papers(runs, reports)}
+    return made | ({DISTURBED: why} if (why := disturbed(runs)) else {})
+
+
+def disturbed(runs: pd.DataFrame) -> str:
+    """Why the times of some of these runs do not count; empty where those of all do."""
+    if _REASON not in runs:
+        return ""
+    reasons = runs[_REASON].fillna("")
+    why = "; ".join(dict.fromkeys(filter(None, reasons)))
+    if not why or len(runs) == 1:
+        return why
+    return f"{(reasons != '').sum()} of {len(runs)} seeds: {why}"
 
 
 def _relative_times(runs: pd.DataFrame) -> dict[str, float]:
@@ -215,6 +228,7 @@ def _as_accurate(model: str, pixels: int, runs: pd.DataFrame) -> dict[str, Any]:
         "seeds": len(runs),
         **_over_seeds("time", runs.time.tolist()),
         **_over_seeds("ratio", ratios.tolist()),
+        **({DISTURBED: why} if (why := disturbed(runs)) else {}),
     }
 
 

@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from experiments.protocol import load
-from experiments.protocol.load import Limits, Load, Watch
+from experiments.protocol.load import Limits, Load, Retries, Watch
 
 
 def spin(seconds):
@@ -92,3 +92,59 @@ def test_another_process_is_seen():
 )
 def test_a_disturbed_group_says_why(found, reason):
     assert Limits(others=0.02, yardstick=1.1).reason(found) == reason
+
+
+def test_the_load_stands_in_a_row():
+    found = Limits(others=0.02, yardstick=1.1).columns(Load(0.01, {1: 1.05, 2: 1.2}))
+    assert found == {
+        "others": 0.01, "yardstick_1": 1.05, "yardstick_2": 1.2,
+        "disturbed": "a fixed piece of work took 1.20 times its least",
+    }  # fmt: skip
+
+
+# Measuring again ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("reasons", "took", "budget_s", "attempts"),
+    [
+        (["", "x"], 5, 60, 1),  # nothing disturbed it
+        (["x", "", "x"], 5, 60, 2),  # until nothing does
+        (["x", "x", "x", "x"], 5, 60, 3),  # two more at most
+        (["x", "x", "x"], 25, 30, 2),  # the second more would exceed the budget
+        (["x", "x"], 31, 30, 1),
+        ([load.NOT_MEASURED, "x"], 5, 60, 1),  # which another attempt does not mend
+    ],
+)
+def test_what_was_disturbed_is_measured_again_within_a_budget(
+    monkeypatch, reasons, took, budget_s, attempts
+):
+    now = [0.0]
+    monkeypatch.setattr(load.time, "perf_counter", lambda: now[0])
+
+    def measure(attempt):
+        now[0] += took
+        return attempt, reasons[attempt]
+
+    retries = Retries(2, budget_s)
+    made = list(retries.attempts(measure, lambda each: each[1]))
+    assert made == list(enumerate(reasons))[:attempts]
+
+
+def test_the_budget_is_one_for_all_and_is_not_spent_by_first_attempts(monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr(load.time, "perf_counter", lambda: now[0])
+
+    def attempts(took, **more):
+        def measure(attempt):
+            now[0] += took
+            return attempt
+
+        return list(retries.attempts(measure, lambda _: "busy", **more))
+
+    retries = Retries(2, 60)
+    assert attempts(100) == [0]
+    assert attempts(0, expected_s=61) == [0]  # found finished: another takes longer
+    assert attempts(25) == [0, 1, 2]
+    assert attempts(25) == [0]
+    assert attempts(10) == [0, 1]

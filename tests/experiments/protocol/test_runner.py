@@ -273,6 +273,16 @@ def test_what_was_finished_by_other_code_or_threads_is_made_again_and_why_is_sai
     assert count("force=true")[1] is False
 
 
+def test_a_run_with_limits_of_the_load_says_what_it_was_and_is_the_same_run(carry_out):
+    limits = {"others": 9.0, "yardstick": 99.0}
+    watched = carry_out(*(f"+disturbed.{key}={x}" for key, x in limits.items()))
+    assert watched.results["load.disturbed"] in ("", "load not measured")
+    assert watched.results["load.yardstick_1"] >= 1
+    strict = carry_out("+disturbed.others=-1", "+disturbed.yardstick=0", "force=true")
+    assert strict.results["load.disturbed"]
+    assert watched.id == strict.id == carry_out().id
+
+
 def test_a_run_without_the_models_beside_it_that_are_asked_for_is_made_again(
     carry_out, results
 ):

@@ -11,7 +11,7 @@ import torch
 
 from experiments.records import environment as module
 from experiments.records import files
-from experiments.records.environment import environment
+from experiments.records.environment import Environment, environment
 
 
 def git(folder, *words):
@@ -88,11 +88,26 @@ def test_a_reader_of_a_time_finds_what_it_depends_on(monkeypatch):
     assert environment("cuda:1", 1).device == "cuda:1: A GPU"
 
 
+@pytest.fixture
+def cpuinfo(tmp_path, monkeypatch):
+    """cpuinfo(text) → what Linux says of its processors."""
+
+    def says(text):
+        file = tmp_path / "cpuinfo"
+        if text is not None:
+            file.write_text(text)
+        monkeypatch.setattr(module, "_CPUINFO", file)
+        module._cpuinfo.cache_clear()
+
+    yield says
+    module._cpuinfo.cache_clear()
+
+
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
         (
-            "processor : 0\nmodel name\t: A CPU: 2 GHz\nmodel name\t: B\n",
+            "processor : 0\nmodel name\t: A CPU: 2 GHz\n\nmodel name\t: B\n",
             "A CPU: 2 GHz",
         ),
         ("processor : 0\n", "generic"),
@@ -100,11 +115,38 @@ def test_a_reader_of_a_time_finds_what_it_depends_on(monkeypatch):
     ],
 )
 def test_the_processor_is_named_as_the_system_does(
-    tmp_path, monkeypatch, text, expected
+    cpuinfo, monkeypatch, text, expected
 ):
-    if text is not None:
-        (tmp_path / "cpuinfo").write_text(text)
-    monkeypatch.setattr(module, "Path", {"/proc/cpuinfo": tmp_path / "cpuinfo"}.get)
+    cpuinfo(text)
     monkeypatch.setattr(platform, "processor", lambda: "")
     monkeypatch.setattr(platform, "machine", lambda: "generic")
-    assert module.cpu_model.__wrapped__() == expected
+    assert module.cpu_model() == expected
+
+
+NUMBERS = (
+    "cpu family : 25\nmodel : {}\nmodel name : A CPU\nstepping : 1\nflags : {}\n\n"
+)
+
+
+def test_two_processors_of_one_name_are_told_apart_by_what_they_can(cpuinfo):
+    found = []
+    other = "cpu family : 99\n"  # of the second core, which says nothing of the first
+    for model, flags in ((1, "avx sse"), (17, "avx sse"), (1, "avx512 avx sse")):
+        cpuinfo(NUMBERS.format(model, flags) + other)
+        found.append(module.processor())
+    assert found[0].startswith("family 25 model 1 stepping 1 flags ")
+    assert len(set(found)) == 3
+    cpuinfo(NUMBERS.format(1, "sse avx"))
+    assert module.processor() == found[0]
+    cpuinfo("model name : A CPU\n")
+    assert module.processor() is None
+
+
+def test_a_machine_is_its_processor_and_its_kernels_as_far_as_they_are_known():
+    old = msgspec.convert({"cpu": "A CPU", "threads": 2}, Environment)
+    assert old.machine == "A CPU"
+    blas = {"torch": "AVX2", "openblas": "Zen"}
+    new = msgspec.structs.replace(old, processor="family 25", blas=blas)
+    assert new.machine == "A CPU (family 25, AVX2 by torch, Zen by openblas)"
+    kernels = now().blas
+    assert kernels["torch"] == torch.backends.cpu.get_cpu_capability()

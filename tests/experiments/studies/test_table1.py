@@ -135,6 +135,40 @@ def test_the_note_names_what_is_as_accurate_as_hdc_in_less_time(
     )
 
 
+def test_a_disturbed_row_is_marked_and_says_nothing_of_who_is_sooner(
+    table, cells, write_run
+):
+    why = "others took 9% of the processor time"
+    busy, quiet = {"load.disturbed": why}, {"load.disturbed": ""}
+    write_run("hdc", curve=[{"training_s": 0.04}], load=quiet)
+    for seed in (0, 1):
+        beside = {"beside_s": {"hdc": 0.04}, "seed": seed}
+        load = busy if seed else quiet
+        write_run("softmax_dual", curve=[{"training_s": 0.01}], load=load, **beside)
+    write_run("ridge", curve=[{"training_s": 0.01}], load=busy)
+    assert cells()["softmax_dual"][0] == f"0.010 (disturbed: 1 of 2 seeds: {why})"
+    assert "disturbed" not in cells()["hdc"][0]
+    rows, made = table("equal_accuracy")
+    assert rows["ridge"]["disturbed"] == why
+    assert rows["hdc"]["disturbed"] is None
+    assert "Ridge" not in made.note
+
+
+def test_a_ratio_of_fits_stands_beside_that_of_the_runs(
+    number, write_run, write_measurement
+):
+    write_run("softmax", curve=[{"training_s": 0.6}], beside_s={"hdc": 0.2})
+    about = {"threads": 1, "cold": False, "cpu_s": 1.0, "train_accuracy": 0.95}
+    about |= {"disturbed": "", "origin": "simulated"}
+    times = (("hdc", 1.0), ("softmax", 5.0), ("softmax", 5.0))
+    rows = [{"model": model, "fit_s": s, **about} for model, s in times]
+    write_measurement("times", rows, scene="touch")
+    name = "table1/softmax_time_over_hdc"
+    assert number(STUDY, name, "by default").value == pytest.approx(3)
+    fits = number(STUDY, name, "fits, 1 thread")
+    assert (fits.value, fits.low, fits.n) == (pytest.approx(5), None, 2)
+
+
 def test_the_time_to_hdcs_accuracy_is_that_of_the_first_report_that_has_it(
     table, write_run, epochs
 ):

@@ -1,26 +1,25 @@
-"""The grid of times: routes that are right, turns that are turns, ratios with their intervals."""
+"""Training times: HDC beside each model, enough fits in groups, what is disturbed, what counts."""
 
-import itertools
 import types
+from contextlib import contextmanager
 from typing import ClassVar
 
-import numpy as np
 import pytest
 import torch
-from matplotlib.lines import CARETUPBASE
 
-from baselines.cnn import CNN
-from baselines.softmax import SoftmaxRegression
-from experiments.protocol import machine
+from experiments.protocol.load import Load
 from experiments.protocol.stop import StopRule
-from experiments.protocol.task import Context, named
-from experiments.reporting.table import ENDS, records
-from experiments.studies.table1.times import grid, libraries, measure
-from experiments.studies.table1.times.libraries import MEDIANS, LibraryHDC
-from experiments.studies.table1.times.measure import Samples, Training, one_turn
+from experiments.protocol.task import Context
+from experiments.reporting.table import records
+from experiments.studies.table1 import measure
+from experiments.studies.table1.measure import COLD, NOT_REACHED, Samples, Times, fit
+from experiments.studies.table1.numpy_hdc import NumpyHDC
 from experiments.studies.table1.view import STUDY
 from hdc import HDCClassifier, bits
 from tests.experiments import composed
+
+QUIET, BUSY = Load(0.0, {1: 1.0}), Load(0.5, {1: 1.0})
+OTHERS = "others took 50% of the processor time"
 
 
 @pytest.fixture
@@ -29,13 +28,9 @@ def samples(frames_and_labels):
     return Samples(torch.from_numpy(frames), labels)
 
 
-# Models by standard libraries ---------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("median", MEDIANS)
-def test_hdc_by_libraries_has_the_prototypes_of_ours_but_for_ties(median, samples):
+def test_hdc_by_numpy_has_the_prototypes_of_ours_but_for_ties(samples):
     ours = HDCClassifier().fit(samples.frames, samples.labels)
-    theirs = LibraryHDC(median)
+    theirs = NumpyHDC()
     assert list(theirs.train(samples.frames, samples.labels)) == [{"samples_seen": 60}]
     expected = bits.unpack(ours.prototypes_, 144).numpy()
     assert (
@@ -44,36 +39,7 @@ def test_hdc_by_libraries_has_the_prototypes_of_ours_but_for_ties(median, sample
     assert (theirs.predict(samples.frames) == samples.labels).all()
 
 
-def test_a_pixel_is_above_the_lower_median_by_every_library():
-    for size in (7, 8, 1001, 4096):
-        frame = np.random.default_rng(size).integers(0, 256, size, dtype=np.uint8)
-        lower = np.sort(frame)[(size - 1) // 2]
-        for median in MEDIANS.values():
-            assert ((frame > median(frame)) == (frame > lower)).all()
-
-
-@pytest.mark.parametrize("filters", [[], [4], [2, 3]])
-def test_a_plain_network_takes_the_same_steps_as_ours(filters, samples):
-    """Only then a difference of times is one of how it is computed."""
-    plain = libraries.PlainNetwork(filters, reports_per_epoch=3, lr=1e-3, seed=4)
-    shared = {"lr": 1e-3, "seed": 4, "reports_per_epoch": 3}
-    ours = CNN(filters=filters, **shared) if filters else SoftmaxRegression(**shared)
-    pairs = zip(
-        plain.train(samples.frames, samples.labels),
-        ours.train(samples.frames, samples.labels),
-        strict=False,
-    )
-    for one, other in itertools.islice(pairs, 6):
-        for key in ("samples_seen", "epoch", "steps", "batch_accuracy"):
-            assert one[key] == other[key], key
-    mine = dict(plain.network_.named_parameters())
-    theirs = [p.detach() for p in ours.network_.parameters()]
-    for parameter, other in zip(mine.values(), theirs, strict=True):
-        torch.testing.assert_close(parameter.detach(), other, rtol=1e-3, atol=1e-5)
-    assert (plain.predict(samples.frames) == ours.predict(samples.frames)).mean() > 0.9
-
-
-# Turns --------------------------------------------------------------------------------------------
+# Fits and groups, by made-up clocks ---------------------------------------------------------------
 
 
 class Timed:
@@ -97,7 +63,6 @@ class Timed:
                 return
 
     def predict(self, frames):
-        Timed.clock.t += 1000  # which counts for nothing
         right = self.report >= self.right_from
         return self.labels if right else (self.labels + 1) % 3
 
@@ -107,157 +72,231 @@ def timed(name, seconds, **more):
     return {"_target_": target, "name": name, "seconds": seconds, **more}
 
 
+class Loads:
+    """A watch that finds one load after the other, quiet at the end."""
+
+    def __init__(self, loads):
+        self.loads = iter(loads)
+
+    @contextmanager
+    def watching(self):
+        yield
+        self.load = next(self.loads, QUIET)
+
+
 @pytest.fixture
-def training(samples, monkeypatch):
-    monkeypatch.setattr(
-        "experiments.protocol.clock.time.perf_counter", lambda: Timed.clock.t
+def timing(samples, monkeypatch):
+    """timing(loads, models, **fields) → rows of one thread, by a clock that models move."""
+    clock = types.SimpleNamespace(
+        perf_counter=lambda: Timed.clock.t, process_time=lambda: 2 * Timed.clock.t
     )
+    for place in ("protocol.clock", "protocol.load", "studies.table1.measure"):
+        monkeypatch.setattr(f"experiments.{place}.time", clock)
 
     def built(node, _):
         return Timed(**{key: node[key] for key in node if key != "_target_"})
 
     monkeypatch.setattr(measure, "instantiate", built)
-    Timed.calls.clear()
-    return Training(None, samples, samples, StopRule(), to_end=("end",))
+    monkeypatch.setattr(measure, "warm_up", lambda *_: None)
+
+    def rows(loads, models, **fields):
+        Timed.calls.clear()
+        config = composed.task("times") | {"cold": [], "only": {}, "fewer": {}}
+        parts = {name: {"model": model} for name, model in models.items()}
+        task = composed.made(Times, **{**config, "models": parts, **fields})
+        watch = Loads(loads)
+        return list(measure._Timing(task, samples, watch).rows(1))
+
+    return rows
 
 
-def test_hdc_is_timed_before_and_after_each_model(training):
+ONE_PASS = {"steps": False}
+
+
+def test_hdc_is_timed_before_and_after_each_model_in_groups_of_two_seconds(timing):
     models = {
-        "hdc": timed("hdc", 2.0, steps=False),
+        "hdc": timed("hdc", 0.5, **ONE_PASS),
         "a": timed("a", 3.0),
-        "b": timed("b", 5.0),
+        "b": timed("b", 0.75),
     }
-    rows = list(one_turn(training, models))
-    assert Timed.calls == ["hdc", "a", "hdc", "b", "hdc", "hdc"]
-    assert [(r["model"], r["seconds"], r["hdc_seconds"]) for r in rows] == [
-        ("a", 3, 2), ("b", 5, 2), ("hdc", 2, 2),
+    rows = timing([], models)
+    hdc, a = ["hdc"] * 8, ["a"] * 5  # two groups of four fits, five of one
+    assert Timed.calls == [*hdc, *a, *hdc, *["b"] * 6, *hdc]
+    groups = [
+        (model, g) for model, g in dict.fromkeys((r["model"], r["group"]) for r in rows)
+    ]
+    assert [model for model, _ in groups] == [
+        "hdc", "hdc", "a", "a", "a", "a", "a", "hdc", "hdc", "b", "b", "hdc", "hdc",
     ]  # fmt: skip
-
-
-def test_time_ends_at_the_report_that_exceeds_the_target_or_with_the_model(training):
-    iterative = training.carry_out("a", timed("a", 3.0, right_from=4))
-    assert iterative.seconds == iterative.trained_s == 12
-    assert (iterative.train_accuracy, iterative.test_accuracy) == (1, 1)
-    assert training.carry_out("end", timed("end", 3.0, right_from=1)).seconds == 15
-    one_pass = training.carry_out("c", timed("c", 3.0, steps=False, right_from=9))
-    assert (one_pass.seconds, one_pass.train_accuracy) == (3, 0)
-    never = training.carry_out("a", timed("a", 3.0, right_from=9))
-    assert (never.seconds, never.trained_s) == (np.inf, 15)
-
-
-def test_every_model_is_computed_by_every_way_and_each_can_be_built():
-    ways = composed.task("times_grid")["ways"]
-    assert [way for way in grid.WAYS if way != grid.DEFAULT] == list(ways)
-    for models in ways.values():
-        assert set(models) == set(grid.MODELS)
-        for config in models.values():
-            measure.instantiate(config["model"], "model")
-
-
-def test_the_grid_of_a_small_scene(small_scene, one_thread, results, monkeypatch):
-    monkeypatch.setattr(machine, "keeps_memory", lambda: False)
-    kept = []
-    monkeypatch.setattr(machine, "keep_memory", lambda: kept.append(True))
-    task = composed.task("times_grid")
-    del task["_target_"]
-    for models in task["ways"].values():
-        del models["cnn3"]
-        models["cnn1"]["model"] |= {"filters": [2], "lr": 1e-2}
-    task |= {"scene": small_scene, "seeds": [0, 3], "fewer": {"cnn1": 1}}
-    rows = list(composed.made(measure.TimesGrid, **task).rows(Context()))
-    assert len(kept) == 1  # by the second of two ways, and not before the first
-    assert len(rows) == 2 * (2 * 4 + 1)
-    assert {(row["turn"], row["seed"]) for row in rows} == {(0, 0), (1, 3)}
-    assert {row["status"] for row in rows} == {"ok"}
-    for row in rows:
-        assert row["seconds"] == row["trained_s"] > 0 or row["model"] == "hdc"
-        assert row["hdc_seconds"] > 0
-        assert row["train_accuracy"] > 0.9 or row["model"] in ("softmax_dual", "ridge")
-    monkeypatch.setattr(machine, "keeps_memory", lambda: True)
-    with pytest.raises(ValueError, match=r"task\.ways\.libraries: expected a process"):
-        next(composed.made(measure.TimesGrid, **task).rows(Context()))
-    del task["ways"]["tuned"]["hdc"]
-    with pytest.raises(ValueError, match=r"task\.ways\.tuned: expected hdc"):
-        next(composed.made(measure.TimesGrid, **task).rows(Context()))
-
-
-def test_the_runner_leaves_memory_to_the_grid_alone():
-    """PyTorch at its defaults gives freed memory back."""
-
-    assert named({"_target_": f"{measure.__name__}.TimesGrid"}).own_memory
-    other = "experiments.studies.footprint.measure.Footprint"
-    assert not named({"_target_": other}).own_memory
-
-
-# The table ----------------------------------------------------------------------------------------
-
-
-def row(way, model, seed, seconds):
-    return {
-        "way": way, "model": model, "turn": seed, "seconds": seconds,
-        "trained_s": seconds or 60.0, "hdc_seconds": 2.0, "train_accuracy": 0.95,
-        "test_accuracy": 0.9, "status": "ok" if seconds else "not reached",
-        "origin": "simulated", "seed": seed,
+    assert {(r["model"], r["fit_s"], r["cpu_s"]) for r in rows} == {
+        ("hdc", 0.5, 1.0), ("a", 3.0, 6.0), ("b", 0.75, 1.5),
     }  # fmt: skip
+    assert {r["disturbed"] for r in rows} == {""}
 
 
-def reached_after(seconds):
-    """The curve of a training that reaches 90 % at its only checkpoint."""
-    accuracies = {"train_accuracy": 0.95, "test_accuracy": 0.8}
-    return [{"training_s": seconds, "loss": 1.0, **accuracies}]
+@pytest.mark.parametrize("seconds", [0.01, 0.7, 4.9, 30.0])
+def test_every_model_has_five_fits_and_one_named_as_slow_fewer(timing, seconds):
+    models = {"hdc": timed("hdc", seconds, **ONE_PASS), "a": timed("a", seconds)}
+    rows = timing([], models, fewer={"a": 2}, group_s=0.0)
+    assert Timed.calls == [*["hdc"] * 5, "a", "a", *["hdc"] * 5]
+    assert len(rows) == 12
+
+
+def test_a_disturbed_group_is_measured_again_and_every_line_of_it_stands(timing):
+    models = {"hdc": timed("hdc", 0.5, **ONE_PASS)}
+    again = {"most": 2, "budget_s": 4.5}
+    rows = timing([BUSY, QUIET, BUSY, BUSY, BUSY], models, fits=8, retries=again)
+    groups = {r["group"]: (r["attempt"], r["others"], r["disturbed"]) for r in rows}
+    # The second group has one attempt more, and none is left in the budget of 4.5 s then.
+    assert list(groups.values()) == [
+        (0, 0.5, OTHERS), (1, 0.0, ""), (0, 0.5, OTHERS), (1, 0.5, OTHERS)
+    ]  # fmt: skip
+    assert len(rows) == 4 * 4
+
+
+def test_other_limits_call_other_groups_disturbed(timing):
+    models = {"hdc": timed("hdc", 3.0, **ONE_PASS)}
+    limits = {"others": 0.6, "yardstick": 1.1}
+    assert {r["disturbed"] for r in timing([BUSY] * 9, models, disturbed=limits)} == {
+        ""
+    }
+
+
+def test_a_fit_ends_at_the_report_that_exceeds_the_target_or_with_the_model(
+    timing, samples
+):
+    def one(**more):
+        return fit(timed("a", 3.0, **more), samples, StopRule())
+
+    assert one(right_from=4) == {"fit_s": 12, "cpu_s": 24, "train_accuracy": 1}
+    one_pass = {"fit_s": 3, "cpu_s": 6, "train_accuracy": 0}
+    assert one(steps=False, right_from=9) == one_pass
+    never = {"fit_s": 15, "cpu_s": 30, "train_accuracy": 0, "disturbed": NOT_REACHED}
+    assert one(right_from=9) == never
+
+
+def test_without_hdc_nothing_is_relative():
+    config = composed.task("times")
+    del config["models"]["hdc"]
+    with pytest.raises(
+        ValueError, match=r"models: expected hdc among them, found hdc_"
+    ):
+        composed.made(Times, **config)
+
+
+def test_each_model_of_the_experiment_is_timed_by_its_threads():
+    task = composed.made(Times, **composed.task("times"))
+    assert set(task.order(1)) == set(task.models) - {"cnn3"}
+    assert set(task.order(2)) == set(task.models)
+    for name in ("hdc_compiled", "softmax", "cnn3"):
+        order = task.order(2)
+        at = order.index(name)
+        assert order[at - 1] == order[at + 1] == "hdc"
+    busy = composed.made(Times, **composed.task("times_busy"))
+    assert set(busy.order(2)) == {"hdc", "hdc_compiled", "softmax_dual"}
+
+
+def test_the_times_of_a_small_scene(small_scene, one_thread, results):
+    task = composed.task("times")
+    for name in ("softmax", "cnn1", "cnn3"):
+        del task["models"][name]
+    task |= {"scene": small_scene, "threads": [1], "group_s": 0, "cold": ["hdc"]}
+    task |= {"busy": [0, 0.5], "retries": {"most": 0, "budget_s": 0}}
+    rows = list(composed.made(Times, **task).rows(Context()))
+    for share in (0, 0.5):
+        lines = [row for row in rows if row["busy"] == share]
+        *fits, cold = lines
+        assert [row["model"] for row in fits] == (
+            ["hdc"] * 5 + ["hdc_compiled"] * 5 + ["hdc"] * 5 + ["softmax_dual"] * 5
+            + ["hdc"] * 5
+        )  # fmt: skip
+        assert all(row["train_accuracy"] > 0.9 for row in fits)
+        assert (cold["model"], cold["cold"]) == ("hdc", True)
+        assert cold["fit_s"] > 50 * fits[0]["fit_s"]  # which imports torch
+        assert cold["disturbed"]
+    assert {row["origin"] for row in rows} == {"simulated"}
+
+
+# The tables ---------------------------------------------------------------------------------------
+
+
+def line(model, fit_s, disturbed="", threads=1, **more):
+    about = {
+        "group": 0,
+        "attempt": 0,
+        "others": 0.0,
+        "origin": "simulated",
+        "busy": 0.0,
+    }
+    return about | {
+        "model": model, "threads": threads, "fit_s": fit_s, "cpu_s": 2 * fit_s,
+        "disturbed": disturbed, "cold": False, "train_accuracy": 0.95, **more,
+    }  # fmt: skip
 
 
 @pytest.fixture
 def table(answers):
     """table(name) → that table, of the records in tmp_path."""
-    return lambda name="times_grid": answers(STUDY).table(name)
+    return lambda name="times": answers(STUDY).table(name)
 
 
-def test_a_ratio_is_the_median_over_seeds_between_order_statistics(
-    table, write_measurement, write_run
-):
-    rows = [row("tuned", "cnn1", t, 10.0 + 2 * t) for t in range(7)]
-    rows += [row("tuned", "hdc", t, 2.0) for t in range(7)]
-    rows += [row("libraries", "cnn3", 0, None)]
-    rows += [row("default", "cnn1", 0, 7.0)]  # of a time before the runs had it
-    write_measurement("times_grid", rows, scene="touch")
-    other = {"scene": "diffuser", "changed": {"scene.template": '"x"'}}  # frames
-    rows = [row("tuned", "cnn1", 0, 99.0)]
-    write_measurement("times_grid", rows, config={"scene": {}}, **other)
-    write_run("hdc", curve=[{"training_s": 4.0}])
-    for seed, seconds in enumerate((90.0, 30.0, 60.0)):
-        beside = {"hdc": 3.0}  # the mean of before and after, not a run of HDC
-        write_run("cnn1", seed=seed, curve=reached_after(seconds), beside_s=beside)
-    write_run("ridge", curve=[{"training_s": 4.0}])  # none beside it: no ratio
+def test_a_ratio_is_that_of_medians_of_what_nothing_disturbed(table, write_measurement):
+    hdc = [line("hdc", s) for s in (1.0, 2.0, 3.0)]
+    rows = [*hdc, line("hdc", 99.0, OTHERS), line("hdc", 7.0, COLD, cold=True)]
+    rows += [line("hdc_compiled", 0.5), line("softmax_dual", 50.0, OTHERS)]
+    rows += [line("softmax_dual", s) for s in (8.0, 10.0, 30.0)]
+    rows += [line("softmax_dual", 3.0, threads=2), line("cnn1", 60.0, OTHERS)]
+    write_measurement("times", rows, scene="touch")
     made = table()
-    found = {(line["way"], line["model"]): line for line in records(made.data)}
+    found = {(row["model"], row["threads"]): row for row in records(made.data)}
     assert list(found) == [
-        ("libraries", "cnn3"), ("default", "hdc"), ("default", "cnn1"),
-        ("tuned", "hdc"), ("tuned", "cnn1"),
+        ("hdc", 1), ("hdc_compiled", 1), ("softmax_dual", 1), ("softmax_dual", 2),
+        ("cnn1", 1),
     ]  # fmt: skip
-    for place, expected in (
-        (("tuned", "cnn1"), (16, 8, 5, 11, 7)),
-        (("default", "cnn1"), (60, 20, 10, 30, 3)),
-        (("libraries", "cnn3"), (np.inf, np.inf, None, None, 1)),
-    ):
-        names = ("seconds", "ratio", "ratio_low", "ratio_high", "runs")
-        assert tuple(found[place][name] for name in names) == expected, place
-    assert found["tuned", "cnn1"]["coverage"] == pytest.approx(1 - 2 / 2**7)
-    assert found["default", "cnn1"]["test_accuracy"] == pytest.approx(0.8)
-    assert found["libraries", "cnn3"]["at_least"] == 30
+    dual = found["softmax_dual", 1]
+    names = ("fit_s", "least_s", "cpu_s", "fits", "disturbed", "measurements")
+    assert [dual[name] for name in names] == [10, 8, 20, 4, 1, 1]
+    assert (dual["over_hdc"], dual["least_over_hdc"]) == pytest.approx((5, 8))
+    assert dual["over_compiled"] == pytest.approx(20)
+    assert (dual["over_hdc_low"], dual["over_hdc_high"]) == (None, None)
+    assert (found["hdc", 1]["cold_s"], found["hdc", 1]["fits"]) == (7, 4)
+    # No HDC by two threads, and no fit that counts: no ratio.
+    assert found["softmax_dual", 2]["over_hdc"] is None
+    assert (found["cnn1", 1]["fit_s"], found["cnn1", 1]["over_hdc"]) == (None, None)
     cells = {tuple(cells[:2]): cells[2:] for cells in made.cells()}
-    assert cells["tuned", "CNN, 1 layer"][:3] == ["16.0", "8.0 [5.0, 11]", "7"]
-    assert cells["standard libraries", "CNN, 3 layers"][:2] == ["not reached", "> 30"]
-    # The row of Table I has the same ratio.
-    line = next(r for r in records(table("table1").data) if r["model"] == "cnn1")
-    assert [line[f"training_time_over_hdc{end}"] for end in ENDS] == [20, 10, 30]
+    assert cells["Converged softmax", "1"][2] == "5.0 (minima 8.0)"
+    assert cells["Converged softmax", "1"][-1] == "4, 1 disturbed"
+    assert "HDC 7.0 s" in made.notes
+    assert "stops while frames are made" in made.notes
+    assert "learns noise before" in made.notes
 
 
-def test_a_training_that_never_got_there_is_drawn_at_its_bound(
-    write_measurement, figures
+def test_of_two_measurements_both_count_and_of_one_made_again_the_last(
+    table, write_measurement
 ):
-    rows = [row("tuned", "hdc", 0, 2.0), row("tuned", "cnn3", 0, None)]
-    write_measurement("times_grid", rows, scene="touch")
-    (axes,) = figures(STUDY)["times_grid"].axes
-    arrows = [line for line in axes.lines if line.get_marker() == CARETUPBASE]
-    assert [float(line.get_ydata()[0]) for line in arrows] == [48]  # from 30 upwards
+    for measurement, ratios in ((1, (99.0, 4.0)), (2, (9.0,))):
+        for ratio in ratios:
+            rows = [line("hdc", 2.0), line("softmax_dual", 2.0 * ratio)]
+            config = {"measurement": measurement, "group_s": ratio}
+            if measurement == 2:
+                config["group_s"] = 4.0
+            write_measurement("times", rows, config, scene="touch")
+    (_, dual) = records(table().data)
+    ratios = [dual[f"over_hdc{end}"] for end in ("", "_low", "_high")]
+    assert ratios == pytest.approx([6, 4, 9])
+    assert (dual["measurements"], dual["fits"]) == (2, 2)
+
+
+def test_what_is_busy_beside_inflates_a_ratio(table, write_measurement):
+    rows = []
+    for share, hdc_s, dual_s in ((0.0, 1.0, 5.0), (1.0, 2.0, 40.0)):
+        rows += [line("hdc", hdc_s, busy=share, others=share / 2)] * 3
+        rows += [line("softmax_dual", dual_s, OTHERS, busy=share)] * 3
+    write_measurement("times_busy", rows, scene="touch")
+    found = {
+        (row["busy"], row["model"]): row for row in records(table("times_busy").data)
+    }
+    assert found[1.0, "softmax_dual"]["over_hdc"] == 20
+    assert found[1.0, "softmax_dual"]["inflation"] == 4
+    assert found[0.0, "softmax_dual"]["inflation"] == 1
+    assert found[1.0, "hdc"]["others"] == 0.5

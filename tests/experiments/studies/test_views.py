@@ -106,7 +106,6 @@ OWN_QUESTION = {
     "recordings/figures.py: NAMED": "models with a name among many grey points",
     "recordings/tables.py: TRIVIAL": "models that see no speckle",
     "recordings/tables.py: STEPS": "from ridge to HDC by one change after the other",
-    "table1/times/grid.py: MODELS": "rows of the grid, in their order",
 }
 
 
