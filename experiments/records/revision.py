@@ -25,6 +25,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+from experiments.records import sources
+
 PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 _INSTALLED = ("stdlib", "purelib", "platlib")
 _DIGITS = 12
@@ -62,25 +64,16 @@ def outdated(made_by: Revisions, now: Revisions) -> list[str]:
 def of_today(made_by: Revisions) -> Revisions:
     """Today's revisions of the parts that a record names, as far as they lie in our packages.
 
-    Nothing else is imported: whoever reads a record runs no code that the record names.
+    They are read from the source: whoever reads a record runs no code that the record names.
     """
     found: Revisions = {}
     for name in made_by:
         package = name.partition(".")[0]
         if package in PACKAGES:
-            found |= _of_package(package) | _of_our_part(name)
+            found |= _of_package(package)
+            now = None if name in PACKAGES else sources.revision_of(name)
+            found |= {} if now is None else {name: now}
     return found
-
-
-@functools.cache
-def _of_our_part(name: str) -> Revisions:
-    if name in PACKAGES:
-        return {}
-    try:
-        part = pkgutil.resolve_name(name)
-    except (ImportError, AttributeError, ValueError):
-        return {}  # it left
-    return {name: getattr(part, "revision", 1)}
 
 
 def of_class(kind: type) -> Revisions:
