@@ -38,6 +38,7 @@ from rich.markup import escape
 
 from experiments.protocol import machine, sweep
 from experiments.protocol.messages import is_users, message
+from experiments.protocol.needs import needs
 from experiments.protocol.runner import Asked, carry_out, task_class
 from experiments.protocol.settings import resolved
 from experiments.protocol.validation import ACCURACY
@@ -66,7 +67,7 @@ def run(*overrides: str) -> Record:
     """
     with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
         cfg = compose("config", list(overrides), return_hydra_config=True)
-    own = OmegaConf.masked_copy(cfg, [key for key in cfg if key != "hydra"])
+    own = OmegaConf.masked_copy(cfg, [str(key) for key in cfg if key != "hydra"])
     os.environ[COMMAND] = _command(overrides)
     return _made(resolved(own), cfg.hydra, Console(highlight=False))[0]
 
@@ -90,6 +91,7 @@ class CommandLine:
         self._words, self._process = list(words), os.getpid()
         self._seconds: list[float] = []  # of runs that were not found finished
         self._warned: set[str] = set()
+        self._told = {""}  # lines of what runs need
 
     def carry_out(self, cfg: DictConfig) -> float | None:
         """One run. Returns what a sweeper may optimise, if the run has it: the accuracy inside the
@@ -112,6 +114,10 @@ class CommandLine:
             _say(f"{word}: nothing of this experiment depends on it{seeds}", "yellow")
         if hydra_cfg.mode == RunMode.MULTIRUN:
             self._show_progress(config["exclusive"] and not task.timed, hydra_cfg)
+        told = needs(config)
+        if told not in self._told:
+            self._told.add(told)
+            _say(told)
         start, console = time.perf_counter(), Console()
         record, was_there = _made(config, hydra_cfg, console)
         summarise(console, record, was_there)

@@ -1,12 +1,16 @@
-"""Revisions as the source states them: records are read without importing what made them."""
+"""Revisions and imports as the source states them: nothing of it is imported."""
 
 from __future__ import annotations
 
 import ast
 import functools
+import sys
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 from experiments.records.files import ROOT
+
+PACKAGES = ("hdc", "baselines", "scenes", "experiments")
 
 
 def revision_of(name: str) -> int | None:
@@ -14,6 +18,30 @@ def revision_of(name: str) -> int | None:
     a base of it states one; None where the project has none of this name."""
     found = _stand_in(name)
     return None if found is None else getattr(found, "revision", 1)
+
+
+def packages_of(names: Iterable[str]) -> set[str]:
+    """Packages of others that parts of the project, by their dotted names, import as they are
+    imported, and so on with what they import of the project."""
+    waiting = [part for name in names for part in (name, name.rpartition(".")[0])]
+    seen: set[str] = set()
+    while waiting:
+        name = waiting.pop()
+        if name and name not in seen:
+            seen.add(name)
+            waiting += _imported(name)
+    found = {name.partition(".")[0] for name in seen}
+    return found.difference(PACKAGES, sys.stdlib_module_names)
+
+
+def _imported(module: str) -> Iterator[str]:
+    """Names that a module of the project imports at once; of others, none."""
+    for line in _tree(module).body:
+        if isinstance(line, ast.Import):
+            yield from (alias.name for alias in line.names)
+        elif isinstance(line, ast.ImportFrom) and line.module:
+            yield line.module
+            yield from (f"{line.module}.{alias.name}" for alias in line.names)
 
 
 @functools.cache
