@@ -110,7 +110,7 @@ def _said(revision: int | str | None) -> str:
 @functools.cache
 def _of_target(target: str, parameters: str) -> Revisions:
     package = target.partition(".")[0]
-    if package not in PACKAGES and _is_installed(package):
+    if package not in PACKAGES and is_installed(package):
         return {}  # its version is in the record
     try:
         part = pkgutil.resolve_name(target)
@@ -145,7 +145,7 @@ def _of_package(name: str) -> Revisions:
 @functools.cache
 def _own_files(name: str) -> Revisions:
     """Digests of a user's module and of those beside it that it imports; of others, none."""
-    if _is_installed(name.partition(".")[0]):
+    if is_installed(name.partition(".")[0]):
         return {}
     module = importlib.import_module(name)
     file = Path(getattr(module, "__file__", None) or "").resolve()
@@ -191,7 +191,7 @@ def _files_of(name: str, folder: Path) -> Iterator[Path]:
 
 
 @functools.cache
-def _is_installed(package: str) -> bool:
+def is_installed(package: str) -> bool:
     """Whether a package comes with Python, or was installed: it is looked for, not imported."""
     try:
         spec = importlib.util.find_spec(package)

@@ -1,5 +1,6 @@
 """What a run needs and lacks is known before anything of it is imported."""
 
+import importlib.util
 import sys
 
 import pytest
@@ -27,7 +28,10 @@ def test_packages_and_data_that_a_run_needs_and_lacks(monkeypatch, words, said):
     for name in ("scipy", "sklearn"):
         monkeypatch.delitem(sys.modules, name, raising=False)
     monkeypatch.delitem(sys.modules, "cv2", raising=False)
-    monkeypatch.setattr(
-        "importlib.util.find_spec", lambda name: None if name == "cv2" else name
-    )
+    real = importlib.util.find_spec
+
+    def without_opencv(name, *package):
+        return None if name == "cv2" else real(name, *package)
+
+    monkeypatch.setattr(importlib.util, "find_spec", without_opencv)
     assert needs(composed.composed(*words)) == said
