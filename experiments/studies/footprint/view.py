@@ -70,7 +70,8 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
         median, low, high = (
             of_hdc[f"{name}{end}"] / unit for end in ("", "_low", "_high")
         )
-        spread = [median - low, high - median]
+        # Not below zero, where digits of a CSV are rounded.
+        spread = [part.clip(lower=0) for part in (median - low, high - median)]
         axes.barh(names, median, 0.6, xerr=spread, color="#0072B2")
         axes.set_xlabel(label)
     left.invert_yaxis()
