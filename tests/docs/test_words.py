@@ -95,4 +95,4 @@ def test_readme_is_short():
 def test_docs_are_eleven_pages_and_short():
     pages = sorted((CHECKOUT / "docs").glob("*.md"))
     assert len(pages) == 11 + 1  # the index
-    assert sum(map(words, pages)) <= 11_000
+    assert sum(map(words, pages)) <= 11_500
