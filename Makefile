@@ -43,8 +43,8 @@ stability: $(VENV)  ## numbers at their limits, training as a stiff problem, wha
 report: $(HARNESS)  ## tables, figures and the page from own results and the reference
 	$(BIN)/python -m experiments.report
 
-reproduce: $(VENV)  ## everything again, into results/mine (hours; QUICK=1: fewer seeds; CLAIM=name: of one claim)
-	$(BIN)/python -m experiments.reproduce $(if $(QUICK),--quick) $(if $(CLAIM),--claim $(CLAIM))
+reproduce: $(VENV)  ## everything again, into results/mine (hours; QUICK=1: fewer seeds; CLAIM=name: of one claim; LIST=1: the steps alone)
+	$(BIN)/python -m experiments.reproduce $(if $(QUICK),--quick) $(if $(CLAIM),--claim $(CLAIM)) $(if $(LIST),--list)
 
 reference: reproduce  ## for maintainers: the reproduction becomes results/reference
 	$(BIN)/python -m experiments.reference

@@ -7,7 +7,6 @@ bits, in which a grey level of 8 bits has 256 steps.
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -31,6 +30,8 @@ def smoothed(frames: Tensor, deviation: int) -> Tensor:
     check_integer("smooth", deviation, 0, _MOST)
     if deviation == 0 or not len(frames):
         return frames
+    import cv2  # late: 20 MB that few models need
+
     unit = 256 if frames.dtype == torch.uint8 else 1
     weights = np.array(gaussian(deviation), np.float64)
     weights /= weights.sum()

@@ -19,6 +19,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
+from baselines import optimisers
 from baselines.base import Classifier, FrameSource, in_memory_order
 from baselines.pixels import PixelScaling, fit_scaling
 from hdc.parameters import check_choice
@@ -34,11 +35,11 @@ FULL_CHUNK = 20  # frames scaled at a time in a full batch
 LBFGS_TOLERANCE = 1e-7
 # fused: one pass over the parameters a step instead of several; the arithmetic is the same.
 OPTIMIZERS: dict[str, Callable[..., torch.optim.Optimizer]] = {
-    "Adam": partial(torch.optim.Adam, fused=True),
-    "SGD": partial(torch.optim.SGD, fused=True),
+    "Adam": partial(optimisers.Adam, fused=True),
+    "SGD": partial(optimisers.SGD, fused=True),
     # Five iterations between two reports.
     "LBFGS": partial(
-        torch.optim.LBFGS,
+        optimisers.LBFGS,
         max_iter=5,
         history_size=10,
         tolerance_grad=0.0,

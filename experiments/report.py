@@ -12,8 +12,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import pandas as pd
@@ -42,6 +43,25 @@ WIDTH = 100  # columns of the terminal that Table I needs
 TITLES = {MINE: "Your results", "reference": "Reference results"}
 
 
+@dataclass(frozen=True)
+class Asked:
+    """What a report is of.
+
+    Attributes:
+        own: studies of the user.
+        only: names of the models and scenes whose rows tables keep; all of them where there is
+            none.
+        mine: without the reference.
+    """
+
+    own: Sequence[Study] = ()
+    only: Mapping[str, Sequence[str]] = field(default_factory=dict)
+    mine: bool = False
+
+
+EVERYTHING = Asked()
+
+
 def main(arguments: list[str] | None = None) -> None:
     """Write everything, show Table I once, and own numbers against the reference."""
     parser = argparse.ArgumentParser(
@@ -60,27 +80,40 @@ def main(arguments: list[str] | None = None) -> None:
         metavar="MODULE",
         help="show the STUDY of a module of your own, too; it is imported",
     )
+    for name in ("model", "scene"):
+        parser.add_argument(
+            f"--{name}",
+            action="append",
+            default=[],
+            metavar="NAME",
+            help=f"rows of this {name} alone; may be repeated",
+        )
+    parser.add_argument(
+        "--only-mine", action="store_true", help="own results without the reference"
+    )
     chosen = parser.parse_args(arguments)
     console = Console(width=WIDTH, highlight=False)
     try:
         own = list(map(own_study, chosen.study))
+        only = {"model": chosen.model, "scene": chosen.scene}
+        asked = Asked(own, only, chosen.only_mine)
         if chosen.tables:
-            show_tables(chosen.tables, results_dir(), console, own)
+            show_tables(chosen.tables, results_dir(), console, asked)
         else:
-            write(results_dir(), console, tex=chosen.tex, own=own)
+            write(results_dir(), console, tex=chosen.tex, asked=asked)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
 
 
 def show_tables(
-    names: Iterable[str], folder: Path, console: Console, own: Sequence[Study] = ()
+    names: Iterable[str], folder: Path, console: Console, asked: Asked = EVERYTHING
 ) -> None:
     """Show tables of own results, and of the reference where own results have none.
 
     Raises:
         ValueError: no study has a table of this name.
     """
-    sets = _sets(folder, own)
+    sets = _sets(folder, asked)
     known = [table.name for study in sets[0].studies for table in study.tables]
     known.append(comparison.NAME)
     for name in names:
@@ -97,12 +130,14 @@ def show_tables(
     print_problems(console, sets)
 
 
-def _sets(folder: Path, own: Sequence[Study]) -> list[Answers]:
+def _sets(folder: Path, asked: Asked) -> list[Answers]:
     """Own results and the reference, as far as they hold anything; one's own where neither does."""
     folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
-    questions = [*studies_of(studies), *own]
-    mine = Answers(MINE, Results(folder), questions)
-    reference = Answers("reference", Results(REFERENCE), questions)
+    questions = [*studies_of(studies), *asked.own]
+    mine = Answers(MINE, Results(folder), questions, asked.only)
+    if asked.mine:
+        return [mine]
+    reference = Answers("reference", Results(REFERENCE), questions, asked.only)
     return [answers for answers in (mine, reference) if answers.results] or [mine]
 
 
@@ -117,7 +152,7 @@ def write(
     console: Console,
     tex: bool = False,
     brief: bool = False,
-    own: Sequence[Study] = (),
+    asked: Asked = EVERYTHING,
 ) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file.
 
@@ -127,9 +162,9 @@ def write(
             records are from, and what was left out.
         tex: write tables as LaTeX, too.
         brief: show Table I, what of it differs from the reference, and what was left out.
-        own: studies of the user.
+        asked: what the report is of.
     """
-    sets = _sets(folder, own)
+    sets = _sets(folder, asked)
     first = sets[0]
     with _displays(sets):
         tables = [list(answers.every_table()) for answers in sets]

@@ -8,6 +8,7 @@ at is left to it. ``experiment=NAME`` carries out an experiment of ``configs/exp
 
 from __future__ import annotations
 
+import copy
 import os
 import re
 import shlex
@@ -26,25 +27,49 @@ if __name__ == "__main__":
 
 import hydra
 import torch
+from hydra import compose, initialize_config_dir
 from hydra.core.hydra_config import HydraConfig
 from hydra.experimental.callback import Callback
 from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
+from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.markup import escape
 
 from experiments.protocol import machine, sweep
 from experiments.protocol.messages import is_users, message
+from experiments.protocol.needs import needs
 from experiments.protocol.runner import Asked, carry_out, task_class
 from experiments.protocol.settings import resolved
-from experiments.records import locks
+from experiments.protocol.validation import ACCURACY
+from experiments.records import configs, locks
 from experiments.records.environment import COMMAND
 from experiments.records.files import results_dir
+from experiments.records.record import Record
 from experiments.reporting.summary import summarise
 from experiments.reporting.text import printable
 
+# Keys that say how any task is carried out.
+_OF_ANY = ("device", "threads", "exclusive", "cache", "force", "experiment")
 # What an experiment may set of its runs; and its default that says which frames there are.
 _PARTS, _SCENE = ("scene", "split", "model", "stop"), "override /scene"
+
+
+def run(*overrides: str) -> Record:
+    """One run from Python, a notebook say: its record, made now or found finished.
+
+    Args:
+        overrides: words of the command line, such as ``"model=softmax", "seed.run=3"``.
+
+    Raises:
+        ValueError: a key or a value is wrong; Hydra's own errors name the word.
+        locks.Held: another process is at this run.
+    """
+    with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
+        cfg = compose("config", list(overrides), return_hydra_config=True)
+    own = OmegaConf.masked_copy(cfg, [str(key) for key in cfg if key != "hydra"])
+    os.environ[COMMAND] = _command(overrides)
+    return _made(resolved(own), cfg.hydra, Console(highlight=False))[0]
 
 
 class CommandLine:
@@ -66,37 +91,50 @@ class CommandLine:
         self._words, self._process = list(words), os.getpid()
         self._seconds: list[float] = []  # of runs that were not found finished
         self._warned: set[str] = set()
+        self._told = {""}  # lines of what runs need
 
-    def carry_out(self, cfg: DictConfig) -> None:
-        """One run."""
+    def carry_out(self, cfg: DictConfig) -> float | None:
+        """One run. Returns what a sweeper may optimise, if the run has it: the accuracy inside the
+        training frames."""
         with warnings.catch_warnings():
             warnings.showwarning = self.warn  # type: ignore[assignment]
             try:
-                self._carry_out(cfg)
+                return self._carry_out(cfg)
             except Exception as error:
                 if os.getpid() != self._process:
                     raise
                 self.complain(error)
+                return None
 
-    def _carry_out(self, cfg: DictConfig) -> None:
+    def _carry_out(self, cfg: DictConfig) -> float | None:
         hydra_cfg, config = HydraConfig.get(), resolved(cfg)
         task = task_class(config)
-        machine.keep_memory()
-        torch.set_num_threads(machine.threads(config["threads"], hydra_cfg.launcher))
+        for word in _without_effect(cfg, hydra_cfg.overrides.task):
+            seeds = "; its seeds are task.seeds" if "seeds" in cfg.task else ""
+            _say(f"{word}: nothing of this experiment depends on it{seeds}", "yellow")
         if hydra_cfg.mode == RunMode.MULTIRUN:
             self._show_progress(config["exclusive"] and not task.timed, hydra_cfg)
+        told = needs(config)
+        if told not in self._told:
+            self._told.add(told)
+            _say(told)
         start, console = time.perf_counter(), Console()
-        record, was_there = carry_out(config, _asked(hydra_cfg), console)
+        record, was_there = _made(config, hydra_cfg, console)
         summarise(console, record, was_there)
         if not was_there:
             self._seconds.append(time.perf_counter() - start)
+        found = [row[ACCURACY] for row in record.rows.dicts() if ACCURACY in row]
+        return sum(found) / len(found) if found else None
 
     def _show_progress(self, could_share: bool, hydra_cfg: Any) -> None:
         """Say which run of a sweep begins; before the first, that it could run beside others."""
         number = int(hydra_cfg.job.num) + 1
         if number == 1 and could_share:
             _say("nothing of this is timed: exclusive=false runs it beside other runs")
-        runs = sweep.size(hydra_cfg.sweeper.params, self._words)
+        params = hydra_cfg.sweeper.get("params")
+        # A sweeper that chooses values, as Optuna's, says how many trials it makes.
+        trials = hydra_cfg.sweeper.get("n_trials")
+        runs = trials or sweep.size(params, self._words)
         words = list(hydra_cfg.overrides.task)
         _say(sweep.progress(number, runs, words, self._seconds))
 
@@ -130,6 +168,42 @@ class Launch(Callback):
         folder = config.hydra.launcher.get("submitit_folder")
         if folder:
             _say(f"each run prints into {folder}/*.out")
+
+
+def _made(
+    config: dict[str, Any], hydra_cfg: Any, console: Console
+) -> tuple[Record, bool]:
+    """The record of a config, and whether it was there already."""
+    machine.keep_memory()
+    torch.set_num_threads(machine.threads(config["threads"], hydra_cfg.launcher))
+    return carry_out(config, _asked(hydra_cfg), console)
+
+
+def _without_effect(cfg: DictConfig, words: Sequence[str]) -> Iterator[str]:
+    """Words of the command line on which the task of an experiment does not depend: with another
+    value of the key it is the same."""
+    if cfg.task is None:
+        return
+    task = OmegaConf.to_container(cfg.task, resolve=True)
+    for word in words:
+        key = word.lstrip("+~").partition("=")[0].partition("@")[0]
+        if key.partition(".")[0] in ("task", *_OF_ANY):
+            continue
+        if key.startswith("seed.") and "seeds" in cfg.task:  # which it sets everywhere
+            yield word
+            continue
+        other = copy.deepcopy(cfg)
+        OmegaConf.update(other, key, "another", force_add=True)
+        try:
+            same = OmegaConf.to_container(other.task, resolve=True) == task
+        except OmegaConfBaseException:  # it refers to what lies below the key
+            same = False
+        if same:
+            yield word
+
+
+def _command(words: Sequence[str]) -> str:
+    return shlex.join(["python", "-m", "experiments.run", *words])
 
 
 def _asked(hydra_cfg: Any) -> Asked:
@@ -185,7 +259,7 @@ def entry_point() -> None:
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Hydra's own errors come here, and leave as one line.
     os.environ["HYDRA_FULL_ERROR"] = "1"
-    os.environ[COMMAND] = shlex.join(["python", "-m", "experiments.run", *sys.argv[1:]])
+    os.environ[COMMAND] = _command(sys.argv[1:])
     # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))

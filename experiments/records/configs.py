@@ -7,10 +7,11 @@ import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from omegaconf import OmegaConf
+import yaml
 
 from experiments.records.files import ROOT
 
@@ -43,10 +44,17 @@ def is_known(group: str, name: str) -> bool:
 @functools.cache
 def sweep(experiment: str) -> dict[str, list[str]]:
     """The values that an experiment sweeps over, by key: what its tables expect to find."""
-    values: Mapping[str, Any] = _file("experiment", experiment).hydra.sweeper.params
     found = {}
-    for key, text in values.items():
+    for key, text in _swept(experiment).items():
         found[str(key)] = [value.strip() for value in str(text).split(",")]
+    return found
+
+
+def _swept(experiment: str) -> dict[str, Any]:
+    """``hydra.sweeper.params`` of an experiment, empty where it sweeps over nothing."""
+    found = _file("experiment", experiment)
+    for key in ("hydra", "sweeper", "params"):
+        found = found.get(key, {})
     return found
 
 
@@ -55,8 +63,7 @@ def swept_models() -> frozenset[str]:
     """Every model that an experiment sweeps over."""
     found: set[str] = set()
     for path in (CONFIGS / "experiment").glob("*.yaml"):
-        tree = _file("experiment", path.stem)
-        text = OmegaConf.select(tree, "hydra.sweeper.params.model", default="")
+        text = _swept(path.stem).get("model", "")
         found.update(model.strip() for model in str(text).split(","))
     return frozenset(found)
 
@@ -72,8 +79,7 @@ def models(*groups: str) -> tuple[str, ...]:
 @functools.cache
 def reproduction() -> tuple[dict[str, Any], ...]:
     """The steps of ``configs/reproduce.yaml``."""
-    steps: Any = OmegaConf.to_container(OmegaConf.load(CONFIGS / "reproduce.yaml"))
-    return tuple(steps)
+    return tuple(_read(CONFIGS / "reproduce.yaml"))
 
 
 def numbers(values: Sequence[str]) -> list[int]:
@@ -146,8 +152,14 @@ def _inherited(
 
 
 @functools.cache
-def _file(group: str, name: str) -> Any:
-    return OmegaConf.load(CONFIGS / group / f"{name}.yaml")
+def _file(group: str, name: str) -> dict[str, Any]:
+    found: dict[str, Any] = _read(CONFIGS / group / f"{name}.yaml")
+    return found
+
+
+def _read(path: Path) -> Any:
+    """The content of a file, references to other keys as they stand: Hydra is not needed."""
+    return yaml.safe_load(path.read_text("utf-8"))
 
 
 def without(keys: Iterable[str], node: Any) -> Any:

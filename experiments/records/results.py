@@ -83,6 +83,11 @@ class Results:
             self._frames[experiments] = _joined([part for part in parts if len(part)])
         return self._frames[experiments]
 
+    def trainings(self) -> pd.DataFrame:
+        """Every finished training, a line each with its settings and results."""
+        lines = pd.DataFrame(map(_of_run, self.runs))
+        return lines.drop(columns=["alike", "repetition"], errors="ignore")
+
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
 

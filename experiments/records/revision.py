@@ -25,7 +25,9 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-PACKAGES = ("hdc", "baselines", "scenes", "experiments")
+from experiments.records import sources
+from experiments.records.sources import PACKAGES
+
 _INSTALLED = ("stdlib", "purelib", "platlib")
 _DIGITS = 12
 
@@ -62,25 +64,16 @@ def outdated(made_by: Revisions, now: Revisions) -> list[str]:
 def of_today(made_by: Revisions) -> Revisions:
     """Today's revisions of the parts that a record names, as far as they lie in our packages.
 
-    Nothing else is imported: whoever reads a record runs no code that the record names.
+    They are read from the source: whoever reads a record runs no code that the record names.
     """
     found: Revisions = {}
     for name in made_by:
         package = name.partition(".")[0]
         if package in PACKAGES:
-            found |= _of_package(package) | _of_our_part(name)
+            found |= _of_package(package)
+            now = None if name in PACKAGES else sources.revision_of(name)
+            found |= {} if now is None else {name: now}
     return found
-
-
-@functools.cache
-def _of_our_part(name: str) -> Revisions:
-    if name in PACKAGES:
-        return {}
-    try:
-        part = pkgutil.resolve_name(name)
-    except (ImportError, AttributeError, ValueError):
-        return {}  # it left
-    return {name: getattr(part, "revision", 1)}
 
 
 def of_class(kind: type) -> Revisions:
@@ -117,7 +110,7 @@ def _said(revision: int | str | None) -> str:
 @functools.cache
 def _of_target(target: str, parameters: str) -> Revisions:
     package = target.partition(".")[0]
-    if package not in PACKAGES and _is_installed(package):
+    if package not in PACKAGES and is_installed(package):
         return {}  # its version is in the record
     try:
         part = pkgutil.resolve_name(target)
@@ -152,7 +145,7 @@ def _of_package(name: str) -> Revisions:
 @functools.cache
 def _own_files(name: str) -> Revisions:
     """Digests of a user's module and of those beside it that it imports; of others, none."""
-    if _is_installed(name.partition(".")[0]):
+    if is_installed(name.partition(".")[0]):
         return {}
     module = importlib.import_module(name)
     file = Path(getattr(module, "__file__", None) or "").resolve()
@@ -198,7 +191,7 @@ def _files_of(name: str, folder: Path) -> Iterator[Path]:
 
 
 @functools.cache
-def _is_installed(package: str) -> bool:
+def is_installed(package: str) -> bool:
     """Whether a package comes with Python, or was installed: it is looked for, not imported."""
     try:
         spec = importlib.util.find_spec(package)

@@ -33,12 +33,14 @@ class Failure(NamedTuple):
 class Answers:
     """Answers of some studies from one set of results, ``reference`` or ``mine``.
 
-    What fails is kept in ``failures``; everything else is made.
+    Tables keep the rows whose columns have one of the values that ``only`` names, or begin with it
+    as a name. What fails is kept in ``failures``; everything else is made.
     """
 
     name: str
     results: Results
     studies: Sequence[Study]
+    only: Mapping[str, Sequence[str]] = field(default_factory=dict)
     failures: list[Failure] = field(default_factory=list)
     _made: dict[str, Table | None] = field(default_factory=dict)
 
@@ -150,8 +152,18 @@ class Answers:
         """A table, made once; None where it has no rows, or fails."""
         if table.name not in self._made:
             make = functools.partial(table.made, self.results.frame(*table.experiments))
-            self._made[table.name] = self._tried(study, f"table {table.name}", make)
+            made = self._tried(study, f"table {table.name}", make)
+            self._made[table.name] = made and self._kept(made)
         return self._made[table.name]
+
+    def _kept(self, table: Table) -> Table | None:
+        data = table.data
+        for column, names in self.only.items():
+            if names and column in data:
+                values = data[column].astype(str)
+                data = data[values.isin(names) | values.str.split().str[0].isin(names)]
+        kept = data.reset_index(drop=True)
+        return replace(table, data=kept) if len(kept) else None
 
     def _tried(self, study: Study, what: str, make: Callable[[], Made]) -> Made | None:
         """What is made; None, and one more failure, where that fails."""

@@ -10,7 +10,7 @@ import torch
 from sklearn.linear_model import LogisticRegression
 from sklearn.preprocessing import StandardScaler
 
-from baselines import softmax
+from baselines import optimisers, softmax
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 
@@ -235,3 +235,30 @@ def test_the_accuracy_of_minibatches_is_that_since_the_last_report(
 
     single = np.reshape(reported(6, 12), (4, 3))
     assert reported(2, 4) == pytest.approx(single.mean(axis=1))
+
+
+@pytest.mark.parametrize(
+    ("name", "settings"),
+    [
+        ("Adam", {"fused": True}),
+        ("SGD", {"fused": True}),
+        ("LBFGS", {"line_search_fn": "strong_wolfe"}),
+    ],
+)
+def test_our_optimisers_are_those_of_pytorch(name, settings):
+    def minimum_by(kind):
+        x = torch.nn.Parameter(torch.tensor([3.0, -2.0]))
+        optimiser = kind([x], lr=0.1, **settings)
+
+        def closure():
+            optimiser.zero_grad()
+            loss = (x.square() * torch.tensor([1.0, 10.0])).sum() + x.exp().sum()
+            loss.backward()
+            return loss
+
+        for _ in range(3):
+            optimiser.step(closure)
+        return x.tolist()
+
+    theirs = getattr(torch.optim, name)
+    assert minimum_by(getattr(optimisers, name)) == minimum_by(theirs)

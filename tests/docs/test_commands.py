@@ -21,6 +21,7 @@ NOT_RUN = {
     "make": "sets up .venv first; its recipes are the commands below",
     "python -m experiments.reproduce": "is hours: tests/experiments/test_reproduce.py composes it",
     "python -m experiments.report": "reads all records: tests/experiments/test_report.py does",
+    "python -m experiments.run -m experiment=validation": "needs the sweeper of Optuna",
     "hdc live": "waits for a browser: tests/live/test_page.py does",
     "python -m scenes.live": "waits for a browser: tests/live/test_page.py does",
 }

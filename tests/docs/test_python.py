@@ -46,3 +46,20 @@ def test_records_are_read_elsewhere(monkeypatch):
     lines = names["lines"]
     assert len(lines) > 1000
     assert set(lines["scene.n_fields"].dropna()) <= {1, 4, 16}
+
+
+def test_from_a_notebook(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "mine"))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))  # no other run holds these cores
+    names = {}
+    for code in examples("docs/notebook.md"):
+        exec(code, names)
+    lines = names["lines"]
+    assert len(lines) == 6
+    right = [
+        (p == t).mean() for p, t in zip(lines.predicted, lines.labels, strict=True)
+    ]
+    assert right == lines.test_accuracy_final.tolist()
+    assert names["low"] <= names["difference"] <= names["high"]
+    assert names["accuracy"](1.0) > 0.5

@@ -53,8 +53,12 @@ def committed(committed_results):
 def beside_the_reference(committed, monkeypatch):
     """Reports have the tables of the committed reference without making them again."""
 
-    def answers(name, results, questions):
-        return committed if name == "reference" else Answers(name, results, questions)
+    def answers(name, results, questions, *only):
+        return (
+            committed
+            if name == "reference"
+            else Answers(name, results, questions, *only)
+        )
 
     monkeypatch.setattr(report, "Answers", answers)
 

@@ -72,9 +72,11 @@ def test_the_committed_numbers_are_those_of_the_committed_records(committed, fol
     assert [name for name in made if made[name] != expected[name]] == []
 
 
-def test_in_a_clone_it_shows_a_table_without_matplotlib(tmp_path):
+def test_a_clone_shows_a_table_without_pytorch_hydra_and_matplotlib(tmp_path):
     code = (
-        "import sys; from experiments import report; report.main(['footprint']); "
+        "import sys; lacking = ('torch', 'hydra', 'omegaconf', 'cv2', 'sklearn'); "
+        "sys.modules.update(dict.fromkeys(lacking)); "
+        "from experiments import report; report.main(['footprint']); "
         "sys.exit('matplotlib' in sys.modules)"
     )
     done = subprocess.run(
@@ -88,6 +90,21 @@ def test_in_a_clone_it_shows_a_table_without_matplotlib(tmp_path):
 
 
 # Own results --------------------------------------------------------------------------------------
+
+
+def test_rows_of_some_models_and_scenes_alone_without_the_reference(
+    tmp_path, write_run
+):
+    for scene in ("touch", "finger"):
+        write_run("hdc", scene=scene)
+        write_run("ridge", scene=scene, wrong=range(20))
+    only = {"model": ["ridge"], "scene": ["finger"]}
+    text, files = written(tmp_path, asked=report.Asked(only=only, mine=True))
+    (row,) = rows_of(files["all_scenes.csv"])
+    assert (row["scene"], row["model"]) == ("finger", "ridge")
+    assert float(row["over_hdc"]) < 0  # measured against what is not shown
+    assert "eference" not in text
+    assert "Reference results" not in files["report.html"].decode()
 
 
 @pytest.mark.usefixtures("beside_the_reference")

@@ -77,6 +77,7 @@ def test_every_step_names_something_that_exists_and_composes(mode):
 
 def test_every_experiment_is_reproduced():
     there = {path.stem for path in (CONFIGS / "experiment").glob("*.yaml")}
+    there.remove("validation")  # of a user's search
     words = {word for step in steps() for word in step.words}
     assert {f"experiment={name}" for name in there} <= words
 

@@ -1,4 +1,4 @@
-"""Time, memory and modules of each scene and model: is what a scene does not need left out?"""
+"""Time and memory of each scene and model, by package: is what a scene does not need left out?"""
 
 from __future__ import annotations
 
@@ -19,36 +19,40 @@ from experiments.studies.footprint import probe
 class Footprint(Task, frozen=True):
     """One row: a scene and a model in a process of their own (:mod:`…footprint.probe`).
 
-    ``first_prediction_s`` since the import of torch, which took ``torch_s`` of it; ``peak_bytes``;
-    the modules ``loaded`` of those watched; ``every_s`` and ``every_bytes`` of a process that loads
-    all of them first. ``status``: ``ok``, or which module is loaded that is not among those
-    ``needed`` by the scene or the model. Arguments: configs/experiment/footprint.yaml.
+    ``first_prediction_s`` from the first import on; ``peak_bytes``; and of each top-level
+    ``package`` that was imported its ``modules``, ``package_s`` and ``package_bytes``. ``status``:
+    ``ok``, or which package is loaded that neither all, nor the scene, nor the model needs.
+    Arguments: configs/experiment/footprint.yaml.
     """
 
-    revision: ClassVar = 2
-    timed: ClassVar = True
+    revision: ClassVar[int] = 3
+    timed: ClassVar[bool] = True
 
     scenes: Sequence[str]
     models: Sequence[str]
     frames: int
+    repetitions: int
     needed: Mapping[str, Sequence[str]]
 
     def rows(self, context: Context) -> Iterator[Row]:
         for scene in self.scenes:
             for model in self.models:
-                context.note(f"{scene}, {model}")
-                row = probed(scene, model, str(self.frames))
-                if "loaded" in row:
-                    allowed = {*self.needed.get(scene, ()), *self.needed.get(model, ())}
-                    others = [
-                        name for name in row["loaded"].split() if name not in allowed
-                    ]
+                for repetition in range(self.repetitions):
+                    context.note(f"{scene}, {model}, {repetition + 1}")
+                    row = probed(scene, model, str(self.frames))
+                    others = self._not_needed(scene, model, row)
                     if others:
                         row["status"] = f"fails: loads {', '.join(others)}"
-                    every = probed(scene, model, str(self.frames), *probe.WATCHED)
-                    row["every_s"] = every["first_prediction_s"]
-                    row["every_bytes"] = every["peak_bytes"]
-                yield {"scene": scene, "model": model, "n": self.frames, **row}
+                    about = {"scene": scene, "model": model, "n": self.frames}
+                    yield {**about, "repetition": repetition, **row}
+                    if "package" not in row:
+                        break  # it is skipped, whatever the repetition
+
+    def _not_needed(self, scene: str, model: str, row: Row) -> list[str]:
+        keys = ("all", scene, model)
+        needed = {name for key in keys for name in self.needed.get(key, ())}
+        loaded = row.get("package", ())
+        return sorted(name for name in loaded if name not in needed)
 
 
 def probed(*arguments: str) -> Row:

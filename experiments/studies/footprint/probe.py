@@ -1,40 +1,79 @@
-"""One scene and one model in a process of their own.
+"""One scene and one model in a process of their own, and what each package costs to import.
 
-``python -m …probe SCENE MODEL FRAMES [MODULES]``; the modules are loaded first. Nothing but the
-standard library is imported before the clock runs. The answer is a line of JSON.
+``python -m …probe SCENE MODEL FRAMES``. Nothing but the standard library is imported before the
+clock runs. The answer is a line of JSON.
 """
 
 from __future__ import annotations
 
-import importlib
 import json
+import os
 import sys
 import time
+from collections.abc import Callable
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from typing import Any
 
-# Loaded by some part of the project, needed by few.
-WATCHED = (
-    "cv2",
-    "sklearn",
-    "pandas",
-    "matplotlib",
-    "scipy",
-    "scipy.stats",
-    "hdc.encoders.reference",
-    "hdc.readouts.lda",
-    "baselines.cnn",
-    "scenes.sensor.texture",
-    "scenes.fibre",
-    "scenes.recorded",
-)
+PYTHON = "python"  # stands for the standard library
+_STATM = Path("/proc/self/statm")
 
 
-def main(scene_name: str, model_name: str, frames: str, *modules: str) -> None:
-    """Load modules, make some frames, learn them, and predict one; print what it took."""
+class Accounts:
+    """Modules, seconds and bytes of imports by top-level package, without what they import of
+    others. It is a finder, first in ``sys.meta_path``."""
+
+    def __init__(self) -> None:
+        self.of: dict[str, list[float]] = {}
+        self._inside = [0.0, 0.0]  # of the modules that the present one has imported
+
+    def find_spec(self, name: str, *place: Any) -> ModuleSpec | None:
+        """The specification of a module, whose execution will be measured."""
+        others = (finder for finder in sys.meta_path if finder is not self)
+        found = (finder.find_spec(name, *place) for finder in others)
+        spec = next(filter(None, found), None)
+        loader: Any = spec and spec.loader
+        # A namespace has no loader, and that of what is built in is a class.
+        if hasattr(loader, "exec_module") and not isinstance(loader, type):
+            package = name.partition(".")[0]
+            if package in sys.stdlib_module_names or package.startswith("_"):
+                package = PYTHON
+            loader.exec_module = self._measured(package, loader.exec_module)
+        return spec
+
+    def _measured(
+        self, package: str, execute: Callable[[Any], None]
+    ) -> Callable[[Any], None]:
+        def measured(module: Any) -> None:
+            before, outside = [time.perf_counter(), _resident()], self._inside
+            self._inside = [0.0, 0.0]
+            try:
+                execute(module)
+            finally:
+                after = time.perf_counter(), _resident()
+                whole = [b - a for a, b in zip(before, after, strict=True)]
+                own = [a - b for a, b in zip(whole, self._inside, strict=True)]
+                self._inside = [a + b for a, b in zip(outside, whole, strict=True)]
+                known = self.of.get(package, [0, 0.0, 0.0])
+                self.of[package] = [
+                    a + b for a, b in zip(known, (1, *own), strict=True)
+                ]
+
+        return measured
+
+
+def _resident() -> float:
+    """Bytes that this process holds; 0 where the system does not say so."""
+    if not _STATM.exists():
+        return 0.0
+    return float(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def main(scene_name: str, model_name: str, frames: str) -> None:
+    """Make some frames, learn them, predict one, and print what it took."""
+    accounts = Accounts()
+    sys.meta_path.insert(0, accounts)  # type: ignore[arg-type]
     begin = time.perf_counter()
-    importlib.import_module("torch")
-    torch_s = time.perf_counter() - begin
-    for name in modules:
-        importlib.import_module(name)
 
     import numpy as np
     from hydra import compose, initialize_config_dir
@@ -60,13 +99,14 @@ def main(scene_name: str, model_name: str, frames: str, *modules: str) -> None:
     next(iter(library.train(model, images, scene.labels[indices])))
     model.predict(images[:1])
     row = {
-        "torch_s": torch_s,
         "first_prediction_s": time.perf_counter() - begin,
         "peak_bytes": peak_bytes(),
         "status": "ok",
         "origin": scene.origin,
-        "loaded": " ".join(name for name in WATCHED if name in sys.modules),
+        "package": list(accounts.of),
     }
+    columns = map(list, zip(*accounts.of.values(), strict=True))
+    row["modules"], row["package_s"], row["package_bytes"] = columns
     print(json.dumps(row))
 
 

@@ -147,5 +147,6 @@ def test_a_module_that_the_library_does_not_need_fails(tmp_path, monkeypatch):
     monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{path}")
     # Without the finder its status is ok: tests/experiments/studies/test_footprint.py.
     needed = composed.task("footprint")["needed"]
-    (row,) = footprint.Footprint(["touch"], ["hdc"], 3, needed).rows(Context())
-    assert row["status"] == "fails: loads pandas"
+    (row,) = footprint.Footprint(["touch"], ["hdc"], 3, 1, needed).rows(Context())
+    assert row["status"].startswith("fails: loads ")
+    assert "pandas" in row["status"]

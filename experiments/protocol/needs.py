@@ -1,0 +1,44 @@
+"""What a config needs besides what every run has, and what of that is not here."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from experiments.records import revision, sources
+from scenes.source import DATA, Source
+
+
+def needs(config: Any) -> str:
+    """One line: ``needs scipy, data of owner/name; lacks cv2``. Empty where nothing is needed.
+
+    Args:
+        config: resolved. Nothing of it is imported or built.
+    """
+    names = [name for name, _ in revision.targets(config)]
+    # A module of the user's own is no package to install.
+    own = {
+        n for name in names if not revision.is_installed(n := name.partition(".")[0])
+    }
+    here: dict[str, bool] = {}
+    for package in sorted(sources.packages_of(names) - own):
+        if package not in sys.modules:
+            here[package] = importlib.util.find_spec(package) is not None
+    for source in _repositories(config):
+        here[f"data of {source.repository} ({DATA})"] = source.find() is not None
+    parts = []
+    for word, is_here in (("needs", True), ("lacks", False)):
+        found = [name for name, known in here.items() if known == is_here]
+        parts += [f"{word} {', '.join(found)}"] if found else []
+    return "; ".join(parts)
+
+
+def _repositories(node: Any) -> Iterator[Source]:
+    """Every ``source`` in a config, of a scene that reads public recordings."""
+    if isinstance(node, Mapping):
+        if isinstance(node.get("source"), Mapping):
+            yield Source(**node["source"])
+        for value in node.values():
+            yield from _repositories(value)
