@@ -18,6 +18,7 @@ from experiments.records import configs
 from experiments.records.results import Results, by_scene
 from experiments.reporting.answers import Answers
 from experiments.reporting.columns import display_name
+from experiments.reporting.forms import FORMS
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import (
@@ -34,10 +35,6 @@ _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 NOT_MEASURED = "*not measured yet*"
 # The recordings of the table of costs: a camera under an elastomer, laser speckle of a fibre.
 COSTS = ("gelsight", "fibre_grouped")
-COSTS_OF = (
-    *("hdc", "hdc_levels_lda", "hdc_deviation_lda", "bits_chosen", "greys_chosen"),
-    *("softmax_dual", "softmax_dual_standardised"),
-)
 # From docs/ to the committed results.
 _RESULTS = "../results/reference"
 
@@ -70,7 +67,7 @@ def costs(table: Table | None) -> str:
         ["Model", *heads, "Training (s)", "Frame (ms)", "Model (kB)"],
         ["---"] * 6,
     ]
-    for model in COSTS_OF:
+    for model in FORMS:
         if model not in first.index or model not in second.index:
             continue
         row = first.loc[model]

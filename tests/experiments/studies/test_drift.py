@@ -104,7 +104,7 @@ def test_updates_of_hdc_are_its_own_recalibrations(scene):
     ):
         model = HDCClassifier().fit(images[train], labels[train])
         if options:
-            model.recalibrate(images[NEW], labels[NEW], seed=7, **options)
+            model.recalibrate(images[NEW], labels[NEW], random_state=7, **options)
         assert (found.pop(key) == model.predict(images[ASKED])).all(), key
     assert not found
     with pytest.raises(ValueError, match="p: "):

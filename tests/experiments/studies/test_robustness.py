@@ -160,7 +160,6 @@ OF_FLOATS = [
     ("name", "cases"),
     [
         ("hdc", CASES),
-        ("bits_chosen", CASES),
         ("ridge", CASES + OF_FLOATS),
     ],
 )
