@@ -131,7 +131,8 @@ def _asked_with_flips(
     key = (seed, round(1e9 * rate), 1)
     random = np.random.default_rng(key)
     if isinstance(model, HDCClassifier):
-        return model.predict(faults.flipped_queries(model.encode(frames), rate, random))
+        words: Any = faults.flipped_queries(model.encode(frames), rate, random)
+        return model.predict(words)
     pixels = faults.flipped_pixels(frames.numpy(), rate, random)
     return model.predict(torch.from_numpy(pixels))
 
