@@ -27,9 +27,9 @@ def test_the_table_of_costs_has_the_forms_and_softmax_after_most_frames():
         (recording, n, model, 1500, 0.01 * n, 0.13, 0.002)
         for recording in documents.COSTS
         for n in (5, 50)
-        for model in ("softmax_dual", "hdc", "ridge")
+        for model in ("mean_image", "hdc", "ridge")
     ]
-    alone = ("gelsight", 50, "bits_chosen", 1, 1, 1, math.nan)
+    alone = ("gelsight", 50, "thumbnail", 1, 1, 1, math.nan)
     made = Table(
         "costs", COSTS.make, of="", data=pd.DataFrame([*rows, alone], None, names)
     )
