@@ -19,6 +19,7 @@ from experiments.records import configs
 from experiments.records.results import Results, by_scene
 from experiments.reporting.answers import Answers
 from experiments.reporting.columns import Column
+from experiments.reporting.forms import FORMS
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import (
@@ -36,7 +37,7 @@ _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 NOT_MEASURED = "*not measured yet*"
 # The data sets of the table of costs: a camera under an elastomer, laser speckle of a fibre.
 COSTS = ("gelsight", "fibre_grouped")
-# Its models, by the names that README introduces.
+# Names of its forms (:mod:`.forms`), as README introduces them.
 COSTS_OF = {
     "hdc": "HDC as published",
     "hdc_lda": "HDC, one bit, LDA",
@@ -95,7 +96,7 @@ def costs(table: Table | None) -> str:
     first, second = (_of_most_frames(table.data, name) for name in COSTS)
     heads = [f"Error, {configs.scene_display(name)['name']} (%)" for name in COSTS]
     lines = [["Model", *heads, "Training (s)", "Frame (ms)", "Model (kB)"]]
-    for model, name in COSTS_OF.items():
+    for model in FORMS:
         if model not in first.index or model not in second.index:
             continue
         row = first.loc[model]
@@ -106,7 +107,7 @@ def costs(table: Table | None) -> str:
             1e3 * row.predict_frame_best_s,
             row.bytes / 1e3,
         )
-        lines.append([name, *(number(x, 2) for x in numbers)])
+        lines.append([COSTS_OF[model], *(number(x, 2) for x in numbers)])
     return _rows(lines)
 
 

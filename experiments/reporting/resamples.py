@@ -30,12 +30,6 @@ def saturated(rows: pd.DataFrame) -> bool:
     return isinstance(why, str) and bool(why)
 
 
-def fields_of(rows: pd.DataFrame) -> int:
-    """How many input fields of a fibre a frame of one scene shows side by side; 1 of any other."""
-    fields = rows.iloc[0].get("scene.n_fields")
-    return 1 if fields is None or fields != fields else int(fields)
-
-
 def models_of(rows: pd.DataFrame) -> list[str]:
     """The models of some rows: HDC first, then the primary baseline, then others in their order."""
     first = ("hdc", RIVAL)

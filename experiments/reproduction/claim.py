@@ -1,4 +1,4 @@
-"""What ``--claim NAME`` says of a claim, after its steps: its words and its frozen verdicts."""
+"""What ``--claim NAME`` says of a claim after its steps: its words and its verdicts."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.text import Text
 
+from experiments.records.files import results_dir
+from experiments.records.results import Results
 from experiments.reporting.columns import Row, scene_name
 from experiments.reporting.table import records
 from experiments.reporting.text import printable
@@ -14,33 +16,35 @@ from experiments.studies.claims import view
 
 
 def show(name: str, console: Console) -> None:
-    """Print what a claim says and each verdict on it, with the rules and the code that judged.
+    """Print what a claim says, its verdicts by rules 4 on own records, and the frozen ones with the
+    rules and the code that judged.
 
     Raises:
-        ValueError: history.csv has no such claim.
+        ValueError: there is no such claim.
     """
     for line in lines(name):
         console.print(Text(printable(line)), soft_wrap=True)
 
 
 def lines(name: str) -> Iterator[str]:
-    """The claim, its verdicts, and what judges one's own records."""
+    """The claim, its verdicts on own records, and those that are frozen."""
+    own = view.verdicts(Results(results_dir()).frame(*view.VERDICTS.experiments))
     every = view.history()
-    rows = records(every[every.claim == name])
-    if not rows:
-        known = ", ".join(every.claim.unique())
+    judged, frozen = (records(of[of.claim == name]) for of in (own, every))
+    if not judged and not frozen:
+        known = ", ".join(dict.fromkeys([*own.claim, *every.claim]))
         raise ValueError(f"claim: expected one of {known}, found {name}")
-    who = {"the paper": "the paper says"}.get(rows[0]["by"], "ours")
-    yield f"{name}: {who}: {rows[0]['says']}"
-    for row in rows:
+    first = (judged or frozen)[0]
+    who = {"the paper": "the paper says"}.get(first["by"], "ours")
+    yield f"{name}: {who}: {first['says']}"
+    for row in judged:
+        number = view.with_unit(row, "mean")
+        yield f"rules 4, {view.size(row)}: {view.shown_word(row)}, {number}, on your records"
+    for row in frozen:
         yield f"{_held_against(row)}: {view.word(row)}, {view.number(row)}"
-    for row in {row["rules"]: row for row in rows}.values():
+    for row in {row["rules"]: row for row in frozen}.values():
         rules = f"rules {row['rules']} of {row['dated']}, digest {row['digest']}"
-        yield f"{rules}: judged last by the code of commit {row['judged']}"
-    yield (
-        "these verdicts are of the reference and frozen; rules 4 will judge the claim anew. Your "
-        "numbers: python -m experiments.report"
-    )
+        yield f"{rules}: judged last by the code of commit {row['judged']}; frozen"
 
 
 def _held_against(row: Row) -> str:

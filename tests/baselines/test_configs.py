@@ -31,8 +31,6 @@ def composed(*overrides):
 def test_makes_a_model_and_says_how_it_is_shown(name):
     if name.startswith("torchhd"):
         pytest.importorskip("torchhd")
-    if name == "scattering":
-        pytest.importorskip("kymatio")
     cfg = composed(f"model={name}", "seed.init=5")
     display = cfg.display
     assert set(display) == {"name", "colour", "marker", "line", "group"}

@@ -187,7 +187,7 @@ def hdc_numbers(
     return found
 
 
-_NEEDS = {"torchhd": "torchhd", "scattering": "kymatio"}  # models of the extra peers
+_NEEDS = {"torchhd": "torchhd"}  # models of the extra peers
 
 
 def of_models() -> Iterator[tuple[str, Item]]:

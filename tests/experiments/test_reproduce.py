@@ -95,7 +95,7 @@ def test_every_claim_has_quick_steps_or_says_that_it_has_none():
             ["--claim", "nothing"],
             "--claim: invalid choice: 'nothing' (choose from 'sof",
         ),
-        (["--claim", "faults"], "add --full, or --quick"),
+        (["--claim", "accuracy"], "add --full, or --quick"),
         (
             ["--step", "nothing"],
             "--step: invalid choice: 'nothing' (choose from 'table",

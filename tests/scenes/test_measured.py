@@ -174,7 +174,7 @@ def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, ca
     (tmp_path / "article_MMF_disorder").mkdir()
     show([])
     table, script = capsys.readouterr().out.split("This script gets")
-    for name, state in (("gelsight", "no"), ("spr", "no"), ("fibre", "unreadable")):
+    for name, state in (("gelsight", "no"), ("tactip", "no"), ("fibre", "unreadable")):
         assert re.search(rf" {name} .*│ {state}", table)
     # Two scenes read the second fibre's repository: it is cloned once. The first one's is there.
     assert (

@@ -24,8 +24,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 import msgspec
 import numpy as np
 import pandas as pd
+import yaml
 from numpy.typing import NDArray
-from omegaconf import OmegaConf
 
 from experiments.records.results import of_experiment
 from experiments.reporting.estimates import (
@@ -48,7 +48,7 @@ class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         source: the unit of the number across recordings.
         status: exploratory where numbers on it were known when the rules were written;
             confirmatory where no model had classified its frames.
-        split: the kind of its split, for those who read the rules.
+        split: the kind of its split.
         sizes: that its classes fill; all if none are named.
         groups: how many there are of a class, if fewer than draws.
     """
@@ -67,6 +67,7 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         says, by: what is claimed, by whom.
         experiment: whose lines are the evidence.
         form, rival: models; the same where `of_form` and `of_rival` tell them apart.
+        split: column with the kind of split; lines of another than the recording's do not count.
         lines, of_form, of_rival: values of columns that all lines have, those of the form, those of
             the rival.
         recordings: that enter; all if none are named.
@@ -83,6 +84,7 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     experiment: str
     form: str
     rival: str
+    split: str = ""
     lines: dict[str, Any] = {}
     of_form: dict[str, Any] = {}
     of_rival: dict[str, Any] = {}
@@ -157,7 +159,7 @@ def read(path: Path) -> Rules:
         ValueError: naming the file and the key that is wrong.
     """
     try:
-        return msgspec.convert(OmegaConf.to_container(OmegaConf.load(path)), Rules)
+        return msgspec.convert(yaml.safe_load(path.read_text("utf-8")), Rules)
     except msgspec.ValidationError as error:
         raise ValueError(f"{path}: {error}") from None
 
@@ -222,7 +224,10 @@ def _judged(
     found: dict[str, Difference] = {}
     reasons: dict[str, list[str]] = {}
     for name, recording in recordings.items():
-        lines = _lines(claim, name, size, frame)
+        measured = {"scene": name, **claim.lines}
+        if claim.split:
+            measured[claim.split] = recording.split
+        lines = _lines(claim, size, _having(frame, measured))
         one = difference(rules, recording, claim, lines)
         if isinstance(one, str):
             reasons.setdefault(one, []).append(name)
@@ -303,12 +308,9 @@ class Difference(NamedTuple):
     variance: float
 
 
-def _lines(
-    claim: Claim, recording: str, size: Size, lines: pd.DataFrame
-) -> pd.DataFrame:
-    """The lines of both sides on a recording at a size, with the columns ``form`` (or the
+def _lines(claim: Claim, size: Size, lines: pd.DataFrame) -> pd.DataFrame:
+    """The lines of both sides at a size, of those of a recording, with the columns ``form`` (or the
     rival) and ``share``, of right answers."""
-    lines = _having(lines, {"scene": recording, **claim.lines})
     if not len(lines):
         return lines
     form = _having(lines, {"model": claim.form, **claim.of_form})
@@ -349,7 +351,7 @@ def difference(
     if claim.disturbed and lines[claim.disturbed].astype(bool).any():
         return "disturbed"
     asked = lines[claim.asked]
-    drawn = [name for name in ("seed", "draw") if name in lines]
+    drawn = [name for name in ("seed", "draw") if name in lines.dropna(axis=1)]
     shares = lines.pivot_table("share", drawn, "form")
     both = shares.reindex(columns=[True, False]).dropna()
     less = (both[True] - both[False]).to_numpy(float)

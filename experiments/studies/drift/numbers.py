@@ -42,8 +42,8 @@ def accuracies(lines: pd.DataFrame) -> pd.DataFrame:
 
     Returns:
         DataFrame: the lines with ``share``, NaN where it was not measured, ``update`` (``method``,
-        ``p`` and ``share`` in words) and the accuracies ``new`` and ``old`` by session; ``n_new``
-        is 0 for the stored model.
+        ``p`` and ``share`` in words), and by session the right answers ``right_new`` and
+        ``right_old`` and the accuracies ``new`` and ``old``; ``n_new`` is 0 for the stored model.
     """
     lines = lines.assign(share=lines.get("share", np.nan))
     names = map(update_name, lines.method, lines.p, lines.share)
@@ -51,9 +51,12 @@ def accuracies(lines: pd.DataFrame) -> pd.DataFrame:
     answers = zip(lines.labels, lines.predicted, lines.n_test_new, strict=True)
     for labels, predicted, first in answers:
         right = unpack_labels(labels) == unpack_labels(predicted)
-        new.append(right[:first].mean())
-        old.append(right[first:].mean())
-    return lines.assign(update=list(names), new=new, old=old)
+        new.append(int(right[:first].sum()))
+        old.append(int(right[first:].sum()))
+    lines = lines.assign(update=list(names), right_new=new, right_old=old)
+    return lines.assign(
+        new=lines.right_new / lines.n_test_new, old=lines.right_old / lines.n_test_old
+    )
 
 
 def regained(frame: pd.DataFrame) -> pd.DataFrame:

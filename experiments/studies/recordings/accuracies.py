@@ -11,32 +11,14 @@ from numpy.typing import NDArray
 
 from experiments.records.results import by_scene, of_experiment
 from experiments.reporting.estimates import Estimate
-from experiments.reporting.resamples import (
-    RIVAL,
-    accuracies,
-    fields_of,
-    over_units,
-    saturated,
-    seeds_are_units,
-)
+from experiments.reporting.resamples import accuracies, over_units, seeds_are_units
 
-RIVALS = (RIVAL, "softmax_dual_standardised")
-"""Converged softmax regression, of grey values and of standardised frames."""
-CONFIRMATORY = ("hdc", "hdc_levels_lda")
-"""The forms of HDC that the frozen rules name; every other is exploratory."""
 FEW = 5  # frames per class
 
 
 def recordings(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The rows of each recording by its scene; a fibre counts once, by one input field."""
-    found = by_scene(of_experiment(frame, "recordings")).items()
-    return {scene: rows for scene, rows in found if fields_of(rows) == 1}
-
-
-def unsaturated(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
-    """The rows of each recording that can tell models apart."""
-    found = recordings(frame).items()
-    return {scene: rows for scene, rows in found if not saturated(rows)}
+    """The rows of each recording by its scene."""
+    return by_scene(of_experiment(frame, "recordings"))
 
 
 class Accuracies:
@@ -58,11 +40,6 @@ class Accuracies:
         asked = ["model", "n"]
         self._table = every.pivot(index="unit", columns=asked, values="accuracy")
         self.units: list[Any] = self._table.index.tolist()
-
-    def ends(self) -> list[int]:
-        """The fewest frames per class, five, and the most."""
-        middle = [n for n in self.sizes if n == FEW]
-        return list(dict.fromkeys((*self.sizes[:1], *middle, *self.sizes[-1:])))
 
     def by_unit(self, model: str, n: int) -> NDArray[np.float64]:
         """Accuracy in each unit, [units]; NaN where the model was not asked."""

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pandas as pd
 
+from experiments.reporting.forms import FORMS
 from experiments.reporting.plot import (
     entry,
     handle,
@@ -17,7 +18,7 @@ from experiments.reporting.plot import (
 )
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
-from experiments.studies.recordings.figures import NAMED, SPLIT
+from experiments.studies.recordings.figures import SPLIT
 from experiments.studies.recordings.tables import COSTS_OF, costs
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     axes = figure.subplots()
     end = 1.5 * data.factor.max()
     for model, rows in data.groupby("model"):
-        look = {**look_of(str(model)), "ms": 4} if model in NAMED else _OTHER
+        look = {**look_of(str(model)), "ms": 4} if model in FORMS else _OTHER
         factors = [1.0, *rows.factor, end]
         shares = [0.0, *rows.share, rows.share.max()]
         axes.step(factors, shares, where="post", **look)
@@ -72,7 +73,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     axes.set_xlabel("training time over that of the fastest that errs no more")
     axes.set_ylabel("share of recordings")
     plain_decades(axes)
-    names = [handle(model) for model in NAMED if model in set(data.model)]
+    names = [handle(model) for model in FORMS if model in set(data.model)]
     legend_below(figure, [*names, entry("other models", **_OTHER)], 2)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,7 +17,8 @@ from experiments.reporting.columns import (
     milliseconds,
     scene_name,
 )
-from experiments.reporting.resamples import RIVAL, models_of, saturated
+from experiments.reporting.forms import FORMS
+from experiments.reporting.resamples import RIVAL, models_of
 from experiments.reporting.table import ENDS, Table
 from experiments.reporting.text import (
     kind_of,
@@ -27,108 +28,50 @@ from experiments.reporting.text import (
     size,
     two_digits,
 )
-from experiments.studies.recordings.accuracies import (
-    CONFIRMATORY,
-    RIVALS,
-    Accuracies,
-    recordings,
-    unsaturated,
-)
+from experiments.studies.recordings.accuracies import Accuracies, recordings
 
 NOTE = (
     "Split by time, session, group or position, as each recording states, so that near "
     "copies of a test frame do not train. Brackets: Student over seeds (input fields, "
     "fibres) for fibres, the central 95 % of at least ten resamples for cameras, each of "
-    "which is one sensor. Standardised: each frame with mean 0 and deviation 1. Captured: "
-    "by a camera; computed: from measured matrices of a fibre, with an assumed noise. "
-    f"Primary baselines: {display_name(RIVAL)}, on raw and on standardised frames."
+    "which is one sensor. Standardised: each frame with mean 0 and deviation 1. Networks are "
+    "not judged on recordings."
 )
 ABOUT = {
     "recording": Column("Recording", scene_name),
     "kind": Column("Kind"),
     "frames": Column("Frames"),
     "n": Column("Frames per class"),
-    "told": Column("Solved by a low-resolution baseline"),
 }
-# Models that see no speckle, and what it means where one of them is ahead of HDC.
-TRIVIAL = {"brightness": "brightness", "thumbnail": "coarse layout"}
 
 
 # Accuracies ---------------------------------------------------------------------------------------
 
 
 def front(frame: pd.DataFrame) -> pd.DataFrame:
-    """The recordings, at the fewest, five and the largest number of frames per class."""
+    """Accuracy of each model by recording and frames per class."""
     table: list[dict[str, Any]] = []
     models: dict[str, None] = {}
     for scene, rows in recordings(frame).items():
         models |= dict.fromkeys(models_of(rows))
-        about = _about(scene, rows)
-        for line in _by_size(Accuracies(rows)):
-            table.append({"recording": scene, **about, **line})
-            about = {"kind": "", "frames": ""}
-    data = pd.DataFrame(table)
+        about = {"recording": scene, "kind": kind_of(str(rows.origin.iloc[0]))}
+        about["frames"] = configs.scene_display(scene)["frames"]
+        every = Accuracies(rows)
+        for n in every.sizes:
+            line: dict[str, Any] = {**about, "n": n}
+            for model in every.models:
+                mean = every.mean(model, n)
+                if not math.isnan(mean.value):
+                    line |= mean.columns(model)
+            table.append(line)
     bounds = [name + end for name in models for end in ENDS[1:]]
-    names = [*ABOUT, *models, *bounds]
-    return data[[name for name in names if name in data]]
+    data = pd.DataFrame(table)
+    return data[[name for name in [*ABOUT, *models, *bounds] if name in data]]
 
 
-def _about(scene: str, rows: pd.DataFrame) -> dict[str, str]:
-    """The kind of the frames, and what they are."""
-    frames = configs.scene_display(scene)["frames"]
-    if saturated(rows):
-        frames += "; saturated, ranks nothing"
-    return {"kind": kind_of(str(rows.origin.iloc[0])), "frames": frames}
-
-
-def _by_size(every: Accuracies) -> Iterator[dict[str, Any]]:
-    """Accuracies by the split that counts at the fewest, five and the most frames per class."""
-    for n in every.ends():
-        line: dict[str, Any] = {"n": n, "told": _told(every, n)}
-        for model in every.models:
-            mean = every.mean(model, n)
-            if not math.isnan(mean.value):
-                line |= mean.columns(model)
-        yield line
-
-
-def _told(every: Accuracies, n: int) -> str:
-    """Which trivial models are ahead of HDC, and whether one is ahead of every other model."""
-    ahead = [model for model in TRIVIAL if every.difference(model, "hdc", n).low > 0]
-    if not ahead:
-        return ""
-    called = " and ".join(TRIVIAL[model] for model in ahead)
-    text = f"{called} alone: more than HDC"
-    leads = any(_leads(every, model, n) for model in ahead)
-    return f"{text}, and than any model here" if leads else text
-
-
-def _leads(every: Accuracies, model: str, n: int) -> bool:
-    """Whether no other model is more accurate in the draws in which both were asked."""
-    others = (every.difference(other, model, n).value for other in every.models)
-    return not any(more > 0 for more in others)
-
-
-def _values_of(data: pd.DataFrame) -> list[str]:
-    return [str(name) for name in data if not str(name).endswith(ENDS[1:])]
-
-
-def _columns(data: pd.DataFrame) -> dict[str, Column]:
-    """How the columns are shown: what a row is of, and a column per model."""
-    models = [name for name in _values_of(data) if name not in ABOUT]
-    return ABOUT | {m: Column(f"{display_name(m)}, %", percent) for m in models}
-
-
-def _shown(data: pd.DataFrame) -> list[str]:
-    """The recording, then HDC as published and extended, the baseline and other models.
-
-    Of these, models with an interval come first: others learnt from a few of the draws only.
-    """
-    first = ("recording", "n", "told", *CONFIRMATORY, *RIVALS)
-    others = [name for name in _values_of(data) if name not in (*first, *ABOUT)]
-    low = data.reindex(columns=[name + ENDS[1] for name in others])
-    others = [others[k] for k in low.isna().sum().argsort(kind="stable")]
-    return [*(name for name in first if name in data), *others]
+def _recording_at(row: Mapping[str, Any]) -> str:
+    """A recording and how many frames of each class train."""
+    return f"{scene_name(row['recording'])}, n = {row['n']}"
 
 
 # One change after the other -----------------------------------------------------------------------
@@ -143,19 +86,18 @@ class Step(NamedTuple):
 
 
 STEPS = (
-    Step("threshold: greys to bits", "ridge_standardised", "linear_bits"),
-    Step("ridge to lda (4-bit weights)", "linear_bits", "hdc_lda"),
-    Step("lda to class means: equal weights", "hdc_lda", "hdc_integer"),
-    Step("mean to majority: one bit", "hdc_integer", "hdc"),
-    Step("aside: prototype to nearest frame", "hdc", "nearest_neighbour"),
+    Step("grey values to one bit", "lda_greys", "hdc_lda"),
+    Step("LDA to majority: as published", "hdc_lda", "hdc"),
+    Step("aside: one bit to seven", "hdc_lda", "hdc_levels_lda"),
+    Step("aside: one bit to seven, by deviation", "hdc_lda", "hdc_deviation_lda"),
 )
-"""From ridge regression of grey values to HDC as published, and one step aside."""
+"""From LDA of standardised grey values to HDC as published, and two steps aside."""
 
 
 def decomposition(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording and step whose two models were asked, at the most frames."""
     table: list[dict[str, Any]] = []
-    for scene, rows in unsaturated(frame).items():
+    for scene, rows in recordings(frame).items():
         steps = _steps(Accuracies(rows))
         table += ({"recording": scene, **line} for line in steps)
     return pd.DataFrame(table)
@@ -180,22 +122,23 @@ def _steps(every: Accuracies) -> Iterator[dict[str, Any]]:
 
 # Errors beside run times --------------------------------------------------------------------------
 
-COSTS_OF = ("recording_costs", "recordings", "recordings_chosen")
+COSTS_OF = ("recording_costs", "recordings")
 TIMES = ("fit", "predict_frame")
 
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each recording, number of frames and model: stored bytes, seconds by NumPy and by
-    the compiled kernels, and by the faster of both relative to converged softmax."""
+    """A row for each recording, number of frames and model: error, stored bytes, seconds by NumPy
+    and by the compiled kernels, and by the faster of both relative to converged softmax."""
     table = []
-    timed, *asked = (by_scene(of_experiment(frame, name)) for name in COSTS_OF)
-    for scene, rows in timed.items():
-        found = [Accuracies(lines[scene]) for lines in asked if scene in lines]
+    asked = {scene: Accuracies(rows) for scene, rows in recordings(frame).items()}
+    for scene, rows in by_scene(of_experiment(frame, "recording_costs")).items():
         for row in rows.to_dict("records"):
             model, n = row["model"], row["n"]
             line = {"recording": scene, "n": n, "model": model, "bytes": row["bytes"]}
             line["bits"] = 8 * row["bytes"] / row["n_pixels"] / row["n_classes"]
-            line["error"] = _error(found, model, n)
+            line["error"] = math.nan
+            if scene in asked:
+                line["error"] = 1 - asked[scene].mean(model, n).value
             for time in TIMES:
                 by_numpy, compiled = row[f"{time}_s"], row.get(f"{time}_compiled_s")
                 line |= {f"{time}_s": by_numpy, f"{time}_compiled_s": compiled}
@@ -203,22 +146,6 @@ def costs(frame: pd.DataFrame) -> pd.DataFrame:
             table.append(line)
     data = pd.DataFrame(table)
     return _relative(data) if len(data) else data
-
-
-def _error(every: Sequence[Accuracies], model: str, n: int) -> float:
-    """Mean test error of a model after n frames of each class; NaN where it is unknown.
-
-    A draw of one experiment is that of another: the same frames. Errors are those of the draws that
-    all experiments have, for one draw of a few objects can be far easier than another.
-    """
-    asked = [set(one.units) for one in every if n in one.sizes]
-    shared = list(set.intersection(*asked)) if asked else []
-    for one in every:
-        accuracies = one.by_unit(model, n)[np.isin(one.units, shared)]
-        known = accuracies[~np.isnan(accuracies)]
-        if len(known):
-            return 1 - float(known.mean())
-    return math.nan
 
 
 def _relative(data: pd.DataFrame) -> pd.DataFrame:
@@ -248,14 +175,10 @@ TABLES = [
         front,
         of="recordings",
         title="Accuracy on public recordings",
-        note=f"{NOTE} Solved by a low-resolution baseline: where two numbers of a frame, its mean "
-        "and deviation (brightness), or a picture of 8 × 6 pixels (coarse layout) recognise more "
-        "than HDC, the interval of the difference above zero. Such frames differ by more than "
-        "their fine pattern. Networks stop after a limited number of steps, torchhd's "
-        "classifiers learn on hypervectors of this library's encoder.",
+        note=NOTE,
         key=("recording", "n"),
-        columns=_columns,
-        shown=_shown,
+        columns={**ABOUT, "recording": Column("Recording", cell=_recording_at)},
+        shown=("recording", *FORMS),
     ),
     Table(
         "decomposition",
@@ -272,8 +195,8 @@ TABLES = [
             "after_accuracy": Column("To, %", percent),
             "change": Column("Change, points", points),
         },
-        note=f"{NOTE} All steps are on the same bits but the first. The last one is aside: nearest "
-        "neighbour keeps every training frame in place of one prototype per class.",
+        note=f"{NOTE} Every step changes the encoder or the read-out alone; at the most frames per "
+        "class.",
         key=("recording", "step"),
     ),
 ]
@@ -304,8 +227,8 @@ COSTS = Table(
     "computed of them before, the least of several interleaved repetitions; by NumPy, and by the "
     "compiled kernels where the model has them; prediction in batches of 100 frames. Training of "
     "a chosen form includes the choice. Relative to softmax: by the faster implementation, over "
-    "converged softmax on grey values. Error: by the split that counts, on the draws on which "
-    "forms were chosen, the same for all models; those that take long had fewer of them.",
+    "converged softmax on grey values. Error: by the split that counts, mean over the same draws "
+    "for all models.",
     key=("recording", "n", "model"),
 )
 TABLES.append(COSTS)

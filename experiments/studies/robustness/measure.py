@@ -130,13 +130,9 @@ def _asked_with_flips(
     """Labels of frames by bits of which some are flipped."""
     key = (seed, round(1e9 * rate), 1)
     random = np.random.default_rng(key)
-    chosen: Any = model
-    classifier = getattr(model, "model_", model)  # of a model that chooses its form
-    if isinstance(classifier, HDCClassifier):
-        words = classifier.encode(frames)
-        asked = faults.flipped_queries(words, rate, random)
-        labels = classifier.predict(asked)
-        return labels if classifier is model else chosen.classes_[labels]
+    if isinstance(model, HDCClassifier):
+        words: Any = faults.flipped_queries(model.encode(frames), rate, random)
+        return model.predict(words)
     pixels = faults.flipped_pixels(frames.numpy(), rate, random)
     return model.predict(torch.from_numpy(pixels))
 

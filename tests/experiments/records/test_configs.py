@@ -8,8 +8,8 @@ from experiments.records import configs
 @pytest.mark.parametrize(
     ("group", "name"),
     [
-        *(("model", name) for name in ("cnn1_centred", "softmax_zero")),
-        *(("scene", name) for name in ("fibre_16_fields", "fibres_exchanged", "spr")),
+        *(("model", name) for name in ("cnn3", "softmax_zero")),
+        *(("scene", name) for name in ("wedge_days", "fibres_exchanged", "diffuser")),
     ],
 )
 def test_an_inherited_display_is_that_of_hydra(compose, group, name):

@@ -4,6 +4,7 @@ import csv
 import hashlib
 import itertools
 import json
+import re
 
 import msgspec
 import numpy as np
@@ -69,14 +70,19 @@ def test_the_table_shows_every_verdict_that_says_something(committed):
     assert "dcbc15c1f131, frozen by commit 30faadaf0b63" in str(table.note)
 
 
-def test_one_claim_says_its_words_its_verdicts_and_what_judged(capsys):
+def test_one_claim_says_its_words_its_verdicts_and_what_judged(
+    capsys, monkeypatch, tmp_path
+):
+    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     claim.show("recalibration", Console(width=200, highlight=False))
     said = capsys.readouterr().out
     assert "the paper says: Recalibration restores accuracy (32 to 95 %)" in said
     assert "against its own loss: Undecided (rules 2: no), 40 % [32, 48]" in said
     assert "digest dcbc15c1f131" in said
     assert "d2b9112a2a45c681744fe3dc688de0ef001e70e3" in said
-    assert "rules 4 will judge the claim anew" in said
+    assert "rules 4, as trained: open: the rules are not dated yet" in said
+    claim.show("one_bit", Console(width=200, highlight=False))
+    assert "rules 4, 20, unseen recordings: open" in capsys.readouterr().out
     with pytest.raises(
         ValueError, match=r"expected one of bits, accuracy.*, found nothing"
     ):
@@ -96,7 +102,7 @@ RECORDINGS = {
 def rules(**changed):
     """Rules on three recordings of two sources."""
     about = {"says": "it keeps up", "by": "this repository", "experiment": "some"}
-    models = {"form": "bits", "rival": "greys", "disturbed": "loaded"}
+    models = {"form": "bits", "rival": "greys", "disturbed": "loaded", "split": "kind"}
     written = {
         "version": 4,
         "dated": "2026-12-01",
@@ -125,6 +131,7 @@ def lines(right, scenes="abc", draws=4):
                 "model": model,
                 "right": count,
                 "n_test": 400,
+                "kind": "grouped",
             }
             made += [line | {"loaded": False}, line | {"split": "random", "right": 0}]
     return pd.DataFrame(made)
@@ -157,6 +164,12 @@ def test_each_size_has_a_word_of_its_own():
         (lines(EVEN, draws=3), "3 of 4 draws measured: a, b, c"),
         (lines(EVEN).assign(loaded=lambda f: f.scene == "b"), "disturbed: b"),
         (lines(EVEN)[lambda f: f.model == "bits"], "0 of 4 draws measured: a, b, c"),
+        (
+            lines(EVEN).assign(
+                kind=lambda f: np.where(f.scene == "b", "random", f.kind)
+            ),
+            "not measured: b",
+        ),
         (pd.DataFrame(), "not measured: a, b, c"),
     ],
 )
@@ -345,6 +358,47 @@ def test_rules_4_are_of_models_and_recordings_that_there_are():
     named |= {each.over for each in of.times.values()}
     for model in named:
         assert (configs / "model" / f"{model}.yaml").is_file(), model
+
+
+def test_verdicts_are_open_without_numbers_until_the_rules_are_dated(
+    committed_results, monkeypatch, tmp_path
+):
+    rules = (FOLDER / "rules_4.yaml").read_text("utf-8")
+    written = tmp_path / "rules.yaml"
+    monkeypatch.setattr(view, "RULES", written)
+    frame = committed_results.frame(*view.VERDICTS.experiments)
+    written.write_text(re.sub(r"(?m)^dated: .*$", "dated: null", rules))
+    undated = view.verdicts(frame)
+    assert set(undated.word) == {"open"}
+    assert undated.why.str.startswith(view.UNDATED).all()
+    assert undated[["mean", "probability"]].isna().all(axis=None)
+    keys = undated[list(view.VERDICTS.key)]
+    assert not keys.duplicated().any()
+    of = judge.read(written)
+    assert set(keys.claim) == {*of.claims, *of.times}
+    written.write_text(re.sub(r"(?m)^dated: .*$", "dated: 2026-12-01", rules))
+    flips = view.verdicts(frame).set_index("claim").loc["flips"]
+    assert abs(flips["mean"]) < 5  # from lines that have no draw and no n
+
+
+def test_recalibration_is_judged_on_what_each_session_has_right(
+    predicting, monkeypatch, tmp_path
+):
+    rules = (FOLDER / "rules_4.yaml").read_text("utf-8")
+    (tmp_path / "rules.yaml").write_text(re.sub(r"(?m)^dated: .*$", "dated: 1", rules))
+    monkeypatch.setattr(view, "RULES", tmp_path / "rules.yaml")
+    same = {"experiment": "drift", "scene": "wedge_days", "model": "hdc", "share": np.nan,
+            "old_split.kind": "leave_group_out", "n_test_new": 160, "n_test_old": 80}  # fmt: skip
+    rows = []
+    for seed in range(10):
+        before = {"method": "stored", "p": np.nan, "n_new": 0, "right_new": 30}
+        after = {"method": "replace", "p": 0.75, "n_new": 50, "right_new": 144}
+        rows += [
+            predicting({"seed": seed, **same, **before, "right_old": 80}),
+            predicting({"seed": seed, **same, **after, "right_old": 10}),
+        ]
+    found = view.verdicts(pd.DataFrame(rows)).set_index("claim").loc["recalibration"]
+    assert (found.why, found.equal) == ("", pytest.approx(-10))  # 90 % after 100 %
 
 
 # The hierarchical model ---------------------------------------------------------------------------

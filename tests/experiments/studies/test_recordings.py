@@ -10,6 +10,7 @@ from rich.console import Console
 
 from experiments.protocol.task import Context
 from experiments.records.results import Results
+from experiments.reporting import forms
 from experiments.reporting.resamples import RIVAL
 from experiments.studies.recordings import figures as drawing
 from experiments.studies.recordings import measure, tables
@@ -149,10 +150,7 @@ def measured(tmp_path, write_measurement):
 @pytest.mark.parametrize(("draws", "known"), [(9, False), (10, True)])
 def test_accuracies_of_one_n_are_those_of_the_rows(measured, draws, known):
     right = np.arange(60, 60 + draws)
-    # One fibre that is seen through more fields is one recording.
-    frame = measured(
-        fibre_4_fields={"hdc": 5}, gelsight=of_draws({"hdc": right}, draws)
-    )
+    frame = measured(gelsight=of_draws({"hdc": right}, draws))
     (rows,) = recordings(frame).values()
     every = Accuracies(rows)
     assert every.sizes == [5, 50]
@@ -163,46 +161,34 @@ def test_accuracies_of_one_n_are_those_of_the_rows(measured, draws, known):
     assert np.isnan(every.mean("ridge", 50).value)
 
 
-def test_a_recording_that_needs_no_speckle_says_so(measured):
-    of = {"hdc": 60, "thumbnail": 75, "brightness": 55, "ridge": 80}
-    best = {**of, "brightness": 70, "ridge": 65}
-    frame = measured(gelsight=of, tactip=best, spr={**of, "thumbnail": 60})
-    data = tables.front(frame)
-    told = data[data.n == 50].set_index("recording").told
-    assert told.to_dict() == {
-        "gelsight": "coarse layout alone: more than HDC",
-        "tactip": "brightness and coarse layout alone: more than HDC, and than any model here",
-        "spr": "",
-    }
-
-
 def test_models_are_compared_in_the_draws_in_which_both_were_asked(measured):
-    """Models that no claim needs are asked in the first ten of twenty draws."""
     rows = of_draws({"hdc": [40] * 10 + [100] * 10})
-    rows += of_draws({"hdc_integer": 50, "thumbnail": 60, "ridge": 55}, draws=10)
+    rows += of_draws({"hdc_lda": 50}, draws=10)
     frame = measured(gelsight=rows)
     (step,) = tables.decomposition(frame).to_dict("records")
-    assert step["step"] == "mean to majority: one bit"
+    assert step["step"] == "LDA to majority: as published"
     found = (step["before_accuracy"], step["after_accuracy"], step["change"])
     assert found == pytest.approx((0.5, 0.4, -0.1))
-    told = tables.front(frame).set_index("n").told
-    assert told[50] == "coarse layout alone: more than HDC, and than any model here"
 
 
-def test_the_forest_takes_the_stronger_rival_and_no_saturated_recording(measured):
-    right = {"hdc": 60, "hdc_levels_lda": 70, RIVAL: 50}
-    right["softmax_dual_standardised"] = 65
-    few = of_draws({"hdc": 60, RIVAL: 50}, sizes=(1, 5))  # in both panels
-    frame = measured(gelsight=right, spr={"hdc": 100, RIVAL: 100}, tactip=few)
+def test_the_forest_has_every_form_against_softmax_of_standardised_frames(measured):
+    right = {"hdc": 60, "thumbnail": 70, RIVAL: 99, forms.RIVAL_FORM: 65}
+    few = of_draws({"hdc": 60, forms.RIVAL_FORM: 50}, sizes=(1, 5))  # in both panels
+    frame = measured(gelsight=right, tactip=few, fibre_2={"hdc": 60})
     data = drawing.forest(frame).set_index(["recording", "form", "size"])
     assert data.difference.round(9).to_dict() == {
         ("gelsight", "hdc", "few"): -0.02,
-        ("gelsight", "hdc_levels_lda", "few"): 0.03,
+        ("gelsight", "thumbnail", "few"): 0.03,
         ("gelsight", "hdc", "most"): -0.05,
-        ("gelsight", "hdc_levels_lda", "most"): 0.05,
+        ("gelsight", "thumbnail", "most"): 0.05,
         ("tactip", "hdc", "few"): 0.1,
         ("tactip", "hdc", "most"): 0.1,
     }
+
+
+def test_every_experiment_of_recordings_asks_the_named_forms():
+    for name in ("recordings", "recording_costs"):
+        assert set(forms.FORMS) <= set(composed.task(name)["models"])
 
 
 # Costs --------------------------------------------------------------------------------------------
@@ -211,11 +197,7 @@ def test_the_forest_takes_the_stronger_rival_and_no_saturated_recording(measured
 def test_a_model_has_its_error_and_its_times_relative_to_softmax(
     measured, write_measurement, answers
 ):
-    """Errors are those of the draws that both experiments have: the first two are easy."""
-    easy = [100, 100, *18 * [62]]
-    measured(gelsight={"hdc": 60, RIVAL: easy, "ridge": 80})
-    bits = of_draws({"bits_chosen": [95, 97]}, draws=2)
-    measured("recordings_chosen", gelsight=bits)
+    measured(gelsight={"hdc": 60, RIVAL: 100, "bits_chosen": 96})
     at = {"n_classes": 10, "n_pixels": 800, "bytes": 1000}
     compiled = {"fit_compiled_s": 0.5, "predict_frame_compiled_s": 1e-4}
     rows = [

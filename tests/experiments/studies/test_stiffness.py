@@ -184,7 +184,7 @@ def test_the_table_has_the_best_rate_of_adam_and_the_curves_have_real_problems()
             return Frames(images, labels, ("a", "b", "c"), origin="simulated")
 
     task = composed.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
-    task["real"] = {"touch": {"scene": {}}, "spr": {"scene": "missing"}}
+    task["real"] = {"touch": {"scene": {}}, "tactip": {"scene": "missing"}}
     task["problems"] = task["problems"][:2]
     del task["_target_"]
     frame = pd.DataFrame(composed.made(measure.Stiffness, **task).rows(OnFrames()))

@@ -83,7 +83,7 @@ def bins_of(sure, right, draw=0):
          "spread": (sure * (1 - sure))[of].sum()}
         for b in range(10) for of in [place == b]
     ]  # fmt: skip
-    same = {"scene": "spr", "model": "hdc", "n": 50, "split": "random", "origin": "simulated",
+    same = {"scene": "tactip", "model": "hdc", "n": 50, "split": "random", "origin": "simulated",
             "seed": 0, "draw": draw}  # fmt: skip
     return pd.DataFrame(lines).assign(**same, **dict.fromkeys(view.OF_SETS, 1.0))
 

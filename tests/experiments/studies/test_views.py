@@ -99,13 +99,7 @@ def test_no_two_models_look_alike_and_texts_of_a_figure_keep_their_digits():
 OWN_QUESTION = {
     "promises/values/numbers.py: REGRESSORS": "the methods that the study compares",
     "promises/values/view.py: COUNTING": "forms whose vote is a count of samples",
-    "recordings/accuracies.py: RIVALS": "the primary baselines of the frozen rules",
-    "recordings/accuracies.py: CONFIRMATORY": "the forms that the frozen rules name",
-    "recordings/figures.py: LOOKS": "looks of the two confirmatory forms",
-    "recordings/figures.py: NAMES": "names of the two confirmatory forms",
-    "recordings/figures.py: NAMED": "models with a name among many grey points",
-    "recordings/tables.py: TRIVIAL": "models that see no speckle",
-    "recordings/tables.py: STEPS": "from ridge to HDC by one change after the other",
+    "recordings/tables.py: STEPS": "from grey values to HDC by one change after the other",
 }
 
 
