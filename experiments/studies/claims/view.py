@@ -22,6 +22,7 @@ from experiments.reporting.study import Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import two_digits
 from experiments.studies.claims import judge
+from experiments.studies.claims.rules import read
 from experiments.studies.drift import numbers as drift
 
 HISTORY = Path(__file__).with_name("history.csv")
@@ -44,7 +45,7 @@ def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
     if len(recalibrated):
         others = frame[frame.experiment != "drift"]
         frame = pd.concat([others, drift.accuracies(recalibrated)], ignore_index=True)
-    rules = judge.read(RULES)
+    rules = read(RULES)
     data = judge.judge(rules, frame)
     if rules.dated is None:
         data[data.select_dtypes("float").columns] = math.nan

@@ -9,7 +9,7 @@ from omegaconf import OmegaConf
 
 from experiments.reporting.text import two_digits
 from experiments.studies.claims import findings as module
-from experiments.studies.claims.judge import TRAINED, read
+from experiments.studies.claims.rules import TRAINED, read
 
 VALUES = pd.DataFrame(
     {

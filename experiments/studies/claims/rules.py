@@ -1,0 +1,136 @@
+"""Rules from version 4 on, as their file has them: claims, recordings, margins and draws."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import msgspec
+import yaml
+
+LARGEST, TRAINED = "largest", "as trained"
+Size = int | Literal["largest", "as trained"]
+Models = Annotated[tuple[str, ...], msgspec.Meta(max_length=6)]
+
+
+class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A recording that enters.
+
+    Attributes:
+        source: the unit of the number across recordings.
+        status: exploratory where numbers on it were known when the rules were written;
+            confirmatory where no model had classified its frames.
+        split: the kind of its split.
+        sizes: that its classes fill; all if none are named.
+        groups: how many there are of a class, if fewer than draws.
+    """
+
+    source: str
+    status: Literal["exploratory", "confirmatory"]
+    split: Literal["grouped", "leave_group_out", "ordered", "session"]
+    sizes: tuple[Size, ...] = ()
+    groups: int | None = None
+
+
+class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A claim: `form` loses less than the margin to `rival`.
+
+    Attributes:
+        says, by: what is claimed, by whom.
+        experiment: whose lines are the evidence.
+        form, rival: models; the same where `of_form` and `of_rival` tell them apart.
+        split: column with the kind of split; lines of another than the recording's do not count.
+        lines, of_form, of_rival: values of columns that all lines have, those of the form, those of
+            the rival.
+        recordings: that enter; all if none are named.
+        sizes: training frames of a class; those of the rules if none are named. As trained: the
+            experiment has one size.
+        draws: of a recording, if fewer than those of the rules.
+        right, asked: columns with right answers, and with test frames.
+        rival_right, rival_asked: those of the rival, if others.
+        disturbed: column that is true where a line was disturbed; empty if nothing can be.
+    """
+
+    says: str
+    by: str
+    experiment: str
+    form: str
+    rival: str
+    split: str = ""
+    lines: dict[str, Any] = {}
+    of_form: dict[str, Any] = {}
+    of_rival: dict[str, Any] = {}
+    recordings: tuple[str, ...] = ()
+    sizes: tuple[Size, ...] = ()
+    draws: int | None = None
+    right: str = "right"
+    asked: str = "n_test"
+    rival_right: str = ""
+    rival_asked: str = ""
+    disturbed: str = ""
+
+
+class Times(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A claim: the training of `model` takes at least so many times as long as HDC's.
+
+    Attributes:
+        says, by: what is claimed, by whom.
+        experiment: whose lines are the evidence: a line per fit, with ``fit_s`` and with the reason
+            why it was ``disturbed``, or "".
+        model, over: models.
+        at_least: ratio of training times.
+        threads: of both.
+        fits: undisturbed ones of each model that a measurement needs.
+        measurements: records that count, the first so many; they were made hours apart.
+    """
+
+    says: str
+    by: str
+    experiment: str
+    model: str
+    over: str
+    at_least: float
+    threads: int
+    fits: int
+    measurements: int
+
+
+class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """A file of rules.
+
+    Attributes:
+        version, dated: which, and when they were fixed.
+        margin: the loss of accuracy that counts as none.
+        sure: probability of a yes; its complement is that of a no.
+        sizes: training frames of a class, each of which gets a word.
+        draws: of a recording, as many as count; later ones do not.
+        shared: test frames over training frames of a draw. Draws share frames, so that the variance
+            of their mean is that of one times 1/draws + shared (Nadeau and Bengio, Mach. Learn. 52,
+            239 (2003)).
+        candidates: models from which each family chooses its form, for those who train them.
+        recordings, claims, times: by name.
+    """
+
+    version: int
+    dated: Any
+    margin: float
+    sure: float
+    sizes: tuple[Size, ...]
+    draws: int
+    shared: float
+    candidates: dict[str, Models]
+    recordings: dict[str, Recording]
+    claims: dict[str, Claim]
+    times: dict[str, Times] = {}
+
+
+def read(path: Path) -> Rules:
+    """The rules of a file.
+
+    Raises:
+        ValueError: naming the file and the key that is wrong.
+    """
+    try:
+        return msgspec.convert(yaml.safe_load(path.read_text("utf-8")), Rules)
+    except msgspec.ValidationError as error:
+        raise ValueError(f"{path}: {error}") from None
