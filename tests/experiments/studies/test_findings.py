@@ -179,9 +179,9 @@ def test_the_training_times_of_readme_are_those_of_its_table_of_costs(committed)
     assert said in module.findings(committed)[2]
 
 
-def test_most_accuracy_is_lost_by_equal_weights_as_readme_says(committed):
+def test_most_accuracy_is_lost_by_the_majority_as_readme_says(committed):
     steps = committed.table("decomposition").data.groupby("step").change.median()
-    assert steps.idxmin() == "lda to class means: equal weights"
+    assert steps.idxmin() == "LDA to majority: as published"
 
 
 def test_what_is_to_come_is_of_rules_4():
