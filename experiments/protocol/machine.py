@@ -140,7 +140,7 @@ def libraries(
     """Limit the numerical libraries of a scikit-learn model to this many threads; yields them.
 
     numpy, scipy and scikit-learn bring OpenBLAS and OpenMP libraries of their own, with a thread a
-    core each. Only scikit-learn's estimators compute with them: no other run imports threadpoolctl.
+    core each. Only scikit-learn's estimators compute with them.
     """
     named = [target for target, _ in revision.targets(model)]
     estimators = [target for target in named if target.startswith("sklearn.")]

@@ -22,7 +22,6 @@ from experiments.records.files import ROOT
 HEAVY = (
     "cv2",
     "sklearn",
-    "threadpoolctl",
     "pandas",
     "matplotlib",
     "scipy.stats",

@@ -38,6 +38,8 @@ def profile(frame: pd.DataFrame) -> pd.DataFrame | None:
     if not len(known):
         return None
     known = known.dropna(subset="error")
+    if not len(known):
+        return None
     most = known[known.n == known.groupby("recording").n.transform("max")]
     lines = pd.concat(map(_factors, _by_recording(most)))
     every = lines.recording.nunique()
