@@ -1,9 +1,12 @@
 """Examples in Python that README and docs show run, and do what the text beside them says."""
 
+import importlib.util
 import re
 from pathlib import Path
 
 import numpy as np
+
+from scenes.fibre import FibreScene
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 
@@ -63,3 +66,18 @@ def test_from_a_notebook(tmp_path, monkeypatch):
     assert right == lines.test_accuracy_final.tolist()
     assert names["low"] <= names["difference"] <= names["high"]
     assert names["accuracy"](1.0) > 0.5
+
+
+def test_picture_of_the_method():
+    spec = importlib.util.spec_from_file_location(
+        "method", CHECKOUT / "docs" / "examples" / "method.py"
+    )
+    method = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(method)
+    scene = FibreScene(CHECKOUT / "tests/data/mmf_disorder", side=method.SIDE)
+    (frame, ones, prototype), distances = method.pictures(scene)
+    assert frame[ones].min() >= frame[~ones].max()
+    assert 2 * ones.sum() <= ones.numel()
+    assert distances.argmin() == method.SHOWN
+    assert distances[method.SHOWN] == (ones != prototype).float().mean()
+    assert len(method.draw(scene).axes) == 4
