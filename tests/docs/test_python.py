@@ -42,21 +42,14 @@ def test_drift_with_and_without_labels():
     assert names["without_labels"] > 0.9
 
 
-def test_records_are_read_elsewhere(monkeypatch):
-    monkeypatch.chdir(CHECKOUT)
-    names = {}
-    exec(examples("docs/extend.md")[0], names)
-    lines = names["lines"]
-    assert len(lines) > 1000
-    assert set(lines["scene.n_fields"].dropna()) <= {1, 4, 16}
-
-
-def test_from_a_notebook(tmp_path, monkeypatch):
+def test_from_python(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path / "mine"))
     monkeypatch.setenv("TMPDIR", str(tmp_path))  # no other run holds these cores
+    *codes, own = examples("docs/extend.md")
+    assert "class First(Readout)" in own  # tests/experiments/test_own.py runs it
     names = {}
-    for code in examples("docs/notebook.md"):
+    for code in codes:
         exec(code, names)
     lines = names["lines"]
     assert len(lines) == 6
@@ -66,6 +59,8 @@ def test_from_a_notebook(tmp_path, monkeypatch):
     assert right == lines.test_accuracy_final.tolist()
     assert names["low"] <= names["difference"] <= names["high"]
     assert names["accuracy"](1.0) > 0.5
+    assert len(names["rows"]) > 1000
+    assert set(names["rows"]["scene.n_fields"].dropna()) <= {1, 4, 16}
 
 
 def test_picture_of_the_method():
