@@ -84,7 +84,10 @@ PAGE_ROWS = [
         "500 × 500 × 8 bits, 10 classes, median, majority",
         Sizes(250_000, 250_000, 8, 1, 10),
     ),
-    ("500 × 500 × 16 bits, 10 classes, median, majority", Sizes(250_000, 250_000, 16, 1, 10)),
+    (
+        "500 × 500 × 16 bits, 10 classes, median, majority",
+        Sizes(250_000, 250_000, 16, 1, 10),
+    ),
     (
         "100 × 100 × 8 bits, 10 classes, levels (7), majority",
         Sizes(10_000, 10_000, 8, 7, 10),
