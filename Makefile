@@ -1,13 +1,13 @@
-# Every target sets up .venv by itself when it is missing or older than its requirements, with what
-# the target needs: the harness, or everything.
-# Results go to results/mine, or to RESULTS_DIR; the committed ones in results/reference are read.
+# Every target first sets up .venv, if it is missing or older than its requirements, with the packages
+# that the target needs: the harness, or everything.
+# Your results go to results/mine, or to the folder RESULTS_DIR; results/reference has the committed ones.
 #
 # PYTHON is the first of these that starts and is new enough. `make PYTHON=…` names another one.
 PYTHONS := python3.11 python3.12 python3.13 python3
 FITS := -c 'import sys; sys.exit(sys.version_info < (3, 11))'
 PYTHON ?= $(shell for name in $(PYTHONS); do $$name $(FITS) 2>/dev/null && echo $$name && break; done)
 BIN := .venv/bin
-# Modules are compiled as they are imported: the first table is there sooner.
+# Modules are compiled when they are imported, so that the first table is there sooner.
 INSTALL := $(BIN)/pip install --quiet --no-compile --disable-pip-version-check -c constraints.txt -e
 HARNESS := .venv/.harness
 VENV := .venv/.everything
@@ -27,44 +27,44 @@ $(VENV): $(HARNESS)
 	$(INSTALL) '.[harness,test,compiled,peers,cluster]'
 	@touch $@
 
-table1: $(HARNESS)  ## run HDC and the baselines on the simulated touch scene, show Table I
+table1: $(HARNESS)  ## train HDC, softmax and networks on simulated touches, show Table I (4 minutes)
 	$(BIN)/python -m experiments.table1
 
-benchmark: $(VENV)  ## time every route of the classifier beside its peers
+benchmark: $(VENV)  ## time each step of the classifier and of other libraries
 	$(BIN)/python -m tests.benchmark
 
-stability: $(VENV)  ## numbers at their limits, training as a stiff problem, what each scene loads
+stability: $(VENV)  ## test extreme inputs, stiff training, and what each scene loads
 	$(BIN)/python -m experiments.run experiment=stability
 	$(BIN)/python -m experiments.run experiment=numerics
 	$(BIN)/python -m experiments.run experiment=stiffness
 	$(BIN)/python -m experiments.run experiment=footprint
 	$(BIN)/python -m experiments.report
 
-report: $(HARNESS)  ## tables, figures and the page from own results and the reference
+report: $(HARNESS)  ## write tables, figures and a page of your results and the reference
 	$(BIN)/python -m experiments.report
 
-reproduce: $(VENV)  ## everything again, into results/mine (hours; QUICK=1: fewer seeds; CLAIM=name: of one claim; LIST=1: the steps alone)
+reproduce: $(VENV)  ## measure everything again (hours; QUICK=1: in small; CLAIM=NAME: one claim; LIST=1: list the steps)
 	$(BIN)/python -m experiments.reproduce $(if $(QUICK),--quick) $(if $(CLAIM),--claim $(CLAIM)) $(if $(LIST),--list)
 
-reference: reproduce  ## for maintainers: the reproduction becomes results/reference
+reference: reproduce  ## for maintainers: reproduce, and make the results the committed reference (hours)
 	$(BIN)/python -m experiments.reference
 
-docs: $(VENV)  ## the documentation, into site/; any warning stops it
+docs: $(VENV)  ## build the documentation into site/; any warning is an error
 	$(BIN)/python -m sphinx -q -W --keep-going -b html -d site/.doctrees docs site/html
 
-slow: $(VENV)  ## the tests that are marked slow
+slow: $(VENV)  ## run the tests that are marked slow
 	$(BIN)/pytest -m slow
 
-# One of ten: those with a number that ends in 0. One thread, for a process that was forked has no others.
-mutants: $(VENV)  ## weigh the tests: change the code line by line, count what they notice (40 minutes)
+# Of the mutants, one in ten: its number ends in 0. On one thread, because a forked process has no other.
+mutants: $(VENV)  ## test the tests: change the code line by line, count the changes they notice (40 minutes)
 	$(INSTALL) '.[mutation]'
 	OMP_NUM_THREADS=1 OMP_THREAD_LIMIT=1 $(BIN)/mutmut run --max-children 2 '*0'
 	$(BIN)/mutmut results
 
-test: $(VENV)  ## every test but the slow ones, as many at a time as there are cores
+test: $(VENV)  ## run every test but the slow ones, on all cores
 	OMP_NUM_THREADS=1 $(BIN)/pytest -n auto -m "not slow"
 
-lint: $(VENV)  ## ruff, mypy, and the direction of imports
+lint: $(VENV)  ## run ruff, mypy and the check of imports
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
