@@ -58,8 +58,7 @@ class Bank(hdc.bank.Bank):
         return None if self.groups is None else self.groups[rows]
 
     def smoothed(self, deviation: int) -> Bank:
-        """The bank of the smoothed frames (:mod:`.smoothing`), made once; without a deviation this
-        one."""
+        """The bank of the smoothed frames (:mod:`.smoothing`), made once; this bank for 0."""
         if deviation == 0:
             return self
         if deviation not in self._smoothed:
@@ -72,7 +71,7 @@ class Bank(hdc.bank.Bank):
 
     @functools.cached_property
     def greys(self) -> Tensor:
-        """Products of grey values less :func:`.products.constant_of` them, float64 [N, N]."""
+        """Products of grey values minus :func:`.products.constant_of` them, float64 [N, N]."""
         return products.cross_products(self._images, self._images)
 
     @functools.cached_property
@@ -86,12 +85,12 @@ class Bank(hdc.bank.Bank):
         return found.to(self.frames.device)
 
     def at(self, rows: np.ndarray) -> Rows:
-        """Some of the frames, to train a model on or to ask it about."""
+        """Some of the frames, to train or to test a model."""
         return Rows(self, np.asarray(rows, dtype=np.int64))
 
     @functools.cached_property
     def moments(self) -> Moments:
-        """Moments of the grey values of each frame, less the same constant."""
+        """Moments of the grey values of each frame, minus the same constant."""
         return products.moments(self._images)
 
     @property
@@ -127,9 +126,9 @@ class Bank(hdc.bank.Bank):
     def centred(
         self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
     ) -> tuple[Tensor, Tensor]:
-        """:meth:`kernel` of scaled frames less the mean scaled training frame."""
+        """:meth:`kernel` of scaled frames minus the mean scaled training frame."""
         if pixels in ("raw", "unit", "unit_centred"):
-            # The offset cancels: the small integers do without it, and lose nothing to it.
+            # The offset cancels, so it is left out and costs the small integers no digits.
             scale = 1.0 if pixels == "raw" else 1 / self.white
             square = scale**2
             inside = square * self.greys[np.ix_(train, train)]
@@ -168,7 +167,7 @@ class Bank(hdc.bank.Bank):
 
 @dataclass(frozen=True)
 class Rows:
-    """Some frames of a bank, a source of frames like any other: a slice is a tensor of them."""
+    """Some frames of a bank, as a source of frames; a slice is a tensor."""
 
     bank: Bank
     rows: np.ndarray

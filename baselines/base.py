@@ -72,8 +72,8 @@ class Classifier(ABC):
 
     @property
     def scale_(self) -> float | None:
-        """Size of what scores are sums of, where they are rounded; None where they are exact, or
-        where nothing but the frames themselves gives them."""
+        """Size of the terms whose rounded sums are the scores; None where scores are exact, or
+        where the size follows from the frames alone."""
         return None
 
     def predict(self, frames: Any) -> np.ndarray:
@@ -154,7 +154,7 @@ class Classifier(ABC):
 
 
 def arithmetic(batch: Tensor) -> Tensor:
-    """16-bit frames as int32: torch has next to no arithmetic on uint16."""
+    """16-bit frames as int32, because torch has hardly any arithmetic on uint16."""
     return batch if batch.dtype == torch.uint8 else batch.to(torch.int32)
 
 
@@ -162,8 +162,8 @@ def first_of_the_best(scores: Tensor, scale: float | None) -> Tensor:
     """The first class among those with the largest score: [n, L] → int64 [n].
 
     Sums in float32 are rounded, and differently in batches of another size. With a `scale`, the
-    size of what is summed, scores that differ from the largest by no more than rounding are equal
-    to it, so that a tie falls to the first class however it is computed. None is for exact scores.
+    size of the terms, scores that differ from the largest by no more than rounding count as equal,
+    so that the first class wins a tie however it is computed. None is for exact scores.
     """
     best = scores.argmax(dim=1)
     if scale is None:
@@ -175,8 +175,8 @@ def first_of_the_best(scores: Tensor, scale: float | None) -> Tensor:
 
 
 def in_memory_order(tensor: Tensor) -> Tensor:
-    """The same memory with its dimensions in the order they lie there, which is contiguous for any
-    layout such as channels last: so that ``view(-1)`` needs no copy."""
+    """A view of the same memory with the dimensions in the order of their strides. It is contiguous
+    for any layout, such as channels last, so that ``view(-1)`` needs no copy."""
     strides = tensor.stride()
     order = sorted(
         range(tensor.ndim),

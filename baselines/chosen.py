@@ -1,8 +1,8 @@
 """Models that choose their form among a few, by cross-validation on their training frames alone.
 
-Candidates stand in an order, the simplest first. Chosen is the first of those that are no worse
-than the best by more than a margin in standard errors of the paired differences between them (the
-rule of one standard error: Breiman et al., Classification and Regression Trees (1984), 3.4.3).
+Candidates are in order, the simplest first. The first is chosen that is worse than the best by no
+more than a margin, in standard errors of the paired differences between the two (the rule of one
+standard error: Breiman et al., Classification and Regression Trees (1984), 3.4.3).
 """
 
 from __future__ import annotations
@@ -26,16 +26,17 @@ from hdc.parameters import check_choice, is_number
 
 @dataclass(kw_only=True, eq=False)
 class Chosen(Classifier):
-    """The simplest of some models that no other is clearly better than.
+    """The simplest of several models than which no other is clearly better.
 
     Folds keep frames of one group together.
 
     Args:
         forms: untrained models by name, the simplest first; all of them are computed from a bank
             (:func:`baselines.library.has_predict_from`).
-        fixed: name of the form where there are no folds: a class has one frame, or one group.
+        fixed: name of the form that is taken where there are no folds, because a class has one
+            frame or one group.
         folds: how many at most, from 2; fewer where a class has fewer frames, or groups.
-        margin: in standard errors; 0 is the form of least error, the first of equal ones.
+        margin: in standard errors; 0 takes the form of least error, the first of equal ones.
 
     Attributes:
         form_: name of the form that was chosen.
@@ -64,7 +65,7 @@ class Chosen(Classifier):
         return name, copy.deepcopy(self.forms[name])
 
     def _losses(self, bank: Bank, rows: np.ndarray) -> dict[str, np.ndarray]:
-        """1 for each wrong answer, 0 for each right one, of all folds, by form; none without
+        """1 for each wrong answer of all folds and 0 for each right one, by form; empty without
         folds."""
         made, _ = folds(bank.labels, rows, self.folds, bank.groups)
         losses: dict[str, list[np.ndarray]] = {name: [] for name in self.forms}

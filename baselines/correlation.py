@@ -63,7 +63,7 @@ class CorrelationClassifier(Classifier):
 
     @property
     def scale_(self) -> float:
-        """Templates of equal frames are equal but for a last bit: they are computed alike."""
+        """Templates of equal frames are computed alike, and equal up to the last bit."""
         return 0.3
 
     def predict_from(
@@ -80,7 +80,7 @@ class CorrelationClassifier(Classifier):
         length = square.clamp(min=0).sqrt()
         r = across @ member
         r /= torch.where(length > 0, length, 1.0)
-        # Of the frames' own lengths the best class does not depend, but how near a tie is does.
+        # The best class does not depend on the lengths of the frames; the size of rounding does.
         own = bank.moments.of(queries)
         contrast = own.second - own.first**2 / bank.dimension
         own_length = torch.where(contrast > 0, contrast, 1.0).sqrt()

@@ -1,8 +1,8 @@
 """Discriminant analysis of grey values: what HDC's read-outs ``lda`` and ``kernel`` do with bits.
 
-The problem is that of :mod:`hdc.readouts.discriminant`, and so are its closed forms. Linear: the
-G holds the products of the frames, and the covariance is shrunken as there. With a kernel:
-G = exp(−d/(s·m)) of the Euclidean distances d between frames and their median m.
+The problem and its closed forms are described in :mod:`hdc.readouts.discriminant`. The linear form
+has the products of the frames as G, and shrinks the covariance in the same way. The form with a
+kernel has G = exp(−d/(s·m)), for Euclidean distances d between frames and their median m.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ class GreysLDA(DualLinearClassifier):
     Args:
         pixels: ``raw``; or ``standardised``: each frame first has mean 0 and deviation 1.
         smooth: deviation in pixels of a Gaussian that smooths frames first; 0 for none.
-        shrinkage: as of :class:`hdc.readouts.LDA`.
+        shrinkage: as in :class:`hdc.readouts.LDA`.
     """
 
     pixels: str = "standardised"
@@ -71,7 +71,7 @@ class GreysLDA(DualLinearClassifier):
         return super().predict_zeroed(part, train, queries, before, after)
 
     def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
-        """A [N, L], b [L]; there is no loss, and its place has a zero."""
+        """A [N, L], b [L], and 0 in the place of the loss, which there is none of."""
         height, width = self.shape_
         problem = Problem.of(gram.clone(), targets)
         _, solution = shrunken(problem, height * width, self.shrinkage)
@@ -83,13 +83,13 @@ class GreysKernel(Classifier):
     """Discriminant analysis with a kernel of Euclidean distances; it keeps all training frames.
 
     Args:
-        pixels, smooth: as of :class:`GreysLDA`.
-        scales, penalties: as of :class:`hdc.readouts.Kernel`, chosen by leave-one-out.
+        pixels, smooth: as in :class:`GreysLDA`.
+        scales, penalties: as in :class:`hdc.readouts.Kernel`, chosen by leave-one-out.
 
     Attributes:
         frames_: the training frames [N, D], smoothed.
         dual_, offsets_: float64 [N, L] and [L].
-        reach_: s·m, the distance at which a likeness is 1/e.
+        reach_: s·m, the distance at which the kernel is 1/e.
     """
 
     pixels: str = "standardised"

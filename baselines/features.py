@@ -1,7 +1,7 @@
 """The simplest baselines: logistic regression of a few numbers of a frame.
 
-Where one of these is as good as a classifier of all pixels, the frames of the classes differ by
-their brightness, or by what a picture of a few pixels shows, and speckle has no part in it.
+Where one of these is as accurate as a classifier of all pixels, classes differ in brightness or in
+coarse layout, and recognising them needs no speckle.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ class FeatureClassifier(Classifier):
     """Logistic regression of standardised features; a subclass writes ``features``.
 
     Args:
-        C: inverse strength of the penalty, as of scikit-learn's LogisticRegression.
+        C: inverse strength of the penalty, as in scikit-learn's LogisticRegression.
 
     Attributes:
         mean_, deviation_: of each feature over the training frames, float64 [F].
@@ -43,7 +43,7 @@ class FeatureClassifier(Classifier):
 
     @abstractmethod
     def features(self, batch: Tensor) -> Tensor:
-        """Numbers that a frame is reduced to, alone: [n, H, W] → float64 [n, F] (CPU)."""
+        """Features of each frame, independent of others: [n, H, W] → float64 [n, F] (CPU)."""
 
     def train(
         self, frames: FrameSource, labels: np.ndarray
@@ -83,7 +83,7 @@ class FeatureClassifier(Classifier):
         return bank.each(features, key=(type(self), parameters))
 
     def state_tensors(self) -> dict[str, Tensor]:
-        """weight [L, F] and bias [L], and what features are standardised by."""
+        """weight [L, F] and bias [L], and mean and deviation of the features."""
         return {
             "weight": self.weight_,
             "bias": self.bias_,
@@ -166,7 +166,8 @@ class Thumbnail(FeatureClassifier):
     ) -> np.ndarray:
         """Like :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`.
 
-        A pixel of the picture is a mean, so the picture of a difference is that of pictures.
+        A pixel of the picture is a mean, so the picture of a difference of frames is the difference
+        of their pictures.
         """
         model = replace(self)
         targets = model.start(bank.at(train), bank.labels[train])

@@ -18,12 +18,12 @@ def folds(
     group: np.ndarray | None = None,
     session: np.ndarray | None = None,
 ) -> tuple[list[Fold], str]:
-    """At most so many folds of the training frames `rows`, and how they were made.
+    """At most `most` folds of the training frames `rows`, and how they were made.
 
-    Whole groups where they are known; else whole sessions where there are two or more and no fold
-    has a class alone; else at random, every class in each fold. No fold where a class has a single
-    frame, or of fewer than four frames, and none of groups each of which is the only one of a
-    class.
+    Folds are of whole groups where they are known; else of whole sessions, if there are two or more
+    and each class is in two or more folds; else at random, with every class in each fold. There are
+    no folds of fewer than four frames, where a class has a single frame, or where every group is
+    the only one of its class.
     """
     if group is not None:
         return _folds_of_units(labels, rows, group, most), "by group"
@@ -47,8 +47,8 @@ def folds(
 def _folds_of_units(
     labels: np.ndarray, rows: np.ndarray, units: np.ndarray, most: int
 ) -> list[Fold]:
-    """Units [N], sessions or groups, in order; where that leaves out a class, the units of each
-    class one by one."""
+    """Folds of whole units [N], sessions or groups: consecutive ones, or, where a fold would have
+    all frames of a class, the units of each class dealt out one by one."""
     unit = units[rows]
     known = np.unique(unit)
     if len(known) < 2:

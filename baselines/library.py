@@ -1,7 +1,7 @@
-"""Classifiers of the library as the harness trains, asks and weighs them.
+"""What the harness needs of a classifier of the library: training, predictions, stored tensors.
 
-Models of :mod:`baselines` have methods of these names; for an :class:`hdc.HDCClassifier` the
-functions here stand for them.
+Models of :mod:`baselines` have methods of these names; an :class:`hdc.HDCClassifier` does not, so
+that the functions here take their place.
 """
 
 from __future__ import annotations
@@ -102,7 +102,7 @@ def words_of(
 
 
 def has_predict_from(model: Any) -> bool:
-    """Whether :func:`predict_from` takes a model."""
+    """Whether :func:`predict_from` can use a model."""
     return isinstance(model, HDCClassifier) or hasattr(model, "predict_from")
 
 
@@ -117,7 +117,7 @@ def state_tensors(model: Any) -> dict[str, Tensor] | None:
 
 
 def components(kind: Any, **parameters: Any) -> tuple[Any, ...]:
-    """The classes of the parts that parameters of a model give by name, or leave as they are."""
+    """The classes of the encoder and the read-out of a model, given by name or by default."""
     if hasattr(kind, "components"):
         found: tuple[Any, ...] = tuple(kind.components(**parameters))
         return found

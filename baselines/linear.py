@@ -67,7 +67,7 @@ class DualLinearClassifier(Classifier):
         bank = Bank(images, targets, len(self.classes_))
         gram, _ = bank.centred(everyone, everyone[:0], self.pixels)
         coefficients, bias, loss = self.solve(gram, targets)
-        # Exactly zero-sum columns leave the mean frame no part in the weights.
+        # With columns that sum to exactly zero, the mean frame has no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)
         self._scale = _scale(gram, self.coefficients_, bias)
         self._scaling = fit_scaling(self.pixels, self, frames)
@@ -119,11 +119,11 @@ class DualLinearClassifier(Classifier):
         before: np.ndarray,
         after: np.ndarray,
     ) -> np.ndarray:
-        """Labels [Q] of queries less a reference frame, another than that of the training.
+        """Labels [Q] of queries minus a reference frame, which differs from the one of training.
 
-        The reference of the training is the mean of the scaled frames `before`, that of the queries
-        the mean of those `after`; all are indices of frames. A score is linear in the frame, so the
-        references enter by their scores.
+        The reference of training is the mean of the scaled frames `before`, the reference of the
+        queries the mean of the frames `after`; all are indices of frames. A score is linear in the
+        frame, so only the scores of the references are needed.
         """
         solver = replace(self)
         targets = solver.start(bank.at(train), bank.labels[train])
@@ -144,7 +144,8 @@ class DualLinearClassifier(Classifier):
         queries: np.ndarray,
         *before: Tensor,
     ) -> tuple[Tensor, float]:
-        """Scores of queries [Q, L], minus those before, and the size of what they are sums of."""
+        """Scores of queries [Q, L], minus the scores before, and the size of the terms of their
+        sums."""
         inside, across = bank.centred(train, queries, self.pixels)
         coefficients, bias, _ = self.solve(inside, targets, *before)
         coefficients = coefficients - coefficients.mean(dim=0)
@@ -161,10 +162,10 @@ class DualLinearClassifier(Classifier):
 
 
 class PenalisedClassifier(DualLinearClassifier):
-    """A linear classifier with an L2 penalty, which can go on from weights that it is given.
+    """A linear classifier with an L2 penalty that can update given weights.
 
-    Its ``solve`` takes a third argument, scores ``before`` [N, L], and finds the change of them,
-    with the penalty on the change alone.
+    Its ``solve`` takes a third argument, the scores ``before`` [N, L] by these weights, and finds
+    their change, with the penalty on the change alone.
     """
 
     def predict_from_old(
@@ -192,8 +193,8 @@ class PenalisedClassifier(DualLinearClassifier):
     ) -> Tensor:
         """Scores float64 [Q, L] of :meth:`predict_from_old`.
 
-        The change of the weights is a combination of the new frames, so the old model enters by its
-        scores of them alone.
+        The change of the weights is a combination of the new frames, so of the old model only its
+        scores of these frames are needed.
         """
         solver = replace(self)
         targets = solver.start(bank.at(old), bank.labels[old])
@@ -210,6 +211,6 @@ def _scale(
     coefficients: Tensor,
     bias: Tensor,
 ) -> float:
-    """Largest sum of the sizes of what the score of a training frame is summed of."""
+    """Largest sum of the absolute terms in the score of a training frame."""
     parts = gram.abs() @ coefficients.abs() + bias.abs()
     return float(parts[parts.isfinite()].max())

@@ -1,9 +1,9 @@
 """A linear read-out of HDC's own bits, to compare majority voting with.
 
 On the hypervectors of frames, ±1, HDC's prototype of a class is the sign of a sum of its training
-frames, a linear read-out of one bit per weight. Here ridge regression learns them instead (see
-baselines.ridge), and they stay float32, or are reduced to as many bytes as HDC's prototypes have:
-their signs, with a scale and a bias a class,
+frames, a linear read-out of one bit per weight. Here ridge regression learns the weights instead
+(see baselines.ridge). They stay float32, or are reduced to their signs, as many bytes as HDC's
+prototypes, with a scale and a bias per class,
 
     s_c(x) = ‖w_c‖₁/D · sign(w_c)·(x − x̄) + b_c,
 
@@ -35,7 +35,7 @@ class BitReadout(RidgeReadout):
         one_bit: keep the signs of the weights only.
 
     Attributes:
-        weight_: float32 [L, D]; with ``one_bit`` int64 [L, ⌈D/64⌉], a bit a sign.
+        weight_: float32 [L, D]; with ``one_bit`` int64 [L, ⌈D/64⌉], one bit per sign.
         sign_scale_: float32 [L], with ``one_bit``.
         bias_: float32 [L].
     """

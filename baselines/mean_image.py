@@ -1,4 +1,4 @@
-"""The mean grey image of a class: averaging, as HDC does it, without the bit.
+"""Nearest class mean of grey values: HDC's average over a class, without its bits.
 
 A frame is of the class whose mean training frame is nearest in Euclidean distance (nearest
 centroid), ‖x − t_c‖² = ‖x‖² − 2·(x·t_c − ½‖t_c‖²), which is linear in the frame.

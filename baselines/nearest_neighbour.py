@@ -18,22 +18,23 @@ from hdc import bits
 from hdc.encoders import Median
 from hdc.parameters import check_choice
 
-# Any other scaling of baselines.pixels ranks as raw does.
+# Other scalings of baselines.pixels give the same order as raw.
 PIXELS = ("bits", "raw", "standardised")
 REPORT = 100  # frames between two yields
 
 
 @dataclass(kw_only=True, eq=False)
 class NearestNeighbour(Classifier):
-    """The most frequent label among the k nearest training frames; among equals the nearest's.
+    """The most frequent label among the k nearest training frames; of equally frequent ones the
+    label of the nearest frame.
 
     Training frames of the first class are nearer at equal distances.
 
     Args:
         k: number of neighbours.
         pixels: ``bits``: Hamming distance of hypervectors, as HDC encodes frames; ``raw``:
-            Euclidean distance of grey values; ``standardised``: of frames that have each mean 0 and
-            deviation 1.
+            Euclidean distance of grey values; ``standardised``: the same of frames with mean 0 and
+            deviation 1 each.
 
     Attributes:
         frames_: the training frames: hypervectors int64 [N, ⌈D/64⌉], or pixels [N, D].
@@ -138,7 +139,7 @@ class NearestNeighbour(Classifier):
     def _distances(
         self, greys: Tensor, rows: Moments, columns: Moments, dimension: int
     ) -> Tensor:
-        """Squared distances [n, N] from products and moments of greys, but for a constant a row."""
+        """Squared distances [n, N] from products and moments of greys, up to a constant per row."""
         if self.pixels == "raw":
             return columns.second - 2 * greys
         variance = columns.second - columns.first**2 / dimension
@@ -152,7 +153,8 @@ class NearestNeighbour(Classifier):
         labels: Tensor,
         n_classes: int,
     ) -> Tensor:
-        """Votes [n, L]; of classes with equally many, the nearest's has the largest number."""
+        """Votes [n, L]; of classes with equally many votes, the class of the nearest frame gets the
+        largest number."""
         k = min(self.k, len(labels))
         by_class = labels.argsort(stable=True)
         order = distances[:, by_class].argsort(dim=1, stable=True)

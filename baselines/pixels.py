@@ -3,7 +3,7 @@
 ===================  =================  ========================================================
 ``raw``              x                  0…255 (or 0…65535), as the camera gives them
 ``unit``             x / max            0…1, max = 255 or 65535
-``unit_centred``     (x − μ) / max      less the mean grey of all training frames, one number:
+``unit_centred``     (x − μ) / max      minus the mean grey of all training frames, one number:
                                         with an intercept the same problem as ``unit``, but far
                                         less stiff, as the mean no longer acts as an intercept
 ``standard``         (x − μ) / σ        mean and standard deviation of each pixel over the
@@ -40,7 +40,7 @@ CHUNK = 20  # frames; float32 sums of 20 squared 8-bit pixels are exact (20·255
 class PixelScaling:
     """x ↦ (x − offset)·scale − shift; each a number, or float32 [H, W].
 
-    ``shift`` is what is left of a mean whose whole part is the offset.
+    ``offset`` is the integer part of a mean, and ``shift`` the rest, scaled.
     """
 
     offset: float | Tensor = 0.0

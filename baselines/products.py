@@ -2,9 +2,9 @@
 
 A product of int8 matrices in int32 runs on the byte instructions of a recent CPU (VNNI, AMX), some
 eight times faster than the float32 product of the same size, and makes no rounding error. Without
-these instructions it may be slow or wrong; then it is one in float32, of so few terms at a time
-that these are exact, too. Pixels become signed bytes by subtracting :func:`constant_of` their type;
-pixels of 16 bits are two bytes.
+these instructions it may be slow or wrong; then float32 products of few enough terms, which are
+exact, too, take its place. Pixels become signed bytes by subtracting :func:`constant_of` their
+type; pixels of 16 bits are two bytes.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ def moments(images: Tensor) -> Moments:
 def cross_products(a: Tensor, b: Tensor) -> Tensor:
     """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D], float64 [n, m].
 
-    Pixels are uint8, or int32 for 16-bit ones, less :func:`constant_of` their type; or int8.
+    Pixels are uint8, or int32 for 16-bit ones, minus :func:`constant_of` their type; or int8.
     """
     products = torch.zeros(len(a), len(b), dtype=torch.float64, device=a.device)
     for start in range(0, a.shape[1], _PIXELS):
@@ -116,7 +116,7 @@ def _by_floats(a: Tensor, b: Tensor) -> Tensor:
 
 @functools.cache
 def native_is_fast() -> bool:
-    """Whether torch's integer product takes less time than that in float32 here; tried once."""
+    """Whether torch's integer product is faster here than its float32 product; tried once."""
     a = torch.zeros(128, FLOAT32_TERMS, dtype=torch.int8)
     native = min(_seconds(_native, a) for _ in range(3))
     floats = min(_seconds(_by_floats, a) for _ in range(3))
@@ -131,7 +131,7 @@ def _seconds(product: Callable[[Tensor, Tensor], Tensor], a: Tensor) -> float:
 
 @functools.cache
 def native_is_exact() -> bool:
-    """Whether torch's integer product is there and right on this CPU.
+    """Whether torch has an integer product that is right on this CPU.
 
     Without VNNI instructions oneDNN may add pairs of products in 16 bits, which saturate
     (pytorch issue 136746), so the largest products are tried once.

@@ -35,7 +35,7 @@ class RidgeReadout(PenalisedClassifier):
     def solve(
         self, gram: Tensor, targets: Tensor, before: Tensor | None = None
     ) -> tuple[Tensor, Tensor, float]:
-        """(K + α)·A = Y − mean(Y), b = mean(Y), Y in ±1 less the scores before: A [N, L], b [L]
+        """(K + α)·A = Y − mean(Y), b = mean(Y), Y in ±1 minus the scores before: A [N, L], b [L]
         and the mean squared error."""
         if not self.alpha > 0:
             raise ValueError(f"alpha: expected a number above zero, found {self.alpha}")

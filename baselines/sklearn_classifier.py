@@ -1,6 +1,6 @@
 """Any scikit-learn classifier on the flattened pixels, from a config alone (docs/extend.md).
 
-This file imports no scikit-learn: the estimator comes ready-made.
+This file imports no scikit-learn: the estimator is an argument.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ class SklearnClassifier(Classifier):
         yield {"samples_seen": len(frames)}
 
     def scores(self, batch: Tensor) -> Tensor:
-        """One for the class predicted, zero for the others; [n, L]."""
+        """1 for the predicted class, 0 for the others; [n, L]."""
         predicted = self.estimator_.predict(self._features(batch))
         labels = torch.from_numpy(np.asarray(predicted))
         return F.one_hot(labels.long(), len(self.classes_))

@@ -18,7 +18,7 @@ _MOST = 16  # pixels of deviation
 
 
 def smoothed(frames: Tensor, deviation: int) -> Tensor:
-    """Smoothed frames uint16 [N, H, W] of frames uint8 or uint16; without a deviation themselves.
+    """Smoothed frames uint16 [N, H, W] of frames uint8 or uint16; for a deviation of 0 the frames.
 
     Args:
         frames: of the shape above (CPU or any device).

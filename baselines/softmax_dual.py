@@ -1,4 +1,4 @@
-"""Softmax regression to its optimum by Newton's method in the space of samples.
+"""Softmax regression fitted to convergence by Newton's method in the space of samples.
 
 Minimises the objective of scikit-learn's multinomial LogisticRegression,
 
@@ -30,7 +30,7 @@ class DualSoftmaxRegression(PenalisedClassifier):
 
     Args:
         C: inverse strength of the penalty, as in scikit-learn.
-        tol: stop when a Newton step promises a relative decrease of F below this.
+        tol: stop when the predicted relative decrease of F in a Newton step is below this.
         max_iter: most Newton steps.
 
     Attributes:
@@ -68,7 +68,7 @@ class DualSoftmaxRegression(PenalisedClassifier):
             promise = 0.5 * slope
             if -promise <= self.tol * objective:
                 break
-            # Along the step everything but the softmax is a parabola in its length.
+            # As a function of the length of the step, everything but the softmax is a parabola.
             across = _dot(a, step_k_a)
             curved = _dot(step_a, step_k_a)
             length = 1.0

@@ -1,11 +1,11 @@
-"""Classifiers of torchhd on the bits that HDC sees: other methods to learn prototypes of them.
+"""Classifiers of torchhd on HDC's bits: other methods to learn prototypes.
 
 Torchhd's own encoders project every frame on D random hypervectors, which a frame of 10⁵ pixels
 does not allow; here a frame is its hypervector already. Learning, prediction and every number that
 is not a field below are torchhd's own (https://github.com/hyperdimensional-computing/torchhd):
 
-- AdaptHD (Imani et al., BioCAS 2019): sums of frames, corrected by each frame that is mistaken;
-- OnlineHD (Hernández-Cano et al., DATE 2021): the same, by as much as the frame is unlike;
+- AdaptHD (Imani et al., BioCAS 2019): sums of frames, corrected by each misclassified frame;
+- OnlineHD (Hernández-Cano et al., DATE 2021): the same, weighted by the frame's dissimilarity;
 - QuantHD (Imani et al., TCAD 2020): AdaptHD with signs in place of sums, after every epoch;
 - LeHDC (Duan et al., DAC 2022): prototypes of signs learnt as the weights of a binary network.
 """
@@ -38,7 +38,7 @@ class TorchhdClassifier(Classifier):
     Args:
         classifier: one of :data:`CLASSIFIERS`.
         epochs: passes over the training frames; torchhd's default is 120.
-        batch_size: frames whose mistakes are corrected together; torchhd's example has 12.
+        batch_size: frames that are corrected together; torchhd's example has 12.
         seed: of the order of frames, drawn anew for each epoch, and of LeHDC's dropout.
 
     Raises:
@@ -70,7 +70,7 @@ class TorchhdClassifier(Classifier):
             peer = self._untrained(hypervectors.shape[1])
             with _quiet():
                 peer.fit(shuffled)
-        # Torchhd does not say so itself: LeHDC's dropout would go on in predictions.
+        # Torchhd does not switch to evaluation: LeHDC's dropout would stay on in predictions.
         self.peer_ = peer.eval()
         yield {"samples_seen": self.epochs * len(frames)}
 

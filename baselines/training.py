@@ -1,8 +1,8 @@
 """One training loop for every model that learns by gradients.
 
 Minimises F(θ) = 1/N Σᵢ −log softmax(f_θ(xᵢ))[yᵢ]  (+ ‖W‖² / (2CN) with ``C`` set) over minibatches
-drawn by a seeded permutation in each epoch. The published recipe gives the learning rate 1e-4 and
-no more (Kitagawa et al., Sec. III.A); all else is our choice of the most usual.
+drawn by a seeded permutation in each epoch. The paper gives the learning rate 1e-4 and no more
+(Kitagawa et al., Sec. III.A); everything else is our choice of the most usual value.
 """
 
 from __future__ import annotations
@@ -57,7 +57,7 @@ class IterativeClassifier(Classifier):
         pixels: one of the scalings in baselines.pixels, by name.
         optimizer: ``Adam``, ``SGD``, or ``LBFGS`` with strong-Wolfe line search (full batch).
         lr: learning rate; the published one is 1e-4.
-        batch_size: frames a step; None for all, which makes SGD plain gradient descent.
+        batch_size: frames per step; None for all, which makes SGD plain gradient descent.
         max_epochs: passes over the training frames after which ``train`` returns.
         C: inverse strength of the L2 penalty on weights (biases go free), as in scikit-learn's
             LogisticRegression; None for no penalty.
@@ -105,9 +105,9 @@ class IterativeClassifier(Classifier):
 
         ``samples_seen`` counts a frame every time it is used, ``steps`` are the optimiser's, and
         ``loss`` is the mean of F over the frames of the last epoch. ``batch_accuracy`` is the share
-        of frames since the last report that the network had right just before it learnt from them:
-        it costs no look at the frames. Stopping is up to the caller, also at a loss that is not
-        finite; L-BFGS returns on convergence.
+        of frames since the last report that the network classified correctly just before it learnt
+        from them, which needs no extra pass. The caller decides when to stop, also at a loss that
+        is not finite; L-BFGS returns on convergence.
         """
         self._check_parameters()
         targets = self.start(frames, labels)
@@ -135,7 +135,7 @@ class IterativeClassifier(Classifier):
             )
 
     def _initial_network(self) -> nn.Module:
-        """The network with its initial weights; other random numbers are left alone."""
+        """The network with its initial weights; the global random state is left as it was."""
         with torch.random.fork_rng(devices=[]):
             torch.manual_seed(self.seed)
             network = self.build(self.shape_, len(self.classes_))
@@ -183,7 +183,7 @@ class IterativeClassifier(Classifier):
         right: list[Tensor] = []  # of the batches since the last report
         asked = 0
         while seen < self.max_epochs * n:
-            # In a full batch the order is of no consequence, and a slice costs no copy.
+            # In a full batch the order has no effect, and a slice needs no copy.
             permutation = torch.randperm(n, generator=order) if size < n else None
             for step in range(1, steps + 1):
                 last = min(step * size, n)

@@ -50,7 +50,7 @@ def export(scene: Scene, folder: Path) -> Path:
 
 
 def composed(overrides: Sequence[str]) -> Any:
-    """The config that these overrides of configs/config.yaml describe."""
+    """The config that is configs/config.yaml with these overrides."""
     from hydra import compose as hydra_compose
     from hydra import initialize_config_module
 
@@ -59,7 +59,7 @@ def composed(overrides: Sequence[str]) -> Any:
 
 
 def compose(overrides: Sequence[str]) -> Any:
-    """The scene that these overrides of configs/config.yaml describe."""
+    """The scene of configs/config.yaml with these overrides."""
     from hydra.utils import instantiate
 
     config = composed(overrides)

@@ -1,6 +1,8 @@
-"""How hard is a multimode fibre pressed? Frames computed from measured transmission matrices.
+"""Frames of a pressed multimode fibre, computed from measured transmission matrices.
 
-For an input field a, one complex amplitude a mode, the field at the output is
+A class is a range of press depths.
+
+For an input field a, one complex amplitude per mode, the field at the output is
 
     E_p(x, y) = Σ_m  m_m(x, y) · (T·a)_{p,m},        p = two polarisations,
 
@@ -46,24 +48,24 @@ class FibreScene:
 
     Sample i belongs to class i mod L. Its actuator position is drawn uniformly among the measured
     positions of the class. Its input field is a + ε·z: a is one random field shared by all samples,
-    z an independent one of the same power. A generator seeded by (sampling_seed, i) draws all that
-    sample i needs.
+    z an independent one of the same power. A generator seeded by (sampling_seed, i) draws all
+    random numbers of sample i.
 
     Args:
         path: a copy of :data:`PRESSED`; default: the checkout in ``MEASURED_DATA``.
         depth_edges: upper press depths Δx (m) of the classes, increasing.
         samples_per_class: N / L.
         perturbation: ε ≥ 0.
-        photons: mean photons a pixel (Poisson); 0 means no noise.
-        saturation: 8-bit frames reach 255 at this multiple of the mean intensity. The exposure is
-            fixed: the mean is taken over all positions and perturbations, not a frame.
-        side: pixels a side of each polarisation's image; above the 41 of the stored modes the
+        photons: mean photons per pixel (Poisson); 0 means no noise.
+        saturation: grey value 255 is this multiple of the mean intensity. The exposure is fixed:
+            the mean is taken over all positions and perturbations, not over a frame.
+        side: pixels per side of each polarisation's image; above the 41 of the stored modes the
             *field* is interpolated by a Fourier series (the modes are dark at the rim).
         seed: of the input fields.
         sampling_seed: of positions, perturbations and photons.
         n_fields: K input fields, one after the other into the same fibre; their images lie side by
             side, so a frame has K times the pixels.
-        source: repository of another fibre, arguments of :class:`scenes.source.Source`.
+        source: repository of another fibre: arguments of :class:`scenes.source.Source`.
         file: array [P, 110, inputs] of its matrices in that repository.
         step: press depth between one matrix and the next, from 0 on (m).
 
@@ -242,7 +244,7 @@ def _locate(path: str | Path | None) -> Path:
 
 
 def _pressed(data: Path, outputs: int) -> _Measured:
-    """The fibre of :data:`PRESSED`, a file for each position of the actuator."""
+    """The fibre of :data:`PRESSED`, one file per position of the actuator."""
     files = {}
     for file in data.glob("TM_modes_*.npz"):
         position = float(file.stem.removeprefix("TM_modes_")) * 1e-3

@@ -1,7 +1,7 @@
-"""Films of single touches as a scene: a few frames of each film while the sensor is pressed.
+"""Films of single touches as a scene: a few frames of each film in which the sensor is pressed.
 
-A recording is a YAML, such as configs/scene/wedge.yaml. No label of time is needed: a film begins
-untouched, so the frames that differ most from its first one are those in which it is pressed.
+A data set is a YAML file, such as configs/scene/wedge.yaml. It needs no labelled times: a film
+begins untouched, so the sensor is pressed in the frames that differ most from the first one.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ class _Film(NamedTuple):
 class FilmScene:
     """Frames of the films of a public repository.
 
-    A film is pressed in the frames around the one that differs most from its first frame, as long
-    as their mean absolute difference from the first frame is at least half of that one's.
+    The frame that differs most from the first frame of a film is pressed, and so are the frames
+    around it whose mean absolute difference from the first frame is at least half as large.
 
     Args:
         source: the repository, arguments of :class:`scenes.source.Source`.

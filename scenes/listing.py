@@ -1,4 +1,4 @@
-"""The public recordings: which are there, and one script that gets the others.
+"""The public data sets: which are present, and one script that downloads the others.
 
 ``python -m scenes.measured`` prints both. ``python -m scenes.measured NAME …`` reads the named ones
 and prints commit, digest, licence and citation of each.
@@ -32,7 +32,7 @@ def public_names() -> list[str]:
 
 
 def _is_public(file: Path) -> bool:
-    """Whether a config itself says where frames lie; one that starts from another does not."""
+    """Whether a config itself names a repository; one that builds on another config does not."""
     scene = OmegaConf.select(OmegaConf.load(file), "scene", default={})
     return "source" in scene or _is_fibre(scene)
 
@@ -52,7 +52,7 @@ def sources(scene: Any) -> list[Source]:
 
 
 def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
-    """A table of these recordings, and the commands that get the missing repositories."""
+    """A table of these data sets, and the commands that download the missing repositories."""
     table = Table(padding=(0, 0, 0, 1))
     for heading in ("Recording", "Present"):
         table.add_column(heading, no_wrap=True)
@@ -94,7 +94,7 @@ def _present(name: str, split: Any) -> tuple[str, ...]:
 
 
 def _count(scene: Any, name: str) -> str:
-    """How many sessions, or pairs of a class and a group, there are; nothing where unknown."""
+    """Number of sessions, or of pairs of a class and a group; empty where unknown."""
     if name not in scene.samples:
         return ""
     of = scene.labels if name != "session" else np.zeros_like(scene.labels)
@@ -102,7 +102,7 @@ def _count(scene: Any, name: str) -> str:
 
 
 def details(name: str) -> str:
-    """Contents and source of a recording, or how to get it."""
+    """Contents and source of a data set, or how to get it."""
     try:
         scene = compose([f"scene={name}"])
     except InstantiationException as error:
@@ -118,7 +118,7 @@ def details(name: str) -> str:
 
 
 def show(names: Sequence[str]) -> None:
-    """Print the details of the named recordings, or the overview of all."""
+    """Print the details of the named data sets, or the overview of all."""
     known = public_names()
     for name in names:
         if name not in known:

@@ -1,7 +1,7 @@
-"""Public recordings of optical sensors as scenes; ``python -m scenes.measured`` lists them.
+"""Public data sets of optical sensors as scenes; ``python -m scenes.measured`` lists them.
 
-A recording is a YAML of a dozen lines, such as configs/scene/gelsight.yaml. Frames are
-read where they lie (:mod:`scenes.source`) and never copied: most repositories state no licence.
+A data set is a YAML file of a dozen lines, such as configs/scene/gelsight.yaml. Frames are read
+from a checkout (:mod:`scenes.source`) and never copied, because most repositories state no licence.
 """
 
 from __future__ import annotations
@@ -37,15 +37,14 @@ class MeasuredScene:
             table or ``labels``, the value of each label.
         levels: classes where there are no labels: the name of a ``value`` and the upper ``edges``
             of its classes.
-        unknown: labels of frames that are no class.
-        damaged: files of frames that nobody can read whole, as their repository has them; they are
-            left out.
-        rename: other names for labels, such as of a class that is spelled in two ways.
-        saturated: why accuracies on this recording rank nothing, or null.
+        unknown: labels of frames that belong to no class.
+        damaged: files that are damaged in their repository; they are left out.
+        rename: new names of labels, such as where a class is spelled in two ways.
+        saturated: why accuracies on this data set cannot rank models, or null.
 
     Attributes:
-        unknown: the scene of the frames that are no class, or None. It has indices of its own, so
-            no split can train on them.
+        unknown: the scene of the frames that belong to no class, or None. It has indices of its
+            own, so no split can train on them.
         sha256: digest of the files that are read; others: see :class:`scenes.frames.Scene`.
 
     Raises:
@@ -121,7 +120,7 @@ class MeasuredScene:
         self._keep(~apart & whole, names, classes)
 
     def _levels(self, levels: Mapping[str, Any]) -> tuple[tuple[str, ...], np.ndarray]:
-        """Names of the classes [L] of a value, and that of each frame's [N]."""
+        """Names of the classes [L] of a value, and the class name of each frame [N]."""
         k = self.value_names.index(levels["value"])
         value, edges = self.values[:, k], levels["edges"]
         classes, labels = level_classes(value, edges, self.units[k])
@@ -163,7 +162,7 @@ class MeasuredScene:
         return torch.from_numpy(np.stack(images))
 
     def _read(self, rows: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
-        """Row and frame of each of these rows, one folder after the other."""
+        """Yield each of these rows with its frame, one folder after the other."""
         first = 0
         for part in self._parts:
             inside = [row for row in rows if first <= row < first + len(part)]
@@ -209,7 +208,7 @@ def _named(
     folders: Sequence[str],
     parts: Sequence[readers.Recording],
 ) -> np.ndarray:
-    """Which frames are of the files so named, bool [N]."""
+    """Which frames are in files of these names, bool [N]."""
     files = np.array(_files(folders, parts, None))
     for name in damaged:
         require(
@@ -238,7 +237,7 @@ def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:
 def _labels(
     parts: Sequence[readers.Recording], rename: Mapping[str, str]
 ) -> np.ndarray:
-    """Name of each frame's label [N], or of none."""
+    """Name of each frame's label [N], or an empty name."""
     names = []
     for part in parts:
         if part.classes:

@@ -1,4 +1,4 @@
-"""A sensor that is pressed: what the page of the simulated sensor has beside :mod:`hdc.live`.
+"""A sensor that is pressed: the page of the simulated sensor, an extension of :mod:`hdc.live`.
 
 Classes are touches at places, which the page draws from above and returns to. The model is tested
 on fresh touches, and the sensor drifts when a button is pressed.
@@ -53,7 +53,7 @@ class Touch:
 
 
 class Pressable(Source, Protocol):
-    """A sensor that the page presses. Its samples are new touches at the present places."""
+    """A sensor that the page presses. Each sample is a new touch at the present places."""
 
     length: float  # of the surface in m: x in [0, length]
     width: float  # in m: |y| ≤ width/2

@@ -1,6 +1,6 @@
-"""Scenes of two sessions made of others: the halves in time of one, or several side by side.
+"""Scenes of two sessions, made of other scenes: the two parts in time of one, or several scenes.
 
-They turn public recordings into questions of drift: train on the first cycles and recalibrate with
+They make studies of drift of public data sets: train on the first cycles and recalibrate with
 later ones; train on one fibre and use another.
 """
 
@@ -18,11 +18,11 @@ from scenes.validate import require
 
 
 class Halves:
-    """One recording as two sessions: of each class, its frames before and after a share in time.
+    """One scene as two sessions: of each class, the frames before and after a point in time.
 
     Args:
-        scene: the recording; its ``samples["order"]`` is the time.
-        share: of the frames of each class that are session 0, in (0, 1).
+        scene: the scene; its ``samples["order"]`` is the time.
+        share: share of the frames of each class that is session 0, in (0, 1).
     """
 
     cacheable = False
@@ -55,10 +55,11 @@ class Halves:
 
 
 class Joined:
-    """Scenes of as many classes and pixels, each a session; the first is session 0.
+    """Several scenes with the same number of classes and pixels, one per session, in order.
 
     Args:
-        scenes: a mapping of two or more; classes are matched by order, and named as the first's.
+        scenes: a mapping of two or more; classes are matched by order, and have the names of the
+            first scene.
 
     Raises:
         ValueError: if the scenes differ in the number of classes or the shape of frames.
@@ -108,5 +109,5 @@ class Joined:
 
 
 def _revision(scenes: Sequence[Scene]) -> int:
-    """The latest revision of the scenes that make the frames; 1 of a scene that has none."""
+    """The latest revision of the scenes that make the frames; a scene without one counts as 1."""
     return max(getattr(scene, "revision", 1) for scene in scenes)

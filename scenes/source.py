@@ -1,8 +1,7 @@
-"""Public repositories of recordings.
+"""Public repositories of data sets.
 
-The environment variable ``MEASURED_DATA`` is the one place where data of others are looked for. It
-names a folder of checkouts, one sub-folder a repository, called like the last part of its name or
-``owner+name``.
+Public data are read only from the folder that the environment variable ``MEASURED_DATA`` names. It
+has one sub-folder per repository, with the repository's name or ``owner+name``.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ class Source:
 
     Args:
         repository: ``owner/name``.
-        commit: the commit whose files were looked at.
+        commit: the commit whose files were used.
         cite: authors, title and place of what to cite.
         licence: as stated by the repository, or ``"none stated"``: then frames may be used to
             judge a model, and must not be passed on.

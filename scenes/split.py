@@ -1,7 +1,7 @@
 """Training and test indices: pure functions of labels and seed, the same on every machine.
 
-Test indices increase. Training indices are in random order, so that a model that learns as it reads
-does not see one class after the other; a split by time keeps the order of time.
+Test indices increase. Training indices are in random order, so that a model that learns frame by
+frame does not see one class after the other; a split by time keeps the order of time.
 """
 
 from __future__ import annotations
@@ -31,10 +31,12 @@ def split(
     Args:
         labels: int64 [N].
         test_fraction: share of the samples to test on, in (0, 1); 0.2 by default.
-        n_test: their number instead. Rounding goes by largest remainder, ties to the lowest label.
+        n_test: the number of test samples instead. Rounding is by largest remainder, and ties go to
+            the lowest label.
         kind: ``"random"``; ``"ordered"``: the last samples in time of each class test; or
-            ``"grouped"``: no group has samples on both sides. In random order, each group tests
-            that brings the classes of the test samples nearer to their proportions.
+            ``"grouped"``: no group has samples on both sides. Groups are taken in random
+            order, and a group tests if it brings the test samples nearer to the proportions of the
+            classes.
         seed: seed of the random choice, and of the order of the training indices.
         order: place in time of each sample [N], for ``"ordered"``.
         groups: group of each sample [N], numbers or strings, for ``"grouped"``.
@@ -98,7 +100,7 @@ def leave_group_out(
     Args:
         labels: int64 [N].
         groups: group of each sample [N], numbers or strings.
-        draw: number of the draw, from 0; the first so many draws test every group once.
+        draw: number of the draw, from 0; as many draws as a class has groups test each group once.
         seed: of the orders, and of the order of the training indices.
 
     Raises:
@@ -123,13 +125,14 @@ def neighbours_leak(
     test: np.ndarray,
     session: np.ndarray | None = None,
 ) -> float:
-    """Share of the test samples that have a training sample of their class beside them in time.
+    """Share of the test samples whose neighbour in time is a training sample of the same class.
 
-    Neighbouring frames of one touch are nearly copies: near 1, a test measures memory. Independent
-    samples of L classes come to 2/L or less.
+    Neighbouring frames of one touch are nearly copies, so near 1 a test measures memory. For
+    independent samples of L classes the share is 2/L or less.
 
-    Labels int64 [N], place in time of each sample [N], and indices from :func:`split`. Neighbours
-    are of one session, where the ``session`` of each [N] is known: each may count its times from 0.
+    Arguments are labels int64 [N], the place in time of each sample [N], and indices from
+    :func:`split`. Where the ``session`` of each sample [N] is given, neighbours are of one session,
+    because each session may count its times from 0.
     """
     _, class_of, _ = _classes(labels)
     if session is None:
@@ -155,15 +158,15 @@ def learning_curve_subsets(
 ) -> dict[int, np.ndarray]:
     """For each size n, n training indices: stratified, and contained in every larger subset.
 
-    They are the first n in one order of all: every beginning of it is as near to the classes'
-    proportions as whole samples allow, and the first L hold each class once.
+    They are the first n of one order of all, in which any first n are as near to the proportions of
+    the classes as whole samples allow, and the first L have each class once.
 
     Args:
         train: training indices [M].
         labels: int64 [N], of all samples.
         sizes: each in [L, M], where L is the number of classes among the training samples; where
-            all classes have as many, a multiple of L: HDC that counts would favour a class by one
-            frame more.
+            all classes have equally many, a multiple of L, because one frame more would favour a
+            class in HDC.
         seed: of the choice within each class.
 
     Returns:
@@ -203,7 +206,7 @@ TRAIN, VALIDATION, TEST = (
 
 
 def sessions_by_name(names: Sequence[str]) -> tuple[list[str], list[str]] | None:
-    """Sessions that train and that test, by their names; None where the names do not say.
+    """The training and the test sessions by their names; None where the names do not say.
 
     ``test`` tests if there is one, otherwise ``val``; frames of ``val`` never train.
     """
@@ -227,7 +230,7 @@ def by_session(
 
 
 def _classes(labels: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Labels that occur [L], the index of each sample's among them [N], their counts [L]."""
+    """The labels that occur [L], the index of each sample's label [N], and the counts [L]."""
     labels = np.asarray(labels)
     integers = labels.ndim == 1 and labels.dtype.kind in "iu"
     found = f"{labels.dtype} {labels.shape}"
@@ -253,7 +256,7 @@ def _of_whole_groups(
     drawn = rng.permutation(len(names)).tolist()
 
     def can_test(g: int) -> bool:
-        """Whether every class that is in the group keeps samples to train on without it."""
+        """Whether every class of the group has training samples without it."""
         if chosen[g]:
             return False
         left = counts - target + missing - held[g]

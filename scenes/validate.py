@@ -1,4 +1,4 @@
-"""Errors of configuration in one wording: ``key: expected …, found …``."""
+"""Errors of configuration, all as ``key: expected …, found …``."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ import numpy as np
 
 
 def is_integer(value: object) -> bool:
-    """Whether a value is an integer of Python or NumPy; True and False are none."""
+    """Whether a value is an integer of Python or NumPy; True and False are not."""
     if isinstance(value, bool):
         return False
     return isinstance(value, int | np.integer)
 
 
 def is_number(value: object) -> bool:
-    """Whether a value is a finite real number of Python or NumPy; True and False are none."""
+    """Whether a value is a finite real number of Python or NumPy; True and False are not."""
     if isinstance(value, float | np.floating):
         return math.isfinite(value)
     return is_integer(value)

@@ -28,7 +28,7 @@ CONTINUOUS = 20.0
 
 @dataclass(frozen=True)
 class Camera:
-    """Pupil, illumination and pixels; the defaults are the one calibrated sensor.
+    """Pupil, illumination and pixels; the defaults are the calibrated sensor.
 
     Args:
         grid: side of the Fourier grid in pixels.
@@ -37,8 +37,8 @@ class Camera:
             (fitted: accuracy at few samples).
         polarisations: 1 or 2 (the ratio of published contrasts excludes 1).
         unevenness: C_W (fitted: the correlation that all pairs of frames share).
-        photons: N_ph, electrons a pixel at the mean (assumed).
-        grey: G, grey level at the mean (assumed).
+        photons: N_ph, electrons per pixel at the mean intensity (assumed).
+        grey: G, grey level at the mean intensity (assumed).
         read_noise: standard deviation in grey levels (assumed).
     """
 
@@ -137,7 +137,7 @@ class MountedCamera:
     def expose(
         self, intensity: Tensor, streams: Sequence[np.random.Generator]
     ) -> Tensor:
-        """uint8 [n, crop, crop], one random stream a frame."""
+        """uint8 [n, crop, crop], with one random stream per frame."""
         camera = self.camera
         per_electron = camera.grey / camera.photons
         if camera.read_noise / per_electron < CONTINUOUS:

@@ -1,4 +1,4 @@
-"""Contact: where, how deep, and how well the next touch repeats the last.
+"""Contact: where and how deep a touch is, and how it varies from touch to touch.
 
 A touch of depth δ at (x, y) adds k0·n·q_s·δ·L(x, y) to the phases, L the lengthening of each path
 per metre of indentation (``paths.PathSet.lengthening``). δ = depth·(1 + σ_d·N), and both
@@ -6,8 +6,8 @@ coordinates of the centre miss their target by σ_xy·N. The displacement is lin
 1.8 mm of a 5 mm layer that is an assumption.
 
 A robot repeats its position to a fraction of the contact radius a. Then L is expanded about the
-target to second order, once a class. The neglected rest is about k0·n·q_s·δ·(3σ_xy/a)³/6; where it
-exceeds ``EXPANSION`` rad (a finger), every touch looks up its own displacement.
+target to second order, once per class. The neglected rest is about k0·n·q_s·δ·(3σ_xy/a)³/6; where
+it exceeds ``EXPANSION`` rad (a finger), every touch looks up its own displacement.
 """
 
 from __future__ import annotations
@@ -80,7 +80,7 @@ class Press:
     def draw(self, normals: np.ndarray) -> dict[str, np.ndarray]:
         """Depth and centre of n touches from standard normals [n, 3].
 
-        A depth may come out negative; a scene takes it for a touch that does not reach the layer.
+        A depth may be negative; a scene treats this as a touch that does not reach the layer.
         """
         deeper, across, along = normals.T
         x, y = self.position

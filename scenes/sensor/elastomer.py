@@ -3,9 +3,10 @@
 The layer fills 0 ≤ z ≤ h; u_z and u_r under a Hertz pressure (Johnson, *Contact Mechanics*, 1985,
 Eq. 3.39) are Hankel integrals of Φ(ka) and P, Q (docs/sensor.md; derived as by Dhaliwal & Rau, Int.
 J. Eng. Sci. 8 (1970) 843), in metres per metre of indentation. Their sinh 2H − 2H cancels for thin
-layers and cosh 2H overflows for thick ones. Neither appears here: what is integrated is the
-difference to the half-space, P∞ = (1 + kd)·e^{−kd}, Q∞ = kd·e^{−kd}, d = h − z, whose terms are all
-of order e^{−2kz} and smaller and are formed without cancellation. The half-space is a closed form.
+layers and cosh 2H overflows for thick ones. Neither appears here: the code integrates the
+difference from the half-space, P∞ = (1 + kd)·e^{−kd}, Q∞ = kd·e^{−kd}, d = h − z, whose terms are
+all of order e^{−2kz} and smaller and are formed without cancellation. The half-space is a closed
+form.
 """
 
 from __future__ import annotations

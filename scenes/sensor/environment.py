@@ -1,7 +1,7 @@
-"""Temperature, and what it does to the phase of a path; docs/sensor.md has the equations.
+"""Temperature, and its effect on the phase of a path; docs/sensor.md has the equations.
 
-A thermostat keeps the room within bounds, so a slow Gaussian process is squashed into a uniform
-distribution; a fast small part rides on it. The sensitivity of a path is heavy-tailed, as path
+A thermostat keeps the room within bounds, so a slow Gaussian process is mapped to a uniform
+distribution; a fast small part is added. The sensitivity of a path is heavy-tailed, as path
 lengths in a scattering medium are. The correlation of the field before and after a step of T is
 E cos(S·T), and that of the intensity its square (the Siegert relation).
 """

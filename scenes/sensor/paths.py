@@ -24,14 +24,15 @@ KEY = "scene.sensor.paths"
 
 @dataclass(frozen=True)
 class Paths:
-    """Where light goes. Coordinates: x away from fibre and camera, y along them, z up.
+    """The geometry of the paths. Coordinates: x away from fibre and camera, y from one to the
+    other, z up.
 
     Args:
         wavelength: λ in m, of a red laser diode (assumed).
         index: refractive index of silicone at that wavelength (assumed; 1.41 to 1.43 in tables).
-        vertices: scattering vertices a path (assumed).
+        vertices: scattering vertices per path (assumed).
         forward: q_s (fitted: crosstalk of touches).
-        reach: mean of the exponential distribution of how far out a path goes, l_x in m (fitted).
+        reach: l_x in m, mean of the exponential distribution of the largest x of a path (fitted).
         length: L_x in m: no light beyond it (fitted: 51 mm of positions need light).
         width: L_y in m (assumed).
         spread: standard deviation of y about the straight line, in m (assumed).

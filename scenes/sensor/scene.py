@@ -36,8 +36,8 @@ class SpeckleScene:
         sessions: one ``Room`` each, in order of time.
         seed: seed of everything that differs between samples.
 
-    Sample ``s·n + m`` is the m-th of n in session s. Its label, touch, temperature and noise are
-    addressed by (seed, session, m) alone: the first session of two is the same as the only one.
+    Sample ``s·n + m`` is the m-th of n in session s. Its label, touch, temperature and noise depend
+    on (seed, session, m) alone, so that the first of two sessions is the same as an only one.
     """
 
     origin = "simulated"

@@ -1,4 +1,4 @@
-"""Random streams that are addressed, not consumed.
+"""Random streams that have addresses.
 
 A stream is named by a seed, a purpose and counters such as (session, sample). The noise of sample
 17 of session 1 is the same in any order, in any batch and with any number of threads.

@@ -19,10 +19,10 @@ from scenes.validate import require_integer
 
 @dataclass(frozen=True)
 class Sensor:
-    """One calibrated sensor; nothing is drawn before a frame is asked for.
+    """One calibrated sensor; nothing is drawn before the first frame.
 
-    Each part may be given as the object or as a mapping of what differs from its calibrated
-    defaults, so ``+scene.sensor.camera.photons=100`` works on the command line.
+    Each part may be given as an object, or as a mapping of the values that differ from its
+    calibrated defaults, so ``+scene.sensor.camera.photons=100`` works on the command line.
 
     Args:
         seed: which sensor: the paths, their phases and thermal sensitivities.

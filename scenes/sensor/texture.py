@@ -1,8 +1,9 @@
 """A grainy object: the pressure of a press, carried by grains instead of a smooth surface.
 
 The press's Hertz pressure is replaced by point forces on a jittered lattice of spacing s inside the
-contact, f_g ∝ p_Hertz(x_g)·w_g with w_g ~ Gamma(mean 1, variance c), total force kept; every touch
-meets another patch, or always the same one. Relative to the smooth press, with unit total force,
+contact, f_g ∝ p_Hertz(x_g)·w_g with w_g ~ Gamma(mean 1, variance c), with the same total force;
+every touch meets another patch of grains, or always the same one. Relative to the smooth press,
+with unit total force,
 
     δF(k) = Σ_g f_g·e^{−ik·x_g} − 3Φ(ka)·e^{−ik·x_c}
 
@@ -10,9 +11,9 @@ meets another patch, or always the same one. Relative to the smooth press, with 
 
 with P, Q, Φ, w0 of ``elastomer`` (an incompressible half-space sinks by F/(4πμr) under a point
 force, and Hertz relates F/μ to the depth δ). On a periodic grid this is one transform forward, and
-three inverse ones a height. A height d below the surface holds nothing finer than about d, so its
-cell is up to d/5. Reading the fields at the vertices (bilinear) and projecting them on the paths is
-one fixed sparse matrix.
+three inverse ones per height. At a depth d below the surface the field has nothing finer than
+about d, so its cell is up to d/5. Reading the fields at the vertices (bilinear) and projecting them
+on the paths is one fixed sparse matrix.
 """
 
 from __future__ import annotations
@@ -44,11 +45,11 @@ class TexturedPress(Press):
         variance: c of the grains' share of the load (0: all alike).
         offset: what this object adds to the depth, in m (a thicker sheet under a press that stops
             at a position).
-        fresh: a new patch of the object every touch; ``False`` if the press returns to the same
-            place of an object that lies still.
+        fresh: whether every touch meets a new patch of the object; ``False`` if the press returns
+            to the same place.
         cell: finest grid cell in m. A grain's force is spread over one cell, so this is also the
             size of the spot that it presses on (a point force would sink without bound).
-        side: grid points a side; a power of two.
+        side: grid points per side; a power of two.
     """
 
     spacing: float | None = None
