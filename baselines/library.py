@@ -1,4 +1,4 @@
-"""What the harness needs of a classifier of the library: training, predictions, stored tensors.
+"""Training, predictions and stored tensors of the library's classifiers, for the harness.
 
 Models of :mod:`baselines` have methods of these names; an :class:`hdc.HDCClassifier` does not, so
 that the functions here take their place.
