@@ -36,7 +36,7 @@ from hdc.hypervectors import Hypervectors
 from hdc.inputs import Label
 from hdc.prototypes import Counters, tie_breaker
 from hdc.readouts.base import Readout
-from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
+from hdc.readouts.majority import Counting, Majority
 from hdc.sample import Reservoir
 from hdc.tensors import checked
 
@@ -107,24 +107,22 @@ class Rejection:
 # Frame by frame ----------------------------------------------------------------------------------
 
 
-def by_frames(
-    readout: Counting, counted: Counted, kept: Mapping[int, Tensor]
-) -> Rejection:
-    """The rejection of counters, with frames left out one by one.
+def by_frames(near: Tensor, kept: Mapping[int, Tensor]) -> Rejection:
+    """The rejection that follows from frames left out one by one.
 
     Args:
-        readout, counted: that have counted all frames.
+        near: int64 [L, 3, W], the prototypes of each class with the counts as they are, for the
+            majority of one hypervector less, of as many, and of one more.
         kept: hypervectors int64 [m, W] to leave out of each row that has frames. The only one of a
             class says nothing of others and is not left out.
     """
     rows = sorted(kept)
-    deciding = readout.deciding(counted)
-    whole = deciding[rows, EXTRAS.index(0)]
+    whole = near[rows, 1]
     found = []
     for place, row in enumerate(rows):
         words = kept[row]
         if len(words) > 1:
-            _, if_zero, _, if_one, _ = deciding[row]
+            if_zero, _, if_one = near[row]
             without = (words & if_one) | (~words & if_zero)
             distances = bits.hamming(words, whole)
             distances[:, place] = bits.count_ones(words ^ without)
@@ -133,12 +131,22 @@ def by_frames(
 
 
 def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
-    """The rejection of hypervectors and their rows int64 [N], with single ones left out."""
+    """The rejection of N hypervectors and their rows int64 [N], left out one by one."""
     reservoir = Reservoir(size=MOST)
     reservoir.add(words.packed, rows.tolist())
     kept = {int(row): frames for row, frames in reservoir.sample().kept.items()}
-    majority = Majority()
-    return by_frames(majority, majority.fit(words, rows, n_classes), kept)
+    shape = n_classes, 1, words.packed.shape[1]
+    counts, n = planes.count_classes(
+        planes.zeros(shape, words.packed.device),
+        torch.zeros(n_classes, dtype=torch.int64),
+        words.packed,
+        rows,
+    )
+    near = counts.new_zeros(n_classes, 3, shape[2])
+    for row in kept:
+        for place, extra in enumerate((-1, 0, 1)):
+            near[row, place] = planes.majority(counts[row], int(n[row]) + extra)
+    return by_frames(near, kept)
 
 
 # Group by group ----------------------------------------------------------------------------------

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.encoders.named import Around
-from hdc.encoders.standardised import EXACT, LARGEST, integers
+from hdc.encoders.relative import EXACT, LARGEST, integers
 from hdc.parameters import check_integer
 from hdc.tensors import checked
 

@@ -9,9 +9,9 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.bits import dot
 from hdc.hypervectors import Hypervectors
 from hdc.prototypes import Counters
-from hdc.readouts.arithmetic import dot
 from hdc.readouts.base import HeldOut, without_empty
 from hdc.readouts.majority import Counted, Counting, smallest
 

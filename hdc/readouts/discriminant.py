@@ -1,6 +1,6 @@
-"""Discriminant analysis solved among the frames, of any products G of them, or among few bits.
+"""Discriminant analysis of N frames, solved among the frames by any products G of them.
 
-With N frames, n_c of class c, and L classes,
+With n_c frames of class c, and L classes,
 
     E = onehot/n_c,  E' = E − mean over classes,  C = I − E·onehotᵀ
     K = C·G·C                                      products of frames minus the mean of their class
@@ -8,40 +8,58 @@ With N frames, n_c of class c, and L classes,
     b_c = −½·(E_c + mean over classes of E)ᵀ·G·A_c
 
 and the score of a query x for class c is g(x)ᵀ·A_c + b_c, with its products g(x) with the frames.
+Frames that outnumber their bits are solved by :mod:`hdc.readouts.among_bits`.
 
-Frames x ∈ {±1}^D that outnumber their bits are solved among these, where the equations are fewer,
+**Leave-one-out scores** have a closed form. With m_c = μ_c − μ and M = S + ℓ·I, for the scatter
+S = Σ d_i·d_iᵀ of the frames minus the mean of their class, the discriminant of class c is
 
-    S = Xᵀ·C·X                                     scatter within classes
-    w_c = ℓ·(S + ℓ·I)⁻¹·m_c,  m = E'ᵀ·X            weights of the bits, w = Aᵀ·X
-    b_c = −½·(μ_c + mean over classes of μ)·w_c    of the means μ = Eᵀ·X
+    ℓ·(x − ½(μ_c + μ))ᵀ·M⁻¹·m_c.
 
-with the same solution but for rounding, of some N·κ·ε by either, for the condition number κ of the
-equations.
+Without a frame x = μ_y + d of a class of n frames, μ_y moves by −d/(n − 1), and S loses
+n/(n − 1)·d·dᵀ, so that M⁻¹ follows by Sherman and Morrison's formula. ℓ stays. Only products with
+M⁻¹ of d and of the means are needed (:class:`Products`). The formula's denominator is what
+dᵀ·M⁻¹·d leaves of (n − 1)/n, nearly nothing under a weak penalty: among frames it is
+ℓ·cᵀ·(K + ℓ·I)⁻¹·c, for the frame's column c of C, and needs no subtraction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import torch
 from torch import Tensor
 
-from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share
-from hdc.readouts.arithmetic import in_parts, scatter, signs
 from hdc.readouts.base import HeldOut
-from hdc.readouts.leave_one_out import (
-    Products,
-    discriminants,
-    inverse_squares,
-    spread_over,
-)
 
+MOST_FRAMES = 8000
+"""Training frames of a read-out that is solved by the products of all pairs."""
+MOST = 400
+"""Frames that are scored, spread over all: a temperature needs no more."""
+OF_CLASS = 19
+"""Frames of each class that are scored at least, if it has them: p-values in steps of 5 %."""
 _ROWS = 256  # rows of the products changed at a time
 _NOTHING = 1e-9  # share of the products that rounding leaves of equal frames
-_LEAST = 1e-10  # of the mean of K's diagonal, the least penalty: rounding's share
+LEAST = 1e-10  # of the mean of K's diagonal, the least penalty: rounding's share
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products with M⁻¹; of the nearest mean, for which ℓ is infinite, with the identity.
+
+    Attributes:
+        frames: d_iᵀ·M⁻¹·m_c, float64 [N, L].
+        means: m_cᵀ·M⁻¹·m_k, float64 [L, L].
+        left: (n − 1)/n − d_iᵀ·M⁻¹·d_i of the frames :func:`spread_over`, in a class of n frames,
+            float64 [m].
+        penalty: ℓ; None if it is infinite.
+    """
+
+    frames: Tensor
+    means: Tensor
+    left: Tensor
+    penalty: float | None
 
 
 class Solution(NamedTuple):
@@ -128,7 +146,7 @@ class Problem:
             left = (counts - 1) / counts - self.diagonal[chosen]
             nearest = Products(self.right, self.between, left, None)
             return Solution(centred, self._offsets(centred), nearest)
-        penalty = max(penalty, _LEAST * self.trace / len(self.products))
+        penalty = max(penalty, LEAST * self.trace / len(self.products))
         self.products.diagonal().copy_(self.diagonal + penalty)
         factor = torch.linalg.cholesky(self.products)
         solved = torch.cholesky_solve(self.right, factor)
@@ -149,75 +167,6 @@ class Problem:
         return -0.5 * (halfway * dual).sum(0)
 
 
-@dataclass(frozen=True)
-class Primal:
-    """:class:`Problem` among the D bits of frames in ±1; :meth:`of` hypervectors and classes.
-
-    Attributes:
-        products: S, float64 [D, D].
-        diagonal: that of K, float64 [N].
-        words: N hypervectors.
-        rows: their classes int64 [N].
-        means: μ, float64 [L, D].
-    """
-
-    products: Tensor
-    diagonal: Tensor
-    words: Hypervectors
-    rows: Tensor
-    means: Tensor
-
-    @classmethod
-    def of(cls, words: Hypervectors, rows: Tensor) -> Self:
-        """Make it from hypervectors of classes int64 [N], each of them with a frame."""
-        products, means = scatter(words, rows)
-        problem = cls(products, torch.empty(len(rows)), words, rows, means)
-        squares = [(d**2).sum(1) for d in problem._inside()]
-        return replace(problem, diagonal=torch.cat(squares))
-
-    @property
-    def n_classes(self) -> int:
-        return len(self.means)
-
-    @property
-    def is_empty(self) -> bool:
-        return not self.diagonal.any()
-
-    @property
-    def trace(self) -> float:
-        """tr S."""
-        return float(self.diagonal.sum())
-
-    def solve(self, penalty: float | None) -> Solution:
-        """As of :class:`Problem`, with weights of the bits."""
-        apart = (self.means - self.means.mean(0)).T
-        chosen = spread_over(self.rows)
-        inside = signs(self.words[chosen]) - self.means[self.rows[chosen]]
-        if penalty is None:
-            weights = solved = apart
-            own = self.diagonal[chosen]
-        else:
-            penalty = max(penalty, _LEAST * self.trace / len(self.rows))
-            matrix = self.products.clone()
-            matrix.diagonal().add_(penalty)
-            factor = torch.linalg.cholesky(matrix)
-            solved = torch.cholesky_solve(apart, factor)
-            weights = penalty * solved
-            own = inverse_squares(factor, inside.T)
-        frames = torch.cat([d @ solved for d in self._inside()])
-        halfway = (self.means + self.means.mean(0)) / 2
-        offsets = -(halfway.T * weights).sum(0)
-        counts = torch.bincount(self.rows)[self.rows[chosen]]
-        left = (counts - 1) / counts.double() - own
-        kept = Products(frames, apart.T @ solved, left, penalty)
-        return Solution(weights, offsets, kept)
-
-    def _inside(self) -> Iterator[Tensor]:
-        """Frames minus the mean of their class, float64 [B, D] each."""
-        for part in in_parts(self.words):
-            yield signs(self.words[part]) - self.means[self.rows[part]]
-
-
 def _centre_within_classes(
     products: Tensor, of_means: Tensor, onehot: Tensor, share: Tensor
 ) -> None:
@@ -229,6 +178,70 @@ def _centre_within_classes(
         products[rows] -= of_means[rows] @ onehot.T
         products[rows] -= member @ of_means.T
         products[rows] += (member @ between) @ onehot.T
+
+
+# Leave-one-out -----------------------------------------------------------------------------------
+
+
+def spread_over(rows: Tensor) -> Tensor:
+    """Places [m], in rising order, of some frames of the classes rows, int64 [N].
+
+    They are evenly spread, and a class of which too few are among them adds some of its own: a
+    class without scores would be in every prediction set.
+    """
+    places = evenly(len(rows))
+    if len(places) == len(rows):
+        return places
+    every = [places]
+    for c in rows.unique():
+        of_class = (rows == c).nonzero().flatten()
+        if int((rows[places] == c).sum()) < OF_CLASS:
+            every.append(of_class[evenly(len(of_class), OF_CLASS)])
+    return torch.cat(every).unique()
+
+
+def evenly(n: int, most: int | None = None) -> Tensor:
+    """Places int64 [m] of at most so many, by default :data:`MOST`, of n frames."""
+    return torch.linspace(0, n - 1, min(n, most or MOST)).round().long()
+
+
+def inverse_squares(factor: Tensor, columns: Tensor) -> Tensor:
+    """cᵀ·(F·Fᵀ)⁻¹·c [m] of columns c [N, m] for a lower triangular F [N, N]."""
+    halves = torch.linalg.solve_triangular(factor, columns, upper=False)
+    return (halves**2).sum(0)
+
+
+def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
+    """Scores float64 [m, L] of frames without themselves, and their places [m] among the N.
+
+    The only frame of a class is left out.
+
+    Args:
+        products: of all frames.
+        rows: classes int64 [N] of the frames.
+    """
+    n_classes = products.means.shape[0]
+    chosen = spread_over(rows)
+    counts = torch.bincount(rows, minlength=n_classes)
+    several = counts[rows[chosen]] > 1
+    chosen, left = chosen[several], products.left[several][:, None]
+    row = rows[chosen]
+    n = counts[row].double()[:, None]
+    own = (n - 1) / n - left
+    is_own = torch.nn.functional.one_hot(row, n_classes).double()
+    moved = 1 / (n - 1)
+    frames = products.frames[chosen]
+    of_class = frames.gather(1, row[:, None])
+    squares = products.means.diagonal()
+    # x minus half the sum of both means is m_y − ½·m_c and `more` times d; m_c gains `gained`·d.
+    more = 1 + moved / 2 * (is_own + 1 / n_classes)
+    gained = moved * (1 / n_classes - is_own)
+    along = of_class - frames / 2 + more * own
+    scores = products.means[row] - squares / 2 + more * frames + gained * along
+    if products.penalty is None:
+        return scores, chosen
+    lost = along * (frames + gained * own) / left
+    return products.penalty * (scores + lost), chosen
 
 
 def held_out_of(
@@ -257,3 +270,34 @@ def check_mixed(share: float, rows: Tensor) -> None:
         raise ValueError(
             "p: expected a share below 1 with new frames of a single class, found 1"
         )
+
+
+def check_memory(
+    readout: str, n: int, matrices: int, dimension: int | None = None
+) -> None:
+    """Raise ValueError for more frames than the products of all pairs have room for.
+
+    Args:
+        readout: its name, for the error.
+        n: training frames.
+        matrices: float64 [n, n] that are held at a time.
+        dimension: D, of a read-out that takes the products of all pairs of bits where D < n.
+    """
+    size = n if dimension is None else min(n, dimension)
+    if size <= MOST_FRAMES:
+        return
+    expected, found, fewer = (
+        f"{MOST_FRAMES} frames",
+        f"{n}",
+        "fewer frames of each class",
+    )
+    if dimension is not None:
+        expected += f" or {MOST_FRAMES} bits"
+        found += f" frames of {dimension} bits"
+        fewer += ", or on fewer pixels (--subsample)"
+    memory = matrices * 8 * size**2 / 1e9
+    raise ValueError(
+        f"{readout}: expected at most {expected}, found {found}, which need {matrices} matrices "
+        f"of {size} × {size}, {memory:.1f} GB; train on {fewer}, or use a read-out without such "
+        "a matrix, such as 'neighbours'"
+    )

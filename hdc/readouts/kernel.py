@@ -5,7 +5,7 @@ of the training hypervectors and their median m over pairs: a Laplacian kernel (
 Vapnik, IEEE Trans. Neural Netw. 10, 1055 (1999)), since H of levels is a sum of absolute
 differences. The penalty is ℓ = λ·tr(K)/N. The factors s and λ are those with the fewest errors on
 training frames scored as if each had not been learnt, in closed form
-(:mod:`hdc.readouts.leave_one_out`); a read-out knows no groups, so frames of one group decide
+(:mod:`hdc.readouts.discriminant`); a read-out knows no groups, so frames of one group decide
 about each other.
 
 Scores are floating-point numbers: with another backend, processor or number of threads they may
@@ -26,10 +26,16 @@ from torch import Tensor
 from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.readouts.arithmetic import check_memory
 from hdc.readouts.base import HeldOut, Readout, State
-from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
-from hdc.readouts.leave_one_out import discriminants, evenly
+from hdc.readouts.discriminant import (
+    Problem,
+    Solution,
+    check_memory,
+    check_mixed,
+    discriminants,
+    evenly,
+    held_out_of,
+)
 
 _LOWEST = -1e300  # offset of a class without frames
 

@@ -29,18 +29,19 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.bits import combinations, dot, gram
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
+from hdc.readouts.among_bits import Primal
 from hdc.readouts.base import NOWHERE, HeldOut, Readout, State
 from hdc.readouts.discriminant import (
-    Primal,
     Problem,
     Solution,
+    check_memory,
     check_mixed,
     held_out_of,
+    spread_over,
 )
-from hdc.readouts.leave_one_out import spread_over
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced

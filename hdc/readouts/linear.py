@@ -11,8 +11,8 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.bits import dot
 from hdc.hypervectors import Hypervectors
-from hdc.readouts.arithmetic import dot
 from hdc.readouts.base import State
 
 _OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced

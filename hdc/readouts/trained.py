@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.bits import combinations
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_integer, check_share
-from hdc.readouts.arithmetic import combinations
 from hdc.readouts.base import Readout, State
 
 _FAR = 2**62

@@ -20,7 +20,7 @@ from hdc.readouts import (
     Readout,
     Trained,
     Updatable,
-    leave_one_out,
+    discriminant,
 )
 from hdc.readouts.base import HeldOut
 from hdc.readouts.counts import cosines
@@ -111,10 +111,10 @@ def test_lda_is_held_out_as_by_definition(alpha):
 def test_lda_scores_some_of_many_frames(monkeypatch):
     words, rows = drawn([10, 10, 10])
     all_of_them = fitted(LDA(0.5), words, rows, L, D).held_out(words, rows)
-    monkeypatch.setattr(leave_one_out, "MOST", 7)
-    monkeypatch.setattr(leave_one_out, "OF_CLASS", 3)
+    monkeypatch.setattr(discriminant, "MOST", 7)
+    monkeypatch.setattr(discriminant, "OF_CLASS", 3)
     some = fitted(LDA(0.5), words, rows, L, D).held_out(words, rows)
-    places = leave_one_out.spread_over(rows)
+    places = discriminant.spread_over(rows)
     # 0, 5, 10, 14, 19, 24 and 29 are spread over all; two of the first class are too few.
     assert set(places.tolist()) >= {0, 5, 10, 14, 19, 24, 29}
     assert (torch.bincount(rows[places]) >= 3).all()
