@@ -2,7 +2,7 @@
 
 A hypervector of D bits is W = ⌈D/64⌉ int64 words; bit j is bit j mod 64 (least significant first)
 of word j // 64, and the bits of the last word above D are zero. On the CPU, where torch has no
-population count, numpy's takes its place, with the same results bit for bit.
+population count, numpy's is used, with the same results bit for bit.
 
 >>> import torch
 >>> from hdc import bits
@@ -85,7 +85,7 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
 
 
 def _check_words(name: str, *tensors: Tensor) -> None:
-    """Refuse what is no tensor of packed words."""
+    """Raise TypeError for tensors that are not of packed words."""
     for words in tensors:
         if words.dtype != torch.int64:
             found = str(words.dtype).removeprefix("torch.")
@@ -200,7 +200,7 @@ def gram(a: Tensor, b: Tensor, dimension: int) -> Tensor:
         return (dimension - 2 * distances).double().cpu()
     products = torch.empty(len(a), len(a), dtype=torch.float64)
 
-    def fill(start: int) -> None:  # one half; the other is its mirror image
+    def fill(start: int) -> None:  # one triangle, and its mirror image
         stop = start + _GRAM_ROWS
         block = gram(a[start:stop], a[:stop], dimension)
         products[start:stop, :stop] = block
@@ -208,7 +208,7 @@ def gram(a: Tensor, b: Tensor, dimension: int) -> Tensor:
 
     starts = reversed(range(0, len(a), _GRAM_ROWS))  # the longest first
     if backends.in_use.get() is None and a.device.type == "cpu":
-        # The kernels have threads of their own, and so has a GPU; numpy has none.
+        # Kernels and a GPU have threads of their own; numpy has none.
         with ThreadPoolExecutor(torch.get_num_threads()) as pool:
             list(pool.map(fill, starts))
     else:
@@ -276,7 +276,7 @@ def random_hypervector(
 ) -> Tensor:
     """D independent bits that are one with probability p: int64 [W].
 
-    Every pair of `seed` (any integer) and `stream` (non-negative ones) is a source of its own.
+    Each pair of a `seed`, any integer, and a `stream`, non-negative integers, gives its own bits.
     """
     source = np.random.PCG64(seed_sequence(seed, stream))
     # A double has 53 random bits, and so has p.
@@ -286,7 +286,7 @@ def random_hypervector(
 
 
 def seed_sequence(seed: int, stream: tuple[int, ...]) -> np.random.SeedSequence:
-    """numpy's source of random numbers for any integer seed, negative ones too, and a stream."""
+    """numpy's seed sequence for a stream and any integer seed, also a negative one."""
     not_negative = 2 * abs(int(seed))
     if seed < 0:
         not_negative -= 1
@@ -294,7 +294,10 @@ def seed_sequence(seed: int, stream: tuple[int, ...]) -> np.random.SeedSequence:
 
 
 def _popcount_by_numpy(words: Tensor) -> np.ndarray:
-    """Ones of each word [...] on the CPU, as uint8; of signed integers numpy counts magnitudes."""
+    """Ones of each word [...] on the CPU, as uint8.
+
+    The words are viewed as unsigned, since of signed ones numpy counts the magnitude.
+    """
     return np.bitwise_count(words.numpy().view(np.uint64))
 
 

@@ -99,7 +99,7 @@ class Peers:
     def compared(self, words: Tensor) -> np.ndarray:
         """Distances d_i [Q, m] if each of the hypervectors [Q, W] joins this class.
 
-        Of shape [1, m] if they do not depend on the hypervector.
+        The shape is [1, m] if they do not depend on the hypervector.
         """
         if self.masks is None:
             return self.most[None]

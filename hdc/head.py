@@ -33,7 +33,7 @@ class Head:
 
     readout: Readout
     state: Any
-    """What the read-out has learned."""
+    """The trained state of the read-out."""
     sample: Sample
     labels: np.ndarray
     """[L], the label of each row."""

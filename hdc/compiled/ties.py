@@ -43,7 +43,7 @@ def _count_rounds(rotated, n):
 def _add_spread(equals, words, rotations, missing, n_equal):
     """Add the first `missing` of n_equal ties to words [W], by the order of ``spread``.
 
-    The number of whole rounds, of one bit per word, is guessed from the share that is missing; since
+    How many whole rounds of one bit per word fit is guessed from the share that is missing. Since
     the order is even, the guess is nearly right.
     """
     width = len(equals)

@@ -1,14 +1,13 @@
 """Discriminant analysis solved among the bits of frames that outnumber them.
 
-Of N frames x ∈ {±1}^D of L classes, with the centring C, the differences E' of the classes and the
-penalty ℓ of :mod:`hdc.readouts.discriminant`,
+With C, E, E' and the penalty ℓ of :mod:`hdc.readouts.discriminant`, and frames x ∈ {±1}^D,
 
     S = Xᵀ·C·X                                     scatter within classes, D × D
     w_c = ℓ·(S + ℓ·I)⁻¹·m_c,  m = E'ᵀ·X            weights of the bits, w = Aᵀ·X
     b_c = −½·(μ_c + mean over classes of μ)·w_c    of the means μ = Eᵀ·X
 
-with the same solution but for rounding, of some N·κ·ε by either, for the condition number κ of the
-equations.
+The solution equals that of :class:`hdc.readouts.discriminant.Problem` up to rounding errors of
+about N·κ·ε, for the condition number κ of the equations.
 """
 
 from __future__ import annotations
@@ -30,16 +29,16 @@ from hdc.readouts.discriminant import (
     spread_over,
 )
 
-_SIGNS = 2**20  # bits that are floats at a time, for sums over frames
+_SIGNS = 2**20  # bits unpacked to floats at a time
 
 
 @dataclass(frozen=True)
 class Primal:
-    """:class:`Problem` among the D bits of frames in ±1; :meth:`of` hypervectors and classes.
+    """The equations among D bits, in place of :class:`hdc.readouts.discriminant.Problem`.
 
     Attributes:
         products: S, float64 [D, D].
-        diagonal: that of K, float64 [N].
+        diagonal: diagonal of K, float64 [N].
         words: N hypervectors.
         rows: their classes int64 [N].
         means: μ, float64 [L, D].
@@ -53,7 +52,7 @@ class Primal:
 
     @classmethod
     def of(cls, words: Hypervectors, rows: Tensor) -> Self:
-        """Make it from hypervectors of classes int64 [N], each of them with a frame."""
+        """Set up the equations of hypervectors and their classes int64 [N], which all occur."""
         products, means = scatter(words, rows)
         problem = cls(products, torch.empty(len(rows)), words, rows, means)
         squares = [(d**2).sum(1) for d in problem._inside()]
@@ -73,7 +72,7 @@ class Primal:
         return float(self.diagonal.sum())
 
     def solve(self, penalty: float | None) -> Solution:
-        """As of :class:`Problem`, with weights of the bits."""
+        """Solve with penalty ℓ, as :meth:`hdc.readouts.discriminant.Problem.solve`."""
         apart = (self.means - self.means.mean(0)).T
         chosen = spread_over(self.rows)
         inside = signs(self.words[chosen]) - self.means[self.rows[chosen]]
@@ -97,7 +96,7 @@ class Primal:
         return Solution(weights, offsets, kept)
 
     def _inside(self) -> Iterator[Tensor]:
-        """Frames minus the mean of their class, float64 [B, D] each."""
+        """Frames minus the mean of their class, float64 [B, D], in parts."""
         for part in in_parts(self.words):
             yield signs(self.words[part]) - self.means[self.rows[part]]
 
@@ -109,23 +108,23 @@ def signs(words: Hypervectors) -> Tensor:
 
 
 def in_parts(words: Hypervectors) -> Iterator[slice]:
-    """Rows of hypervectors that are unpacked at a time."""
+    """Slices of hypervectors that are unpacked at a time."""
     step = max(1, _SIGNS // words.dimension)
     for start in range(0, len(words), step):
         yield slice(start, start + step)
 
 
 def scatter(words: Hypervectors, rows: Tensor) -> tuple[Tensor, Tensor]:
-    """Σ (x − μ)·(x − μ)ᵀ of all frames in ±1 and the means μ of their classes, and these means.
+    """Scatter Σ (x − μ)·(x − μ)ᵀ of frames in ±1 about the means μ of their classes, and the means.
 
-    Sums are whole numbers, exact below 2⁵³, up to one division for each class.
+    Sums are whole numbers, exact below 2⁵³, up to one division per class.
 
     Args:
         words: N hypervectors.
-        rows: their classes int64 [N] (CPU), each of 0 … L − 1 with a frame.
+        rows: their classes int64 [N] (CPU); each of 0 … L − 1 occurs.
 
     Returns:
-        float64 [D, D] and [L, D] (CPU).
+        Scatter float64 [D, D] and means float64 [L, D] (CPU).
     """
     size = words.dimension
     total = torch.zeros(size, size, dtype=torch.float64)

@@ -34,19 +34,19 @@ from hdc.parameters import check_share
 from hdc.readouts.base import HeldOut
 
 MOST_FRAMES = 8000
-"""Training frames of a read-out that is solved by the products of all pairs."""
+"""Training frames at most, for a read-out that needs the products of all pairs."""
 MOST = 400
-"""Frames that are scored, spread over all: a temperature needs no more."""
+"""Left-out frames that are scored, evenly spread: enough to fit a temperature."""
 OF_CLASS = 19
-"""Frames of each class that are scored at least, if it has them: p-values in steps of 5 %."""
+"""Left-out frames of each class at least, if it has as many: p-values in steps of 5 %."""
 _ROWS = 256  # rows of the products changed at a time
-_NOTHING = 1e-9  # share of the products that rounding leaves of equal frames
-LEAST = 1e-10  # of the mean of K's diagonal, the least penalty: rounding's share
+_NOTHING = 1e-9  # of the products: what rounding leaves between equal frames
+LEAST = 1e-10  # least penalty, the rounding error, in units of the mean of K's diagonal
 
 
 @dataclass(frozen=True)
 class Products:
-    """Products with M⁻¹; of the nearest mean, for which ℓ is infinite, with the identity.
+    """Products with M⁻¹, or, for the nearest mean, where ℓ is infinite, with the identity.
 
     Attributes:
         frames: d_iᵀ·M⁻¹·m_c, float64 [N, L].
@@ -63,12 +63,12 @@ class Products:
 
 
 class Solution(NamedTuple):
-    """Discriminants that are learned with one penalty.
+    """Discriminants for one penalty.
 
     Attributes:
-        dual: A, float64 [N, L]; of a problem among bits w, [D, L].
+        dual: A, float64 [N, L]; if solved among bits, w [D, L].
         offsets: b, float64 [L].
-        products: for the scores of frames without themselves.
+        products: products for the scores of left-out frames.
     """
 
     dual: Tensor
@@ -78,11 +78,11 @@ class Solution(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """The part that does not depend on the penalty; :meth:`of` products and classes.
+    """The part of the equations that does not depend on the penalty.
 
     Attributes:
         products: K, float64 [N, N], with a penalty on its diagonal once solved.
-        diagonal: that of K, float64 [N].
+        diagonal: diagonal of K, float64 [N].
         share: E, float64 [N, L].
         of_means: G·E, float64 [N, L].
         right: C·G·E', float64 [N, L].
@@ -102,9 +102,11 @@ class Problem:
 
     @classmethod
     def of(cls, products: Tensor, rows: Tensor) -> Self:
-        """Make it from products G, float64 [N, N], which become K, to save memory.
+        """Set up the equations.
 
-        `rows` are the classes int64 [N], each of them with a frame.
+        Args:
+            products: G, float64 [N, N], which is overwritten by K to save memory.
+            rows: classes int64 [N]; each of 0 … L − 1 occurs.
         """
         onehot = torch.nn.functional.one_hot(rows).double()
         share = onehot / onehot.sum(0)
@@ -137,7 +139,7 @@ class Problem:
         return float(self.diagonal.sum())
 
     def solve(self, penalty: float | None) -> Solution:
-        """With ℓ, but for rounding's share at least; None is the nearest mean, ℓ without end."""
+        """Solve with penalty ℓ, at least the rounding error; None is ℓ → ∞, the nearest mean."""
         rows = self.onehot.argmax(1)
         chosen = spread_over(rows)
         centred = self.share - self.share.mean(1, keepdim=True)
@@ -170,7 +172,7 @@ class Problem:
 def _centre_within_classes(
     products: Tensor, of_means: Tensor, onehot: Tensor, share: Tensor
 ) -> None:
-    """C·G·C in place of G, some rows at a time."""
+    """Overwrite G by C·G·C, some rows at a time."""
     between = share.T @ of_means  # Eᵀ·G·E
     for start in range(0, len(products), _ROWS):
         rows = slice(start, start + _ROWS)
@@ -184,10 +186,10 @@ def _centre_within_classes(
 
 
 def spread_over(rows: Tensor) -> Tensor:
-    """Places [m], in rising order, of some frames of the classes rows, int64 [N].
+    """Places [m], in rising order, of frames to score, among N frames of classes int64 [N].
 
-    They are evenly spread, and a class of which too few are among them adds some of its own: a
-    class without scores would be in every prediction set.
+    They are evenly spread, with more of the classes that have too few among them, since a class
+    without scores would be in every prediction set.
     """
     places = evenly(len(rows))
     if len(places) == len(rows):
@@ -201,7 +203,7 @@ def spread_over(rows: Tensor) -> Tensor:
 
 
 def evenly(n: int, most: int | None = None) -> Tensor:
-    """Places int64 [m] of at most so many, by default :data:`MOST`, of n frames."""
+    """Evenly spread places int64 [m] among n frames, at most `most`, by default :data:`MOST`."""
     return torch.linspace(0, n - 1, min(n, most or MOST)).round().long()
 
 
@@ -212,12 +214,12 @@ def inverse_squares(factor: Tensor, columns: Tensor) -> Tensor:
 
 
 def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
-    """Scores float64 [m, L] of frames without themselves, and their places [m] among the N.
+    """Leave-one-out scores float64 [m, L] of some frames, and their places [m] among the N.
 
-    The only frame of a class is left out.
+    The only frame of a class is not scored.
 
     Args:
-        products: of all frames.
+        products: products of all frames.
         rows: classes int64 [N] of the frames.
     """
     n_classes = products.means.shape[0]
@@ -247,14 +249,14 @@ def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
 def held_out_of(
     products: Products, place: Tensor, known: Tensor, n_classes: int, unit: float = 1.0
 ) -> HeldOut:
-    """Scores of the training frames :func:`spread_over` without themselves, times a unit.
+    """Leave-one-out scores by :func:`discriminants` as scores of L classes, times a unit.
 
     Args:
-        products: of a solution.
-        place: which of the `known` classes, int64 [K], each frame is of, int64 [N].
-        known: classes with a frame; the other columns are zero.
+        products: products of a solution.
+        place: place of each frame's class in `known`, int64 [N].
+        known: classes with a frame, int64 [K]; scores of other classes are zero.
         n_classes: L.
-        unit: of the scores.
+        unit: factor of the scores.
     """
     found, places = discriminants(products, place)
     scores = torch.zeros(len(places), n_classes, dtype=torch.float64)
@@ -263,25 +265,26 @@ def held_out_of(
 
 
 def check_mixed(share: float, rows: Tensor) -> None:
-    """Raise ValueError for a share of new discriminants outside [0, 1], or of 1 for new frames of a
-    single class int64 [N], whose discriminants are zero."""
+    """Raise ValueError for a share of new discriminants outside [0, 1], or a share of 1 if the new
+    frames are of a single class, whose discriminants are zero."""
     check_share("p", share, "[0, 1]")
     if share == 1 and len(rows.unique()) == 1:
         raise ValueError(
-            "p: expected a share below 1 with new frames of a single class, found 1"
+            "p: expected a share below 1 with new frames of a single class, found 1; "
+            "use p < 1, or frames of two classes"
         )
 
 
 def check_memory(
     readout: str, n: int, matrices: int, dimension: int | None = None
 ) -> None:
-    """Raise ValueError for more frames than the products of all pairs have room for.
+    """Raise ValueError for more training frames than fit in memory as products of all pairs.
 
     Args:
-        readout: its name, for the error.
+        readout: name of the read-out, for the error.
         n: training frames.
-        matrices: float64 [n, n] that are held at a time.
-        dimension: D, of a read-out that takes the products of all pairs of bits where D < n.
+        matrices: number of matrices float64 [n, n] held at a time.
+        dimension: D, for a read-out that is solved among bits if D < n.
     """
     size = n if dimension is None else min(n, dimension)
     if size <= MOST_FRAMES:

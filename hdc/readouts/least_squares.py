@@ -31,20 +31,21 @@ PENALTIES = tuple(10.0**k for k in range(-4, 5))
 
 
 def smoother_of(words: Hypervectors, penalty: float) -> Dual | Primal:
-    """Made from N training frames and the penalty λ of their fit."""
+    """The smoother of N training frames for a penalty λ."""
     kind = Primal if len(words) > words.dimension else Dual
     return kind.of(words, penalty)
 
 
 class Dual(NamedTuple):
-    """Needed besides the weights for leave-one-out predictions of other frames.
+    """The smoother S(x) of the fit among frames, for leave-one-out predictions of new frames.
 
-    In double precision: with few frames and a small penalty single precision keeps three digits.
+    In double precision, since with few frames and a small penalty three digits of single precision
+    remain.
     """
 
     words: Hypervectors
     inverse: Tensor  # (K + λ)⁻¹, float64 [N, N]
-    means: Tensor  # of each row of the Gram matrix, [N]
+    means: Tensor  # of the rows of the Gram matrix, [N]
 
     @classmethod
     def of(cls, words: Hypervectors, penalty: float) -> Self:
@@ -66,7 +67,7 @@ class Dual(NamedTuple):
 
 
 class Primal(NamedTuple):
-    """:class:`Dual` of more frames than bits."""
+    """The smoother :class:`Dual` of more frames than bits, among the bits."""
 
     words: Hypervectors
     inverse: Tensor  # (C + λ)⁻¹, float64 [D, D]
@@ -92,16 +93,17 @@ def solve(
     penalty: float | None = None,
     prior: Linear | None = None,
 ) -> tuple[Linear, Tensor]:
-    """Linear functions that fit float64 targets [N, T] of N hypervectors, and residuals r [N, T].
+    """Linear functions fitted to targets, and their leave-one-out residuals r [N, T].
 
     Args:
-        words, targets: as above.
-        penalty: in units of the mean of K's diagonal; None tries :data:`PENALTIES`.
-        prior: weights to stay near, with their penalty.
+        words: N hypervectors.
+        targets: float64 [N, T].
+        penalty: λ in units of the mean of K's diagonal; None tries :data:`PENALTIES`.
+        prior: weights w₀, whose λ is used again.
 
     Raises:
-        ValueError: for more than 8000 frames of more than 8000 bits, of which neither the products
-            of all pairs of frames nor those of bits fit in the memory.
+        ValueError: for more than 8000 frames of more than 8000 bits, for which the products of all
+            pairs, of frames or of bits, are too large.
     """
     dimension = words.dimension
     check_memory("ridge", len(words), matrices=4, dimension=dimension)
@@ -109,7 +111,7 @@ def solve(
     if prior is not None:
         left = targets - prior.values(words).cpu()
     mean = left.mean(0)
-    # Squares of numbers near 1e155 or 1e-165 are none: errors are compared in units of the largest.
+    # Squares of numbers near 1e155 or 1e-165 would overflow or vanish.
     unit = (left - mean).abs().amax(0)
     unit = torch.where(unit > 0, unit, 1.0)
     scaled = (left - mean) / unit
@@ -132,7 +134,7 @@ def solve(
 def _penalties_to_try(
     penalty: float | None, prior: Linear | None, typical: float
 ) -> list[float]:
-    """λ of each, for the mean of K's diagonal."""
+    """Values of λ, given the mean of K's diagonal."""
     if prior is not None:
         return [float(prior.penalty)]
     typical = max(typical, 1.0)
@@ -144,8 +146,8 @@ class Found(NamedTuple):
     """The fit with the penalty of the least leave-one-out error."""
 
     penalty: float
-    residuals: Tensor  # r_i in units of the targets, float64 [N, T]
-    weights_in: Callable[[int, int], Tensor]  # as of quantised
+    residuals: Tensor  # r_i in the unit of the targets, float64 [N, T]
+    weights_in: Callable[[int, int], Tensor]  # as in quantised
     at_mean: Tensor  # w·x̄, float64 [T]
 
 
@@ -155,13 +157,13 @@ def _among_frames(
     unit: Tensor,
     to_try: Callable[[float], list[float]],
 ) -> Found:
-    """Of N frames by the products of their pairs.
+    """Fit by the products of all pairs of frames.
 
     Args:
         words: N hypervectors.
-        targets: minus their mean, in their `unit` [T], float64 [N, T].
-        unit: of the targets.
-        to_try: penalties to try, for the mean of K's diagonal.
+        targets: targets minus their mean, divided by their unit, float64 [N, T].
+        unit: unit of the targets, [T].
+        to_try: function of the mean of K's diagonal that gives the penalties to try.
     """
     products = gram(words.packed, words.packed, words.dimension)
     means = products.mean(1)
@@ -182,7 +184,7 @@ def _among_bits(
     unit: Tensor,
     to_try: Callable[[float], list[float]],
 ) -> Found:
-    """As :func:`_among_frames`, of more frames than bits by the products of pairs of bits."""
+    """Fit by the products of all pairs of bits; arguments as in :func:`_among_frames`."""
     n, width = words.packed.shape
     products, mean = _scatter(words)
     spectrum, vectors = torch.linalg.eigh(products)
@@ -211,14 +213,14 @@ def _among_bits(
 
 
 def _scatter(words: Hypervectors) -> tuple[Tensor, Tensor]:
-    """C, float64 [D, D], and the mean of the frames in ±1, [D]."""
+    """C, float64 [D, D], and the mean [D] of the frames in ±1."""
     of_one_class = torch.zeros(len(words), dtype=torch.int64)
     products, means = scatter(words, of_one_class)
     return products, means[0]
 
 
 def _centred(words: Hypervectors, mean: Tensor) -> Iterator[tuple[slice, Tensor]]:
-    """Some rows, and the bits of these frames minus their mean, float64 [B, D], part by part."""
+    """Slices of frames, and their bits in ±1 minus the mean, float64 [B, D]."""
     for part in in_parts(words):
         yield part, signs(words[part]) - mean
 
@@ -229,13 +231,13 @@ def least_error(
     """The penalty with the least leave-one-out error, and its residuals r_i [N, T].
 
     Args:
-        spectrum, vectors: eigenvalues [N], not negative, and eigenvectors of the centred K.
-        targets: minus their mean, float64 [N, T].
-        penalties: those to try.
+        spectrum, vectors: eigenvalues [N], not negative, and eigenvectors of K.
+        targets: targets minus their mean, float64 [N, T].
+        penalties: values of λ to try.
     """
     n = len(spectrum)
     rotated = vectors.T @ targets
-    # A single frame, or only equal ones, have no leave-one-out prediction: r_i = y_i − ȳ.
+    # A single frame has no leave-one-out prediction: r_i = y_i − ȳ.
     least = 1e-9 if n > 1 else 1.0
     tried = []
     for penalty in penalties:

@@ -44,7 +44,7 @@ class Ridge(Readout):
         return state
 
     def adapt(self, state: Linear, words: Hypervectors, rows: Tensor) -> Linear:
-        """Go to the weights near those of before that fit new frames."""
+        """Fit new frames, with the penalty on the change of the weights."""
         return _of_classes(words, rows, len(state.weights), prior=state)
 
     def scores(self, state: Linear, words: Hypervectors) -> Tensor:
@@ -74,7 +74,7 @@ class LinearValues(Linear, ValueState):
 
     @functools.cached_property
     def smoother(self) -> Dual | Primal:
-        """For intervals, made when they are asked for."""
+        """The smoother that intervals need."""
         return smoother_of(self.words, float(self.penalty))
 
 
@@ -82,7 +82,7 @@ class RidgeValues(ValueReadout):
     """Ridge regression of numbers.
 
     Args:
-        penalty: as of :class:`Ridge`.
+        penalty: as in :class:`Ridge`.
     """
 
     State = LinearValues
@@ -99,7 +99,7 @@ class RidgeValues(ValueReadout):
     def adapt(
         self, state: LinearValues, words: Hypervectors, values: Tensor
     ) -> LinearValues:
-        """Go to the weights near those of before that fit new frames, with their penalty."""
+        """Fit new frames, with the penalty on the change of the weights."""
         return _of_numbers(words, values, prior=state)
 
     def values(self, state: LinearValues, words: Hypervectors) -> Tensor:
@@ -108,7 +108,7 @@ class RidgeValues(ValueReadout):
     def without(
         self, state: LinearValues, words: Hypervectors
     ) -> tuple[Tensor, Tensor]:
-        """f₋ᵢ is the fit to targets of which f₋ᵢ(x_i) replaces y_i: f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
+        """Predictions without frame i follow from f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
         centre = self.values(state, words)
         smoother = state.smoother.of_queries(words)
         assert state.residuals is not None
