@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import copy
 import inspect
 import warnings
 from collections.abc import Mapping
@@ -97,15 +96,13 @@ class Adapting(Answering):
             AttributeError: if the encoder has no reference; ``hasattr`` is then False.
         """
         self._check_is_trained()
-        self._check_columns(inputs.columns_of(frames))
-        frames = inputs.indexable(frames, self.frame_shape_)
-        if len(frames) == 0:
-            raise ValueError("frames: expected at least one frame, found none")
+        frames, _ = self._given(frames)
         inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
-        moved = copy.copy(self)
-        encoder: Any = copy.copy(self.encoder_)
-        moved.encoder_ = encoder.zero(frames)
-        found = len(set(moved.predict(frames).tolist()))
+        encoder: Any = self.encoder_.unlearned()
+        with self._computing():
+            encoder.zero(frames)
+            words = joined(self._batches(frames, encoder, self.frame_shape_))
+            found = len(self._head.scores(words).argmax(1).unique())
         if 2 * found < len(self.classes_):
             warnings.warn(
                 f"rezero: the {len(frames)} frames are put into {found} of {len(self.classes_)} "
@@ -113,5 +110,5 @@ class Adapting(Answering):
                 "or the model is spoiled",
                 stacklevel=2,
             )
-        self.encoder_ = moved.encoder_
+        self.encoder_ = encoder
         return self

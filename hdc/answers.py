@@ -27,8 +27,8 @@ class Answering(Saved):
     @renamed("reject", "is_known(frames, alpha), which says what is to be rejected")
     def predict(self, frames: Any) -> np.ndarray:
         """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W]."""
-        scores = self._each(frames, lambda words: self._head.scores(words).argmax(1))
-        return self.classes_[torch.cat(scores).numpy(force=True)]
+        best = self._scores(frames).argmax(1)
+        return self.classes_[best.numpy(force=True)]
 
     @needs("held_out")
     def predict_set(self, frames: Any, alpha: float = RATE, mask: bool = False) -> Any:
@@ -129,7 +129,7 @@ class Answering(Saved):
         divided by D: majority, trained and neighbours with one neighbour give minus the share of
         bits that differ.
         """
-        found = torch.cat(self._each(frames, self._head_scores)).numpy(force=True)
+        found = self._scores(frames).numpy(force=True)
         if found.dtype.kind == "i":
             found = found / self.dimension_
         if found.shape[1] == 2:
@@ -167,8 +167,9 @@ class Answering(Saved):
         parts = self._each(frames, lambda words: readout.distances(self.state_, words))
         return torch.cat(parts).numpy(force=True)
 
-    def _head_scores(self, words: Hypervectors) -> Tensor:
-        return self._head.scores(words)
+    def _scores(self, frames: Any) -> Tensor:
+        """Scores [Q, L] of the read-out."""
+        return torch.cat(self._each(frames, lambda words: self._head.scores(words)))
 
     def _each(self, frames: Any, answer: Callable[[Hypervectors], Any]) -> list[Any]:
         """The answer to each chunk of frames."""

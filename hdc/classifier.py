@@ -136,8 +136,7 @@ class HDCClassifier(Adapting):
             head = _learned(
                 readout, words, labels, classes, dimension, self.device, together
             )
-        self._begin(encoder, shape, backend)
-        self._columns = columns
+        self._begin(encoder, shape, backend, columns)
         self._head = head
         self._warn_of_unequal(head.sample.seen.values())
         return self
@@ -155,7 +154,7 @@ class HDCClassifier(Adapting):
 
     @needs("add")
     def partial_fit(self, frames: Any, y: Any, classes: Any = None) -> Self:
-        """Learn another batch of frames; a new label becomes a new class.
+        """Learn a further batch of frames; a new label becomes a new class.
 
         An encoder that learns, such as a reference, learns only from the first batch. A call that
         raises leaves the model unchanged.
@@ -190,8 +189,7 @@ class HDCClassifier(Adapting):
                 words = joined(self._encoded(frames))
             head = head.with_classes(allowed).extended(words, labels)
         if is_first:
-            self._begin(encoder, shape, backend)
-            self._columns = columns
+            self._begin(encoder, shape, backend, columns)
         self._head = head
         return self
 
@@ -222,8 +220,8 @@ class HDCClassifier(Adapting):
             self._check_columns(other._columns)
             check_alike(self.encoder_, other.encoder_, "merge")
         merged = head.merged(theirs)
-        self._begin(start.encoder_, start.frame_shape_, start.backend_)
-        self._columns = self._columns or other._columns
+        columns = self._columns or other._columns
+        self._begin(start.encoder_, start.frame_shape_, start.backend_, columns)
         self._head = merged
         return self
 

@@ -132,10 +132,16 @@ class Estimator(Parametrised):
         n_pixels = 0 if isinstance(frames, Hypervectors) else prod(frames.shape)
         return backends.choose_backend(self.backend, self.device, n_pixels)
 
-    def _begin(self, encoder: Encoder, shape: Sequence[int], backend: str) -> None:
-        """Forget what was learned, and set the attributes of a new training."""
-        for name in [name for name in vars(self) if name.endswith("_")]:
-            delattr(self, name)
+    def _begin(
+        self,
+        encoder: Encoder,
+        shape: Sequence[int],
+        backend: str,
+        columns: list[str | int] | None,
+    ) -> None:
+        """Set the attributes of a new training."""
+        vars(self).pop("metadata_", None)
+        self._columns = columns
         self.encoder_ = encoder
         self.backend_ = backend
         self.frame_shape_ = tuple(shape)

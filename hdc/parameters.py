@@ -18,7 +18,7 @@ import pkgutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
-Part = TypeVar("Part")
+Kind = TypeVar("Kind")
 
 
 class Parametrised:
@@ -106,6 +106,16 @@ class Parametrised:
         return f"{type(self).__name__}({listed})"
 
 
+class Part(Parametrised):
+    """Base class of encoders and read-outs, the parts of a model."""
+
+    revision: ClassVar[int] = 1
+    """Incremented by hand in a commit that changes the result for some frame or query."""
+
+    def check(self) -> None:
+        """Raise ValueError for a parameter that is not allowed."""
+
+
 def _parameters_of(kind: type) -> list[str]:
     """Names of the arguments of a constructor, without ``*args`` and ``**kwargs``."""
     named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
@@ -114,8 +124,8 @@ def _parameters_of(kind: type) -> list[str]:
 
 
 def make_part(
-    part: Any, what: str, known: Mapping[str, type], base: type[Part]
-) -> Part:
+    part: Any, what: str, known: Mapping[str, type], base: type[Kind]
+) -> Kind:
     """A part of a model from a name or an object.
 
     Args:

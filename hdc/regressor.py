@@ -114,8 +114,7 @@ class HDCRegressor(Saved):
             encoder, shape = self._learned_encoder(encoder, frames)
             words = joined(self._batches(frames, encoder, shape))
             state = readout.fit(words, table)
-        self._begin(encoder, shape, backend)
-        self._columns = columns
+        self._begin(encoder, shape, backend, columns)
         self._one = values.ndim == 1
         self._is_signed = bool((values < 0).any())
         self.readout_, self.state_ = readout, state

@@ -141,12 +141,10 @@ class Saved(Estimator):
         own = {name: tensor.to(model.device) for name, tensor in tensors.items()}
         encoder: Encoder = model.fresh("encoder")
         encoder.restore(without_prefix("encoder", own), prod(shape))
-        model._begin(
-            encoder, shape, backends.choose_backend(model.backend, model.device)
-        )
+        backend = backends.choose_backend(model.backend, model.device)
+        model._begin(encoder, shape, backend, header.get("columns"))
         others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
         model._restore(header, others)
-        model._columns = header.get("columns")
         model.metadata_ = dict(header["metadata"])
         return model
 

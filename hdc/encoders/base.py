@@ -8,10 +8,10 @@ from typing import Any, ClassVar, Self
 
 from torch import Tensor
 
-from hdc.parameters import Parametrised
+from hdc.parameters import Part
 
 
-class Encoder(Parametrised, ABC):
+class Encoder(Part, ABC):
     """Base class of encoders: packed hypervectors from frames.
 
     A subclass implements :meth:`encode`, and :meth:`dimension` unless a hypervector has one bit per
@@ -29,15 +29,10 @@ class Encoder(Parametrised, ABC):
         Bright()
     """
 
-    revision: ClassVar[int] = 1
-    """Incremented by hand in a commit that changes the hypervector of some frame."""
     learns: ClassVar[bool] = False
     """Whether :meth:`fit` learns from the frames."""
     numbered: ClassVar[bool] = False
     """Whether :meth:`encode` also takes the index of the first frame, for warnings and errors."""
-
-    def check(self) -> None:
-        """Raise ValueError, naming it, for a parameter that is not allowed."""
 
     def fit(self, frames: Any) -> Self:
         """Learn from training frames [N, H, W] or [N, D], any object with ``shape`` and slices."""

@@ -3,8 +3,9 @@
 The paper thresholds a speckle pattern so that 0 and 1 appear with the same probability: q = ½.
 The ones are the pixels above the threshold m, and the first of the pixels equal to m, by the
 encoder's order of ties (:mod:`hdc.encoders.ties`). The bits of several thresholds follow one
-another: bit t·D + j is pixel j at threshold t. Small frames are partially sorted here; large frames
-are searched by :mod:`hdc.encoders.thresholds`, or by :mod:`hdc.compiled`, with equal results.
+another: bit t·D + j is pixel j at threshold t. Small frames and floats are partially sorted here.
+Large frames of integers are searched by :mod:`hdc.encoders.thresholds`. :mod:`hdc.compiled` gives
+equal results.
 """
 
 from __future__ import annotations
@@ -168,7 +169,7 @@ def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
     """
     if frames.device.type != "cpu":
         return max(1, _STEP_ON_GPU // n_pixels), by_torch
-    if n_pixels > _SMALL:
+    if n_pixels > _SMALL and not frames.is_floating_point():
         return _BLOCK, one_by_one
     return max(1, _STEP // n_pixels), by_partition
 

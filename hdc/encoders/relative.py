@@ -173,19 +173,14 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
         totals, squares = kernels.sums(images).T
         deviations = _deviations(totals, squares, n_pixels)
         divisors = np.array(deviations, np.float64)
-        values = kernels.in_steps(images, totals.astype(float), divisors, _STEPS)
-        return torch.from_numpy(values)
+        steps = kernels.in_steps(images, totals.astype(float), divisors, _STEPS)
+        return torch.from_numpy(steps)
     pixels = integers(flat, first)
-    squares = (pixels * pixels).sum(1)
-    return _in_steps(pixels, pixels.sum(1), squares, n_pixels)
-
-
-def _in_steps(pixels: Tensor, sums: Tensor, squares: Tensor, n_pixels: int) -> Tensor:
-    """Standardise pixels int64 [N, D] with sums [N] and sums of squares [N]: int32 [N, D]."""
-    deviations = _deviations(sums, squares, n_pixels)
-    divisors = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
+    sums = pixels.sum(1)
+    deviations = _deviations(sums, (pixels * pixels).sum(1), n_pixels)
+    deviation = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
     values = pixels.double().mul_(n_pixels).sub_(sums[:, None])  # in place, still whole
-    return values.mul_(_STEPS).div_(divisors[:, None]).floor_().to(torch.int32)
+    return values.mul_(_STEPS).div_(deviation[:, None]).floor_().to(torch.int32)
 
 
 def _deviations(sums: Any, squares: Any, n_pixels: int) -> list[int]:

@@ -1,9 +1,9 @@
-"""Search for the thresholds of large frames, one frame after another.
+"""Search for the thresholds of large frames of integers, one frame after another.
 
-For integers, one pass over a frame counts the pixels above a value, which shows on which side of it
-the threshold lies. The threshold of the previous frame is tried first; then a sample proposes
-values (Floyd and Rivest, Commun. ACM 18, 165 (1975)). With 8 bits, two or three passes suffice. The
-counts of all pixels decide, so neither the previous frame nor the sample affects the result.
+One pass over a frame counts the pixels above a value, which shows on which side of it the threshold
+lies. The threshold of the previous frame is tried first; then a sample proposes values (Floyd and
+Rivest, Commun. ACM 18, 165 (1975)). With 8 bits, two or three passes suffice. The counts of all
+pixels decide, so neither the previous frame nor the sample affects the result.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _SAMPLE = 4096  # pixels of a frame that are sorted, at most
 class Above(NamedTuple):
     """The pixels of a frame above a value."""
 
-    value: Any
+    value: int
     words: np.ndarray  # int64 [W]
     n: int
 
@@ -38,18 +38,18 @@ def one_by_one(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any
     n_equal = np.empty((n, len(ones)), np.int64)
     split = np.empty((n, len(ones)), np.bool_)
     room = np.zeros(bits.words_for(n_pixels) * bits.WORD, np.bool_)
-    select = _by_order if images.dtype.kind == "f" else _by_counting
-    guesses: list[Any] = [None] * len(ones)  # thresholds of the frame before
+    guesses: list[int | None] = [None] * len(ones)  # thresholds of the previous frame
     for i, image in enumerate(images):
-        bounds = select(_Frame(image, room), ones, guesses)
-        for t, ((low, high), wanted) in enumerate(zip(bounds, ones, strict=True)):
+        frame = _Frame(image, room)
+        for t, wanted in enumerate(ones):
+            low, high = _search(frame, wanted, guesses[t])
+            guesses[t] = high.value
             tied = low.n - high.n
             missing = wanted - high.n
             first = first_ties(low.words ^ high.words, tied, missing, rule)
             _put(high.words | first, words[i], t * n_pixels)
             n_equal[i, t] = tied
             split[i, t] = 0 < missing < tied
-        guesses = [high.value for _, high in bounds]
     return words, n_equal, split
 
 
@@ -66,28 +66,11 @@ class _Frame:
         chosen = self.pixels[_sampled(len(self.pixels))]
         return np.sort(chosen, kind="stable")  # a radix sort for up to 16 bits
 
-    def above(self, value: Any, compare: np.ufunc = np.greater) -> Above:
-        """The pixels for which a comparison with a value holds."""
-        compare(self.pixels, value, out=self._room[: len(self.pixels)])
+    def above(self, value: int) -> Above:
+        """The pixels above a value."""
+        np.greater(self.pixels, value, out=self._room[: len(self.pixels)])
         words = np.packbits(self._room, bitorder="little").view(np.int64)
         return Above(value, words, count_ones(words))
-
-
-def _by_order(frame: _Frame, ones: Sequence[int], _: Any) -> list[tuple[Above, Above]]:
-    """The pixels at or above each threshold, and above it, by partial sorting."""
-    n_pixels = len(frame.pixels)
-    at = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
-    ordered = np.partition(frame.pixels, sorted(set(at)))
-    thresholds = [ordered[place] for place in at]
-    return [(frame.above(x, np.greater_equal), frame.above(x)) for x in thresholds]
-
-
-def _by_counting(
-    frame: _Frame, ones: Sequence[int], guesses: Sequence[int | None]
-) -> list[tuple[Above, Above]]:
-    """:func:`_by_order` for integers, by counting the pixels above some values."""
-    pairs = zip(ones, guesses, strict=True)
-    return [_search(frame, wanted, guess) for wanted, guess in pairs]
 
 
 def _search(frame: _Frame, wanted: int, guess: int | None) -> tuple[Above, Above]:

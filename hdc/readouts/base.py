@@ -11,11 +11,8 @@ import torch
 from torch import Tensor
 
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import Parametrised
+from hdc.parameters import Part
 from hdc.tensors import Kinds, checked, compact
-
-NOWHERE = torch.iinfo(torch.int64).min
-"""Integer score of a class without training frames."""
 
 
 class HeldOut(NamedTuple):
@@ -61,7 +58,7 @@ class State:
         return replace(self, **moved)
 
 
-class Readout(Parametrised, ABC):
+class Readout(Part, ABC):
     """Base class of read-outs: class scores from packed hypervectors.
 
     A subclass sets the class of its `State`, and implements :meth:`fit` and :meth:`scores`. Classes
@@ -89,17 +86,12 @@ class Readout(Parametrised, ABC):
         ['a', 'b']
     """
 
-    revision: ClassVar[int] = 1
-    """Incremented by hand in a commit that changes the scores of some query."""
     State: ClassVar[Any]
     """The class of its states."""
     needs: ClassVar[tuple[str, ...]] = ()
     """Names of the tensors that a prediction needs; by default all of the state."""
     adapts_by: ClassVar[tuple[str, ...]] = ("p", "random_state", "method")
     """Arguments of :meth:`hdc.HDCClassifier.recalibrate` that ``adapt`` takes."""
-
-    def check(self) -> None:
-        """Raise ValueError for a parameter that is not allowed."""
 
     @abstractmethod
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Any:
@@ -183,11 +175,3 @@ class Updatable(Readout):
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Any:
         start = self.empty(n_classes, words.dimension, words.packed.device)
         return self.add(start, [(words, rows)])
-
-
-def without_empty(scores: Tensor, empty: Tensor) -> Tensor:
-    """Scores [Q, L] in which the classes without training frames, bool [L], never win."""
-    if empty.any():
-        lowest = NOWHERE if not scores.is_floating_point() else -torch.inf
-        scores[:, empty.to(scores.device)] = lowest
-    return scores

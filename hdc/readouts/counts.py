@@ -12,7 +12,7 @@ from hdc import bits
 from hdc.bits import dot
 from hdc.hypervectors import Hypervectors
 from hdc.prototypes import Counters
-from hdc.readouts.base import HeldOut, without_empty
+from hdc.readouts.base import HeldOut
 from hdc.readouts.majority import Counted, Counting, smallest
 
 
@@ -32,7 +32,9 @@ class Counts(Counting):
     def scores(self, state: Counted, words: Hypervectors) -> Tensor:
         """The cosines, float64 [Q, L]."""
         found = cosines(state.counters(), words.packed, self._thinned_to(state))
-        return without_empty(found / math.sqrt(state.dimension), state.n == 0)
+        found /= math.sqrt(state.dimension)
+        found[:, (state.n == 0).to(found.device)] = -torch.inf
+        return found
 
     def _thinned_to(self, state: Counted) -> int | None:
         """Size of the smallest class, to which larger ones are scaled; None if they are not."""

@@ -33,7 +33,7 @@ from hdc.bits import combinations, dot, gram
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
 from hdc.readouts.among_bits import Primal
-from hdc.readouts.base import NOWHERE, HeldOut, Readout, State
+from hdc.readouts.base import HeldOut, Readout, State
 from hdc.readouts.discriminant import (
     Problem,
     Solution,
@@ -48,6 +48,7 @@ _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
 _CLIPPED = 0.995  # quantile of the weights that becomes the largest
 _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
 _UNIT_BITS = 20  # of the largest scale
+_NOWHERE = -(2**62)  # offset of a class without training frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -79,7 +80,7 @@ class Discriminants(State):
 
     def known_offsets(self) -> Tensor:
         """Offsets float64 [L]; 0 for a class without training frames."""
-        known = self.offsets > NOWHERE // 2
+        known = self.offsets > _NOWHERE
         return torch.where(known, self.offsets, 0).double()
 
 
@@ -160,7 +161,7 @@ class LDA(Readout):
         means = class_means(words.packed, place, len(known), dimension)
         full = means.mean(0).repeat(n_classes, 1)
         full[known] = means
-        every = (state.offsets > NOWHERE // 2).nonzero().flatten()
+        every = (state.offsets > _NOWHERE).nonzero().flatten()
         learned = weights[every], full[every], offsets[every]
         alpha, device = float(new.shrinkage), words.packed.device
         mixed, unit = _stored(learned, every, n_classes, alpha, device)
@@ -204,7 +205,7 @@ def _stored(
     state = Discriminants(
         weights=planes.new_zeros(n_classes, *planes.shape[1:], device=device),
         scales=torch.zeros(n_classes, dtype=torch.int64),
-        offsets=torch.full((n_classes,), NOWHERE // 2),
+        offsets=torch.full((n_classes,), _NOWHERE),
         shrinkage=torch.tensor(alpha, dtype=torch.float64),
     )
     state.weights[known.to(device)] = planes.to(device)

@@ -13,7 +13,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import Parametrised, check_integer
+from hdc.parameters import Part, check_integer
 from hdc.readouts.base import State
 from hdc.tensors import checked
 
@@ -51,19 +51,14 @@ class LeftOut(ValueState):
     kinds = RESIDUALS
 
 
-class ValueReadout(Parametrised, ABC):
+class ValueReadout(Part, ABC):
     """Base class of read-outs of numbers: T numbers per frame from packed hypervectors.
 
     A subclass implements :meth:`fit` and :meth:`values`; for intervals also :meth:`without`, with
     `residuals` in its states. It sets `State` if its states have other tensors.
     """
 
-    revision: ClassVar[int] = 1
-    """Incremented by hand in a commit that changes the numbers of some query."""
     State: ClassVar[Any] = ValueState
-
-    def check(self) -> None:
-        """Raise ValueError for a parameter that is not allowed."""
 
     @abstractmethod
     def fit(self, words: Hypervectors, values: Tensor) -> Any:
