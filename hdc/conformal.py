@@ -216,11 +216,8 @@ class Conformal:
 
     def _rule(self, alpha: float) -> Rule:
         """The cached rule for one α."""
-        if alpha not in self._rules:
-            self._rules[alpha] = self._made(alpha)
-        return self._rules[alpha]
-
-    def _made(self, alpha: float) -> Rule:
+        if alpha in self._rules:
+            return self._rules[alpha]
         n_classes = len(self.peers)
         pools: list[np.ndarray | None] = []
         least = np.zeros(n_classes)
@@ -234,7 +231,8 @@ class Conformal:
                 least[c] = 1 / (m + 1 + (0 if pool is None else len(pool)))
                 far[c] = _farthest(own, pool)
             pools.append(pool)
-        return Rule(pools, least, far, _of_few(self.peers, alpha))
+        self._rules[alpha] = Rule(pools, least, far, _of_few(self.peers, alpha))
+        return self._rules[alpha]
 
 
 def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:

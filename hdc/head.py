@@ -17,7 +17,7 @@ from hdc.conformal import Conformal
 from hdc.hypervectors import Hypervectors
 from hdc.inputs import Label
 from hdc.parameters import is_number
-from hdc.probability import Temperature, cross_validated, of_several
+from hdc.probability import cross_validated, of_several, sharpness
 from hdc.readouts.base import HeldOut, Readout, Updatable
 from hdc.readouts.majority import Counting
 from hdc.rejection import Rejection, by_frames, of_words
@@ -78,13 +78,12 @@ class Head:
     # Learning ------------------------------------------------------------------------------------
 
     def extended(self, words: Hypervectors, labels: Sequence[Label]) -> Head:
-        """A head that has also learned N hypervectors; some of their labels may be new."""
-        head = self.with_classes(labels)
+        """A head that has also learned N hypervectors with some of its labels."""
         readout: Any = self.readout
         reservoir = Reservoir(self.sample)
         reservoir.add(words.packed, labels)
-        state = readout.add(head.state, [(words, head.rows_of(labels))])
-        return replace(head, state=state, sample=reservoir.sample(), calibrated=None)
+        state = readout.add(self.state, [(words, self.rows_of(labels))])
+        return replace(self, state=state, sample=reservoir.sample(), calibrated=None)
 
     def with_classes(self, labels: Iterable[Label]) -> Head:
         """A head with rows for these labels, too; some of them may be new."""
@@ -169,8 +168,10 @@ class Head:
         return self.conformal.possible(words.packed, self.scores(words), alpha)
 
     def probabilities(self, words: Hypervectors) -> Tensor:
-        """Probabilities of the classes, float64 [Q, L]."""
-        return self.temperature.probabilities(self.scores(words), self.counts > 0)
+        """Probabilities float64 [Q, L]; 0 for a class without training frames."""
+        exponents = self.sharpness * self.scores(words).double().cpu()
+        exponents[:, self.counts == 0] = -torch.inf
+        return torch.softmax(exponents, dim=1)
 
     @functools.cached_property
     def held_out(self) -> HeldOut | None:
@@ -231,9 +232,9 @@ class Head:
         return Conformal.of_scores(self._needed("predict_set"), self.counts)
 
     @functools.cached_property
-    def temperature(self) -> Temperature:
-        """The temperature of the probabilities; raises as :attr:`conformal`."""
-        return Temperature.fit(of_several(self._needed("predict_proba"), self.counts))
+    def sharpness(self) -> float:
+        """One over the temperature of the probabilities; raises as :attr:`conformal`."""
+        return sharpness(of_several(self._needed("predict_proba"), self.counts))
 
     def _needed(self, method: str) -> HeldOut:
         if self.held_out is None:
@@ -316,11 +317,11 @@ class Head:
         own = without_prefix("known", tensors)
         calibrated = Rejection.restored(own, dimension) if own else None
         head = cls(readout, state, sample, labels, dimension, calibrated, recalibrated)
-        sharpness = header.get("sharpness")  # of version 2.0
-        if sharpness is not None:
-            if not is_number(sharpness) or sharpness <= 0:
-                raise ValueError(f"sharpness {sharpness!r}")
-            vars(head)["temperature"] = Temperature(sharpness)
+        found = header.get("sharpness")  # of version 2.0
+        if found is not None:
+            if not is_number(found) or found <= 0:
+                raise ValueError(f"sharpness {found!r}")
+            vars(head)["sharpness"] = found
         return head
 
 

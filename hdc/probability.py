@@ -15,10 +15,6 @@ For frames recorded under other conditions, such as after drift, the probabiliti
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
-from typing import Self
-
 import torch
 from torch import Tensor
 
@@ -30,24 +26,6 @@ _HALVINGS = 60
 _DOUBLINGS = 60
 _FLATTEST = 1e-6
 """Least β, in units of one over the spread of the scores; probabilities are then nearly equal."""
-
-
-@dataclass(frozen=True)
-class Temperature:
-    """Temperature scaling of scores to probabilities, by β, one over the temperature."""
-
-    sharpness: float
-
-    @classmethod
-    def fit(cls, held_out: HeldOut) -> Self:
-        """Fit β to the scores of left-out frames, and their classes."""
-        return cls(sharpness(held_out))
-
-    def probabilities(self, scores: Tensor, known: Tensor) -> Tensor:
-        """Probabilities [Q, L] from scores [Q, L]; 0 for classes that are not `known`, bool [L]."""
-        exponents = self.sharpness * scores.double().cpu()
-        exponents[:, ~known] = -math.inf
-        return torch.softmax(exponents, dim=1)
 
 
 def sharpness(held_out: HeldOut) -> float:
