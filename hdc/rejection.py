@@ -20,7 +20,6 @@ without a frame or a group follow from the counts with it.
 
 from __future__ import annotations
 
-import functools
 import math
 import warnings
 from collections.abc import Mapping, Sequence
@@ -34,7 +33,7 @@ from torch import Tensor
 from hdc import bits, planes
 from hdc.hypervectors import Hypervectors
 from hdc.inputs import Label
-from hdc.prototypes import Counters, tie_breaker
+from hdc.prototypes import Counters
 from hdc.readouts.base import Readout
 from hdc.readouts.majority import Counting, Majority
 from hdc.sample import Reservoir
@@ -75,7 +74,7 @@ class Rejection:
             warnings.warn(
                 f"alpha={alpha:g} needs at least {math.ceil(1 / share) - 1} training frames to "
                 f"leave out, found {m}; no frame is refused",
-                stacklevel=3,
+                stacklevel=4,
             )
             return planes.WORD * self.prototypes.shape[1]
         return int(self.distances[-farther])
@@ -236,13 +235,8 @@ class Groups:
 
     def _majority(self, c: int, counts: Tensor, n: int) -> Tensor:
         """The prototype int64 [W] of class c, from the counts of n frames."""
-        readout = self.readout
-        breaker = functools.partial(
-            tie_breaker, self._counters.dimension, readout.random_state
-        )
-        return planes.majorities(
-            counts[None], torch.tensor([n]), [0], readout.ties, lambda _: breaker(c)
-        )[0]
+        breaker = self.readout.breaker(c, self._counters.dimension, counts.device)
+        return planes.majority(counts, n, self.readout.ties, breaker)
 
 
 def grouped(

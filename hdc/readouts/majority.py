@@ -249,10 +249,7 @@ class Counting(Updatable):
         ``extra=-2`` where a zero becomes a one.
         """
         counts, n = state.planes[c], int(state.n[c])
-        breaker = None
-        if self.ties == "random":
-            breaker = tie_breaker(state.dimension, self.random_state, c)
-            breaker = breaker.to(counts.device)
+        breaker = self.breaker(c, state.dimension, counts.device)
         made = []
         for extra in EXTRAS:
             n_with = n + weight * extra
@@ -261,6 +258,14 @@ class Counting(Updatable):
         all_ones = torch.ones(state.dimension, dtype=torch.bool)
         inside = bits.pack(all_ones).to(counts.device)
         return torch.stack(made) & inside
+
+    def breaker(
+        self, c: int, dimension: int, device: torch.device | str
+    ) -> Tensor | None:
+        """The hypervector that breaks the ties of class c, int64 [W], if ties are random."""
+        if self.ties != "random":
+            return None
+        return tie_breaker(dimension, self.random_state, c).to(device)
 
     def distances(self, state: Counted, words: Hypervectors) -> Tensor:
         """Hamming distances int64 [Q, L] to the prototypes; D + 1 for a class without frames."""
