@@ -11,6 +11,7 @@ from hdc import inputs
 from hdc.answers import Answering
 from hdc.availability import needs, renamed
 from hdc.estimator import joined
+from hdc.hypervectors import Hypervectors
 
 
 class Adapting(Answering):
@@ -96,6 +97,10 @@ class Adapting(Answering):
             AttributeError: if the encoder has no reference; ``hasattr`` is then False.
         """
         self._check_is_trained()
+        if isinstance(frames, Hypervectors):
+            raise TypeError(
+                "rezero: expected frames, found hypervectors, which hold no grey values"
+            )
         frames, _ = self._given(frames)
         inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
         encoder: Any = self.encoder_.unlearned()

@@ -61,7 +61,7 @@ def rebuild(
     known: Mapping[str, type],
     trusted: Collection[str] | None = None,
 ) -> Any:
-    """The part of a description by :func:`describe`; raises as :func:`make_part`.
+    """The part of a description by :func:`describe`.
 
     Args:
         description: from a file, so that it may be anything.
@@ -69,6 +69,9 @@ def rebuild(
         known: our own classes by name.
         trusted: dotted names of other classes whose modules may be imported; None allows any that
             another process could import.
+
+    Raises:
+        ValueError, TypeError: as :func:`hdc.parameters.make_part`.
     """
     name = description["class"]
     if trusted is None and name.startswith("__main__."):

@@ -49,7 +49,7 @@ class Estimator(Parametrised):
     # Encoding ------------------------------------------------------------------------------------
 
     def encode(self, frames: Any) -> Hypervectors:
-        """Hypervectors of frames, which every method accepts instead of the frames.
+        """Hypervectors of frames, which every method but ``rezero`` accepts instead.
 
         To get labels, sets and probabilities of the same frames, encode them once.
 

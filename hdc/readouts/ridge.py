@@ -23,8 +23,8 @@ class Ridge(Readout):
     """Ridge regression of 1 for the class of a frame and −1 for the others.
 
     Args:
-        penalty: λ in units of the mean of K's diagonal; None takes the one of :data:`PENALTIES`
-            with the least leave-one-out error.
+        penalty: λ in units of the mean of K's diagonal; None takes the one of
+            :data:`hdc.readouts.least_squares.PENALTIES` with the least leave-one-out error.
     """
 
     State = Linear
