@@ -205,7 +205,7 @@ class Named(Mapping[str, type]):
         """The class with this name, for the ``__getattr__`` of a module."""
         for path in self._paths.values():
             if path.endswith(f".{wanted}"):
-                return pkgutil.resolve_name(path)
+                return _resolved(path)
         raise AttributeError(f"module {module!r} has no attribute {wanted!r}")
 
 

@@ -73,7 +73,9 @@ class Deviation(RelativeEncoder):
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         deviations = deviations_of(differences)
-        _warn_of_none(deviations, first)
+        none = [i for i, sigma in enumerate(deviations) if sigma == 0]
+        if none:
+            warn_of_constant(none, first)
         thresholds = self.fractions()
         levels = [[_level(t, sigma) for t in thresholds] for sigma in deviations]
         n, n_pixels = differences.shape
@@ -112,13 +114,6 @@ def deviations_of(differences: Tensor) -> list[int]:
 def _level(threshold: Fraction, sigma: int) -> int:
     """⌊threshold·σ⌋, clipped to the range of int32."""
     return max(-_INT32, min(_INT32, math.floor(threshold * sigma)))
-
-
-def _warn_of_none(deviations: Sequence[int], first: int) -> None:
-    """Warn of frames whose difference from the reference is the same in all pixels."""
-    none = [i for i, sigma in enumerate(deviations) if sigma == 0]
-    if none:
-        warn_of_constant(none, first)
 
 
 def _exact(values: Sequence[Any]) -> list[Fraction]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import torch
 from torch import Tensor
@@ -73,9 +72,11 @@ def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tenso
         raise ValueError(
             f"counters: expected fewer samples, found {int(counters.n.max())}"
         )
-    found = norms(counters, size)
+    dimension = counters.dimension
+    numbers = zip(_squares(counters), counters.n.tolist(), strict=True)
+    found = [norm(square, n, dimension, size) for square, n in numbers]
     lengths = torch.tensor(found, dtype=torch.float64, device=words.device)
-    products = dot(counters.planes, counters.n, words, counters.dimension)
+    products = dot(counters.planes, counters.n, words, dimension)
     return products / lengths.clamp(min=1)
 
 
@@ -89,8 +90,7 @@ def cosines_without(
     """
     dimension = counters.dimension
     products = dot(counters.planes, counters.n, words, dimension).cpu()
-    squares = [square_length(*pair, dimension) for pair in _counted(counters)]
-    counts = counters.n.tolist()
+    squares, counts = _squares(counters), counters.n.tolist()
     found = torch.zeros(len(rows), dtype=torch.float64)
     for i, c in enumerate(rows.tolist()):
         product = int(products[i, c])
@@ -100,24 +100,13 @@ def cosines_without(
     return found
 
 
-def norms(counters: Counters, size: int | None = None) -> list[float]:
-    """‖2c − n‖ of each class, correctly rounded; for `size`, see :func:`cosines`."""
-    lengths = []
-    for planes, n in _counted(counters):
-        square = square_length(planes, n, counters.dimension)
-        lengths.append(norm(square, n, counters.dimension, size))
-    return lengths
-
-
-def _counted(counters: Counters) -> Iterator[tuple[Tensor, int]]:
-    """Bit-sliced counts [P, W] and number of hypervectors of each class."""
-    return zip(counters.planes, counters.n.tolist(), strict=True)
-
-
-def square_length(planes: Tensor, n: int, dimension: int) -> int:
-    """‖2c − n‖² from bit-sliced counts [P, W] of n hypervectors."""
-    total, square = moments(planes)
-    return 4 * square - 4 * n * total + n * n * dimension
+def _squares(counters: Counters) -> list[int]:
+    """‖2c − n‖² of each class, in integers."""
+    found = []
+    for planes, n in zip(counters.planes, counters.n.tolist(), strict=True):
+        total, square = moments(planes)
+        found.append(4 * square - 4 * n * total + n * n * counters.dimension)
+    return found
 
 
 def norm(square: int, n: int, dimension: int, size: int | None) -> float:

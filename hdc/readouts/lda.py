@@ -249,26 +249,20 @@ def problem_of(words: Hypervectors, rows: Tensor) -> Problem | Primal:
 def shrunken(
     problem: Problem | Primal, dimension: int, shrinkage: float | str
 ) -> tuple[float, Solution]:
-    """α for a problem in D dimensions, and its solution."""
-    alpha = share_of_target(problem, dimension, shrinkage)
+    """α for a problem in D dimensions, and its solution; α = 1 is the nearest mean."""
+    if problem.is_empty:
+        alpha = 1.0
+    elif isinstance(shrinkage, str):
+        squares = float((problem.products**2).sum())
+        degrees = max(1, len(problem.diagonal) - problem.n_classes)
+        alpha = closed_form(
+            shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
+        )
+    else:
+        alpha = float(shrinkage)
     if alpha == 1:
         return alpha, problem.solve(None)
     return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
-
-
-def share_of_target(
-    problem: Problem | Primal, dimension: int, shrinkage: float | str
-) -> float:
-    """α for a problem in D dimensions; 1 is the nearest mean."""
-    if problem.is_empty:
-        return 1.0
-    if not isinstance(shrinkage, str):
-        return float(shrinkage)
-    squares = float((problem.products**2).sum())
-    degrees = max(1, len(problem.diagonal) - problem.n_classes)
-    return closed_form(
-        shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
-    )
 
 
 def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:
