@@ -40,8 +40,8 @@ _LOWEST = -1e300  # offset of a class without training frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Likenesses(State):
-    """The weights of the similarities to all training frames, for each class."""
+class Expansion(State):
+    """The kernel expansion of each class: a weight for every training frame."""
 
     kinds = {  # noqa: RUF012
         "frames": "int64 N W",
@@ -77,7 +77,7 @@ class Kernel(Readout):
         penalties: values of λ to choose from, above zero.
     """
 
-    State = Likenesses
+    State = Expansion
     needs = ("frames", "dual", "offsets", "reach")
     adapts_by = ("p",)
 
@@ -93,7 +93,7 @@ class Kernel(Readout):
         _check_positive("scales", self.scales)
         _check_positive("penalties", self.penalties)
 
-    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Likenesses:
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Expansion:
         """See :meth:`hdc.readouts.base.Readout.fit`.
 
         Raises:
@@ -114,7 +114,7 @@ class Kernel(Readout):
         offsets = torch.full((n_classes,), _LOWEST, dtype=torch.float64)
         dual[:, known] = best.solution.dual
         offsets[known] = best.solution.offsets
-        return Likenesses(
+        return Expansion(
             frames=words.packed,
             dual=dual,
             offsets=offsets,
@@ -125,8 +125,8 @@ class Kernel(Readout):
         )
 
     def adapt(
-        self, state: Likenesses, words: Hypervectors, rows: Tensor, share: float
-    ) -> Likenesses:
+        self, state: Expansion, words: Hypervectors, rows: Tensor, share: float
+    ) -> Expansion:
         """Mix the old discriminants and the discriminants of new frames.
 
         Both are normalised in the space of the kernel, whose factors do not change; `share` is the
@@ -161,7 +161,7 @@ class Kernel(Readout):
             held_out=HeldOut(held_out, rows[places]),
         )
 
-    def scores(self, state: Likenesses, words: Hypervectors) -> Tensor:
+    def scores(self, state: Expansion, words: Hypervectors) -> Tensor:
         """The discriminants, float64 [Q, L]."""
         distances = bits.hamming(words.packed, state.frames)
         near = likeness(distances, float(state.reach))
