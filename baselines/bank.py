@@ -20,8 +20,8 @@ from baselines import products
 from baselines.products import Moments
 from baselines.smoothing import smoothed
 from hdc import backends
+from hdc.bits import gram
 from hdc.parameters import check_choice
-from hdc.readouts.arithmetic import gram
 
 KERNELS = ("unit", "unit_centred", "raw", "standard_global", "standardised", "bits")
 """Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""

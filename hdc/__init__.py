@@ -24,7 +24,7 @@ __version__ = "3.0.0"  # pyproject.toml has it from here
 
 
 def __getattr__(name: str) -> Any:
-    """What is imported when asked for: readers and command lines do without torch."""
+    """Import a name when it is asked for: readers and command lines do without torch."""
     if name in _MODULES:
         globals()[name] = found = getattr(importlib.import_module(_MODULES[name]), name)
         return found

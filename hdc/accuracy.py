@@ -1,4 +1,4 @@
-"""Accuracy of predictions, its interval, and what was confused; the harness uses it, too."""
+"""Accuracy, its confidence interval, the confusion matrix, and R²."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 
 
 def accuracy(predicted: np.ndarray, labels: np.ndarray) -> float:
-    """Fraction of right predictions."""
+    """Fraction of predictions that are right."""
     return float((np.asarray(predicted) == labels).mean())
 
 
@@ -18,7 +18,7 @@ def wilson(n_right: float, n: float, level: float = 0.95) -> tuple[float, float]
 
     (p + z²/2n ± z·√(p(1 − p)/n + z²/4n²)) / (1 + z²/n)
 
-    Written out: importing scipy.stats takes as long as a run.
+    Written out here, since importing scipy.stats takes as long as a short run.
     """
     z = NormalDist().inv_cdf((1 + level) / 2)
     p, z2_n = n_right / n, z * z / n
@@ -45,8 +45,9 @@ def confusion(predicted: np.ndarray, labels: np.ndarray, n_classes: int) -> np.n
 def r_squared(truth: np.ndarray, predicted: np.ndarray) -> float:
     """Coefficient of determination R² of numbers [Q]: 1 − Σ(y − ŷ)²/Σ(y − ȳ)².
 
-    It is 1 for equal numbers if all are predicted, else 0. Squares are taken in units of the
-    spread: those of numbers near 1e200 or 1e-200 would overflow or vanish.
+    If all numbers are equal, R² is 1 where each is predicted exactly, else 0. Deviations are scaled
+    by the largest one before they are squared, so that numbers near 1e200 or 1e-200 neither
+    overflow nor vanish.
     """
     deviations = truth - truth.mean()
     errors = truth - predicted

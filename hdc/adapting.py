@@ -1,8 +1,7 @@
-"""A trained classifier that follows a drift of its environment."""
+"""Adaptation of a trained classifier to a drift of its environment."""
 
 from __future__ import annotations
 
-import copy
 import inspect
 import warnings
 from collections.abc import Mapping
@@ -12,6 +11,7 @@ from hdc import inputs
 from hdc.answers import Answering
 from hdc.availability import needs, renamed
 from hdc.estimator import joined
+from hdc.hypervectors import Hypervectors
 
 
 class Adapting(Answering):
@@ -27,30 +27,32 @@ class Adapting(Answering):
         random_state: int = 0,
         method: str | None = None,
     ) -> Self:
-        """Adapt to a changed environment by new frames with labels.
+        """Adapt to a changed environment by new labelled frames.
 
-        Classes without new frames keep their prototypes, and a warning lists them: a drift that all
-        classes share costs them accuracy. :meth:`is_known` compares with the new frames.
-        ``partial_fit`` and ``merge`` refuse a recalibrated model. Ridge regression moves its
-        weights to fit the new frames; neighbours exchange the kept frames for the new ones of their
-        classes. Neither depends on p. The read-outs lda and kernel mix their old discriminants with
-        those of the new frames. :meth:`rezero` needs no labels.
+        Classes without new frames keep their prototypes, and a warning lists them: they lose
+        accuracy if the drift affects all classes. :meth:`is_known` then compares with the new
+        frames. ``partial_fit`` and ``merge`` refuse a recalibrated model.
+
+        Each read-out adapts in its own way. Ridge regression moves its weights to fit the new
+        frames, and neighbours replace the stored frames of each class by its new ones; neither uses
+        p. lda and kernel mix the old discriminants and the new ones. To adapt without labels, see
+        :meth:`rezero`.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
             y: their labels.
-            p: probability that a bit is replaced, or share of the new votes or discriminants.
-            random_state: seed of the choice of bits that are replaced. Each recalibration of a
-                model draws its own; the model and its file count them.
-            method: ``"replace"`` as published, for binary prototypes only, or ``"merge"``, by
-                votes (:func:`hdc.prototypes.merged`), which recovers more. By default the former,
-                or for counts the latter.
+            p: probability that a bit is replaced, or weight of the new votes or discriminants.
+            random_state: seed of the choice of bits to replace. The model counts its
+                recalibrations, also in its file, and each of them draws other bits.
+            method: ``"replace"``, as published, for binary prototypes only; or ``"merge"``, by
+                votes (:func:`hdc.prototypes.merged`), which recovers more. The default is
+                ``"replace"``, and ``"merge"`` for the read-out counts.
 
         Raises:
-            ValueError: if p is outside [0, 1], or 1 with new frames of a single class for lda and
-                kernel; if a label is not among ``classes_``, bits are to be replaced of a class
-                that has no training frames, or the read-out does not use an argument.
-            AttributeError: for a read-out that does not adapt; ``hasattr`` is False.
+            ValueError: if p is outside [0, 1]; if p is 1 and all new frames are of one class, for
+                lda and kernel; if a label is not among ``classes_``; if bits are to be replaced in
+                a class without training frames; or if the read-out does not use an argument.
+            AttributeError: if the read-out cannot adapt; ``hasattr`` is then False.
         """
         self._check_is_trained()
         if y is None:
@@ -68,7 +70,7 @@ class Adapting(Answering):
         return self
 
     def _check_used(self, given: Mapping[str, Any]) -> None:
-        """Raise ValueError for an argument of :meth:`recalibrate` that the read-out ignores."""
+        """Raise ValueError for a given argument that the read-out does not use."""
         defaults = inspect.signature(Adapting.recalibrate).parameters
         for name, value in given.items():
             default = defaults[name].default
@@ -80,36 +82,38 @@ class Adapting(Answering):
 
     @needs("zero")
     def rezero(self, frames: Any) -> Self:
-        """Adapt a model with a reference to a changed environment by new frames without labels.
+        """Replace the reference by the mean of new unlabelled frames, standardised.
 
-        The reference becomes the mean of the new standardised frames. The new frames have to show
-        all classes about as often as the frames of the old reference. Frames of one class can spoil
-        the model; a warning appears if the model puts them into few classes. Frames without a touch
-        do not help: ten of them improved no model in the study of drift.
+        The classes should be about as frequent in the new frames as in the frames of the old
+        reference. Frames of a single class can ruin the model; a warning appears if the model
+        assigns them to few classes. Frames without a touch do not help: ten of them improved no
+        model in our study of drift.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
 
         Raises:
-            ValueError: for no frames, or frames of another shape; the model stays as it was.
-            AttributeError: for an encoder without a reference; ``hasattr`` is False.
+            ValueError: for no frames, or frames of another shape; the model is then unchanged.
+            AttributeError: if the encoder has no reference; ``hasattr`` is then False.
         """
         self._check_is_trained()
-        self._check_columns(inputs.columns_of(frames))
-        frames = inputs.indexable(frames, self.frame_shape_)
-        if len(frames) == 0:
-            raise ValueError("frames: expected at least one frame, found none")
+        if isinstance(frames, Hypervectors):
+            raise TypeError(
+                "rezero: expected frames, found hypervectors, which hold no grey values"
+            )
+        frames, _ = self._given(frames)
         inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
-        moved = copy.copy(self)
-        encoder: Any = copy.copy(self.encoder_)
-        moved.encoder_ = encoder.zero(frames)
-        found = len(set(moved.predict(frames).tolist()))
+        encoder: Any = self.encoder_.unlearned()
+        with self._computing():
+            encoder.zero(frames)
+            words = joined(self._batches(frames, encoder, self.frame_shape_))
+            found = len(self._head.scores(words).argmax(1).unique())
         if 2 * found < len(self.classes_):
             warnings.warn(
                 f"rezero: the {len(frames)} frames are put into {found} of {len(self.classes_)} "
-                "classes; they have to show the classes as the training frames did, or the model "
-                "is spoilt",
+                "classes; they have to show all classes about as often as the training frames did, "
+                "or the model is spoiled",
                 stacklevel=2,
             )
-        self.encoder_ = moved.encoder_
+        self.encoder_ = encoder
         return self

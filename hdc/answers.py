@@ -1,4 +1,4 @@
-"""A trained classifier: what it says of frames, by its encoder and its head."""
+"""Answers of a trained classifier: labels, sets, probabilities, and whether a frame is known."""
 
 from __future__ import annotations
 
@@ -20,38 +20,38 @@ from hdc.saved import Saved
 
 
 class Answering(Saved):
-    """Answers of a classifier; what was learned is a value, `_head`, that nobody changes."""
+    """Methods that ask a trained classifier; its immutable `_head` holds what it has learned."""
 
     _head: Head
 
     @renamed("reject", "is_known(frames, alpha), which says what is to be rejected")
     def predict(self, frames: Any) -> np.ndarray:
         """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W]."""
-        scores = self._each(frames, lambda words: self._head.scores(words).argmax(1))
-        return self.classes_[torch.cat(scores).numpy(force=True)]
+        best = self._scores(frames).argmax(1)
+        return self.classes_[best.numpy(force=True)]
 
     @needs("held_out")
     def predict_set(self, frames: Any, alpha: float = RATE, mask: bool = False) -> Any:
-        """The classes that each of Q frames may be of: Q arrays of labels, or bool [Q, L].
+        """Prediction sets of Q frames: Q arrays of labels, or a mask bool [Q, L].
 
-        The set of a frame that scores like none of the classes is empty; any other contains the
-        label of :meth:`predict`. :meth:`is_known` has a rule of its own. With majority and counts,
-        a set contains the right label with probability 1 − alpha at least (full conformal
-        prediction), if the frame is exchangeable with the training frames of its class. This holds
-        for each class with 1/alpha − 1 training frames or more, and for smaller classes together.
-        Other read-outs compare scores with those of training frames that were left out. That covers
-        about 1 − alpha, without a guarantee (:mod:`hdc.conformal`). A class with fewer frames than
-        1/alpha − 1 and than 4 is in every set. Nothing is promised after drift, in another session
-        for example.
+        The set of a frame whose scores fit no class is empty; every other set contains the label of
+        :meth:`predict`. :meth:`is_known` uses another rule.
+
+        For majority and counts, a set contains the right label with probability at least 1 − alpha
+        (full conformal prediction), if the frame is exchangeable with the training frames of its
+        class. This holds for each class with at least 1/alpha − 1 training frames, and on average
+        over the smaller classes. Other read-outs compare the scores of the frame and of training
+        frames that were left out, which covers about 1 − alpha without a guarantee
+        (:mod:`hdc.conformal`). A class with fewer than 4 frames, and fewer than 1/alpha − 1, is in
+        every set. Nothing is guaranteed after drift, such as in another session.
 
         Args:
             frames: the queries.
             alpha: share of the sets that may lack the right label.
-            mask: True for a bool array [Q, L] in place of labels.
+            mask: True for a bool array [Q, L] instead of labels.
 
         Raises:
-            ValueError: for a share outside (0, 1), or a model that has no frames to compare with;
-                it says so.
+            ValueError: for a share outside (0, 1), or a model that keeps nothing to compare with.
         """
         share = check_share("alpha", alpha, "(0, 1)")
         parts = self._each(frames, lambda words: self._head.possible(words, share))
@@ -62,22 +62,22 @@ class Answering(Saved):
 
     @renamed("reject", "alpha")
     def is_known(self, frames: Any, alpha: float = RATE) -> np.ndarray:
-        """Whether frames are like those of some class: bool [Q].
+        """Whether each frame resembles the training frames of some class: bool [Q].
 
-        A frame is known if its hypervector is near the majority of some class, nearer than all but
-        a share `alpha` of training frames that were left out of it (:mod:`hdc.rejection`). About
-        this share of new frames of known classes is refused: of another group, where :meth:`fit`
-        was given groups; else only of frames that come as the training frames did, and more in
-        another session. :attr:`left_out_` says which. An unknown object is refused only if it looks
-        less like every class than their own frames do; try it.
+        A frame is unknown if its hypervector is farther from the majority of every class than all
+        but a share `alpha` of left-out training frames are (:mod:`hdc.rejection`). About this share
+        of new frames of known classes is refused. If :meth:`fit` was given groups, this holds for
+        frames of another group; otherwise it holds only for frames recorded under the training
+        conditions, and more are refused in another session. :attr:`left_out_` tells which of the
+        two applies. An unknown object is refused only if it resembles every class less than the
+        frames of that class do, so try it.
 
         Args:
             frames: the queries.
             alpha: share of frames of known classes that may be refused.
 
         Raises:
-            ValueError: for a share outside (0, 1), or a model that has no distances to compare
-                with; it says so.
+            ValueError: for a share outside (0, 1), or a model that keeps no distances.
         """
         share = check_share("alpha", alpha, "(0, 1)")
         self._check_is_trained()
@@ -91,15 +91,16 @@ class Answering(Saved):
 
     @needs("held_out")
     def p_values(self, frames: Any, alpha: float = RATE) -> np.ndarray:
-        """How unlike the frames of each class Q frames are: p-values float64 [Q, L].
+        """Conformal p-values of Q frames for each class, float64 [Q, L].
 
-        That of a class is the share of its frames that are as far out (:mod:`hdc.conformal`); a set
-        holds the classes with p above `alpha`. 0 of a class without training frames.
+        The p-value for a class is the share of its training frames that are at least as far out as
+        the frame (:mod:`hdc.conformal`), and 0 for a class without training frames. A set holds the
+        classes with p above `alpha`.
 
         Args:
             frames: the queries.
-            alpha: what they are to be compared with: it decides whether a class has frames enough
-                of its own, or is compared with those of all classes.
+            alpha: the level that the p-values will be compared with. A class with fewer than
+                1/alpha − 1 training frames is pooled with the other classes.
 
         Raises:
             ValueError: as :meth:`predict_set`.
@@ -112,8 +113,8 @@ class Answering(Saved):
         """Fraction of frames whose predicted label is right.
 
         Raises:
-            ValueError: as :meth:`predict`, or for labels of another kind than those of training,
-                such as the text "0" beside the number 0.
+            ValueError: as :meth:`predict`, or for labels of another kind than in training, such as
+                the text "0" instead of the number 0.
         """
         predicted = self.predict(frames).tolist()
         labels = inputs.label_array(y, len(predicted)).tolist()
@@ -122,13 +123,13 @@ class Answering(Saved):
         return float(np.mean(right))
 
     def decision_function(self, frames: Any) -> np.ndarray:
-        """The scores of the read-out, [Q, L], the largest wins.
+        """Scores of the classes [Q, L], of which the largest wins.
 
-        For two classes the difference [Q], positive for the second. Scores in whole numbers are
-        divided by D: majority, trained and a single neighbour have minus the distance as a share of
-        the bits.
+        For two classes it is their difference [Q], positive for the second. Integer scores are
+        divided by D: majority, trained and neighbours with one neighbour give minus the share of
+        bits that differ.
         """
-        found = torch.cat(self._each(frames, self._head_scores)).numpy(force=True)
+        found = self._scores(frames).numpy(force=True)
         if found.dtype.kind == "i":
             found = found / self.dimension_
         if found.shape[1] == 2:
@@ -139,18 +140,18 @@ class Answering(Saved):
     def predict_proba(self, frames: Any) -> np.ndarray:
         """Probabilities of the classes, float64 [Q, L]: the softmax of the scores.
 
-        Its temperature is fitted to training frames scored as if each had not been learnt
-        (:mod:`hdc.probability`). Closed forms give these scores: of up to 19 frames per class for
-        majority, counts and neighbours, of all for ridge, of 400 or all for lda and kernel, with 19
-        of each class that has them. Other read-outs need five folds of the training frames, when
-        first asked or saved. New frames, by :meth:`partial_fit` or :meth:`recalibrate`, have it
-        fitted anew.
+        The temperature is fitted to the scores that training frames get when each is left out
+        (:mod:`hdc.probability`). These scores have a closed form: for up to 19 frames per class
+        with majority, counts and neighbours, for all frames with ridge, and for about 400 frames,
+        at least 19 per class, with lda and kernel. Other read-outs are trained on five folds, when
+        probabilities are first asked for or the model is saved. :meth:`partial_fit` and
+        :meth:`recalibrate` fit the temperature again.
 
         Raises:
-            ValueError: for training with one frame of each class, or a model that must be fitted
-                anew to have probabilities; it says so.
-            AttributeError: for a read-out of one's own that learns batch by batch and has no
-                ``held_out``; ``hasattr`` is False.
+            ValueError: if every class has a single training frame, or the model has to be fitted
+                anew to have probabilities.
+            AttributeError: for a read-out of your own that learns batch by batch and has no
+                ``held_out``; ``hasattr`` is then False.
         """
         parts = self._each(frames, lambda words: self._head.probabilities(words))
         return torch.cat(parts).numpy()
@@ -159,17 +160,19 @@ class Answering(Saved):
     def distances(self, frames: Any) -> np.ndarray:
         """Hamming distances int64 [Q, L] between queries and prototypes (Eq. 2).
 
-        D + 1, farther than anything, from a class without samples. Of read-outs that count.
+        Only the read-outs majority and counts have prototypes. The distance to a class without
+        training frames is D + 1.
         """
         readout: Any = self.readout_
         parts = self._each(frames, lambda words: readout.distances(self.state_, words))
         return torch.cat(parts).numpy(force=True)
 
-    def _head_scores(self, words: Hypervectors) -> Tensor:
-        return self._head.scores(words)
+    def _scores(self, frames: Any) -> Tensor:
+        """Scores [Q, L] of the read-out."""
+        return torch.cat(self._each(frames, lambda words: self._head.scores(words)))
 
     def _each(self, frames: Any, answer: Callable[[Hypervectors], Any]) -> list[Any]:
-        """An answer to each chunk of frames, or to hypervectors."""
+        """The answer to each chunk of frames."""
         self._check_is_trained()
         with self._computing():
             return [answer(words) for words in self._encoded(frames)]

@@ -1,4 +1,4 @@
-"""Methods that a model has where one of its parts has a method, and old names of arguments."""
+"""Methods of a model that depend on its parts, and refusal of arguments by an old name."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ _WITH = {
     "distances": ("readout", "a read-out that counts, such as 'majority'", ""),
     "zero": ("encoder", "an encoder with a reference, such as 'reference'", ""),
 }
-"""Method of a part → the part, what has it in words, and what else to say of one that has not."""
+"""Method of a part → the part, the expected part in words, and advice for the error."""
 
 
 class UnavailableError(AttributeError, ValueError):
-    """A method that an object of these parameters does not have."""
+    """A method that a model with these parameters does not have."""
 
 
 def needs(name: str) -> Callable[[Method], Method]:
-    """A decorator: the method is there only where a part of the model has a method `name`.
+    """Decorate a method that exists only if a part of the model has a method `name`.
 
-    Elsewhere ``hasattr`` is False, as scikit-learn expects of a method that always raises, and
-    asking for the method raises :class:`UnavailableError` with the reason, one line.
+    Otherwise ``hasattr`` is False, as scikit-learn expects of a method that would always raise, and
+    accessing the method raises :class:`UnavailableError` with the reason in one line.
     """
 
     def decorate(method: Method) -> Method:
@@ -40,11 +40,11 @@ def needs(name: str) -> Callable[[Method], Method]:
 
 
 def renamed(old: str, new: str) -> Callable[[Method], Method]:
-    """A decorator: an argument that had another name is refused by its new one.
+    """Decorate a method so that the old name of an argument raises an error with the new one.
 
     Args:
-        old: keyword that is no longer taken.
-        new: what stands for it, in words.
+        old: keyword that is no longer accepted.
+        new: what to write instead, in words.
     """
 
     def decorate(method: Method) -> Method:

@@ -2,7 +2,7 @@
 
 The kernels need numba. They are compiled once per machine and version, in some ten seconds, and
 kept in numba's cache; later processes load them in about a second. A model decides for a backend
-once, when it is fitted or loaded, and never in between. What computes below asks :data:`in_use`.
+once, when it is fitted or loaded, and never in between. Functions that compute read :data:`in_use`.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from hdc.parameters import not_among
 
 BACKENDS = ("numpy", "compiled")
 ENOUGH = 2**28
-"""Pixels of a training for which ``"auto"`` loads the kernels: 1,000 frames of 500 × 500."""
+"""Pixels of a training from which ``"auto"`` loads the kernels: 1,000 frames of 500 × 500."""
 in_use: ContextVar[ModuleType | None] = ContextVar("in_use", default=None)
 """The kernels that compute in this thread; None for numpy's and torch's operations."""
 
 
 def compile_kernels() -> None:
-    """Compile the kernels, or load what was compiled.
+    """Compile the kernels, or load them if they were compiled before.
 
-    Models that are fitted or loaded later by ``backend="auto"`` then have them.
+    Models with ``backend="auto"`` that are fitted or loaded afterwards use them.
 
     Raises:
         ValueError: without numba.
@@ -61,12 +61,13 @@ def kernels(backend: str, device: torch.device | str = "cpu") -> ModuleType | No
 
 
 def choose_backend(backend: str, device: torch.device | str, n_pixels: int = 0) -> str:
-    """The backend to fit so many pixels with, or (0) to load a model.
+    """The backend for a training on this number of pixels, or, with 0, for a loaded model.
 
-    Errors are those of :func:`kernels` and :func:`check_device`.
+    ``"auto"`` is ``"compiled"`` on the CPU if the kernels are already loaded, or if numba is
+    installed and the training has at least :data:`ENOUGH` pixels, so that loading them pays.
 
-    ``"auto"`` is ``"compiled"`` on the CPU where the kernels are loaded, or where numba is there
-    and they pay: for :data:`ENOUGH` pixels.
+    Raises:
+        ValueError: as :func:`kernels` and :func:`check_device`.
     """
     check_device(device)
     if backend != "auto":
@@ -79,7 +80,7 @@ def choose_backend(backend: str, device: torch.device | str, n_pixels: int = 0) 
 
 
 def check_device(device: Any) -> None:
-    """Raise ValueError, one line, for a device that this machine has not, or that holds nothing."""
+    """Raise ValueError for a device that this machine does not have, or that holds no data."""
     try:
         if torch.empty(1, device=torch.device(device)).is_meta:
             raise ValueError("it has no memory")
@@ -111,7 +112,7 @@ def _load() -> ModuleType:
 
 @functools.cache
 def _loads() -> bool:
-    """Whether the kernels can be used, tried once."""
+    """Whether the kernels can be loaded."""
     # A broken numba is no error where nobody asked for it.
     with suppress(Exception):
         _load()

@@ -1,4 +1,4 @@
-"""The frames of one source, read and encoded once: what models of subsets of them share."""
+"""Cache of the hypervectors of one data set, for models that are trained on subsets of it."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _BATCH = 64  # frames that something is made of at a time
 
 
 class Bank:
-    """Frames and their labels, and a cache of their hypervectors, which are taken by rows.
+    """Labelled frames, and a cache of their hypervectors, from which rows are taken.
 
     Args:
         frames: of any real type, [N, H, W] or [N, D].
@@ -50,11 +50,11 @@ class Bank:
     def each(
         self, make: Callable[[Tensor], Tensor], key: Hashable | None = None
     ) -> Tensor:
-        """Results of a function of every frame, [n, H, W] → [n, …], computed once.
+        """Results of a function for all frames, computed once.
 
         Args:
-            make: does not depend on which frames come together.
-            key: equal keys mean equal results; by default the function itself.
+            make: function of frames [n, H, W] → [n, …] that treats each frame by itself.
+            key: key of the cached result; by default the function itself.
         """
         key = make if key is None else key
         if key not in self._made:
@@ -71,19 +71,19 @@ class Bank:
     ) -> Hypervectors:
         """Hypervectors of some frames, or of all.
 
-        An encoder that learns nothing makes those of all frames once. One that learns has its own
-        for each set of training frames, of which the latest is kept.
+        With an encoder that learns nothing, all frames are encoded once. An encoder that learns is
+        fitted to each set of training frames, and the cache holds the latest fit.
 
         Args:
-            rows: indices of frames.
+            rows: indices of the frames; by default all.
             encoder: untrained; by default the published one.
-            train: indices of the frames that an encoder learns of.
+            train: indices of the training frames, for an encoder that learns.
         """
         encoder = Median() if encoder is None else encoder
         shape = tuple(self.frames.shape[1:])
         rows = np.arange(len(self)) if rows is None else rows
         rows = np.ascontiguousarray(rows, np.int64)
-        # Arrays among the parameters are not distinguished by their text.
+        # The text of an array does not identify it.
         key: Hashable = encoder
         if has_plain_parameters(encoder):
             key = (type(encoder), repr(encoder))
@@ -100,7 +100,7 @@ class Bank:
     def _by_learned(
         self, rows: np.ndarray, encoder: Encoder, train: np.ndarray, key: Hashable
     ) -> tuple[Encoder, Tensor]:
-        """The encoder, trained, and its words of some frames."""
+        """The trained encoder, and its words for some frames."""
         of_training = train.tobytes()
         kept = self._learned.get(key)
         if kept is None or kept[0] != of_training:
@@ -113,7 +113,7 @@ class Bank:
         return learned, made[of_rows]
 
     def learned(self, encoder: Encoder, train: np.ndarray) -> Encoder:
-        """An encoder that has learned of some frames."""
+        """The encoder, trained on some frames."""
         return encoder.unlearned().fit(self.frames[torch.from_numpy(train)])
 
     def encoded(self, encoder: Encoder, rows: np.ndarray) -> Tensor:

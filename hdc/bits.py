@@ -2,7 +2,7 @@
 
 A hypervector of D bits is W = ⌈D/64⌉ int64 words; bit j is bit j mod 64 (least significant first)
 of word j // 64, and the bits of the last word above D are zero. On the CPU, where torch has no
-population count, numpy's takes its place, with the same results bit for bit.
+population count, numpy's is used, with the same results bit for bit.
 
 >>> import torch
 >>> from hdc import bits
@@ -19,6 +19,7 @@ population count, numpy's takes its place, with the same results bit for bit.
 from __future__ import annotations
 
 import sys
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import torch
@@ -30,6 +31,8 @@ WORD = planes.WORD
 
 # Eight bools seen as one int64 times this constant carry their bits into the top byte, in order.
 _GATHER_BYTE = 0x0102040810204080
+_GRAM_ROWS = 64  # of a Gram matrix at a time
+_UNPACKED_WORDS = 64  # at a time; their floats stay in the cache
 
 if sys.byteorder != "little":  # the byte views below would put bits elsewhere
     raise ImportError(
@@ -82,7 +85,7 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
 
 
 def _check_words(name: str, *tensors: Tensor) -> None:
-    """Refuse what is no tensor of packed words."""
+    """Raise TypeError for tensors that are not of packed words."""
     for words in tensors:
         if words.dtype != torch.int64:
             found = str(words.dtype).removeprefix("torch.")
@@ -160,6 +163,91 @@ def _hamming_by_numpy(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray
     return distances
 
 
+# Products ----------------------------------------------------------------------------------------
+
+
+def dot(counts: Tensor, n: Tensor, words: Tensor, dimension: int) -> Tensor:
+    """(2v − 1)·(2c − n) of queries v, int64 [Q, L], from bit-sliced c, int64 [L, P, W].
+
+    A query v ∈ {0, 1} has v·c = Σ_p 2^p |v ∧ b_p| of the planes b_p, and 2|v ∧ b| = |v| + |b| −
+    Ham(v, b), so that |b_p| cancels:
+    (2v − 1)·(2c − n) = 2·((2^P − 1 − n)·|v| − Σ_p 2^p Ham(v, b_p)) + n·D.
+    """
+    largest = 2 ** counts.shape[1] - 1
+    n = n.to(words.device)
+    ones = count_ones(words)[:, None]
+    distances = _weighted_hamming(words, counts)
+    return 2 * ((largest - n) * ones - distances) + n * dimension
+
+
+def _weighted_hamming(words: Tensor, counts: Tensor) -> Tensor:
+    """Σ_p 2^p Ham(v, b_p) of queries [Q, W] and planes [L, P, W]: int64 [Q, L]."""
+    n_classes, n_planes, width = counts.shape
+    kernels = backends.in_use.get()
+    if kernels:
+        asked = words.contiguous().numpy()
+        known = counts.contiguous().numpy()
+        return torch.from_numpy(kernels.weighted_hamming(asked, known))
+    distances = hamming(words, counts.reshape(-1, width))
+    weights = 2 ** torch.arange(n_planes, device=words.device)
+    return (distances.view(-1, n_classes, n_planes) * weights).sum(2)
+
+
+def gram(a: Tensor, b: Tensor, dimension: int) -> Tensor:
+    """Products of hypervectors in ±1, [N, W] × [M, W] → float64 [N, M] (CPU)."""
+    if a is not b:
+        distances = hamming(a, b)
+        return (dimension - 2 * distances).double().cpu()
+    products = torch.empty(len(a), len(a), dtype=torch.float64)
+
+    def fill(start: int) -> None:  # one triangle, and its mirror image
+        stop = start + _GRAM_ROWS
+        block = gram(a[start:stop], a[:stop], dimension)
+        products[start:stop, :stop] = block
+        products[:start, start:stop] = block[:, :start].T
+
+    starts = reversed(range(0, len(a), _GRAM_ROWS))  # the longest first
+    if backends.in_use.get() is None and a.device.type == "cpu":
+        # Kernels and a GPU have threads of their own; numpy has none.
+        with ThreadPoolExecutor(torch.get_num_threads()) as pool:
+            list(pool.map(fill, starts))
+    else:
+        for start in starts:
+            fill(start)
+    return products
+
+
+def combinations(coefficients: Tensor, words: Tensor) -> Tensor:
+    """Σ_i a_ik·x_i of hypervectors int64 [N, W] in ±1, a [N, K]: float32 [K, 64·W] (CPU).
+
+    Bits beyond D count as −1. Sums of whole numbers are exact below 2²⁴; others are rounded in an
+    order that differs between backends, processors and numbers of threads.
+    """
+    factors = coefficients.float()
+    here = words.cpu()
+    kernels = backends.in_use.get()
+    if kernels:
+        sums = torch.from_numpy(kernels.combine(here.numpy(), factors.numpy()))
+    else:
+        sums = _sums_of_ones(factors, here)
+    return sums.mul_(2).sub_(factors.sum(0)[:, None])
+
+
+def _sums_of_ones(factors: Tensor, words: Tensor) -> Tensor:
+    """Σ_i a_ik·v_i of hypervectors [N, W] in {0, 1}: float32 [K, 64·W]."""
+    width = words.shape[1]
+    sums = torch.empty(factors.shape[1], width * WORD)
+    for start in range(0, width, _UNPACKED_WORDS):
+        stop = min(start + _UNPACKED_WORDS, width)
+        n_bits = (stop - start) * WORD
+        ones = unpack(words[:, start:stop], n_bits).float()
+        sums[:, start * WORD : stop * WORD] = factors.T @ ones
+    return sums
+
+
+# Bundles -----------------------------------------------------------------------------------------
+
+
 def majority(
     words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None
 ) -> Tensor:
@@ -188,7 +276,7 @@ def random_hypervector(
 ) -> Tensor:
     """D independent bits that are one with probability p: int64 [W].
 
-    Every pair of `seed` (any integer) and `stream` (non-negative ones) is a source of its own.
+    Each pair of a `seed`, any integer, and a `stream`, non-negative integers, gives its own bits.
     """
     source = np.random.PCG64(seed_sequence(seed, stream))
     # A double has 53 random bits, and so has p.
@@ -198,7 +286,7 @@ def random_hypervector(
 
 
 def seed_sequence(seed: int, stream: tuple[int, ...]) -> np.random.SeedSequence:
-    """numpy's source of random numbers for any integer seed, negative ones too, and a stream."""
+    """numpy's seed sequence for a stream and any integer seed, also a negative one."""
     not_negative = 2 * abs(int(seed))
     if seed < 0:
         not_negative -= 1
@@ -206,7 +294,10 @@ def seed_sequence(seed: int, stream: tuple[int, ...]) -> np.random.SeedSequence:
 
 
 def _popcount_by_numpy(words: Tensor) -> np.ndarray:
-    """Ones of each word [...] on the CPU, as uint8; of signed integers numpy counts magnitudes."""
+    """Ones of each word [...] on the CPU, as uint8.
+
+    The words are viewed as unsigned, since of signed ones numpy counts the magnitude.
+    """
     return np.bitwise_count(words.numpy().view(np.uint64))
 
 

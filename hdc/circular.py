@@ -1,4 +1,4 @@
-"""Values that go round, such as an angle: learnt by cosine and sine, measured on the circle."""
+"""Circular values, such as angles, by their cosine and sine."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ def to_plane(values: np.ndarray, period: float) -> np.ndarray:
 
 
 def from_plane(plane: np.ndarray, period: float, is_signed: bool) -> np.ndarray:
-    """Values [N, T] of :func:`to_plane`, of any length.
+    """Values [N, T] from points of the plane, whose distance from the origin is ignored.
 
     Returns:
-        Values from 0 to the period, or from −½ to ½ of it where they are signed.
+        Values from 0 to the period, or, if signed, from −½ to ½ of it.
     """
     cosines, sines = np.split(plane, 2, axis=1)
     values = np.arctan2(sines, cosines) * period / (2 * np.pi)
@@ -23,7 +23,7 @@ def from_plane(plane: np.ndarray, period: float, is_signed: bool) -> np.ndarray:
 
 
 def errors(found: np.ndarray, truth: np.ndarray, period: float | None) -> np.ndarray:
-    """Absolute errors; with a period along the shorter way round."""
+    """Absolute errors; with a period, along the shorter arc."""
     away = np.abs(found - truth)
     if period is None:
         return away

@@ -1,4 +1,4 @@
-"""The hyperdimensional classifier: labels, an encoder, and a head that reads its hypervectors."""
+"""The hyperdimensional classifier: an encoder, and a read-out of its hypervectors."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from hdc.rejection import grouped, of_words
 from hdc.sample import Reservoir, Sample
 
 KNOWN = "known"
-"""The class of frames of one kind that come without labels."""
+"""The class of training frames without labels."""
 _UNEQUAL = 0.2  # share of more frames of a class that is warned of
 
 
@@ -35,11 +35,12 @@ class HDCClassifier(Adapting):
     its hypervectors (Eq. 1). A query belongs to the class whose prototype is nearest in Hamming
     distance (Eqs. 2, 3), the first of equally near ones.
 
-    Frames are [N, H, W] or [N, D]. A model of images also takes flattened ones and a single one,
-    [H, W]. The columns of a data frame are those of training, in their order. Several threads may
-    predict at once; while one trains the model, no other may use it. Start processes by ``spawn``:
-    torch may hang in a forked one. With a read-out that counts, :meth:`fit` holds counters and up
-    to 19 hypervectors per class, however many frames are given; others hold all hypervectors.
+    Frames are [N, H, W] or [N, D]. A model of images also takes flattened images, and a single
+    image [H, W]. A data frame needs the columns of training in their order. Several threads may
+    predict at once, but while one thread trains the model, no other may use it. Start processes by
+    ``spawn``, since torch may hang in a forked one. With a read-out that counts, :meth:`fit` holds
+    counters and up to 19 hypervectors per class, however many frames there are; other read-outs
+    hold all hypervectors.
 
     Args:
         encoder: ``"median"`` as published, ``"quantile"``, ``"levels"``, ``"reference"``,
@@ -47,14 +48,14 @@ class HDCClassifier(Adapting):
             :class:`hdc.encoders.Encoder`; or the dotted name of such a class.
         readout: ``"majority"`` as published, ``"counts"``, ``"ridge"``, ``"neighbours"``,
             ``"lda"``, ``"trained"`` or ``"kernel"``; an object of
-            :class:`hdc.readouts.Readout`; or the dotted name of such a class. By ``"majority"`` and
-            ``"counts"`` a class with more frames takes frames of the others, as published; to count
-            classes alike: ``readout=Majority(class_weight="balanced")``.
-        device: where frames are encoded and prototypes live.
-        backend: ``"numpy"``, ``"compiled"`` (the same hypervectors and counts in less time, needs
-            numba; ``"lda"`` may differ in last digits, :mod:`hdc.readouts.lda`), or
-            ``"auto"``, which is decided once, at fit or load, by
-            :func:`hdc.backends.choose_backend`. Not saved with the model.
+            :class:`hdc.readouts.Readout`; or the dotted name of such a class. ``"majority"`` and
+            ``"counts"``, as published, favour classes with more training frames;
+            ``readout=Majority(class_weight="balanced")`` does not.
+        device: the device that computes and holds the model.
+        backend: ``"numpy"``; ``"compiled"``, which needs numba and gives the same hypervectors and
+            counts in less time, though ``"lda"`` may differ in its last digits
+            (:mod:`hdc.readouts.lda`); or ``"auto"``, which chooses once, at fit or load
+            (:func:`hdc.backends.choose_backend`). It is not saved with the model.
 
     Parameters of the parts are ``encoder__ties``, ``readout__ties`` and so on.
 
@@ -62,16 +63,17 @@ class HDCClassifier(Adapting):
         encoder_: the encoder, trained.
         readout_, state_: the read-out, and what it has learned.
         classes_: array [L] of the labels, sorted: str, int, float or bool.
-        counts_: int64 array [L], training samples per class; votes after a recalibration by votes.
+        counts_: int64 array [L], training frames per class, or votes after a recalibration by
+            votes.
         prototypes_: int64 tensor [L, W], the packed prototypes of the read-outs majority, counts
-            and trained; zeros for a class without samples.
-        prediction_bytes_: bytes of what a prediction needs.
+            and trained; zeros for a class without training frames.
+        prediction_bytes_: bytes of memory that a prediction needs.
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
-        left_out_: ``"group"`` where :meth:`is_known` is calibrated for frames of another group,
-            else ``"frame"``.
-        metadata_: values that :meth:`save` was given to keep with the model.
+        left_out_: ``"group"`` if :meth:`is_known` is calibrated for frames of another group, else
+            ``"frame"``.
+        metadata_: the metadata that were saved with the model.
 
     Example:
         >>> frames = np.array([[9, 8, 1, 0], [8, 9, 0, 2], [0, 1, 9, 7], [1, 0, 8, 9]], np.uint8)
@@ -101,19 +103,19 @@ class HDCClassifier(Adapting):
     def fit(self, frames: Any, y: Any = None, groups: Any = None) -> Self:
         """Learn from frames [N, H, W] or [N, D] and N labels y.
 
-        `groups` says which frames were recorded together, such as the session or the object of each
-        of N frames. :meth:`is_known` then refuses about as many known frames as asked of another
-        group, too; nothing else depends on it. It takes counters of each class in each group, and
-        up to 100 hypervectors per class.
+        `groups` are N labels of what was recorded together, such as the session or the object of
+        each frame. :meth:`is_known` is then calibrated for frames of another group; nothing else
+        depends on groups. This takes the memory of counters for each class in each group, and of up
+        to 100 hypervectors per class.
 
-        Frames of one class alone make a model for :meth:`is_known`, of the read-outs majority,
-        counts and neighbours; they need no labels, and their class is ``"known"``. A call that
-        raises leaves the model as it was.
+        With the read-outs majority, counts and neighbours, frames of a single class make a model
+        for :meth:`is_known`. They need no labels; their class is then ``"known"``. A call that
+        raises leaves the model unchanged.
 
         Raises:
-            ValueError: for no frames, one class only where the read-out has to tell two apart,
-                lengths that differ, pixels that are not finite, labels other than str, int, float
-                or bool, or an unknown parameter value.
+            ValueError: for no frames; a single class, if the read-out needs two; different lengths;
+                pixels that are not finite; labels other than str, int, float or bool; or an unknown
+                parameter value.
         """
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
         frames, columns = inputs.source(frames)
@@ -134,14 +136,13 @@ class HDCClassifier(Adapting):
             head = _learned(
                 readout, words, labels, classes, dimension, self.device, together
             )
-        self._begin(encoder, shape, backend)
-        self._columns = columns
+        self._begin(encoder, shape, backend, columns)
         self._head = head
         self._warn_of_unequal(head.sample.seen.values())
         return self
 
     def _warn_of_unequal(self, seen: Collection[int]) -> None:
-        """Warn of larger classes, which a read-out that was given by name may favour."""
+        """Warn of larger classes, which a read-out with default parameters may favour."""
         more = max(seen) / min(seen) - 1
         if isinstance(self.readout, str) and more > _UNEQUAL:
             warnings.warn(
@@ -153,20 +154,20 @@ class HDCClassifier(Adapting):
 
     @needs("add")
     def partial_fit(self, frames: Any, y: Any, classes: Any = None) -> Self:
-        """Learn a further batch of frames; a label not met before becomes a new class.
+        """Learn a further batch of frames; a new label becomes a new class.
 
-        An encoder that learns, such as a reference, has learned of the first batch alone. A call
-        that raises leaves the model as it was.
+        An encoder that learns, such as a reference, learns only from the first batch. A call that
+        raises leaves the model unchanged.
 
         Args:
             frames: the batch.
             y: its labels.
-            classes: all labels that may come; those without samples are never predicted.
+            classes: all labels that may occur; a class without frames is never predicted.
 
         Raises:
-            ValueError: as :meth:`fit`, for a label not among `classes`, or after
-                :meth:`recalibrate`, whose prototypes are not those of counted frames.
-            AttributeError: for a read-out that needs all frames at once; ``hasattr`` is False.
+            ValueError: as :meth:`fit`; for a label not among `classes`; or after
+                :meth:`recalibrate`, since the prototypes no longer follow from the counters.
+            AttributeError: if the read-out needs all frames at once; ``hasattr`` is then False.
         """
         encoder = self.fresh("encoder")
         head = self._checked_head("partial_fit")
@@ -174,7 +175,7 @@ class HDCClassifier(Adapting):
         labels = inputs.label_array(y, len(frames)).tolist()
         allowed = labels
         if classes is not None:
-            allowed = list(classes)  # in any order, such as that of a set
+            allowed = list(classes)  # a set, for example
             allowed = inputs.label_array(allowed, len(allowed)).tolist()
             inputs.check_among(labels, allowed)
         is_first = head is None
@@ -188,21 +189,21 @@ class HDCClassifier(Adapting):
                 words = joined(self._encoded(frames))
             head = head.with_classes(allowed).extended(words, labels)
         if is_first:
-            self._begin(encoder, shape, backend)
-            self._columns = columns
+            self._begin(encoder, shape, backend, columns)
         self._head = head
         return self
 
     @needs("add")
     def merge(self, other: HDCClassifier) -> Self:
-        """Learn what another model was trained on: bit for bit the model of all frames.
+        """Add the training of another model: bit for bit the model trained on all frames.
 
-        Classes are united; parameters stay those of this model. A call that raises leaves the model
-        as it was. Which frames :meth:`is_known` compares with is drawn anew.
+        The model then has the classes of both, and keeps its parameters. The frames that
+        :meth:`is_known` compares with are drawn again. A call that raises leaves the model
+        unchanged.
 
         Raises:
-            ValueError: for a model of another kind, frame shape or encoder, not trained, or
-                recalibrated.
+            ValueError: for a model of another class, read-out, encoder or frame shape, or one that
+                is not trained or was recalibrated.
             AttributeError: as :meth:`partial_fit`.
         """
         head = self._checked_head("merge")
@@ -219,8 +220,8 @@ class HDCClassifier(Adapting):
             self._check_columns(other._columns)
             check_alike(self.encoder_, other.encoder_, "merge")
         merged = head.merged(theirs)
-        self._begin(start.encoder_, start.frame_shape_, start.backend_)
-        self._columns = self._columns or other._columns
+        columns = self._columns or other._columns
+        self._begin(start.encoder_, start.frame_shape_, start.backend_, columns)
         self._head = merged
         return self
 
@@ -236,7 +237,7 @@ class HDCClassifier(Adapting):
         check_alike(mine, theirs, "merge", learned=False)
 
     def _checked_head(self, action: str) -> Head | None:
-        """What was learned, or None; ValueError where prototypes are not those of its frames."""
+        """The head, or None if untrained; ValueError for a recalibrated model."""
         if not hasattr(self, "_head"):
             return None
         self._check_is_trained()
@@ -247,7 +248,7 @@ class HDCClassifier(Adapting):
         return self._head
 
     def _empty(self, classes: np.ndarray, dimension: int) -> Head:
-        """A head of these classes that has learned nothing."""
+        """An untrained head with these classes."""
         readout = self.fresh("readout")
         state = readout.empty(len(classes), dimension, self.device)
         return Head(readout, state, Sample(), classes, dimension)
@@ -267,7 +268,7 @@ class HDCClassifier(Adapting):
 
 
 def _check_several(readout: Readout, classes: Sequence[inputs.Label]) -> None:
-    """Raise ValueError for one class, of a read-out that has to tell two apart."""
+    """Raise ValueError for a single class, if the read-out needs two."""
     if len(classes) == 1 and not isinstance(readout, Updatable):
         raise ValueError(
             f"labels: expected at least two classes for {readout!r}, found one class, "
@@ -284,7 +285,7 @@ def _learned(
     device: str,
     together: Sequence[inputs.Label] | None,
 ) -> Head:
-    """A head of hypervectors of D bits that come in batches, with N labels of these classes."""
+    """The head of a read-out that is trained on batches of hypervectors with N labels."""
     index = {label: row for row, label in enumerate(classes.tolist())}
     rows = torch.tensor([index[label] for label in labels])
     n_classes = len(classes)

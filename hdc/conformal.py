@@ -1,4 +1,4 @@
-"""Which classes a frame may be of: conformal prediction by the scores of a read-out.
+"""Conformal prediction: p-values and prediction sets from the scores of a read-out.
 
 **Read-outs that count.** A model keeps up to 19 training frames of each class, chosen at random
 (:class:`hdc.sample.Sample`). To ask whether a frame x is of class c, with n training frames and
@@ -24,11 +24,12 @@ guarantee. The 1 − 2α of the jackknife+ and of CV+ (Barber et al., Ann. Stati
 would need, for each query, a model without each training frame; a file would hold five models, or
 all training frames. Scores from four fifths of the frames are lower, and their sets cover more.
 
-A p-value is at least 1/(m + 1). If that is above α, a class of at least 4 frames is compared with
-those of all such classes: their leave-one-out distances minus the mean of their class, and those of
-class c minus the mean of all m + 1. Coverage is then that of all classes together, and holds if
-their distances spread alike. Distances of fewer frames minus their mean are too near to zero (those
-of two frames are zero), so such a class is in every set, and nothing is refused.
+**Few frames.** A p-value is at least 1/(m + 1). If that is above α, a class of at least 4 frames is
+pooled with all other such classes: their leave-one-out distances, each minus the mean of its class,
+join the distances of class c minus the mean of all m + 1. Coverage then holds on average over the
+classes, if their distances have the same spread. A class of fewer frames is in every set, so that
+no frame is refused: with so few, distances minus their mean are too near zero (for two frames they
+are zero).
 """
 
 from __future__ import annotations
@@ -51,20 +52,20 @@ from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
 from hdc.sample import Sample
 
 RATE = 0.05
-"""Share of known frames that are refused unless another is given."""
-_ROUNDING = 1e-300  # beyond zero, where distances are
+"""Default α, the share of known frames that are refused."""
+_ROUNDING = 1e-300  # keeps a limit of zero above distances of zero
 FEWEST = 4
-"""Frames of a class from which its distances are compared with those of other classes."""
+"""Training frames of a class from which on it is pooled with other classes."""
 
 
 @dataclass(frozen=True)
 class Peers:
-    """Training frames of one class, and how far out they are if a new frame is one of them, too."""
+    """Training frames of one class, and their distances if a new frame joins the class."""
 
     held_out: np.ndarray
     """[m], leave-one-out distances."""
     most: np.ndarray
-    """[m], the largest d_i that any frame x makes."""
+    """[m], the largest d_i for any frame x."""
     masks: Tensor | None = None
     """int64 [1 + m, W] where d_i depends on x: the bits of the prototype that become one if x has a
     one where x_i has none; and of each x_i those that are not lost, or not gained, where x has a
@@ -74,7 +75,7 @@ class Peers:
 
     @classmethod
     def of(cls, words: Tensor, prototypes: Tensor) -> Self:
-        """Peers of kept hypervectors [m, W] and prototypes [5, W] of the read-out's EXTRAS."""
+        """Peers from stored hypervectors [m, W] and the five prototypes [5, W] of EXTRAS."""
         if_gained, if_zero, prototype, if_one, if_lost = prototypes
         lost = prototype & ~if_lost
         gained = if_gained & ~prototype
@@ -96,9 +97,9 @@ class Peers:
         return len(self.most)
 
     def compared(self, words: Tensor) -> np.ndarray:
-        """Distances d_i [Q, m] with each of the hypervectors [Q, W] as if of this class.
+        """Distances d_i [Q, m] if each of the hypervectors [Q, W] joins this class.
 
-        [1, m] where they do not depend on it.
+        The shape is [1, m] if they do not depend on the hypervector.
         """
         if self.masks is None:
             return self.most[None]
@@ -108,7 +109,7 @@ class Peers:
 
     @property
     def deviations(self) -> np.ndarray:
-        """Leave-one-out distances minus their mean; none of too few frames."""
+        """Leave-one-out distances minus their mean; empty for too few frames."""
         if len(self) < FEWEST:
             return np.empty(0)
         return self.held_out - self.held_out.mean()
@@ -116,32 +117,32 @@ class Peers:
 
 @dataclass(frozen=True)
 class Rule:
-    """How p-values are counted for one α, class by class."""
+    """The data that p-values for one α are computed from, class by class."""
 
     pools: Sequence[np.ndarray | None]
-    """Sorted deviations of the other classes, for a class that is compared with them, too."""
+    """Sorted deviations of the other classes, for a class that is pooled with them."""
     least: np.ndarray
     """[L], the p-value of a frame that is farther out than all."""
     far: np.ndarray
-    """[L], a distance d beyond which a frame is, whatever it is."""
+    """[L], a distance d from which on a frame is farther out than all others."""
     warning: str
-    """Where some class is in every set, so that no frame is refused."""
+    """Not empty if some class is in every set, so that no frame is refused."""
 
 
 @dataclass(frozen=True)
 class Conformal:
-    """Samples to compare with, class by class; None of a class without training frames."""
+    """Training frames to compare with, by class; None for a class without any."""
 
     peers: Sequence[Peers | None]
     prototypes: Tensor | None = None
-    """int64 [L, W] that distances are of, where they are not minus the scores."""
+    """int64 [L, W], for distances to these prototypes instead of minus the scores."""
     _rules: dict[float, Rule] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of_counting(
         cls, readout: Counting, state: Counted, sample: Sample, labels: Sequence[Label]
     ) -> Self:
-        """P-values from exchanging a kept frame and the new one in the counters of a read-out."""
+        """P-values by exchanging a stored frame for the new one in the counters of a read-out."""
         deciding = readout.deciding(state)
         peers: list[Peers | None] = []
         for row, label in enumerate(labels):
@@ -150,17 +151,17 @@ class Conformal:
                 own = Peers.of(sample.kept[label], deciding[row])
             peers.append(own)
         whole = deciding[:, EXTRAS.index(0)]
-        # Those of classes of unequal size are thinned for the scores.
+        # For classes of unequal size, the prototypes of the scores may be thinned.
         same = isinstance(readout, Majority) and torch.equal(whole, state.prototypes)
         return cls(peers, None if same else whole.contiguous())
 
     @classmethod
     def of_scores(cls, held_out: HeldOut, counts: Tensor) -> Self:
-        """P-values from scores of training frames as if each had not been learnt.
+        """P-values by the scores of left-out training frames.
 
         Args:
-            held_out: the scores; those of the only frame of a class say nothing, and are left out.
-            counts: training frames int64 [L] of each class.
+            held_out: the scores; the only frame of a class says nothing, and is not used.
+            counts: training frames of each class, int64 [L].
         """
         peers: list[Peers | None] = []
         for c, n in enumerate(counts.tolist()):
@@ -170,13 +171,13 @@ class Conformal:
         return cls(peers)
 
     def p_values(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
-        """p_c(x) of Q frames and L classes, [Q, L], to be compared with α.
+        """p-values p_c(x) [Q, L] of Q frames for L classes, to be compared with α.
 
         A class without training frames has p = 0.
 
         Args:
             words: hypervectors int64 [Q, W].
-            scores: of the read-out [Q, L].
+            scores: scores of the read-out [Q, L].
             alpha: α.
         """
         rule = self._rule(alpha)
@@ -203,9 +204,9 @@ class Conformal:
         return found
 
     def possible(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
-        """Which classes Q frames may be of, bool [Q, L]; arguments as of :meth:`p_values`.
+        """Prediction sets of Q frames, bool [Q, L]; arguments as in :meth:`p_values`.
 
-        A set that is not empty has the class of the largest score.
+        A set that is not empty contains the class of the largest score.
         """
         found = self.p_values(words, scores, alpha) > alpha
         known = found.any(1)
@@ -214,12 +215,9 @@ class Conformal:
         return found
 
     def _rule(self, alpha: float) -> Rule:
-        """The rule for one α, made once."""
-        if alpha not in self._rules:
-            self._rules[alpha] = self._made(alpha)
-        return self._rules[alpha]
-
-    def _made(self, alpha: float) -> Rule:
+        """The cached rule for one α."""
+        if alpha in self._rules:
+            return self._rules[alpha]
         n_classes = len(self.peers)
         pools: list[np.ndarray | None] = []
         least = np.zeros(n_classes)
@@ -233,11 +231,12 @@ class Conformal:
                 least[c] = 1 / (m + 1 + (0 if pool is None else len(pool)))
                 far[c] = _farthest(own, pool)
             pools.append(pool)
-        return Rule(pools, least, far, _of_few(self.peers, alpha))
+        self._rules[alpha] = Rule(pools, least, far, _of_few(self.peers, alpha))
+        return self._rules[alpha]
 
 
 def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:
-    """p of Q frames at distances d [Q], with d_i [Q or 1, m] and deviations of other classes."""
+    """p-values [Q] of distances d [Q], for d_i [Q or 1, m] and deviations of other classes."""
     m = d_i.shape[1]
     as_far = (d_i >= d[:, None]).sum(1)
     if pool is None:
@@ -249,9 +248,9 @@ def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.nda
 
 
 def _farthest(own: Peers, pool: np.ndarray | None) -> float:
-    """A distance d at which, and beyond, a frame is farther out than all that it is compared with.
+    """A distance d from which on a frame is farther out than all that it is compared with.
 
-    With the others of `pool`, it is d − (Σ d_i + d)/(m + 1) that has to exceed them.
+    With a `pool`, d − (Σ d_i + d)/(m + 1) has to exceed its members.
     """
     m = len(own)
     if m == 0:
@@ -264,7 +263,7 @@ def _farthest(own: Peers, pool: np.ndarray | None) -> float:
 
 
 def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
-    """A warning where some class is in every set, so that no frame is refused."""
+    """A warning if some class is in every set, so that no frame is refused; else empty."""
     kept = [len(peer) for peer in peers if peer is not None]
     n, least = sum(kept), min(kept, default=0)
     if (n + 1) * alpha < 1:
@@ -279,8 +278,10 @@ def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
 
 
 def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
-    """Leave-one-out distances, each minus the mean of its class, of all classes but c, sorted;
-    without those of fewer frames than :data:`FEWEST`."""
+    """Sorted leave-one-out distances of all classes but c, each minus the mean of its class.
+
+    Classes with fewer frames than :data:`FEWEST` are left out.
+    """
     others = [own for b, own in enumerate(peers) if own is not None and b != c]
     found = [own.deviations for own in others]
     return np.sort(np.concatenate([np.empty(0), *found]))

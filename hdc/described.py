@@ -1,4 +1,4 @@
-"""Parts of a model as JSON: their classes and parameters, for files and to tell them apart."""
+"""Class and parameters of an encoder or a read-out as JSON, to save and to compare them."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from hdc.parameters import Named, Parametrised, find_class, shown
 
 
 def describe(part: Parametrised, known: Named) -> dict[str, Any]:
-    """Class and parameters of a part, and of its own parts, as JSON.
+    """Class and parameters of a part, including its own parts, as JSON.
 
-    A parameter that is no JSON is the value in the part's `stand_ins`.
+    A parameter that JSON cannot hold, such as an array, is replaced by the value in `stand_ins`.
 
     Raises:
-        ValueError: for one that has none there.
+        ValueError: for such a parameter without a value in `stand_ins`.
     """
     parameters = part.get_params(deep=False)
     for name, value in parameters.items():
@@ -35,7 +35,7 @@ def describe(part: Parametrised, known: Named) -> dict[str, Any]:
 
 
 def has_plain_parameters(part: Parametrised) -> bool:
-    """Whether numbers and text, those of its own parts too, say all that a part is."""
+    """Whether all parameters of a part, including its own parts, are numbers and text."""
     for value in part.get_params().values():
         plain = value is None or _as_json(value) is not None
         if not plain and not isinstance(value, Parametrised):
@@ -44,7 +44,7 @@ def has_plain_parameters(part: Parametrised) -> bool:
 
 
 def _as_json(value: Any) -> Any:
-    """A value as JSON has it: numpy's numbers as Python's, fractions as text, others as None."""
+    """A value for JSON: numbers of numpy become Python's, fractions text, other objects None."""
     if isinstance(value, str | int | float | bool | None):
         return value
     if isinstance(value, list | tuple):
@@ -61,14 +61,17 @@ def rebuild(
     known: Mapping[str, type],
     trusted: Collection[str] | None = None,
 ) -> Any:
-    """The part that :func:`describe` described; errors as of :func:`make_part`.
+    """The part of a description by :func:`describe`.
 
     Args:
-        description: of a file, which may be anything.
+        description: from a file, so that it may be anything.
         what: the parameter, for errors.
         known: our own classes by name.
-        trusted: dotted names of the other classes whose modules may be imported; None: any that
-            another process can import, too.
+        trusted: dotted names of other classes whose modules may be imported; None allows any that
+            another process could import.
+
+    Raises:
+        ValueError, TypeError: as :func:`hdc.parameters.make_part`.
     """
     name = description["class"]
     if trusted is None and name.startswith("__main__."):

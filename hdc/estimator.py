@@ -1,6 +1,6 @@
-"""Shared by both estimators: how frames become hypervectors, and scikit-learn's conventions.
+"""Base class of both estimators: encoding of frames, and the conventions of scikit-learn.
 
-scikit-learn is not imported: it takes as long as torch, and 100 MB.
+scikit-learn itself is not imported: that takes as long as importing torch, and 100 MB.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
 
 class Estimator(Parametrised):
-    """Parameters by name, tags, chunks of frames, and how an untrained model is refused."""
+    """An estimator with an encoder and a read-out, which encodes frames in chunks."""
 
     _estimator_type: str
     _known: ClassVar[Mapping[str, Named]]
@@ -37,25 +37,25 @@ class Estimator(Parametrised):
     backend: str
     encoder_: Encoder
     backend_: str
-    """``"numpy"`` or ``"compiled"``, as was decided at fit or load."""
+    """``"numpy"`` or ``"compiled"``, as chosen at fit or load."""
     frame_shape_: tuple[int, ...]
     n_features_in_: int
     dimension_: int
     _columns: list[str | int] | None = None
-    """Columns of the data frame that the model learned from."""
+    """Columns of the data frame of training, if it was one."""
     _used: dict[str, Any]
-    """The parameters of the training."""
+    """The parameters at the time of training."""
 
     # Encoding ------------------------------------------------------------------------------------
 
     def encode(self, frames: Any) -> Hypervectors:
-        """Hypervectors of frames, which every method takes in place of them.
+        """Hypervectors of frames, which every method but ``rezero`` accepts instead.
 
-        A frame that is asked for its label, its set and its probabilities is then encoded once.
+        To get labels, sets and probabilities of the same frames, encode them once.
 
         Raises:
-            ValueError: for a model that is not trained, frames of another shape, pixels that are
-                not finite, or hypervectors of another encoder.
+            ValueError: for an untrained model, frames of another shape, pixels that are not finite,
+                or hypervectors of another encoder.
         """
         self._check_is_trained()
         with self._computing():
@@ -73,7 +73,7 @@ class Estimator(Parametrised):
     def _batches(
         self, frames: Any, encoder: Encoder, shape: tuple[int, ...]
     ) -> Iterator[Hypervectors]:
-        """Hypervectors of frames with a shape, a chunk at a time; hypervectors as they are."""
+        """Hypervectors of frames, a chunk at a time; hypervectors are passed on unchanged."""
         if isinstance(frames, Hypervectors):
             yield frames
             return
@@ -86,7 +86,7 @@ class Estimator(Parametrised):
             yield Hypervectors(encoder.encode(*given), dimension, encoder, shape)
 
     def _check_words(self, words: Hypervectors) -> None:
-        """Raise ValueError for hypervectors that the encoder of this model does not make."""
+        """Raise ValueError for hypervectors of another encoder."""
         bits.check_width(words.packed, words.dimension)
         if words.dimension != self.dimension_:
             raise ValueError(
@@ -98,7 +98,7 @@ class Estimator(Parametrised):
     def _learned_encoder(
         self, encoder: Encoder, frames: Any
     ) -> tuple[Encoder, tuple[int, ...]]:
-        """An untrained encoder, or that of hypervectors, which has learned; shape of a frame."""
+        """The trained encoder, or that of the given hypervectors; and the shape of a frame."""
         if not isinstance(frames, Hypervectors):
             if encoder.learns:
                 encoder.fit(frames)
@@ -106,34 +106,42 @@ class Estimator(Parametrised):
         bits.check_width(frames.packed, frames.dimension)
         given = frames.encoder
         if given is None:
-            raise ValueError("hypervectors: expected those of encode, found bits alone")
+            raise ValueError(
+                "hypervectors: expected the result of encode, found bits alone"
+            )
         if describe(encoder, self._known["encoder"]) != _described(given):
             raise ValueError(
-                f"hypervectors: expected those of {encoder!r}, found those of {given!r}"
+                f"hypervectors: expected encoder {encoder!r}, found {given!r}"
             )
         return given, frames.frame_shape
 
     def _computing(self) -> AbstractContextManager[None]:
-        """By the backend that was decided for."""
+        """Context in which this thread computes by the chosen backend."""
         return backends.computing(self.backend_)
 
     # Training ------------------------------------------------------------------------------------
 
     def _given(self, frames: Any) -> tuple[Any, list[str | int] | None]:
-        """:func:`hdc.inputs.source`, of frames like those of training where there was one."""
+        """:func:`hdc.inputs.source`, checked against the training if there was one."""
         found = inputs.source(frames, getattr(self, "frame_shape_", None))
         self._check_columns(found[1])
         return found
 
     def _decided(self, frames: Any) -> str:
-        """The backend to fit frames with."""
+        """The backend to fit these frames with."""
         n_pixels = 0 if isinstance(frames, Hypervectors) else prod(frames.shape)
         return backends.choose_backend(self.backend, self.device, n_pixels)
 
-    def _begin(self, encoder: Encoder, shape: Sequence[int], backend: str) -> None:
-        """Encode so from now on; the parameters of now are those of training."""
-        for name in [name for name in vars(self) if name.endswith("_")]:
-            delattr(self, name)
+    def _begin(
+        self,
+        encoder: Encoder,
+        shape: Sequence[int],
+        backend: str,
+        columns: list[str | int] | None,
+    ) -> None:
+        """Set the attributes of a new training."""
+        vars(self).pop("metadata_", None)
+        self._columns = columns
         self.encoder_ = encoder
         self.backend_ = backend
         self.frame_shape_ = tuple(shape)
@@ -147,12 +155,12 @@ class Estimator(Parametrised):
         backends.check_device(self.device)
 
     def _part(self, name: str) -> Any:
-        """The part that a parameter gives by its name, or as an object."""
+        """The part, such as the encoder, that a parameter gives as a name or an object."""
         given = getattr(self, name)
         return self.parts[name](given)
 
     def _check_is_trained(self) -> None:
-        """Raise for a model that has learned nothing, or whose parameters were set since."""
+        """Raise for an untrained model, or one whose parameters were changed after training."""
         if not hasattr(self, "dimension_"):
             # scikit-learn's kind of error where it is loaded
             module = sys.modules.get("sklearn.exceptions")
@@ -173,7 +181,7 @@ class Estimator(Parametrised):
 
     @property
     def feature_names_in_(self) -> np.ndarray:
-        """Names of the columns of training, object [D], where all are text."""
+        """Column names of the training frames, object [D], if all are text."""
         names = self._columns or [0]
         if not all(isinstance(name, str) for name in names):
             raise AttributeError(
@@ -182,7 +190,7 @@ class Estimator(Parametrised):
         return np.array(names, dtype=object)
 
     def _check_columns(self, columns: list[str | int] | None) -> None:
-        """Raise ValueError for other columns than those of training, in their order."""
+        """Raise ValueError for other columns than in training, or in another order."""
         if None not in (columns, self._columns) and columns != self._columns:
             raise ValueError(
                 "frames: expected the columns of training in its order, found others"
@@ -191,10 +199,10 @@ class Estimator(Parametrised):
     # Devices and pickles -------------------------------------------------------------------------
 
     def to(self, device: str) -> Self:
-        """Move what was learned to the memory of a device, and encode there from now on.
+        """Move the trained model to a device, where it computes from now on.
 
         Raises:
-            ValueError: for a device that this machine has not.
+            ValueError: for a device that this machine does not have.
         """
         self._check_is_trained()
         backend = backends.choose_backend(self.backend, device)
@@ -207,14 +215,14 @@ class Estimator(Parametrised):
         return self
 
     def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """From a pickle, as from a file: the backend is decided for on the machine that reads."""
+        """Restore a pickled model; the backend is chosen on the machine that loads it."""
         vars(self).update(state)
         if hasattr(self, "backend_"):
             self.backend_ = backends.choose_backend(self.backend, self.device)
 
     @abstractmethod
     def _move(self, device: str) -> None:
-        """Move what the read-out has learned to the memory of a device."""
+        """Move the state of the read-out to a device."""
 
     def __sklearn_tags__(self) -> Any:
         from sklearn.utils import (
@@ -237,7 +245,7 @@ class Estimator(Parametrised):
 
 
 def joined(parts: Iterable[Hypervectors]) -> Hypervectors:
-    """Hypervectors of one encoder, one after another; at least one part."""
+    """One batch of several, at least one, by the same encoder."""
     first, *others = parts
     if not others:
         return first
@@ -248,7 +256,7 @@ def joined(parts: Iterable[Hypervectors]) -> Hypervectors:
 def check_alike(
     mine: Encoder, theirs: Encoder, what: str, learned: bool = True
 ) -> None:
-    """Raise ValueError for encoders of other parameters, or that have learned other things."""
+    """Raise ValueError for encoders with different parameters or different learned tensors."""
     if _described(mine) != _described(theirs):
         raise ValueError(f"{what}: expected the encoder {mine!r}, found {theirs!r}")
     if not learned:

@@ -1,4 +1,4 @@
-"""What a classifier has learned of labelled hypervectors: a value, of which others are made."""
+"""The trained state of a classifier: an immutable value, from which new ones are made."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from hdc.conformal import Conformal
 from hdc.hypervectors import Hypervectors
 from hdc.inputs import Label
 from hdc.parameters import is_number
-from hdc.probability import Temperature, cross_validated, of_several
+from hdc.probability import cross_validated, of_several, sharpness
 from hdc.readouts.base import HeldOut, Readout, Updatable
 from hdc.readouts.majority import Counting
 from hdc.rejection import Rejection, by_frames, of_words
@@ -29,25 +29,25 @@ _ANEW = "expected a model fresh from fit, found one that was recalibrated, or sa
 
 @dataclass(frozen=True, eq=False)
 class Head:
-    """A read-out with what it has learned; :meth:`extended` and the like make others."""
+    """A read-out and its state; methods such as :meth:`extended` return a new head."""
 
     readout: Readout
     state: Any
-    """Of the read-out."""
+    """The trained state of the read-out."""
     sample: Sample
     labels: np.ndarray
-    """[L], of the rows."""
+    """[L], the label of each row."""
     dimension: int
     """D, bits of a hypervector."""
     calibrated: Rejection | None = None
-    """How far out known frames are, where counters and the sample do not tell."""
+    """The rule of rejection, if it does not follow from the state and the sample."""
     recalibrated: bool = False
-    """Whether prototypes are no longer those of the counted hypervectors."""
+    """Whether the prototypes no longer follow from the counters."""
     training: tuple[Hypervectors, Tensor] | None = None
-    """Hypervectors of training and their rows, of a read-out whose left-out scores take folds."""
+    """Training hypervectors and their rows, for a read-out that is cross-validated."""
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without what is made when it is asked for; scores of folds in place of the frames."""
+        """The fields without cached values; cross-validated scores replace the training frames."""
         found = {field.name: getattr(self, field.name) for field in fields(self)}
         if self.training is not None:
             found["state"] = replace(self.state, held_out=self._held_out_to_keep())
@@ -55,7 +55,7 @@ class Head:
         return found
 
     def __deepcopy__(self, _: Any) -> Head:
-        """Itself: nobody changes it."""
+        """The head itself, since it is immutable."""
         return self
 
     @functools.cached_property
@@ -78,18 +78,17 @@ class Head:
     # Learning ------------------------------------------------------------------------------------
 
     def extended(self, words: Hypervectors, labels: Sequence[Label]) -> Head:
-        """With further hypervectors of N labels, of which some may be new."""
-        head = self.with_classes(labels)
+        """A head that has also learned N hypervectors with some of its labels."""
         readout: Any = self.readout
         reservoir = Reservoir(self.sample)
         reservoir.add(words.packed, labels)
-        state = readout.add(head.state, [(words, head.rows_of(labels))])
-        return replace(head, state=state, sample=reservoir.sample(), calibrated=None)
+        state = readout.add(self.state, [(words, self.rows_of(labels))])
+        return replace(self, state=state, sample=reservoir.sample(), calibrated=None)
 
     def with_classes(self, labels: Iterable[Label]) -> Head:
-        """With rows for these labels, of which some may be new."""
+        """A head with rows for these labels, too; some of them may be new."""
         labels = list(labels)
-        inputs.check_one_kind([*self.index, *labels])  # True would be 1
+        inputs.check_one_kind([*self.index, *labels])  # True equals 1
         new = [label for label in labels if label not in self.index]
         if not new:
             return self
@@ -101,7 +100,7 @@ class Head:
         return replace(self, state=state, labels=found)
 
     def merged(self, other: Head) -> Head:
-        """Of the training frames of both, for read-outs that go on learning."""
+        """The head of the training frames of both."""
         labels = other.labels.tolist()
         head = self.with_classes(labels)
         readout: Any = self.readout
@@ -113,7 +112,7 @@ class Head:
     def adapted(
         self, words: Hypervectors, labels: Sequence[Label], options: Mapping[str, Any]
     ) -> Head:
-        """Moved to hypervectors of N of its labels by the options of ``recalibrate``."""
+        """A head that is adapted to N hypervectors by the arguments of ``recalibrate``."""
         rows = self.rows_of(labels)
         missing = [name for name in self.index if name not in set(labels)]
         _warn_of_missing(missing)
@@ -121,7 +120,7 @@ class Head:
         used = [options[name] for name in readout.adapts_by]
         state = readout.adapt(self.state, words, rows, *used)
         if missing and state.held_out is not None:
-            # Scores of before and of now are in two units.
+            # The old and the new scores have different units.
             state = replace(state, held_out=None)
         sample = self.sample.replaced(words.packed, labels)
         calibrated = None
@@ -139,7 +138,7 @@ class Head:
         )
 
     def to(self, device: torch.device | str) -> Head:
-        """The same in the memory of a device."""
+        """The head on a device."""
         training = self.training
         if training is not None:
             training = training[0].to(device), training[1]
@@ -161,7 +160,7 @@ class Head:
         return self.readout.scores(self.state, words)
 
     def p_values(self, words: Hypervectors, alpha: float) -> np.ndarray:
-        """p [Q, L], of :meth:`hdc.conformal.Conformal.p_values`."""
+        """p-values [Q, L] of :meth:`hdc.conformal.Conformal.p_values`."""
         return self.conformal.p_values(words.packed, self.scores(words), alpha)
 
     def possible(self, words: Hypervectors, alpha: float) -> np.ndarray:
@@ -169,14 +168,16 @@ class Head:
         return self.conformal.possible(words.packed, self.scores(words), alpha)
 
     def probabilities(self, words: Hypervectors) -> Tensor:
-        """float64 [Q, L]."""
-        return self.temperature.probabilities(self.scores(words), self.counts > 0)
+        """Probabilities float64 [Q, L]; 0 for a class without training frames."""
+        exponents = self.sharpness * self.scores(words).double().cpu()
+        exponents[:, self.counts == 0] = -torch.inf
+        return torch.softmax(exponents, dim=1)
 
     @functools.cached_property
     def held_out(self) -> HeldOut | None:
-        """Scores of training frames as if not learnt, in closed form, of a file, or by folds.
+        """Scores of left-out training frames: in closed form, from a file, or cross-validated.
 
-        None for a model that has none of these.
+        None if the model has none of these.
         """
         readout = self.readout
         if isinstance(readout, Updatable):
@@ -199,10 +200,10 @@ class Head:
 
     @functools.cached_property
     def rejection(self) -> Rejection:
-        """How far out known frames are, made when first asked for.
+        """The rule that tells known frames from unknown ones.
 
         Raises:
-            ValueError: where no training frames can be left out of the prototypes.
+            ValueError: if the model keeps no training frames that could be left out.
         """
         if self.calibrated is not None:
             return self.calibrated
@@ -214,16 +215,16 @@ class Head:
             )
         if isinstance(self.readout, Counting):
             kept = {self.index[label]: own for label, own in self.sample.kept.items()}
-            return by_frames(self.readout, self.state, kept)
+            return by_frames(self.readout.deciding(self.state)[:, 1:4], kept)
         words, rows = self._kept()
         return of_words(words, rows, len(self.index))
 
     @functools.cached_property
     def conformal(self) -> Conformal:
-        """Samples that new frames are compared with, made when first asked for.
+        """Left-out training frames, with which new frames are compared.
 
         Raises:
-            ValueError: where no training frames can be scored as if they had not been learnt.
+            ValueError: if the model has no scores of left-out frames.
         """
         if isinstance(self.readout, Counting):
             labels = self.labels.tolist()
@@ -231,9 +232,9 @@ class Head:
         return Conformal.of_scores(self._needed("predict_set"), self.counts)
 
     @functools.cached_property
-    def temperature(self) -> Temperature:
-        """The temperature of probabilities, fitted when first asked for; errors as above."""
-        return Temperature.fit(of_several(self._needed("predict_proba"), self.counts))
+    def sharpness(self) -> float:
+        """One over the temperature of the probabilities; raises as :attr:`conformal`."""
+        return sharpness(of_several(self._needed("predict_proba"), self.counts))
 
     def _needed(self, method: str) -> HeldOut:
         if self.held_out is None:
@@ -246,7 +247,7 @@ class Head:
     # Files ---------------------------------------------------------------------------------------
 
     def stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
-        """Header and tensors of a file."""
+        """Header and tensors for a file."""
         classes = self.labels.tolist()
         seen = self.sample.seen
         tensors = {}
@@ -267,12 +268,12 @@ class Head:
         return header, tensors
 
     def _held_out_to_keep(self) -> HeldOut | None:
-        """Scores that a loaded read-out cannot make again."""
+        """Scores that the model cannot compute again once it is loaded."""
         if isinstance(self.readout, Updatable):
             return None
         try:
             return self.held_out
-        # A read-out of one's own may not learn four fifths of the frames.
+        # A user's read-out may fail to learn four fifths of the frames.
         except Exception as error:
             warnings.warn(
                 f"save: the loaded model will have no sets and probabilities: {error}",
@@ -288,10 +289,10 @@ class Head:
         tensors: Mapping[str, Tensor],
         dimension: int,
     ) -> Head:
-        """What :meth:`stored` describes; both may be anything.
+        """The head of a header and tensors from a file, which may be anything.
 
         Raises:
-            ValueError: for what does not fit.
+            ValueError: if they do not fit together.
         """
         classes = header["classes"]
         if not classes or inputs.classes_of(classes).tolist() != classes:
@@ -316,16 +317,16 @@ class Head:
         own = without_prefix("known", tensors)
         calibrated = Rejection.restored(own, dimension) if own else None
         head = cls(readout, state, sample, labels, dimension, calibrated, recalibrated)
-        sharpness = header.get("sharpness")  # of version 2.0
-        if sharpness is not None:
-            if not is_number(sharpness) or sharpness <= 0:
-                raise ValueError(f"sharpness {sharpness!r}")
-            vars(head)["temperature"] = Temperature(sharpness)
+        found = header.get("sharpness")  # of version 2.0
+        if found is not None:
+            if not is_number(found) or found <= 0:
+                raise ValueError(f"sharpness {found!r}")
+            vars(head)["sharpness"] = found
         return head
 
 
 def _warn_of_missing(missing: Sequence[Label]) -> None:
-    """Warn where classes have no new frames: they keep what they had before the change."""
+    """Warn of classes without new frames, which are not adapted."""
     if not missing:
         return
     named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
@@ -337,7 +338,7 @@ def _warn_of_missing(missing: Sequence[Label]) -> None:
 
 
 def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | None:
-    """The scores that a file has, if it has any."""
+    """The scores of left-out frames in a file, if there are any."""
     if not tensors:
         return None
     kinds = {"scores": "float64 N L", "rows": "int64 N"}

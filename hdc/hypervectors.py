@@ -1,4 +1,4 @@
-"""Encoded frames, which every method of a model takes in place of the frames."""
+"""Encoded frames, which every method of a model accepts instead of the frames."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ class Hypervectors:
     packed: Tensor
     """int64 [N, ⌈D/64⌉]."""
     dimension: int
-    """D, bits of each."""
+    """D, bits of a hypervector."""
     encoder: Any = None
-    """The trained encoder that made them, where that is known."""
+    """The trained encoder that made them, if known."""
     frame_shape: tuple[int, ...] = ()
-    """(H, W) or (pixels,) of the frames that they were made of."""
+    """(H, W) or (pixels,), the shape of an encoded frame."""
 
     def __len__(self) -> int:
         return len(self.packed)
 
     def __getitem__(self, rows: Any) -> Self:
-        """Those of some rows: a slice, a mask, or whole numbers."""
+        """Hypervectors of some rows, chosen by a slice, a mask or indices."""
         if isinstance(rows, np.ndarray):
             rows = torch.from_numpy(rows)
         if isinstance(rows, Tensor):
@@ -46,5 +46,5 @@ class Hypervectors:
         return replace(self, packed=self.packed[rows])
 
     def to(self, device: torch.device | str) -> Self:
-        """The same in the memory of a device."""
+        """The hypervectors on a device."""
         return replace(self, packed=self.packed.to(device))

@@ -1,4 +1,4 @@
-"""Frames, labels and numbers as users give them; some errors have words scikit-learn looks for."""
+"""Checks of frames, labels and numbers; some errors contain words that scikit-learn expects."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _LABELS = (str, int, float, bool)
 _TIMES = (np.datetime64, np.timedelta64)
 _VALUES = {"frames": "pixels", "labels": "labels", "targets": "numbers"}
 _CONTINUOUS = 30
-"""Frames whose labels have fractions and all differ: more are no classes any more."""
+"""More frames than this with fractional labels that all differ are no classes."""
 
 
 class FrameSource(Protocol):
@@ -33,11 +33,11 @@ class FrameSource(Protocol):
 
 
 def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """Frames with a shape [N, ...]: a :class:`FrameSource` as it is, others as arrays.
+    """Frames as an object with a shape [N, ...]: a :class:`FrameSource` itself, others as arrays.
 
     Args:
-        frames: a :class:`FrameSource`, a sequence of frames, or a data frame of a column a pixel.
-        shape: shape (H, W) of a frame, where it is known: a single frame is then a batch of one.
+        frames: a :class:`FrameSource`, a sequence of frames, or a data frame, one column per pixel.
+        shape: shape (H, W) of a frame, if known; a single frame then becomes a batch of one.
 
     Raises:
         TypeError: for a sparse matrix.
@@ -67,12 +67,10 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
 def source(
     frames: Any, shape: tuple[int, ...] | None = None
 ) -> tuple[Any, list[str | int] | None]:
-    """Frames of a training with a shape, or hypervectors, and the names of their columns.
-
-    `shape` is that of a frame, where it is known, as of :func:`indexable`.
+    """Training frames by :func:`indexable`, or hypervectors; and the names of their columns.
 
     Raises:
-        TypeError, ValueError: as :func:`indexable`, or for none.
+        TypeError, ValueError: as :func:`indexable`, and for no frames.
     """
     columns = columns_of(frames)
     if not isinstance(frames, Hypervectors):
@@ -83,15 +81,15 @@ def source(
 
 
 def columns_of(frames: Any) -> list[str | int] | None:
-    """Names of the columns of a data frame; None for frames that are none."""
+    """Names of the columns of a data frame; None for other frames."""
     if not hasattr(frames, "columns"):
         return None
-    # JSON has text and numbers.
+    # Types that JSON has.
     return [int(n) if isinstance(n, Integral) else str(n) for n in frames.columns]
 
 
 def _check_axes(found: tuple[int, ...]) -> None:
-    """Raise ValueError for the shape of frames that is neither [N, H, W] nor [N, D]."""
+    """Raise ValueError unless frames have the shape [N, H, W] or [N, D]."""
     wrong = ""
     if len(found) == 1 and found[0]:
         wrong = f"{found}; Reshape your data: of one frame, frames[None] is a batch"
@@ -115,17 +113,17 @@ def _as_array(frames: Any) -> np.ndarray:
 
 
 def _check_unmasked(name: str, values: Any) -> None:
-    """Raise ValueError for an array of numpy of which some values are masked."""
+    """Raise ValueError for a masked array of numpy with masked values."""
     if np.ma.is_masked(values):
         what = _VALUES[name]
         raise ValueError(f"{name}: expected all {what}, found masked ones")
 
 
 def tensor(frames: Any) -> Tensor:
-    """A batch of frames as a tensor, without a copy where torch can read the memory as it is.
+    """A batch of frames as a tensor, without a copy if torch can read the memory as it is.
 
     Raises:
-        TypeError: for values that are no numbers.
+        TypeError: for values that are not numbers.
         ValueError: for complex numbers or masked pixels.
     """
     _check_unmasked("frames", frames)
@@ -173,7 +171,7 @@ def check_frames(frames: Any) -> None:
 
 
 def _check_dense(name: str, values: Tensor) -> None:
-    """Raise TypeError for a tensor without a plain number for each of its places."""
+    """Raise TypeError for a meta, sparse or quantised tensor."""
     for wrong, found in (
         (values.is_meta, "a meta tensor, which holds none"),
         (values.layout != torch.strided, "a sparse tensor; use its to_dense()"),
@@ -184,7 +182,7 @@ def _check_dense(name: str, values: Tensor) -> None:
 
 
 def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> None:
-    """Check the shape of a frame against that of training; (D,) fits any of as many pixels.
+    """Check that a frame has the shape of training, or, if either is flat, as many pixels.
 
     Raises:
         ValueError: for another number of pixels, or an image of another shape.
@@ -203,17 +201,17 @@ def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> 
 
 
 def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
-    """Labels [n], each a str, int, float or bool, as an array; those of a column [n, 1], too.
+    """Labels [n] or [n, 1], each a str, int, float or bool, as an array [n].
 
-    Each is exactly what was given, in an array of objects where numpy has no type that holds them.
+    Labels keep their exact values: the array is of objects if no type of numpy can hold them.
 
     Raises:
-        ValueError: for a wrong number of labels, another type such as dates, NaN, masked ones, or a
-            set or a dictionary of them.
+        ValueError: for a wrong number of labels, another type such as dates, NaN, masked labels, or
+            a set or a dictionary.
     """
     labels = _without_column(one_a_frame(name, labels, n))
     if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
-        labels = labels.tolist()  # numbers as Python's, of the same value
+        labels = labels.tolist()  # Python's numbers of the same value
     items = [_as_python(label) for label in labels]
     for i, label in enumerate(items):
         if type(label) not in _LABELS or label != label:
@@ -225,7 +223,7 @@ def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
             )
     array = np.array(items, object)
     if len(set(map(type, items))) == 1:
-        # numpy makes floats of some integers, and drops null characters at the end of a string.
+        # numpy turns some integers into floats, and drops null characters at the end of a string.
         plain = np.array(items)
         found = plain.tolist()
         if found == items and type(found[0]) is type(items[0]):
@@ -234,7 +232,7 @@ def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
 
 
 def _as_python(label: Any) -> Any:
-    """A number or text of numpy or torch as Python's, others, such as dates, as they are."""
+    """A number or text of numpy or torch as Python's; other objects, such as dates, unchanged."""
     if isinstance(label, Tensor) and label.ndim == 0:
         return label.item()
     if isinstance(label, np.generic) and not isinstance(label, _TIMES):
@@ -243,7 +241,7 @@ def _as_python(label: Any) -> Any:
 
 
 def _without_column(labels: Any) -> Any:
-    """Labels [n] of a column [n, 1], with a warning."""
+    """Labels [n] from a column [n, 1], with a warning."""
     if not isinstance(labels, np.ndarray) or labels.ndim != 2 or labels.shape[1] != 1:
         return labels
     module = sys.modules.get("sklearn.exceptions")
@@ -257,14 +255,12 @@ def _without_column(labels: Any) -> Any:
 
 
 def check_discrete(labels: Sequence[Label]) -> None:
-    """Refuse labels that are a continuous quantity, not classes.
+    """Check that labels are classes and not a continuous quantity.
 
-    Numbers such as depths of 0.5 mm may be labels. Where each of many frames has a number of its
-    own, with a fraction, there is nothing to classify.
+    Numbers such as depths of 0.5 mm may be labels, but not if every frame has another one.
 
     Raises:
-        ValueError: for more than 30 floats with fractions of which no two are equal, or infinity
-            alone.
+        ValueError: for more than 30 fractional numbers that all differ, or for infinity alone.
     """
     n = len(labels)
     if set(labels) <= {math.inf, -math.inf}:
@@ -279,7 +275,8 @@ def check_discrete(labels: Sequence[Label]) -> None:
 
 
 def one_a_frame(name: str, values: Any, n: int) -> Any:
-    if isinstance(values, set | frozenset | Mapping):  # in no order, or keys alone
+    """Values, one for each of n frames, as an array or a list."""
+    if isinstance(values, set | frozenset | Mapping):  # without order, or keys only
         found = type(values).__name__
         raise ValueError(f"{name}: expected a list or an array, found a {found}")
     if values is None:
@@ -312,8 +309,8 @@ def classes_of(labels: Iterable[Label]) -> np.ndarray:
     """The distinct labels, sorted.
 
     Raises:
-        ValueError: for text beside numbers, which have no order, or truth values beside numbers, of
-            which True and 1 would become one class.
+        ValueError: for text and numbers together, which have no order, or truth values and numbers,
+            since True equals 1.
     """
     labels = list(labels)
     check_one_kind(labels)
@@ -322,7 +319,7 @@ def classes_of(labels: Iterable[Label]) -> np.ndarray:
 
 
 def check_one_kind(labels: Iterable[Label]) -> None:
-    """Raise ValueError for labels of two of the kinds text, numbers and truth values."""
+    """Raise ValueError for labels of two kinds: text, numbers or truth values."""
     kinds = {_kind_of(label): label for label in labels}
     if len(kinds) < 2:
         return
@@ -339,7 +336,7 @@ def _kind_of(label: Label) -> str:
 
 
 def check_among(labels: Iterable[Label], classes: Iterable[Label]) -> None:
-    """Raise ValueError for the first label that is not among the classes of a model."""
+    """Raise ValueError, naming the first, for labels that are not among the classes of a model."""
     known = set(classes)
     check_one_kind([*labels, *known])
     if unknown := [label for label in labels if label not in known]:

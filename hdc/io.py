@@ -1,9 +1,9 @@
-"""Files written whole or not at all, and the file of a saved model.
+"""Atomic writing of files, and the file format of a saved model.
 
 A model is one safetensors file: its tensors, and under the key ``"model"`` a header of JSON, which
-ends with the SHA-256 of all the rest. Equal models are equal files. The header names an
-encoder or a read-out of one's own by its module, which is imported only where the caller trusts
-that name. The SHA-256 shows damage, not who wrote the file.
+ends with the SHA-256 of all the rest. Equal models make equal files. The header names a user's own
+encoder or read-out by its module, which is imported only if the caller trusts that name. The
+SHA-256 detects damage; it does not prove who wrote the file.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ _EARLIER = {"hdc-model-3": "1.0"}
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
-    """Write a file under a temporary name beside it, flush it to disk, rename it.
+    """Write a file under a temporary name in the same folder, flush it to disk, and rename it.
 
-    A reader sees the old file or the new one. Missing folders are made; text is written as UTF-8.
+    A reader sees the old file or the new one. Missing folders are created; text becomes UTF-8.
 
     Raises:
         OSError: naming the file; the old one is untouched.
@@ -40,7 +40,7 @@ def write_atomically(path: Path, content: str | bytes) -> None:
             file.write(content.encode() if isinstance(content, str) else content)
             file.flush()
             os.fsync(file.fileno())
-        with suppress(FileNotFoundError):  # a file that only its owner reads stays one
+        with suppress(FileNotFoundError):  # which keeps a private file private
             shutil.copymode(path, temporary)
         os.replace(temporary, path)
     except OSError as error:
@@ -50,7 +50,7 @@ def write_atomically(path: Path, content: str | bytes) -> None:
 
 
 def check_replaceable(path: Path) -> None:
-    """Check that a model may be written here: a folder, and no file that is not a saved model.
+    """Check that a model may be written here: in an existing folder, over no other file.
 
     Raises:
         ValueError: for a name that is not UTF-8.
@@ -76,7 +76,7 @@ def check_replaceable(path: Path) -> None:
 
 
 def _is_model(path: Path) -> bool:
-    """Whether a file says that it is a saved model, of an earlier version, too."""
+    """Whether a file claims to be a saved model, also of an earlier version."""
     try:
         header, _ = _read(path, tensors=False)
     except ValueError:
@@ -94,14 +94,14 @@ def write_model(
 
     Args:
         path: name of the file.
-        header: values of JSON, of which "metadata" are the user's.
-        tensors: by name.
-        check: raises ValueError for a header, as a file has it, and tensors that no model is made
-            of; nothing is written then.
+        header: JSON values; "metadata" are the user's.
+        tensors: tensors by name.
+        check: function of the header, as read from a file, and the tensors, which raises ValueError
+            if no model can be made from them; nothing is written then.
 
     Raises:
-        TypeError: for metadata that are no JSON.
-        ValueError: naming the file, as of `check`.
+        TypeError: for metadata that JSON cannot hold.
+        ValueError: naming the file, if `check` raises it.
         FileNotFoundError, FileExistsError: as :func:`check_replaceable`.
         OSError: as :func:`write_atomically`.
     """
@@ -126,7 +126,7 @@ def write_model(
 
 
 def _check_keys(value: Any) -> None:
-    """Refuse keys that JSON would turn into texts: two of them can become one."""
+    """Raise TypeError for keys that are not text: JSON could make two of them equal."""
     if isinstance(value, Mapping):
         for key, part in value.items():
             if not isinstance(key, str):
@@ -152,11 +152,11 @@ def read_model(
 
     Raises:
         FileNotFoundError: if there is no such file.
-        ValueError: says what was found instead of a whole model.
+        ValueError: saying what was found instead of an undamaged model.
     """
     header, content = _read(path, tensors)
     found = header.get("format")
-    if found in _EARLIER:  # its encoder gave ties to other pixels
+    if found in _EARLIER:  # whose encoder broke ties differently
         version = _EARLIER[found]
         raise ValueError(
             f"a model of version {version}, which this one cannot ask; train it again"
@@ -169,9 +169,9 @@ def read_model(
 
 
 def _read(path: Path, tensors: bool) -> tuple[dict[str, Any], dict[str, Tensor]]:
-    """The header and, where asked for, the tensors of a safetensors file; a ValueError for others.
+    """The header and, if asked for, the tensors of a safetensors file; ValueError for other files.
 
-    The format of the header is any text, or None.
+    The header is empty unless it names a format, which may be any text.
     """
     from safetensors import safe_open
 

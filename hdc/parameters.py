@@ -1,8 +1,8 @@
-"""Parameters by name, nested as scikit-learn nests them, for estimators and their parts.
+"""Parameters by name, nested as in scikit-learn, for estimators and their parts.
 
-A class states its parameters by the signature of ``__init__``, which only assigns. A parameter that
-is a part of its own, such as ``encoder``, may be an object or the name of a class; the parameters
-of the part are ``encoder__ties`` and so on.
+The parameters of a class are the arguments of ``__init__``, which only assigns them. A parameter
+such as ``encoder`` that is a part with its own parameters may be an object or the name of a class;
+its parameters are ``encoder__ties`` and so on.
 """
 
 from __future__ import annotations
@@ -18,18 +18,18 @@ import pkgutil
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
-Part = TypeVar("Part")
+Kind = TypeVar("Kind")
 
 
 class Parametrised:
-    """Parameters by name; a subclass says in `parts` which of them are objects with their own."""
+    """Base class of objects with parameters; `parts` names those that have parameters, too."""
 
     parts: ClassVar[Mapping[str, Callable[[Any], Any]]] = {}
-    """Parameter → the function that makes the part of a name or an object."""
+    """Parameter → function that makes the part from a name or an object."""
     stand_ins: ClassVar[Mapping[str, str]] = {}
-    """Parameter → what stands in a file for a value that is no JSON, such as an array."""
+    """Parameter → what a file holds instead of a value that is no JSON, such as an array."""
     renamed: ClassVar[Mapping[str, str]] = {}
-    """Parameter of an earlier version → its name now."""
+    """Old name of a parameter → its current name."""
 
     def __new__(cls, *_: Any, **given: Any) -> Self:
         cls._check_names(given)
@@ -37,7 +37,7 @@ class Parametrised:
 
     @classmethod
     def _check_names(cls, given: Iterable[str]) -> None:
-        """Raise TypeError for a parameter by the name that it had in an earlier version."""
+        """Raise TypeError for an old name of a parameter."""
         for old in cls.renamed.keys() & given:
             new = cls.renamed[old]
             raise TypeError(
@@ -46,13 +46,13 @@ class Parametrised:
 
     @classmethod
     def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
-        """Parameters of a file, which may have the names of an earlier version, by those of now."""
+        """Parameters from a file of this or an earlier version, by their current names."""
         return {
             cls.renamed.get(name, name): value for name, value in parameters.items()
         }
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
-        """Constructor parameters by name; with `deep`, those of the parts as ``part__name``."""
+        """Parameters by name; if `deep`, also the parameters of parts, as ``part__name``."""
         names = _parameters_of(type(self))
         found = {name: getattr(self, name) for name in names}
         if deep:
@@ -62,11 +62,11 @@ class Parametrised:
         return found
 
     def set_params(self, **params: Any) -> Self:
-        """Set constructor parameters by name, those of parts as ``part__name``.
+        """Set parameters by name; ``part__name`` sets a parameter of a part.
 
         Raises:
-            ValueError: for a name that is none of them.
-            TypeError: for one of an earlier version.
+            ValueError: for an unknown name.
+            TypeError: for an old name.
         """
         for name, value in sorted(params.items(), key=lambda item: "__" in item[0]):
             part, _, inner = name.partition("__")
@@ -84,7 +84,7 @@ class Parametrised:
         return self
 
     def unlearned(self) -> Self:
-        """A new object of the same parameters that has learned nothing, with parts of its own."""
+        """An untrained copy with the same parameters, whose parts are copies, too."""
         parameters = self.get_params(deep=False)
         for name in self.parts:
             if isinstance(parameters[name], Parametrised):
@@ -92,7 +92,7 @@ class Parametrised:
         return type(self)(**parameters)
 
     def fresh(self, name: str) -> Any:
-        """The part of a parameter, checked and untrained; no other object has it."""
+        """A new untrained part from a parameter, checked."""
         given = getattr(self, name)
         part = self.parts[name](given)
         if part is given:
@@ -106,23 +106,33 @@ class Parametrised:
         return f"{type(self).__name__}({listed})"
 
 
+class Part(Parametrised):
+    """Base class of encoders and read-outs, the parts of a model."""
+
+    revision: ClassVar[int] = 1
+    """Incremented by hand in a commit that changes the result for some frame or query."""
+
+    def check(self) -> None:
+        """Raise ValueError for a parameter that is not allowed."""
+
+
 def _parameters_of(kind: type) -> list[str]:
-    """Names of the parameters of a constructor; ``*args`` of one that is inherited are none."""
+    """Names of the arguments of a constructor, without ``*args`` and ``**kwargs``."""
     named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
     parameters = inspect.signature(kind).parameters.values()
     return [parameter.name for parameter in parameters if parameter.kind in named]
 
 
 def make_part(
-    part: Any, what: str, known: Mapping[str, type], base: type[Part]
-) -> Part:
-    """A part of a model from what a user gives for it.
+    part: Any, what: str, known: Mapping[str, type], base: type[Kind]
+) -> Kind:
+    """A part of a model from a name or an object.
 
     Args:
         part: an object; a name in `known`; or the dotted name of a class, ``"module.Class"``.
         what: the parameter, for errors.
         known: our own classes by name.
-        base: what the part has to be.
+        base: required base class.
 
     Raises:
         ValueError: for a name that is not known, or a module that cannot be imported.
@@ -147,7 +157,7 @@ def make_part(
 
 
 def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
-    """The class of a name in `known`, or of a dotted name; errors as of :func:`make_part`."""
+    """The class by a name in `known` or a dotted name; raises as :func:`make_part`."""
     if name in known:
         return known[name]
     module, _, attribute = name.rpartition(".")
@@ -166,7 +176,7 @@ def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
 
 
 class Named(Mapping[str, type]):
-    """Our own classes by name; a module is imported when its class is asked for."""
+    """Our own classes by name; a module is imported when its class is used."""
 
     def __init__(self, paths: Mapping[str, str]) -> None:
         self._paths = paths
@@ -182,20 +192,20 @@ class Named(Mapping[str, type]):
         return len(self._paths)
 
     def __contains__(self, name: object) -> bool:
-        """Without the import of the class."""
+        """Whether there is this name; the class is not imported."""
         return name in self._paths
 
     def name_of(self, part: object) -> str:
-        """Name by which :func:`find_class` finds an object's class; dotted if from elsewhere."""
+        """Name by which :func:`find_class` finds an object's class; dotted unless it is ours."""
         kind = type(part)
         path = f"{kind.__module__}.{kind.__qualname__}"
         return next((name for name, ours in self._paths.items() if ours == path), path)
 
     def attribute(self, module: str, wanted: str) -> Any:
-        """A class by its own name, as the ``__getattr__`` of a module has to find it."""
+        """The class with this name, for the ``__getattr__`` of a module."""
         for path in self._paths.values():
             if path.endswith(f".{wanted}"):
-                return pkgutil.resolve_name(path)
+                return _resolved(path)
         raise AttributeError(f"module {module!r} has no attribute {wanted!r}")
 
 
@@ -205,18 +215,18 @@ def _resolved(path: str) -> Any:
 
 
 def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
-    """Raise ValueError, listing the choices, for a value that is none of them."""
-    if value not in list(choices):  # a dictionary would ask for its hash
+    """Raise ValueError, listing the choices, for another value."""
+    if value not in list(choices):  # values may not be hashable
         raise ValueError(f"{name}: {not_among(value, choices)}")
 
 
 def not_among(value: Any, choices: Iterable[Any], others: str = "") -> str:
-    """Expected and found values, and a similar name to choose, if there is one.
+    """Text of an error: the expected and the found value, and a similar name if there is one.
 
     Args:
-        value: what was found.
-        choices: what it could have been.
-        others: what else, in words.
+        value: found value.
+        choices: expected values.
+        others: other possibilities, in words.
     """
     names = [str(choice) for choice in choices]
     expected = f"expected one of {', '.join(names)}"
@@ -230,7 +240,7 @@ def not_among(value: Any, choices: Iterable[Any], others: str = "") -> str:
 
 
 def check_integer(name: str, value: Any, least: int, most: int | None = None) -> None:
-    """Raise ValueError, naming it, for a parameter that is no whole number in a range."""
+    """Raise ValueError unless a parameter is an integer in a range."""
     whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
     if whole and least <= value and (most is None or value <= most):
         return
@@ -239,18 +249,18 @@ def check_integer(name: str, value: Any, least: int, most: int | None = None) ->
 
 
 def is_number(value: Any) -> bool:
-    """Whether a parameter is a real and finite number, and no bool."""
+    """Whether a value is a real, finite number, and not a bool."""
     if isinstance(value, bool) or not isinstance(value, numbers.Real):
         return False
     return math.isfinite(value)
 
 
 def check_share(name: str, value: Any, interval: str) -> float:
-    """A parameter as a float; ValueError, naming it, for one that is not in an interval.
+    """A parameter as a float; ValueError if it is not in an interval.
 
     Args:
-        name: of the parameter.
-        value: what was given.
+        name: name of the parameter.
+        value: its value.
         interval: ``"[0, 1]"``, ``"[0, 1)"`` or ``"(0, 1)"``.
     """
     inside = is_number(value) and 0 <= value <= 1
@@ -261,7 +271,7 @@ def check_share(name: str, value: Any, interval: str) -> float:
 
 
 def shown(value: Any) -> str:
-    """A parameter in one line; an array by its shape."""
+    """Text of a parameter in one line, of an array its shape."""
     shape = getattr(value, "shape", ())
     if shape == ():
         return repr(value)

@@ -18,21 +18,23 @@ from torch import Tensor
 from hdc import backends
 from hdc.parameters import not_among
 
-_BLOCK = 4096  # words per row that numpy's route works on at a time: they stay cached
+_BLOCK = (
+    4096  # words of a row that numpy adds at a time, so that they stay in the cache
+)
 WORD = 64
 TIES = ("zero", "one", "random")
 _UNPACKED = 2**25  # bits at a time, at 8 bytes each, that a GPU adds up
 
 
 def zeros(shape: tuple[int, ...], device: torch.device | str) -> Tensor:
-    """Counters of zero; on the CPU from the system, already cleared, without torch's threads."""
+    """Counters of zero; on the CPU by numpy, without waking torch's threads."""
     if torch.device(device).type == "cpu":
         return torch.from_numpy(np.zeros(shape, np.int64))
     return torch.zeros(shape, dtype=torch.int64, device=device)
 
 
 def plain(words: Tensor) -> Any:
-    """The same memory as a numpy array on the CPU, where waking torch's threads takes longer."""
+    """A numpy view on the CPU, where waking torch's threads takes longer than the work."""
     return words.numpy() if words.device.type == "cpu" else words
 
 
@@ -47,7 +49,7 @@ def vertical_sum(words: Tensor) -> Tensor:
 def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
     """Add the ones of some rows of words [N, W] to counters [P, W], in place.
 
-    The counters must have planes enough for the largest sum; none is checked.
+    The counters need enough planes for the largest sum, which is not checked.
     """
     if counts.device.type != "cpu":
         _sum_into(counts, words, rows)
@@ -64,12 +66,12 @@ def count_classes(
     """Count hypervectors int64 [N, W] of classes `rows` int64 [N] into counters [L, P, W].
 
     Args:
-        counts: changed in place, where there are planes enough.
-        n: hypervectors that each class has so far, int64 [L] (CPU).
+        counts: changed in place, if it has enough planes.
+        n: hypervectors counted so far in each class, int64 [L] (CPU).
         words, rows: as above.
 
     Returns:
-        The counters, with more planes where they were too few, and the new n.
+        The counters, a copy with more planes if needed, and the new n.
 
     Raises:
         ValueError: if lengths disagree or a row is outside [0, L).
@@ -102,7 +104,7 @@ def count_classes(
 
 
 def with_room(counts: Tensor, n: int) -> Tensor:
-    """Counters [L, P, W] for n hypervectors of a class: themselves, or a copy of more planes."""
+    """Counters [L, P, W] with room for n hypervectors of a class: a copy only if needed."""
     n_planes = n.bit_length()
     n_classes, n_old, width = counts.shape
     if n_planes <= n_old:
@@ -113,7 +115,7 @@ def with_room(counts: Tensor, n: int) -> Tensor:
 
 
 def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
-    """:func:`count_into` by a carry-save adder tree whose state is the counters themselves."""
+    """:func:`count_into` by a carry-save adder tree that begins with the counters."""
     n_planes = len(counts)
     # waiting[p] holds at most two rows of weight 2^p; a third one turns the three into one row of
     # that weight and a carry. A carry out of the last plane is zero.
@@ -145,7 +147,7 @@ def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
 
 
 def _sum_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
-    """:func:`count_into` in few operations on much, for a GPU takes its time to start each."""
+    """:func:`count_into` in few large operations, for a GPU."""
     bit = torch.arange(WORD).to(words)
     total = words.new_zeros(words.shape[1], WORD)
     for p, plane in enumerate(counts):
@@ -173,7 +175,7 @@ def add(a: Tensor, b: Tensor) -> Tensor:
 
 
 def subtract(a: Tensor, b: Tensor) -> Tensor:
-    """Difference of two sets of counters [P, W] and [P', W], P' ≤ P, of which b is never larger."""
+    """Difference a − b ≥ 0 of two sets of counters [P, W] and [P', W], P' ≤ P."""
     difference = a.clone()
     borrow = torch.zeros_like(a[0])
     for p, plane in enumerate(a):
@@ -184,7 +186,7 @@ def subtract(a: Tensor, b: Tensor) -> Tensor:
 
 
 def greater(counts: Tensor, threshold: int) -> Tensor:
-    """Where counters [P, W] are greater than a number: a mask [W], all ones for a negative number.
+    """Mask [W] of the counters [P, W] above a number; all ones for a negative number.
 
     Adding 2^P − 1 − threshold to a counter overflows P bits if and only if it is greater, and the
     carry through a constant costs one operation per plane: OR where its bit is one, AND where not.
@@ -209,7 +211,7 @@ def majority(
 ) -> Tensor:
     """Bitwise majority int64 [W] of n hypervectors from their counts [P, W].
 
-    `ties`, `tie_breaker` and errors are those of :func:`hdc.bits.majority`.
+    For `ties`, `tie_breaker` and errors, see :func:`hdc.bits.majority`.
     """
     if ties not in TIES:
         raise ValueError(f"ties: {not_among(ties, TIES)}")
@@ -234,13 +236,13 @@ def majorities(
     ties: str,
     tie_breaker: Callable[[int], Tensor],
 ) -> Tensor:
-    """:func:`majority` of K classes `rows`, int64 [K, W]; zeros of one without samples.
+    """:func:`majority` of K classes `rows`, int64 [K, W]; zeros for a class without hypervectors.
 
     Args:
         counts: int64 [L, P, W].
         n: hypervectors of each class, int64 [L].
         rows, ties: as above.
-        tie_breaker: the hypervector of a class, asked with ``ties="random"`` only.
+        tie_breaker: function of a class that gives its hypervector for ``ties="random"``.
     """
     found = zeros((len(rows), counts.shape[2]), counts.device)
     numbers = n.tolist()

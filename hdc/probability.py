@@ -1,24 +1,19 @@
-"""Scores to probabilities: one temperature, fitted to frames that are scored as if not learnt.
+"""Probabilities from scores, by one temperature that is fitted to left-out training frames.
 
 The probability of class c of a frame with scores s is the softmax
 
     p_c = exp(β·s_c) / Σ_k exp(β·s_k),      β > 0,
 
-as of temperature scaling with β = 1/T (Guo et al., On calibration of modern neural networks, ICML
-2017): the most probable class stays the predicted one. β maximises the likelihood of m training
-frames, each scored by a model that has not learnt it. Where these are all right, that β would be
-infinite; so the right class of a frame is aimed at with (m + 1)/(m + 2) instead of 1, as Platt does
-(Advances in Large Margin Classifiers, 1999), and the others share the rest.
+that is, temperature scaling with β = 1/T (Guo et al., On calibration of modern neural networks,
+ICML 2017): the most probable class is the predicted one. β maximises the likelihood of m training
+frames, each scored by a model that has not learnt it. If all of these were right, β would be
+infinite; so the target probability of the right class is (m + 1)/(m + 2) instead of 1, as by Platt
+(Advances in Large Margin Classifiers, 1999), and the other classes share the rest.
 
-Frames that come otherwise than the training frames, such as after drift, are less often right than
-their probabilities say.
+For frames recorded under other conditions, such as after drift, the probabilities are too high.
 """
 
 from __future__ import annotations
-
-import math
-from dataclasses import dataclass
-from typing import Self
 
 import torch
 from torch import Tensor
@@ -30,29 +25,11 @@ FOLDS = 5
 _HALVINGS = 60
 _DOUBLINGS = 60
 _FLATTEST = 1e-6
-"""Least sharpness in units of one over the spread of the scores: equal probabilities, nearly."""
-
-
-@dataclass(frozen=True)
-class Temperature:
-    """One over the temperature, β, by which scores become probabilities."""
-
-    sharpness: float
-
-    @classmethod
-    def fit(cls, held_out: HeldOut) -> Self:
-        """To scores float64 [m, L] of m frames that were not learnt, and their classes."""
-        return cls(sharpness(held_out))
-
-    def probabilities(self, scores: Tensor, known: Tensor) -> Tensor:
-        """p [Q, L] of scores [Q, L]; 0 of classes that are not `known`, bool [L]."""
-        exponents = self.sharpness * scores.double().cpu()
-        exponents[:, ~known] = -math.inf
-        return torch.softmax(exponents, dim=1)
+"""Least β, in units of one over the spread of the scores; probabilities are then nearly equal."""
 
 
 def sharpness(held_out: HeldOut) -> float:
-    """β of scores float64 [m, L] of m frames, which are of the classes rows [m]."""
+    """β from scores float64 [m, L] of m left-out frames, and their classes [m]."""
     scores, rows = held_out
     m, n_classes = scores.shape
     spread = float(scores.std(dim=1, correction=0).mean())
@@ -64,7 +41,7 @@ def sharpness(held_out: HeldOut) -> float:
     aimed = float((aims * scores).sum())
 
     def excess(beta: float) -> float:
-        """Derivative of minus the logarithm of the likelihood, which rises with β."""
+        """Derivative of minus the log likelihood, which rises with β."""
         shares = torch.softmax(beta * scores, dim=1)
         return float((shares * scores).sum()) - aimed
 
@@ -85,10 +62,10 @@ def sharpness(held_out: HeldOut) -> float:
 def cross_validated(
     readout: Readout, words: Hypervectors, rows: Tensor, n_classes: int
 ) -> HeldOut:
-    """Scores of training hypervectors by read-outs like this one, trained on four folds of five.
+    """Scores of training hypervectors by five-fold cross-validation of a read-out.
 
-    The frames of a class are dealt out to the folds in their order. The only frame of a class is
-    always learnt, never asked.
+    The frames of each class are assigned to the folds in turn, in their order. The only frame of a
+    class is always learnt and never scored.
     """
     place = torch.full_like(rows, -1)
     for c in rows.unique().tolist():
@@ -105,14 +82,14 @@ def cross_validated(
 
 
 def of_several(found: HeldOut, counts: Tensor) -> HeldOut:
-    """Those of classes that have two frames or more, for classes that have any.
+    """Left-out frames of classes with at least two frames, scored for the classes with any.
 
     Args:
         found: scores of left-out frames.
-        counts: training frames int64 [L] of each class.
+        counts: training frames of each class, int64 [L].
 
     Raises:
-        ValueError: if there are none.
+        ValueError: if no class has two frames.
     """
     chosen = counts[found.rows] > 1
     if not chosen.any():

@@ -2,7 +2,7 @@
 
 Training is counting: a class is the number of its hypervectors and, for each bit, how many of them
 have it set. Counts are kept bit-sliced (:mod:`hdc.planes`), L·P·D bits for classes of fewer than
-2^P samples. Adding and merging commute, so any order and any sharding give the same prototypes.
+2^P frames. Adding and merging commute, so any order and any sharding give the same prototypes.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from hdc.parameters import check_share
 
 # Streams of random bits from one seed.
 _TIES, _RECALIBRATION, _THINNING = range(3)
-_VOTE_BITS = 24  # of the votes after repeated merges
+_VOTE_BITS = 24  # of a count of votes, after repeated merges
 _P_STEPS = 1000
 
 
 class Counters:
     """Counts of ones for L classes of D-bit hypervectors.
 
-    `planes` int64 [L, P, W] are the counts, bit-sliced, and `n` int64 [L] (CPU) says how many
-    hypervectors each class has.
+    `planes` int64 [L, P, W] are the bit-sliced counts, and `n` int64 [L] (CPU) the numbers of
+    hypervectors.
     """
 
     def __init__(
@@ -43,7 +43,7 @@ class Counters:
 
     @classmethod
     def of(cls, counts: Tensor, n: Tensor, dimension: int) -> Self:
-        """Counters of bit-sliced counts int64 [L, P, W] that nobody changes."""
+        """Counters that share the memory of bit-sliced counts int64 [L, P, W]."""
         found = cls(0, dimension, counts.device)
         found.planes, found.n = counts, n
         return found
@@ -81,11 +81,11 @@ class Counters:
         self.n = total
 
     def thinned(self, size: int, seed: int = 0) -> Counters:
-        """Counters of `size` samples for every class that has more.
+        """Counters in which every class has at most `size` hypervectors.
 
-        Each bit's count is drawn from those of a random subset of the samples (hypergeometric),
-        independently of the other bits: a prototype then correlates with any frame as one of `size`
-        samples does, and still averages over all samples.
+        Each count is drawn as in a random subset of `size` hypervectors (hypergeometric),
+        independently of the other bits. A prototype then correlates with frames as one of `size`
+        hypervectors does, but still averages over all of them.
         """
         found = []
         for c, n in enumerate(self.n.tolist()):
@@ -100,7 +100,7 @@ class Counters:
         return self._of_counts(found, self.n.clamp(max=size))
 
     def _of_counts(self, counts: Sequence[Tensor], n: Tensor) -> Counters:
-        """Counters like these of counts int64 [D] of n hypervectors, class by class."""
+        """Counters from counts int64 [D] and numbers of hypervectors n, class by class."""
         found = Counters(len(n), self.dimension, self.device)
         found.n = n
         found.reserve(max(n.tolist(), default=0))
@@ -112,10 +112,10 @@ class Counters:
     def majority(
         self, ties: str = "zero", seed: int = 0, size: int | None = None
     ) -> Tensor:
-        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros of no samples.
+        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty.
 
-        With ``ties="random"``, class c takes the random hypervector of (seed, c). `size` is as of
-        :meth:`thinned`.
+        With ``ties="random"``, the ties of class c are broken by the random hypervector of
+        (seed, c). For `size`, see :meth:`thinned`.
         """
         counters = self if size is None else self.thinned(size, seed)
         breaker = functools.partial(tie_breaker, self.dimension, seed)
@@ -127,7 +127,7 @@ class Counters:
         chosen = self.planes if rows is None else self.planes[list(rows)]
         shape = len(chosen), self.dimension
         n_planes = chosen.shape[1]
-        # Added up in a byte each where they fit.
+        # Summed in one byte each, if that is enough.
         narrow = torch.uint8 if n_planes <= 8 else torch.int64
         total = torch.zeros(shape, dtype=narrow, device=self.device)
         for p in range(n_planes):
@@ -150,15 +150,17 @@ def tie_breaker(dimension: int, seed: int, c: int) -> Tensor:
 
 
 def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:
-    """Votes of old and new hypervectors of the same L classes, the new with the share p.
+    """Votes of old and new hypervectors of the same L classes, with the weight p of the new ones.
 
-    Where a class has hypervectors on one side only, those decide. p is taken as the nearest
-    fraction with a denominator of at most 1000, and votes are integers: no rounding decides a tie.
-    Votes of a class above 2^24, after some merges, are halved until they fit; other classes keep
-    theirs. Other p are a ValueError.
+    A class with hypervectors on one side only takes these. p is rounded to a fraction with a
+    denominator of at most 1000, and votes are integers, so that rounding decides no tie. If the
+    votes of a class exceed 2^24, after some merges, they are halved until they fit.
 
     Returns:
-        The votes, and how many a new hypervector of each class has.
+        The votes, and for each class the votes of one new hypervector.
+
+    Raises:
+        ValueError: for p outside [0, 1].
     """
     check_share("p", p, "[0, 1]")
     share = Fraction(float(p)).limit_denominator(_P_STEPS)
@@ -184,9 +186,9 @@ def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]
 def replaced_bits(
     n_classes: int, dimension: int, p: float, seed: int, number: int = 0
 ) -> Tensor:
-    """Bits that are one with probability p, drawn class by class: int64 [L, W] (CPU).
+    """Random bits that are one with probability p, by class: int64 [L, W] (CPU).
 
-    Every `number` of a recalibration has bits of its own.
+    Each recalibration, by its `number`, draws other bits.
     """
     check_share("p", p, "[0, 1]")
     drawn = []

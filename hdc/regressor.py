@@ -25,31 +25,32 @@ _LARGEST = 1e300  # sums of larger numbers overflow
 
 
 class HDCRegressor(Saved):
-    """Predicts one or several numbers per frame, such as a position in mm, from its hypervector.
+    """Regression of one or several numbers per frame, such as a position in mm.
 
     The hypervectors of all training frames are kept (31 kB each at D = 250,000).
 
     Args:
-        encoder: as of :class:`hdc.HDCClassifier`.
+        encoder: as in :class:`hdc.HDCClassifier`.
         readout: ``"ridge"`` or ``"neighbours"``; an object of
             :class:`hdc.readouts.ValueReadout`; or the dotted name of such a class.
-        device: where frames are encoded and hypervectors live.
-        backend: as of :class:`hdc.HDCClassifier`.
-        period: of numbers that go round, such as 360 for degrees: they are predicted by cosine and
-            sine, and have no intervals. Answers lie between 0 and the period, or, where a number
-            below zero was learnt, between minus and plus half of it. None for numbers that do not.
+        device: the device that computes and holds the model.
+        backend: as in :class:`hdc.HDCClassifier`.
+        period: period of circular numbers, such as 360 for degrees. They are predicted by their
+            cosine and sine, and have no intervals. Predictions lie between 0 and the period, or, if
+            a training number was negative, between minus and plus half of it. None for other
+            numbers.
 
     Attributes:
         encoder_: the encoder, trained.
         readout_, state_: the read-out, and what it has learned.
-        prediction_bytes_: bytes of what a prediction with intervals needs.
-        residuals_: exact leave-one-out errors of the training frames, float64 [N, T]; with a period
-            of their cosines and then of their sines.
-        mean_: of the numbers of the frames that are kept, float64 [T].
+        prediction_bytes_: bytes of memory that a prediction with intervals needs.
+        residuals_: exact leave-one-out errors of the training frames, float64 [N, T]; with a
+            period, of the cosines followed by the sines.
+        mean_: mean of the training numbers, float64 [T].
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
-        metadata_: values that :meth:`save` was given to keep with the model.
+        metadata_: the metadata that were saved with the model.
 
     Example:
         >>> frames = np.random.default_rng(0).integers(0, 255, (20, 30, 30))
@@ -94,13 +95,13 @@ class HDCRegressor(Saved):
             )
 
     def fit(self, frames: Any, y: Any) -> Self:
-        """Learn numbers y [N] or [N, T] of frames [N, H, W] or [N, D].
+        """Learn from frames [N, H, W] or [N, D] and numbers y [N] or [N, T].
 
-        A call that raises leaves the model as it was.
+        A call that raises leaves the model unchanged.
 
         Raises:
-            ValueError: for fewer than two frames, lengths that differ, or pixels or numbers that
-                are not finite.
+            ValueError: for fewer than two frames, different lengths, or pixels or numbers that are
+                not finite.
         """
         self._check_period()
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
@@ -113,8 +114,7 @@ class HDCRegressor(Saved):
             encoder, shape = self._learned_encoder(encoder, frames)
             words = joined(self._batches(frames, encoder, shape))
             state = readout.fit(words, table)
-        self._begin(encoder, shape, backend)
-        self._columns = columns
+        self._begin(encoder, shape, backend, columns)
         self._one = values.ndim == 1
         self._is_signed = bool((values < 0).any())
         self.readout_, self.state_ = readout, state
@@ -122,12 +122,12 @@ class HDCRegressor(Saved):
         return self
 
     def partial_fit(self, frames: Any, y: Any) -> Self:
-        """Add frames to those that are kept, and solve again; the encoder stays as it is.
+        """Add frames to the stored ones, and solve again; the encoder is not trained again.
 
-        A call that raises leaves the model as it was.
+        A call that raises leaves the model unchanged.
 
         Raises:
-            ValueError: as :meth:`fit`, or after :meth:`recalibrate`, which keeps new frames only.
+            ValueError: as :meth:`fit`, or after :meth:`recalibrate`, which drops the old frames.
         """
         if not hasattr(self, "state_"):
             return self.fit(frames, y)
@@ -145,10 +145,10 @@ class HDCRegressor(Saved):
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
-        """Adapt to a changed environment by few new frames, which replace those that are kept.
+        """Adapt to a changed environment by a few new frames, which replace the stored ones.
 
-        Ridge regression goes from its old weights to those near them that fit the new frames, with
-        the penalty of training. A call that raises leaves the model as it was.
+        Ridge regression fits the new frames, and applies the penalty of training to the change of
+        its weights. A call that raises leaves the model unchanged.
 
         Raises:
             ValueError: as :meth:`fit`.
@@ -162,7 +162,7 @@ class HDCRegressor(Saved):
         return self
 
     def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor]:
-        """Hypervectors, and numbers float64 [N, T] like those of training."""
+        """Hypervectors of frames, and their targets float64 [N, T]."""
         frames, _ = self._given(frames)
         values = _numbers(y, len(frames))
         table = self._targets(values)
@@ -193,17 +193,17 @@ class HDCRegressor(Saved):
 
         Args:
             frames: the queries.
-            return_interval: also return lower and upper ends, of the same shape, of jackknife+
-                intervals (Barber et al., Ann. Stat. 49, 486 (2021)). If queries and training frames
-                are exchangeable, a number lies in its interval with probability 1 − 2·alpha at
-                least, and 1 − alpha in practice. For ridge regression this assumes that leaving one
-                frame out changes neither the penalty nor the rounding of weights. Nothing is
-                guaranteed after drift. Ends are infinite with fewer than 1/alpha − 1 training
-                frames.
-            alpha: share of the numbers that may lie outside, each of T numbers for itself.
+            return_interval: also return the lower and the upper ends, of the same shape, of
+                jackknife+ intervals (Barber et al., Ann. Stat. 49, 486 (2021)). If queries and
+                training frames are exchangeable, a number lies in its interval with probability at
+                least 1 − 2·alpha, and about 1 − alpha in practice. For ridge regression this
+                assumes that leaving one frame out changes neither the penalty nor the rounding of
+                weights. Nothing is guaranteed after drift. The ends are infinite with fewer than
+                1/alpha − 1 training frames.
+            alpha: share of the numbers that may lie outside, for each of the T numbers separately.
 
         Raises:
-            ValueError: for a share outside (0, 1), or a read-out that has no intervals.
+            ValueError: for a share outside (0, 1), or a read-out without intervals.
         """
         self._check_is_trained()
         share = check_share("alpha", alpha, "(0, 1)")
@@ -222,7 +222,7 @@ class HDCRegressor(Saved):
         return self._shaped(centres), self._shaped(lowers), self._shaped(uppers)
 
     def _shaped(self, parts: Sequence[Tensor]) -> np.ndarray:
-        """Numbers [Q, T] in parts, as one array of the shape of the targets of training."""
+        """Predictions [Q, T] in parts, as one array in the shape of the training numbers."""
         answers = torch.cat(list(parts)).numpy()
         if self.period is not None:
             answers = circular.from_plane(answers, self.period, self._is_signed)
@@ -236,7 +236,7 @@ class HDCRegressor(Saved):
         return torch.from_numpy(circular.to_plane(table.numpy(), self.period))
 
     def score(self, frames: Any, y: Any) -> float:
-        """R², the share of the variance that is predicted, averaged over targets."""
+        """R², the share of the variance that is predicted, averaged over the targets."""
         found = self.predict(frames)
         values = _numbers(y, len(found)).reshape(found.shape)
         truth, answers = self._targets(values).numpy(), self._targets(found).numpy()
@@ -280,7 +280,7 @@ class HDCRegressor(Saved):
 
 
 def _numbers(values: Any, n: int) -> np.ndarray:
-    """Numbers to predict, float64 [n] or [n, T].
+    """Check the numbers to predict: float64 [n] or [n, T].
 
     Raises:
         ValueError: for a wrong number of them, masked ones, dates, or values that are not finite
@@ -308,8 +308,8 @@ def _check_enough(frames: Any) -> None:
 def _ends(
     without: Tensor, residuals: Tensor | None, alpha: float
 ) -> tuple[Tensor, Tensor]:
-    """Jackknife+ ends [Q, T] of predictions without each frame [Q, N, T] and errors [N, T]."""
-    assert residuals is not None  # who has predictions without a frame has its error
+    """Jackknife+ ends [Q, T] from leave-one-out predictions [Q, N, T] and errors [N, T]."""
+    assert residuals is not None  # a read-out with leave-one-out predictions has them
     n = len(residuals)
     spread = residuals.abs()
     low = floor(alpha * (n + 1))

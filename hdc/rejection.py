@@ -1,26 +1,25 @@
-"""Whether a frame is like some class: its distance to the nearest prototype.
+"""Rejection of unknown frames, by the distance to the nearest prototype.
 
-This is version 2 of the rule, the same in Python and in an exported header. Whatever the read-out,
-the prototype of a class is the majority of its training hypervectors (Eq. 1). A frame is as far out
-as the nearest prototype is. It is known unless it is farther out than training frames were that
-were left out of the prototypes: of m distances of left-out frames, increasing, the
-⌊α(m + 1)⌋-th from the end is the last at which a frame is known. If the frame and the training
-frames are exchangeable, about α of such frames are refused. This is the jackknife, which has no
-guarantee for every distribution (Barber et al., Ann. Statist. 49, 486 (2021), Sec. 1).
+This is version 2 of the rule, the same in Python and in an exported header. For every read-out, the
+prototype of a class is the majority of its training hypervectors (Eq. 1), and the distance of a
+frame is its distance to the nearest prototype. A frame is known unless it is farther than training
+frames that were left out of the prototypes: of the m distances of left-out frames in rising order,
+the ⌊α(m + 1)⌋-th from the end is the largest at which a frame is known. If the frame and the
+training frames are exchangeable, about α of such frames are refused. This is the jackknife, which
+has no guarantee for every distribution (Barber et al., Ann. Statist. 49, 486 (2021), Sec. 1).
 
-**Groups.** Frames of one session, object or video are more alike than those of two. Where groups
-are known, a frame is left out together with all frames of its group, of whatever class, and α holds
-for frames of another group. Where they are not, frames are left out one by one, and α holds only
-for frames that come as those of training did, not for another session.
+**Groups.** Two frames of one session, object or video are more alike than frames of two sessions.
+If groups are known, a frame is left out together with all frames of its group, of any class, and α
+holds for frames of another group. Otherwise frames are left out one by one, and α holds only for
+frames recorded under the training conditions, not for another session.
 
-Up to 100 frames of each class are left out, chosen at random; of a read-out that counts, without
-groups, the 19 that it keeps (:mod:`hdc.sample`). Their distances are exact: the counts of a class
+Up to 100 random frames of each class are left out; for a read-out that counts, without groups, the
+19 frames that it stores (:mod:`hdc.sample`). Their distances are exact, since the counts of a class
 without a frame or a group follow from the counts with it.
 """
 
 from __future__ import annotations
 
-import functools
 import math
 import warnings
 from collections.abc import Mapping, Sequence
@@ -34,40 +33,40 @@ from torch import Tensor
 from hdc import bits, planes
 from hdc.hypervectors import Hypervectors
 from hdc.inputs import Label
-from hdc.prototypes import Counters, tie_breaker
+from hdc.prototypes import Counters
 from hdc.readouts.base import Readout
-from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
+from hdc.readouts.majority import Counting, Majority
 from hdc.sample import Reservoir
 from hdc.tensors import checked
 
 VERSION = 2
-"""Of the rule; an exported header names it."""
+"""Version of the rule, which an exported header names."""
 UNITS = ("frame", "group")
-"""What was left out at a time."""
+"""The unit that is left out at a time."""
 MOST = 100
-"""Frames of a class that are left out, where there are so many hypervectors."""
+"""Frames of a class that are left out at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rejection:
-    """Prototypes, and how far out training frames were that were left out of them."""
+    """Prototypes, and the distances of training frames that were left out of them."""
 
     prototypes: Tensor
-    """int64 [K, W], of the classes that have training frames."""
+    """int64 [K, W], for the classes with training frames."""
     distances: Tensor
-    """int64 [m] (CPU), of left-out frames, increasing."""
+    """int64 [m] (CPU), distances of left-out frames in rising order."""
     unit: str
     """One of :data:`UNITS`."""
 
     @classmethod
     def of(cls, prototypes: Tensor, distances: Sequence[Tensor], unit: str) -> Self:
-        """From distances in any order, in several parts."""
+        """Make the rule from parts of the distances, in any order."""
         none = torch.empty(0, dtype=torch.int64)
         found = torch.cat([none, *(part.cpu() for part in distances)])
         return cls(prototypes.contiguous(), found.sort().values, unit)
 
     def threshold(self, alpha: float) -> int:
-        """The largest distance at which a frame is known; a warning where none is too large."""
+        """The largest distance at which a frame is known; warns if every frame is."""
         share = Fraction(str(alpha))  # 0.05 is 1/20
         m = len(self.distances)
         farther = math.floor(share * (m + 1))
@@ -75,7 +74,7 @@ class Rejection:
             warnings.warn(
                 f"alpha={alpha:g} needs at least {math.ceil(1 / share) - 1} training frames to "
                 f"leave out, found {m}; no frame is refused",
-                stacklevel=3,
+                stacklevel=4,
             )
             return planes.WORD * self.prototypes.shape[1]
         return int(self.distances[-farther])
@@ -85,12 +84,12 @@ class Rejection:
         return bits.hamming(words, self.prototypes).amin(1)
 
     def tensors(self) -> dict[str, Tensor]:
-        """Those of a file."""
+        """The tensors for a file."""
         return {"prototypes": self.prototypes, self.unit: self.distances}
 
     @classmethod
     def restored(cls, tensors: Mapping[str, Tensor], dimension: int) -> Self:
-        """That of the tensors of a file; ValueError for others."""
+        """The rule from the tensors of a file; ValueError if they do not fit."""
         (unit,) = [name for name in UNITS if name in tensors] or UNITS[:1]
         m = len(tensors.get(unit, ()))  # none where each class has a single frame
         kinds = {"prototypes": "int64 K W", unit: "int64 M"}
@@ -100,31 +99,29 @@ class Rejection:
         return cls(found["prototypes"], found[unit], unit)
 
     def to(self, device: torch.device | str) -> Self:
-        """The same with its prototypes in the memory of a device."""
+        """The rule with its prototypes on a device."""
         return replace(self, prototypes=self.prototypes.to(device))
 
 
 # Frame by frame ----------------------------------------------------------------------------------
 
 
-def by_frames(
-    readout: Counting, counted: Counted, kept: Mapping[int, Tensor]
-) -> Rejection:
-    """The rejection of counters, with frames left out one by one.
+def by_frames(near: Tensor, kept: Mapping[int, Tensor]) -> Rejection:
+    """The rule from frames left out one by one.
 
     Args:
-        readout, counted: that have counted all frames.
-        kept: hypervectors int64 [m, W] to leave out of each row that has frames. The only one of a
-            class says nothing of others and is not left out.
+        near: int64 [L, 3, W], for each class the bits with more than (n − 1)/2, n/2 and (n + 1)/2
+            ones among its n hypervectors.
+        kept: hypervectors int64 [m, W] to leave out, for each class with frames. The only frame of
+            a class is not left out.
     """
     rows = sorted(kept)
-    deciding = readout.deciding(counted)
-    whole = deciding[rows, EXTRAS.index(0)]
+    whole = near[rows, 1]
     found = []
     for place, row in enumerate(rows):
         words = kept[row]
         if len(words) > 1:
-            _, if_zero, _, if_one, _ = deciding[row]
+            if_zero, _, if_one = near[row]
             without = (words & if_one) | (~words & if_zero)
             distances = bits.hamming(words, whole)
             distances[:, place] = bits.count_ones(words ^ without)
@@ -133,26 +130,36 @@ def by_frames(
 
 
 def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
-    """The rejection of hypervectors and their rows int64 [N], with single ones left out."""
+    """The rule from N hypervectors and their classes int64 [N], left out one by one."""
     reservoir = Reservoir(size=MOST)
     reservoir.add(words.packed, rows.tolist())
     kept = {int(row): frames for row, frames in reservoir.sample().kept.items()}
-    majority = Majority()
-    return by_frames(majority, majority.fit(words, rows, n_classes), kept)
+    shape = n_classes, 1, words.packed.shape[1]
+    counts, n = planes.count_classes(
+        planes.zeros(shape, words.packed.device),
+        torch.zeros(n_classes, dtype=torch.int64),
+        words.packed,
+        rows,
+    )
+    near = counts.new_zeros(n_classes, 3, shape[2])
+    for row in kept:
+        for place, extra in enumerate((-1, 0, 1)):
+            near[row, place] = planes.majority(counts[row], int(n[row]) + extra)
+    return by_frames(near, kept)
 
 
 # Group by group ----------------------------------------------------------------------------------
 
 
 class Groups:
-    """Counts of training frames by class and group, and the frames that will be left out.
+    """Counters of training frames by class and group, and the frames to leave out.
 
     Args:
         rows: the class of each frame, int64 [N]; all of 0 … L − 1 occur.
         groups: the group of each frame, any N labels.
-        readout: of the model; one that counts says which way ties go.
+        readout: the read-out, whose rule of ties is used if it counts.
         dimension: D.
-        device: of the hypervectors.
+        device: device of the hypervectors.
     """
 
     def __init__(
@@ -167,7 +174,7 @@ class Groups:
         self.rows, self.groups = rows, torch.tensor([number[g] for g in groups])
         self.readout = readout if isinstance(readout, Counting) else Majority()
         pairs = torch.stack((self.rows, self.groups), 1)
-        # A cell is a class and a group that have frames in common.
+        # A cell is a pair of a class and a group with frames.
         self._cells, self._cell_of = torch.unique(pairs, dim=0, return_inverse=True)
         self._counters = Counters(len(self._cells), dimension, device)
         numbers = Reservoir(size=MOST)
@@ -179,11 +186,11 @@ class Groups:
 
     @property
     def single(self) -> list[int]:
-        """Classes of a single group, whose frames cannot be left out."""
+        """Classes with a single group, whose frames cannot be left out."""
         return (self._cells[:, 0].bincount() == 1).nonzero().flatten().tolist()
 
     def add(self, words: Tensor) -> None:
-        """Count the next of the frames, hypervectors int64 [n, W]."""
+        """Count the next n training frames, hypervectors int64 [n, W]."""
         start, stop = self._n_seen, self._n_seen + len(words)
         self._counters.add(words, self._cell_of[start:stop])
         chosen = self._chosen
@@ -193,7 +200,7 @@ class Groups:
         self._n_seen = stop
 
     def rejection(self) -> Rejection:
-        """With each group left out of all classes in turn."""
+        """The rule from groups left out one by one."""
         words, numbers = torch.cat(self._words), torch.cat(self._numbers)
         counts, n = self._of_classes()
         whole = torch.stack(
@@ -218,7 +225,7 @@ class Groups:
         return Rejection.of(whole, found, "group")
 
     def _of_classes(self) -> tuple[list[Tensor], Tensor]:
-        """Counts of each class, bit-sliced [P, W], and its frames int64 [L]."""
+        """Bit-sliced counts [P, W] of each class, and the numbers of frames int64 [L]."""
         counts: dict[int, Tensor] = {}
         for (c, _), own in zip(
             self._cells.tolist(), self._counters.planes, strict=True
@@ -227,22 +234,17 @@ class Groups:
         return [counts[c] for c in sorted(counts)], self.rows.bincount()
 
     def _majority(self, c: int, counts: Tensor, n: int) -> Tensor:
-        """The prototype int64 [W] of n frames of class c with these counts."""
-        readout = self.readout
-        breaker = functools.partial(
-            tie_breaker, self._counters.dimension, readout.random_state
-        )
-        return planes.majorities(
-            counts[None], torch.tensor([n]), [0], readout.ties, lambda _: breaker(c)
-        )[0]
+        """The prototype int64 [W] of class c, from the counts of n frames."""
+        breaker = self.readout.breaker(c, self._counters.dimension, counts.device)
+        return planes.majority(counts, n, self.readout.ties, breaker)
 
 
 def grouped(
     groups: Sequence[Label], rows: Tensor, classes: Sequence[Label], *given: Any
 ) -> Groups | None:
-    """What counts N frames of rows int64 [N] by group; None where no group can be left out.
+    """Counters by group for N frames; None if every class has a single group.
 
-    A warning names classes of a single group. `given` are the others of :class:`Groups`.
+    A warning names classes with a single group. `given` are the other arguments of :class:`Groups`.
     """
     found = Groups(rows, groups, *given)
     single = found.single

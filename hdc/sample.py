@@ -1,4 +1,4 @@
-"""Up to 19 training frames of each class, chosen at random, in any batches."""
+"""Random samples of up to 19 training frames of each class, whatever the batches."""
 
 from __future__ import annotations
 
@@ -14,34 +14,33 @@ from hdc.inputs import Label
 from hdc.tensors import checked
 
 KEPT = 19
-"""Hypervectors kept of a class: p-values in steps of 5 %; 0.6 MB per class at D = 250,000."""
-_SEED = 0  # of the choice among training frames
+"""Hypervectors stored per class: p-values in steps of 5 %; 0.6 MB at D = 250,000."""
+_SEED = 0  # of the random choice
 _WORD = 2**64 - 1
 
 
 @dataclass(frozen=True)
 class Sample:
-    """How many training frames came by of each class, and hypervectors of up to 19 of them.
+    """The number of training frames of each class, and hypervectors of up to 19 of them.
 
-    Read-outs that learn all frames at once have no use for the hypervectors, and keep none.
+    Read-outs that learn all frames at once do not need the hypervectors, and store none.
     """
 
     seen: Mapping[Label, int] = field(default_factory=dict)
     kept: Mapping[Label, Tensor] = field(default_factory=dict)
-    """int64 [m, W] of each class, in their places."""
+    """int64 [m, W] of each class, in the order of their places."""
 
     def replaced(self, words: Tensor, labels: Sequence[Label]) -> Sample:
-        """Some of these hypervectors [N, W] of N labels, in place of what their classes had."""
+        """A sample in which the classes of N new hypervectors [N, W] have new ones only."""
         fresh = Reservoir()
         fresh.add(words, labels)
         found = fresh.sample()
         return Sample({**self.seen, **found.seen}, {**self.kept, **found.kept})
 
     def merged(self, other: Sample) -> Sample:
-        """A sample of all that came by either.
+        """A sample of the frames of both.
 
-        How many places the frames of the other take is what drawing 19 of all frames would give
-        (hypergeometric).
+        The other's share of the 19 places is drawn as if from all frames (hypergeometric).
         """
         seen, kept = dict(self.seen), dict(self.kept)
         for label, n_other in other.seen.items():
@@ -60,10 +59,10 @@ class Sample:
     def restored(
         cls, classes: Sequence[Label], seen: Any, words: Tensor | None, dimension: int
     ) -> Self:
-        """That of a file: hypervectors of so many frames that each class has seen, or none.
+        """The sample from a file: numbers of frames, and the hypervectors if there are any.
 
         Raises:
-            ValueError: for what does not fit.
+            ValueError: if they do not fit together.
         """
         kept = [min(count, KEPT) for count in seen]
         if min(kept) < 0 or len(kept) != len(classes):
@@ -78,21 +77,21 @@ class Sample:
         return cls(counts, found)
 
     def to(self, device: torch.device | str) -> Sample:
-        """The same in the memory of a device."""
+        """The sample on a device."""
         kept = {label: words.to(device) for label, words in self.kept.items()}
         return Sample(self.seen, kept)
 
 
 class Reservoir:
-    """Draws up to 19 hypervectors of each class, every one with the same chance, in any batches.
+    """Reservoir sampling of up to 19 hypervectors of each class, in any batches.
 
-    A reservoir (Vitter, ACM Trans. Math. Softw. 11, 37 (1985), algorithm R): frame k takes a random
-    one of k + 1 places, and is kept where that is one of the 19. Random numbers follow from the
-    seed and from k alone, so batches, files and machines change nothing.
+    Algorithm R (Vitter, ACM Trans. Math. Softw. 11, 37 (1985)): frame k draws one of k + 1 places,
+    and is stored if that is one of the first 19. Random numbers depend only on the seed and on k,
+    so the result does not depend on batches, files or machines.
 
     Args:
-        start: what came by before.
-        size: hypervectors of a class to keep, in place of 19.
+        start: sample to go on from.
+        size: hypervectors to store per class, instead of 19.
     """
 
     def __init__(self, start: Sample | None = None, size: int = KEPT) -> None:
@@ -102,7 +101,7 @@ class Reservoir:
         self._kept = {label: list(words) for label, words in start.kept.items()}
 
     def add(self, words: Tensor, labels: Sequence[Label]) -> None:
-        """Let hypervectors int64 [N, W] of N labels come by; those that are kept are copied."""
+        """Go on with hypervectors int64 [N, W] of N labels; the stored ones are copied."""
         chosen: dict[tuple[Label, int], int] = {}
         for i, label in enumerate(labels):
             k = self._seen.get(label, 0)
@@ -115,19 +114,19 @@ class Reservoir:
             kept[place : place + 1] = [words[i].clone()]
 
     def sample(self) -> Sample:
-        """What was drawn so far."""
+        """The sample drawn so far."""
         kept = {label: torch.stack(rows) for label, rows in self._kept.items()}
         return Sample(dict(self._seen), kept)
 
 
 def _some(words: Tensor, n: int, drawn: np.random.Generator) -> Tensor:
-    """Any n of the hypervectors, in their order."""
+    """A random choice of n hypervectors, in their order."""
     places = np.sort(drawn.permutation(len(words))[:n])
     return words[torch.from_numpy(places)]
 
 
 def random_place(seed: int, k: int) -> int:
-    """A random place of frame k among k + 1, by SplitMix64 of the seed and k.
+    """A random place from 0 to k, by SplitMix64 of the seed and k.
 
     Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
     """
@@ -136,7 +135,7 @@ def random_place(seed: int, k: int) -> int:
 
 
 def _mix(z: int) -> int:
-    """One number of SplitMix64 from its state."""
+    """The output of SplitMix64 for a state."""
     z = (z * 0x9E3779B97F4A7C15) & _WORD
     z = ((z ^ z >> 30) * 0xBF58476D1CE4E5B9) & _WORD
     z = ((z ^ z >> 27) * 0x94D049BB133111EB) & _WORD

@@ -1,4 +1,4 @@
-"""Models in files: what a header says, and how a model is made of it."""
+"""Saving of models to files, and loading them."""
 
 from __future__ import annotations
 
@@ -20,35 +20,35 @@ from hdc.tensors import prefixed, without_prefix
 
 
 class Saved(Estimator):
-    """An estimator that saves what it has learned to a file and loads it."""
+    """An estimator that can be saved to a file and loaded."""
 
     metadata_: dict[str, Any]
 
     def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
-        """Write the model to a safetensors file, whole or not at all.
+        """Write the model to a safetensors file, atomically.
 
         Args:
-            path: file name, in a folder that exists; an older model of that name is replaced.
-            metadata: JSON values to keep with the model, such as how frames are cropped. By default
-                those of the file the model was read from.
+            path: file name, in an existing folder; a saved model of that name is replaced.
+            metadata: JSON values to keep with the model, such as how frames are cropped; by
+                default the metadata of the file that the model was loaded from.
 
         Raises:
-            TypeError: for metadata that are no JSON.
+            TypeError: for metadata that JSON cannot hold.
             FileNotFoundError: for a folder that does not exist.
-            FileExistsError: where something other than a saved model has the name.
+            FileExistsError: if the name belongs to something other than a saved model.
             ValueError: for a model that could not be loaded again, such as one with a read-out of a
-                class that is not at the top of a module, or with a parameter that is no JSON;
-                nothing is written.
+                class that is not at the top level of a module, or with a parameter that JSON
+                cannot hold; nothing is written.
         """
         self._check_is_trained()
         if metadata is None:
             metadata = getattr(self, "metadata_", {})
         metadata = dict(metadata)
-        # Not the backend: the best one depends on the machine, and the model does not.
+        # Without the backend, since the best one depends on the machine.
         parameters: dict[str, Any] = {"device": str(self.device)}
         revisions = {}
         for name in self.parts:
-            # The trained part: the object that was given may have been changed since.
+            # The trained part, since the given object may have been changed.
             trained = getattr(self, f"{name}_")
             parameters[name] = describe(trained, self._known[name])
             revisions[name] = trained.revision
@@ -65,7 +65,7 @@ class Saved(Estimator):
     def _check_loads(
         self, header: Mapping[str, Any], tensors: dict[str, Tensor]
     ) -> None:
-        """Raise ValueError for what :meth:`load` would refuse."""
+        """Raise ValueError for a header and tensors that :meth:`load` would refuse."""
         try:
             self._rebuilt(header, tensors, trusted=None)
         except Exception as error:
@@ -85,16 +85,17 @@ class Saved(Estimator):
 
         Args:
             path: file name.
-            trusted: dotted name or names of encoders and read-outs of one's own. The module of such
-                a class is imported, which runs its code; a file that names one that is not trusted
-                is refused before that.
-            device: where to compute; by default the device of training, or the CPU with a warning
-                where this machine has no such device.
+            trusted: dotted name or names of your own encoders and read-outs. Loading imports the
+                module of such a class, which runs its code; a file that names any other module is
+                refused before that.
+            device: device to compute on; by default the device of training, or, if this machine
+                does not have it, the CPU with a warning.
 
         Raises:
-            ValueError: if the file is not such a model, of another class, or damaged; it is named.
+            ValueError: naming the file, if it is no saved model, a model of another class, or
+                damaged.
         """
-        if isinstance(trusted, str):  # of which parts are no names
+        if isinstance(trusted, str):  # or each letter would be a name
             trusted = (trusted,)
         if device is not None:
             backends.check_device(device)
@@ -123,9 +124,9 @@ class Saved(Estimator):
         tensors: dict[str, Tensor],
         trusted: Collection[str] | None,
     ) -> Self:
-        """The model of a header and tensors, which may be anything; errors of any kind.
+        """The model from a header and tensors that may be anything; raises errors of any kind.
 
-        `trusted` as of :func:`hdc.parameters.rebuild`.
+        For `trusted`, see :func:`hdc.described.rebuild`.
         """
         parameters = dict(header["parameters"])
         for name in cls.parts:
@@ -140,17 +141,15 @@ class Saved(Estimator):
         own = {name: tensor.to(model.device) for name, tensor in tensors.items()}
         encoder: Encoder = model.fresh("encoder")
         encoder.restore(without_prefix("encoder", own), prod(shape))
-        model._begin(
-            encoder, shape, backends.choose_backend(model.backend, model.device)
-        )
+        backend = backends.choose_backend(model.backend, model.device)
+        model._begin(encoder, shape, backend, header.get("columns"))
         others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
         model._restore(header, others)
-        model._columns = header.get("columns")
         model.metadata_ = dict(header["metadata"])
         return model
 
     def _warn_of_revisions(self, made_by: Any, path: str | Path) -> None:
-        """Warn of a file whose encoder or read-out gave other numbers; files to 3.0 do not say."""
+        """Warn of a file by another revision of a part; files up to 3.0 hold no revisions."""
         for name in self.parts if isinstance(made_by, Mapping) else ():
             now = getattr(self, f"{name}_").revision
             if made_by.get(name, now) != now:
@@ -166,11 +165,11 @@ class Saved(Estimator):
 
     @abstractmethod
     def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        """Become the model of :meth:`_stored`."""
+        """Set what was learned from a header and tensors."""
 
 
 def _available(device: str, path: str | Path) -> str:
-    """The device of a file, or the CPU where this machine has none of its kind."""
+    """The device named in a file, or the CPU if this machine does not have it."""
     try:
         backends.check_device(device)
     except ValueError:

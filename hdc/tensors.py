@@ -1,4 +1,4 @@
-"""Tensors of a saved model: what each part of it keeps, by name, and whether a file has that."""
+"""Tensors of a saved model, by the names of its parts, and checks of their types and shapes."""
 
 from __future__ import annotations
 
@@ -9,22 +9,23 @@ from torch import Tensor
 from hdc import bits
 
 Kinds = Mapping[str, str]
-"""Name → type and axes, such as ``"int64 L 4 W"``: a letter is a size, W words of D bits each."""
+"""Name → type and axes, such as ``"int64 L 4 W"``; a letter is a size, W the words of D bits."""
 
 
 def checked(
     tensors: Mapping[str, Tensor], kinds: Kinds, **sizes: int
 ) -> dict[str, Tensor]:
-    """These tensors, of these kinds; all but words are moved to the CPU.
+    """Check types and shapes of tensors; all but packed words are moved to the CPU.
 
     Args:
-        tensors: of a file, which may be anything.
-        kinds: of all of them.
-        sizes: of letters; one without is any size above zero, the same everywhere. With D, words
-            have no ones beyond it.
+        tensors: tensors from a file, which may be anything.
+        kinds: their expected types and axes.
+        sizes: sizes of letters. A letter without a size may have any size above zero, the same in
+            all tensors. D is required for words, whose bits beyond D have to be zero.
 
     Raises:
-        ValueError: for a tensor that is missing, not expected, of another kind, or not finite.
+        ValueError: for a tensor that is missing, not expected, of another type or shape, or not
+            finite.
     """
     if tensors.keys() != kinds.keys():
         raise ValueError(f"expected tensors {[*kinds]}, found {[*tensors]}")
@@ -52,26 +53,26 @@ def checked(
 
 
 def compact(tensor: Tensor) -> Tensor:
-    """A tensor, or a copy where it is a view of more memory, all of which a pickle would hold."""
+    """A tensor without unused memory: of a view, a pickle would hold the whole storage."""
     if tensor.untyped_storage().nbytes() > tensor.nbytes:
         return tensor.clone()
     return tensor
 
 
 def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of one part of a model, by the names that they have in its file."""
+    """The tensors of a part of a model, by their names in a file."""
     return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
 
 
 def without_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """Those of the tensors of a file that are of one part, by their names in that part."""
+    """The tensors of a part of a model, from a file, by their names in that part."""
     start = f"{prefix}."
     own = [name for name in tensors if name.startswith(start)]
     return {name.removeprefix(start): tensors[name] for name in own}
 
 
 def check_parts(tensors: Mapping[str, Tensor], parts: Collection[str]) -> None:
-    """Raise ValueError for a tensor of none of these parts of a model."""
+    """Raise ValueError for a tensor that belongs to none of these parts."""
     for name in tensors:
         if name.partition(".")[0] not in parts:
             raise ValueError(f"a tensor {name!r}")

@@ -1,7 +1,7 @@
 """The inner loops on the CPU as machine code: encoding frames, counting, distances.
 
-Imported only where it is used: numba takes as long to import as everything else here. The results
-are those of the numpy routes, bit for bit; only weighted sums of other than whole numbers
+Imported only where it is used, since importing numba takes as long as everything else here. The
+results equal those by numpy bit for bit; only weighted sums of numbers that are not whole
 (:func:`combine`) may differ in their last digits. The first import on a machine compiles (some
 ten seconds) and keeps the code beside these files, in the user's cache folder, or in this process
 only; see :mod:`hdc.backends`.

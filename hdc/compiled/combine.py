@@ -1,4 +1,4 @@
-"""Weighted sums of hypervectors, which weights of linear read-outs are."""
+"""Weighted sums of hypervectors, for the weights of linear read-outs."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ import numpy as np
 
 from hdc.compiled.operations import AT_ONCE, WORD, compile_kernel, share, sum_where
 
-_BLOCK = 8  # words of a row at a time: a line of the cache
+_BLOCK = 8  # words of a row at a time: one cache line
 
 
 def combine(words: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
     """Σ_i a_ik·bit_ij of hypervectors int64 [N, W], a float32 [N, K]: float32 [K, 64·W].
 
-    Frame by frame, in this order; a product of matrices may add in another, and round otherwise.
+    Added frame by frame in rising order; a matrix product may add, and so round, in another order.
     """
     words = np.ascontiguousarray(words)
     width = words.shape[1]

@@ -111,7 +111,8 @@ def _count(counts, words, order, ends, start, stop):
 def _hamming(queries, planes, distances):
     """Add :func:`weighted_hamming` to distances, in one thread.
 
-    Some words of all at a time: those of a class stay in the first cache, the queries' in the next.
+    A block of words at a time: the words of a class stay in the first-level cache, and the queries
+    in the next.
     """
     width = queries.shape[1]
     for left in range(0, width, _BLOCK):

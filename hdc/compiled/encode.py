@@ -1,10 +1,11 @@
 """Frames of 8, 16 or 32 bits to hypervectors, thresholded by rank (:mod:`hdc.encoders.ranks`).
 
-One pass over a frame counts the pixels above some greys and those of them, first about the
-threshold of the frame before. A sample, one pixel a word, then says about where to look: in one of
-256 bins. A bin of a frame of 8 bits is one grey. Of others the pixels that are left, about one per
-cent, are counted by eight bits at a time. The counts of all pixels decide, so neither the sample
-nor the frame before changes a bit.
+One pass over a frame counts the pixels above and within a range of grey values. The first range
+lies about the threshold of the previous frame. If the threshold lies elsewhere, a sample of one
+pixel per word tells which of 256 bins to try. In frames of 8 bits a bin is one grey value. In
+others about one per cent of the pixels are left, among which the threshold is found by eight bits
+at a time. The counts of all pixels decide, so neither the sample nor the previous frame affects the
+result.
 """
 
 from __future__ import annotations
@@ -57,16 +58,16 @@ def encode(
 
 @compile_kernel(*of_pixels("void(pixel[:, ::1], intp, int64[::1], int64[::1])"))
 def _draw(images, i, sample, bins):
-    """Count a sample of image i in 256 bins, of which b has greys from low + (b << shift) on.
+    """Count a sample of image i in 256 bins; bin b begins at the grey value low + (b << shift).
 
-    Greys beyond them are in the first bin or the last. Fills `sample` [256] and `bins`: low, shift
-    and i.
+    The first and the last bin also hold what lies beyond them. Fills `sample` [256] with the counts
+    and `bins` with low, shift and i.
     """
     n_pixels = images.shape[1]
     values = np.empty((n_pixels + WORD - 1) // WORD, np.int64)
     low = high = np.int64(images[i, 0])
     for w in range(len(values)):
-        # At a place that differs, lest the sample follow a pattern.
+        # At varying places, so that the sample does not follow a pattern.
         j = w * WORD + (w * 0x9E37_79B1 >> 8) % WORD
         value = np.int64(images[i, min(j, n_pixels - 1)])
         values[w] = value
@@ -82,7 +83,7 @@ def _draw(images, i, sample, bins):
 
 @compile_kernel("int64(int64[::1], int64, int64, int64)")
 def _walk(sample, place, step, n):
-    """The bin in which the sample has the last of n pixels, counted from the one after a place."""
+    """The bin that holds the n-th pixel, by the sample, counted from the bin after a place."""
     last = _BINS - 1 if step > 0 else 0
     while n > 0 and place != last:
         place += step
@@ -94,7 +95,7 @@ def _walk(sample, place, step, n):
     *of_pixels("UniTuple(uint64, 2)(pixel[:, ::1], intp, intp, pixel, pixel)")
 )
 def rest_of(images, i, start, bottom, top):
-    """The pixels above `top`, and those from `bottom` to `top`, of a last word that is not full."""
+    """The pixels above `top`, and from `bottom` to `top`, in a last word that is not full."""
     above = within = np.uint64(0)
     for j in range(start, images.shape[1]):
         pixel = images[i, j]
@@ -109,7 +110,7 @@ def rest_of(images, i, start, bottom, top):
     )
 )
 def _look(images, i, bottom, top, above, within):
-    """Fill words [W] with the pixels above `top` and those from `bottom` to `top`; count both."""
+    """Fill words [W] with the pixels above `top`, and from `bottom` to `top`; count both."""
     n_above = n_within = np.int64(0)
     whole, rest = divmod(images.shape[1], WORD)
     for w in range(whole):
@@ -130,9 +131,9 @@ def _look(images, i, bottom, top, above, within):
 
 @compile_kernel("UniTuple(int64, 3)(int64[::1], int64, int64)")
 def _select(values, most, rank):
-    """The value of a rank among some from 0 to `most`, and how many are above and at it.
+    """The value of a rank among values from 0 to `most`, and how many are above and equal to it.
 
-    By eight bits at a time; the values change.
+    A radix selection by eight bits at a time, which changes the values.
     """
     n, n_above, level = len(values), np.int64(0), np.int64(0)
     counts = np.empty(_BINS, np.int64)
@@ -150,7 +151,7 @@ def _select(values, most, rank):
             place -= 1
         level += place << shift
         kept = 0
-        for value in values[:n]:  # those at the place, less what it says
+        for value in values[:n]:  # the remaining bits of the values in this place
             rest = value - (place << shift)
             values[kept] = rest
             kept += rest >> shift == 0
@@ -165,10 +166,11 @@ def _select(values, most, rank):
     )
 )
 def _narrow(images, i, bottom, top, rank, above, within, n_within, places, values):
-    """Of the n_within pixels `within` [W], from `bottom` to `top`, find the one of a rank.
+    """Find the pixel of a rank among the n_within pixels `within` [W], from `bottom` to `top`.
 
-    Leaves those that equal it there, and adds brighter ones to `above`. Returns its grey and how
-    many were added and left. No step is a branch that depends on pixels, which processors guess.
+    Pixels equal to it stay in `within`, and brighter ones move to `above`. Returns its grey value,
+    and how many pixels moved and stayed. No branch depends on pixels, which a processor would
+    mispredict.
     """
     filled = np.empty(len(within), np.int64)
     n_filled = n = 0
@@ -209,10 +211,10 @@ def _bin_of(grey, bins):
     )
 )
 def _search(images, i, rank, bottom, top, sample, bins, above, within):
-    """From those given on, find greys of which is the pixel of a rank, 1 that of the largest.
+    """Find a range of grey values that holds the pixel of a rank; rank 1 is the largest.
 
-    Fills words [W] with the pixels above them and of them. Returns the lowest and the highest of
-    the greys, and the two counts.
+    The search begins with the range from `bottom` to `top`. Fills words [W] with the pixels above
+    the range and within it. Returns the ends of the range, and the two counts.
     """
     limits = np.iinfo(images.dtype)
     least, most = np.int64(limits.min), np.int64(limits.max)

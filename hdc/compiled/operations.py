@@ -1,12 +1,13 @@
 """Parts of the kernels: threads, operations spelled out for LLVM, and compiling.
 
-Two operations are spelled out for LLVM, which does not find them by itself. One adds numbers to
-those of 64 sums whose bit in a word is one, and keeps the sums in registers. The other compares 64
-numbers, and its outcome is one word of mask. It passes a frame of 500 × 500 in 6 µs; a plain loop
-over pixels takes 44 µs, and one over words of eight pixels 23 µs (one core of an AMD EPYC, Zen 4).
+Two operations are spelled out for LLVM, which does not find them by itself. One adds a number to
+each of 64 sums whose bit in a word is one, and keeps the sums in registers. The other compares 64
+numbers and returns one word of mask. It takes 6 µs for a frame of 500 × 500, where a plain loop
+over pixels takes 44 µs, and a loop over words of eight pixels 23 µs (one core of an AMD EPYC,
+Zen 4).
 
-Work is shared among `torch.get_num_threads()` threads of Python; numba lets go of the interpreter
-meanwhile, and no second runtime of threads competes with torch's.
+Work is shared among `torch.get_num_threads()` threads of Python: numba releases the interpreter
+meanwhile, and no second pool of native threads competes with torch's.
 """
 
 from __future__ import annotations
@@ -29,13 +30,13 @@ if config.DISABLE_JIT:  # type: ignore[attr-defined]  # set as it is imported
 
 WORD = 64
 PIXELS = ("uint8", "uint16", "int32")
-"""Types of pixels that the kernels take: of cameras, and of frames less a reference."""
+"""Types of pixels that the kernels take: from cameras, and of frames minus a reference."""
 AT_ONCE = 4  # weighted sums made at once
-_SHARE_BYTES = 2**17  # of input that are worth another thread
+_SHARE_BYTES = 2**17  # of input for which another thread pays
 
 
 def share(work: Callable[[int, int], object], n: int, n_bytes: int) -> None:
-    """work(start, stop) on consecutive pieces of range(n), one a thread."""
+    """Call work(start, stop) on consecutive pieces of range(n), one per thread."""
     worth = n_bytes // _SHARE_BYTES
     n_threads = min(torch.get_num_threads(), n, worth)
     if n_threads < 2:
@@ -52,12 +53,12 @@ def share(work: Callable[[int, int], object], n: int, n_bytes: int) -> None:
 
 @functools.cache
 def _pool(process: int) -> ThreadPoolExecutor:
-    """Threads of this process; a forked one has the pool of its parent but not its threads."""
+    """Threads of this process; a forked process inherits the pool but not its threads."""
     return ThreadPoolExecutor(os.cpu_count(), thread_name_prefix="compiled")
 
 
 def compile_kernel(*signatures):
-    """numba's njit, which keeps the machine code where a folder can be written."""
+    """numba's njit, which caches the machine code if its folder is writable."""
 
     def compiled(function):
         kinds = list(signatures)
@@ -70,16 +71,16 @@ def compile_kernel(*signatures):
 
 
 def of_pixels(signature: str) -> list[str]:
-    """The signatures of a kernel for every type of pixels, where "pixel" is written."""
+    """The signatures of a kernel for every type of pixel, in place of the word "pixel"."""
     return [signature.replace("pixel", kind) for kind in PIXELS]
 
 
-# Its type says that it leaves the arguments of a function as they are.
+# Typed, so that mypy keeps the arguments of the decorated functions.
 _operation: Any = intrinsic
 
 
 def _pointer(context, builder, kind, array, place):
-    """To an element of an array of some type, without a check of bounds."""
+    """Pointer to an element of an array, without a check of bounds."""
     view = context.make_array(kind)(context, builder, array)
     return cgutils.get_item_pointer(context, builder, kind, view, place)
 
@@ -127,10 +128,10 @@ def ones(typing_context, word):
 
 @_operation
 def sum_where(typing_context, masks, w, numbers, k, sums):
-    """Σ_i of numbers[i, k + t] in float32 where bit j of masks[w, i] is one: to sums[t, j].
+    """Set sums[t, j] to Σ_i numbers[i, k + t] over all i where bit j of masks[w, i] is one.
 
-    For four t at once, whose 4 × 64 sums fill half of the registers of AVX-512 (others keep some in
-    the cache); i increases, and so rounding is that of a plain loop.
+    In float32, for four t at once, whose 4 × 64 sums fill half of the registers of AVX-512. The sum
+    runs over rising i, so it is rounded as by a plain loop.
     """
 
     def code(context, builder, signature, arguments):

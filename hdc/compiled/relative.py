@@ -1,4 +1,4 @@
-"""Frames in their own deviations (:mod:`hdc.encoders.standardised`), and bits of these by levels
+"""Standardised frames (:mod:`hdc.encoders.relative`), and their bits by thresholds
 (:mod:`hdc.encoders.deviation`)."""
 
 from __future__ import annotations

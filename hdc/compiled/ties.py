@@ -43,8 +43,8 @@ def _count_rounds(rotated, n):
 def _add_spread(equals, words, rotations, missing, n_equal):
     """Add the first `missing` of n_equal ties to words [W], by the order of ``spread``.
 
-    How many rounds of one bit a word fit whole is guessed from the share that is missing, which is
-    about right, since the order is even.
+    How many whole rounds of one bit per word fit is guessed from the share that is missing. Since
+    the order is even, the guess is nearly right.
     """
     width = len(equals)
     for w in range(width):

@@ -1,4 +1,4 @@
-"""Encoders: frames to packed hypervectors, one idea a file."""
+"""Encoders: packed hypervectors from frames, one method per file."""
 
 from __future__ import annotations
 

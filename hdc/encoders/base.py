@@ -8,15 +8,15 @@ from typing import Any, ClassVar, Self
 
 from torch import Tensor
 
-from hdc.parameters import Parametrised
+from hdc.parameters import Part
 
 
-class Encoder(Parametrised, ABC):
-    """Frames to packed hypervectors; an idea is a subclass in a file of its own.
+class Encoder(Part, ABC):
+    """Base class of encoders: packed hypervectors from frames.
 
-    A subclass writes :meth:`encode`, and :meth:`dimension` where a hypervector has not one bit a
-    pixel. One that learns something of the training frames writes :meth:`fit`, :meth:`state` and
-    :meth:`restore`, too, and sets `learns`.
+    A subclass implements :meth:`encode`, and :meth:`dimension` unless a hypervector has one bit per
+    pixel. If it learns from the training frames, it also implements :meth:`fit`, :meth:`state` and
+    :meth:`restore`, and sets `learns`.
 
     Example:
         >>> import torch
@@ -29,18 +29,13 @@ class Encoder(Parametrised, ABC):
         Bright()
     """
 
-    revision: ClassVar[int] = 1
-    """Raised by hand in the commit that changes the words of some frame."""
     learns: ClassVar[bool] = False
-    """Whether :meth:`fit` learns anything of the frames."""
+    """Whether :meth:`fit` learns from the frames."""
     numbered: ClassVar[bool] = False
-    """Whether :meth:`encode` also takes the number of the first frame, for warnings and errors."""
-
-    def check(self) -> None:
-        """Raise ValueError, naming it, for a parameter that is not allowed."""
+    """Whether :meth:`encode` also takes the index of the first frame, for warnings and errors."""
 
     def fit(self, frames: Any) -> Self:
-        """Learn from training frames [N, H, W] or [N, D], anything with ``shape`` and slices."""
+        """Learn from training frames [N, H, W] or [N, D], any object with ``shape`` and slices."""
         return self
 
     @abstractmethod
@@ -48,15 +43,15 @@ class Encoder(Parametrised, ABC):
         """Hypervectors of frames [N, H, W] or [N, D]: int64 [N, ⌈bits/64⌉]."""
 
     def dimension(self, n_pixels: int) -> int:
-        """Bits of the hypervector of a frame of so many pixels."""
+        """D, the bits of a hypervector, for frames of this number of pixels."""
         return n_pixels
 
     def state(self) -> dict[str, Tensor]:
-        """The tensors that were learned, int64 or float64, to be saved."""
+        """The learned tensors, int64 or float64, to be saved."""
         return {}
 
     def restore(self, tensors: Mapping[str, Tensor], n_pixels: int) -> None:
-        """Learn :meth:`state` of a file, of frames of so many pixels.
+        """Set the learned tensors from a file, for frames of this number of pixels.
 
         Raises:
             ValueError: for tensors that do not fit.

@@ -1,4 +1,4 @@
-"""Levels in units of a frame's own deviation from a reference frame."""
+"""Thresholds in units of a frame's own deviation from a reference frame."""
 
 from __future__ import annotations
 
@@ -24,8 +24,8 @@ class Deviation(RelativeEncoder):
     With d the standardised frame minus the reference, both in steps of 2⁻¹⁶ as of
     :class:`hdc.encoders.Reference`, and σ the standard deviation of the frame's D values d, rounded
     down to such a step, bit t·D + j is d_j > thresholds[t]·σ. A value that equals its threshold
-    becomes a zero. All arithmetic is in integers, so every machine has the same bits. Unlike ranks
-    the bits keep how much of the frame differs from the reference.
+    becomes a zero. All arithmetic is in integers, so every machine computes the same bits. Unlike
+    ranks, the bits show how much of the frame differs from the reference.
 
     Args:
         thresholds: T rising numbers of at most six digits, in standard deviations.
@@ -73,7 +73,9 @@ class Deviation(RelativeEncoder):
 
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         deviations = deviations_of(differences)
-        _warn_of_none(deviations, first)
+        none = [i for i, sigma in enumerate(deviations) if sigma == 0]
+        if none:
+            warn_of_constant(none, first)
         thresholds = self.fractions()
         levels = [[_level(t, sigma) for t in thresholds] for sigma in deviations]
         n, n_pixels = differences.shape
@@ -110,19 +112,12 @@ def deviations_of(differences: Tensor) -> list[int]:
 
 
 def _level(threshold: Fraction, sigma: int) -> int:
-    """The largest integer that is not above threshold·σ, or what no difference reaches."""
+    """⌊threshold·σ⌋, clipped to the range of int32."""
     return max(-_INT32, min(_INT32, math.floor(threshold * sigma)))
 
 
-def _warn_of_none(deviations: Sequence[int], first: int) -> None:
-    """Warn of frames that do not differ from the reference, or alike in all pixels."""
-    none = [i for i, sigma in enumerate(deviations) if sigma == 0]
-    if none:
-        warn_of_constant(none, first)
-
-
 def _exact(values: Sequence[Any]) -> list[Fraction]:
-    """Numbers as they are written; none where one of them is none, or has more digits."""
+    """Numbers as they are written; [] if one is no number, or has more than six digits."""
     try:
         found = [Fraction(str(value)) for value in values]
     except (ValueError, ZeroDivisionError):

@@ -19,16 +19,16 @@ CHUNK = 64  # training frames summed at a time
 class Levels(RankEncoder):
     """T bits per pixel, by the quantiles 1/(T + 1) … T/(T + 1) of the frame's own pixels.
 
-    A distributive thermometer code (Bacellar et al., ICML 2024), here of each frame instead of each
-    feature: ones and zeros are equally frequent over all bits for odd T, and the Hamming distance
-    of two frames is the L1 distance of their pixels' ranks in T + 1 steps. Like the median it
-    survives every monotone change of a whole frame.
+    A distributive thermometer code (Bacellar et al., ICML 2024), here for each frame instead of
+    each feature. For odd T half of all bits are ones, and the Hamming distance of two frames is the
+    L1 distance of their pixels' ranks in T + 1 steps. Like the median, the code is invariant under
+    monotone changes of a whole frame.
 
     Args:
-        thresholds: T.
-        lit: rank only pixels that are lit in the training frames: those whose mean is at least this
+        thresholds: T, the bits per pixel.
+        lit: rank only the pixels that are lit in the training frames, with a mean of at least this
             share of the mean of all pixels. 0 ranks all pixels and learns nothing.
-        ties: as of :class:`hdc.encoders.Median`.
+        ties: as in :class:`hdc.encoders.Median`.
 
     Attributes:
         lit_: bool tensor [D], the pixels that are ranked, where `lit` is not 0.
@@ -64,7 +64,7 @@ class Levels(RankEncoder):
         super().check()
 
     def fit(self, frames: Any) -> Self:
-        """Learn which pixels are lit, where `lit` asks for it.
+        """Learn which pixels are lit, unless `lit` is 0.
 
         Raises:
             ValueError: if fewer than two pixels are lit, or a pixel is not finite.

@@ -10,13 +10,13 @@ from hdc.encoders.ranks import RankEncoder
 class Median(RankEncoder):
     """One bit per pixel, exactly ⌊D/2⌋ ones (Kitagawa et al., Opt. Express 32, 3209, Sec. II).
 
-    In other fields a median threshold bitmap (Ward, J. Graph. Tools 8, 17 (2003)). It survives
-    every monotone change of a whole frame.
+    In other fields this is a median threshold bitmap (Ward, J. Graph. Tools 8, 17 (2003)). It is
+    invariant under monotone changes of a whole frame.
 
     Args:
-        ties: which of the pixels that equal the median become ones: ``"spread"``, in one
-            pseudo-random order of pixels; ``"raster"``, the first of the frame; or ``"below"``,
-            none, as ``pixel > median`` says (:mod:`hdc.encoders.ties`).
+        ties: which of the pixels equal to the median become ones: ``"spread"``, the first in one
+            pseudo-random order of pixels; ``"raster"``, the first in the frame; or ``"below"``,
+            none, as in ``pixel > median`` (:mod:`hdc.encoders.ties`).
 
     Example:
         >>> import torch

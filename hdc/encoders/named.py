@@ -1,4 +1,4 @@
-"""Encoders by name, and how one asks another."""
+"""Encoders by name, and the base class of encoders that use another encoder."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ make_encoder: Callable[..., Encoder] = functools.partial(
     known=ENCODERS,
     base=Encoder,  # type: ignore[type-abstract]
 )
-"""An encoder of a name, a dotted name ``"module.Class"``, or an object; `what` names errors, as of
+"""An encoder from a name, a dotted name ``"module.Class"``, or an object; see
 :func:`hdc.parameters.make_part`."""
 
 
 class Around(Encoder):
-    """An encoder that asks another one, its parameter `base`: a name or an object."""
+    """An encoder that uses another one, its parameter `base`: a name or an object."""
 
     numbered = True
 
@@ -48,14 +48,14 @@ class Around(Encoder):
 
     @property
     def base_(self) -> Encoder:
-        """The other encoder, which may learn."""
+        """The other encoder, created from `base`; it may learn."""
         kept = getattr(self, "_base", None)
-        if kept is None or kept[0] is not self.base:  # set since
+        if kept is None or kept[0] is not self.base:  # changed since
             kept = self._base = self.base, self.parts["base"](self.base).unlearned()
         return kept[1]
 
     def encode_by_base(self, frames: Tensor, first: int) -> Tensor:
-        """Hypervectors by the other encoder, of frames from number `first` on."""
+        """Hypervectors of frames by the other encoder; `first` is the index of the first frame."""
         base: Any = self.base_
         return base.encode(frames, first) if base.numbered else base.encode(frames)
 

@@ -11,12 +11,12 @@ from hdc.encoders.ranks import RankEncoder
 class Quantile(RankEncoder):
     """One bit per pixel: the brightest ⌊(1 − q)·D⌋ pixels become ones.
 
-    Where a part b of every frame is dark, the median of the lit part is the quantile b + (1 − b)/2
-    of the frame.
+    If a share b of every frame is dark, the median of the lit part is the quantile b + (1 − b)/2 of
+    the frame.
 
     Args:
         at: the quantile q in (0, 1), a number or a text such as ``"3/4"``.
-        ties: as of :class:`hdc.encoders.Median`.
+        ties: as in :class:`hdc.encoders.Median`.
 
     Example:
         >>> import torch
@@ -34,12 +34,12 @@ class Quantile(RankEncoder):
 
 
 def exact_quantile(name: str, value: Any) -> Fraction:
-    """A quantile as the fraction that is written: ``"3/4"``, ``0.9`` or a Fraction.
+    """A quantile as an exact fraction, from ``"3/4"``, ``0.9`` or a Fraction.
 
-    Through its text, since ⌊(1 − .9)·250000⌋ is 24999 in floating point.
+    It is read from the text, since ⌊(1 − .9)·250000⌋ is 24999 in floating point.
 
     Raises:
-        ValueError: naming the argument, for what is not a number in (0, 1).
+        ValueError: naming the argument, unless it is a number in (0, 1).
     """
     try:
         quantile = Fraction(str(value))

@@ -1,10 +1,11 @@
 """Thresholds by rank: for each quantile q, the ⌊(1 − q)·D⌋ largest of D pixels become ones.
 
 The paper thresholds a speckle pattern so that 0 and 1 appear with the same probability: q = ½.
-Ones are the pixels above the threshold m, and of those equal to m the first by the encoder's order
-of ties (:mod:`hdc.encoders.ties`). Hypervectors of several thresholds stand one after another,
-bit t·D + j for pixel j and threshold t. Small frames and floats are partially ordered here. Large
-frames are searched by :mod:`hdc.encoders.thresholds`, or by :mod:`hdc.compiled`: equal bits.
+The ones are the pixels above the threshold m, and the first of the pixels equal to m, by the
+encoder's order of ties (:mod:`hdc.encoders.ties`). The bits of several thresholds follow one
+another: bit t·D + j is pixel j at threshold t. Small frames and floats are partially sorted here.
+Large frames of integers are searched by :mod:`hdc.encoders.thresholds`. :mod:`hdc.compiled` gives
+equal results.
 """
 
 from __future__ import annotations
@@ -26,10 +27,10 @@ from hdc.encoders.thresholds import one_by_one
 from hdc.encoders.ties import TIES, in_order
 from hdc.parameters import check_choice
 
-# Pixels of several frames ordered at once, at up to 30 bytes each. A GPU is idle with fewer.
+# Pixels of several frames ordered at once, at up to 30 bytes each; a GPU needs more to be busy.
 _STEP, _STEP_ON_GPU = 2**20, 2**25
 _SMALL = 4096
-"""Pixels per frame up to which that is faster than one frame after another."""
+"""Pixels per frame up to which several frames are ordered at once."""
 _BLOCK = 16  # frames that are counted one after another, the bits of each being kept
 _COMPILED = (torch.uint8, torch.uint16, torch.int32)  # types that the kernels take
 Route = Callable[[Tensor, Sequence[int], str], tuple[Any, Any, Any]]
@@ -38,7 +39,7 @@ Route = Callable[[Tensor, Sequence[int], str], tuple[Any, Any, Any]]
 class RankEncoder(Encoder):
     """Thresholds a frame at quantiles of its own pixels.
 
-    A subclass says which `quantiles`, and above which share of ties a frame is warned of. `ties` is
+    A subclass sets the `quantiles`, and the share of ties above which a warning appears. `ties` is
     one of :data:`hdc.encoders.ties.TIES`.
     """
 
@@ -47,7 +48,7 @@ class RankEncoder(Encoder):
     quantiles: tuple[Fraction, ...]
     """q₁ < q₂ < …, in (0, 1)."""
     tied_share = 0.1
-    """Share of the pixels that may tie at a threshold before a warning says so, once."""
+    """Share of pixels that may equal a threshold before a warning appears, once."""
     _warned = False
 
     def __init__(self, ties: str = "spread"):
@@ -63,8 +64,8 @@ class RankEncoder(Encoder):
     def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Hypervectors of frames [N, H, W] or [N, D] of any real or integer dtype: int64 [N, W].
 
-        A constant frame carries no information; it gets its ones by the order of pixels alone, and
-        a warning names it. `first` is the number of the first frame, in warnings and errors.
+        A constant frame carries no information: its ones follow from the order of pixels alone, and
+        a warning names it. `first` is the index of the first frame, for warnings and errors.
 
         Raises:
             ValueError: for another shape, no pixels, or pixels that are not finite.
@@ -75,11 +76,11 @@ class RankEncoder(Encoder):
         return words
 
     def ones(self, n_pixels: int) -> list[int]:
-        """How many of so many pixels become ones, for each quantile."""
+        """How many of n_pixels become ones, for each quantile."""
         return count_ones(self.quantiles, n_pixels)
 
     def warn(self, ties: Ties, n_pixels: int, first: int) -> None:
-        """Warn of constant frames, by number, and once of frames with many ties."""
+        """Warn of constant frames, by index, and once of frames with many ties."""
         if ties.constant:
             warn_of_constant(ties.constant, first)
         share = ties.most / n_pixels
@@ -94,12 +95,12 @@ class RankEncoder(Encoder):
 
 
 class Ties(NamedTuple):
-    """Ties and constant frames that a call of :func:`encode_ranks` met.
+    """Ties and constant frames found by a call of :func:`encode_ranks`.
 
     Attributes:
-        constant: frames of which all pixels are equal.
-        most: largest number of pixels of a frame that equal a threshold and are not all ones, nor
-            all zeros; constant frames aside.
+        constant: indices of frames whose pixels are all equal.
+        most: largest number of pixels of a frame that equal a threshold of which only some became
+            ones; constant frames are not counted.
     """
 
     constant: list[int]
@@ -112,9 +113,9 @@ def encode_ranks(
     rule: str = "spread",
     first: int = 0,
 ) -> tuple[Tensor, Ties]:
-    """Hypervectors of frames, int64 [N, ⌈T·D/64⌉] for T quantiles, and what ties there were.
+    """Hypervectors of frames, int64 [N, ⌈T·D/64⌉] for T quantiles, and their ties.
 
-    Arguments and errors as of :meth:`RankEncoder.encode`; `rule` is its `ties`.
+    Arguments and errors as in :meth:`RankEncoder.encode`; `rule` is its `ties`.
     """
     inputs.check_frames(frames)
     if rule not in TIES:
@@ -150,7 +151,7 @@ def count_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
 
 
 def warn_of_constant(constant: Sequence[int], first: int) -> None:
-    """Warn of frames, counted from number `first`, of which all pixels are equal."""
+    """Warn of constant frames; the frame at place 0 has the index `first`."""
     listed = [str(first + i) for i in constant[:10]]
     if len(constant) > len(listed):
         listed.append("…")
@@ -162,19 +163,19 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
 
 
 def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
-    """How many such frames to take at once, and the function that does it in the least time.
+    """How many frames to take at a time, and the fastest function for them.
 
-    It takes pixels [B, D], numbers of ones, and a rule of ties.
+    The function takes pixels [B, D], numbers of ones, and a rule of ties.
     """
     if frames.device.type != "cpu":
         return max(1, _STEP_ON_GPU // n_pixels), by_torch
-    if n_pixels > _SMALL:
+    if n_pixels > _SMALL and not frames.is_floating_point():
         return _BLOCK, one_by_one
     return max(1, _STEP // n_pixels), by_partition
 
 
 def ties_of(equal: np.ndarray, split: np.ndarray, n_pixels: int) -> Ties:
-    """Of counts of pixels equal to a threshold, [N, T], and whether some became ones."""
+    """Ties, from the counts and flags [N, T] of :func:`by_torch`."""
     constant = equal[:, 0] == n_pixels
     counted = equal[split & ~constant[:, None]]
     most = int(counted.max(initial=0))
@@ -182,7 +183,7 @@ def ties_of(equal: np.ndarray, split: np.ndarray, n_pixels: int) -> Ties:
 
 
 def _pixels(frames: Tensor, first: int) -> Tensor:
-    """Pixels [B, D] of a few frames, known to be finite, in a type that numpy can compare."""
+    """Pixels [B, D] of some frames, checked to be finite, in a type that numpy can compare."""
     pixels = frames.detach().reshape(len(frames), -1)
     if not pixels.is_floating_point():
         return pixels
@@ -193,10 +194,10 @@ def _pixels(frames: Tensor, first: int) -> Tensor:
 
 
 def check_finite(pixels: Tensor, first: int) -> None:
-    """Raise ValueError for floats [B, D] that are not finite, naming the frame."""
-    # On the CPU without torch's threads: waiting for a busy core takes longer than the frame.
+    """Raise ValueError, naming the frame, for floats [B, D] that are not finite."""
+    # On the CPU by numpy: waking torch's threads may take longer than the frame.
     values = pixels.detach().numpy() if pixels.device.type == "cpu" else pixels
-    if math.isfinite(values.min()) and math.isfinite(values.max()):  # NaN is both
+    if math.isfinite(values.min()) and math.isfinite(values.max()):  # NaN is found, too
         return
     finite = pixels.isfinite()
     index = int((~finite.all(1)).nonzero()[0])
@@ -209,7 +210,7 @@ def check_finite(pixels: Tensor, first: int) -> None:
 
 
 def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any, Any]:
-    """Pixels [B, D] on any device at T thresholds, by numbers of ones.
+    """Threshold pixels [B, D] on any device, so that T numbers of pixels become ones.
 
     Returns:
         Words int64 [B, ⌈T·D/64⌉], how many pixels equal each threshold, [B, T], and whether only
@@ -218,7 +219,7 @@ def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any, 
     if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
         pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
     elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
-        pixels = pixels.long()  # torch compares and selects few other unsigned types
+        pixels = pixels.long()  # torch does not sort the other unsigned types
     n_pixels = pixels.shape[1]
     order = _order_on(pixels.device, n_pixels, rule)
     found = []
@@ -253,12 +254,12 @@ def by_partition(
 def _ones_of(
     pixels: Any, threshold: Any, wanted: int, rule: str, order: Any
 ) -> tuple[Any, Any, Any]:
-    """Mask [B, D] of the pixels that become ones, and the counts of :func:`by_torch`, [B] each.
+    """Mask [B, D] of the pixels that become ones, and the two results of :func:`by_torch`, [B].
 
     Args:
         pixels, threshold: [B, D] and [B, 1], tensors or arrays.
-        wanted: ones of a frame.
-        rule, order: of ties, and the pixels :func:`hdc.encoders.ties.in_order` of it.
+        wanted: how many pixels of a frame become ones.
+        rule, order: rule of ties, and the result of :func:`hdc.encoders.ties.in_order` for it.
     """
     above = pixels > threshold
     equal = pixels == threshold
@@ -299,5 +300,5 @@ def _order_on(device: torch.device, n_pixels: int, rule: str) -> tuple[Tensor, .
 
 
 def _place(n_pixels: int, wanted: int) -> int:
-    """Which pixel in rising order is the threshold."""
+    """Place of the threshold among the pixels in rising order."""
     return min(n_pixels - wanted, n_pixels - 1)

@@ -1,4 +1,4 @@
-"""Frames relative to a reference frame, before another encoder."""
+"""Encoders of frames relative to a reference frame, by another encoder."""
 
 from __future__ import annotations
 
@@ -11,20 +11,19 @@ from hdc.encoders.relative import RelativeEncoder
 
 
 class Reference(Around, RelativeEncoder):
-    """Standardises each frame, subtracts a reference frame, and asks another encoder.
+    """Standardises each frame, subtracts a reference frame, and encodes the difference.
 
     A standardised frame is (x − mean(x))/std(x), in steps of 2⁻¹⁶. The reference is the mean of the
-    standardised training frames, or of the frames given to :meth:`zero`, such as some without a
-    touch. All arithmetic is in integers, so every machine has the same bits. Subtracting a mean
-    frame before a decision is unsupervised re-centring (Vidaurre et al., IEEE TBME 58, 587 (2011)),
-    here before the threshold.
+    standardised training frames, or of the frames given to :meth:`zero`, such as frames without a
+    touch. All arithmetic is in integers, so every machine computes the same bits. Subtracting a
+    mean frame is unsupervised re-centring (Vidaurre et al., IEEE TBME 58, 587 (2011)).
 
     Args:
         base: the encoder of the differences, a name or an object; one that learns nothing.
-        frame: reference frame [H, W] or [D], or several [n, H, W] or [n, D], whose mean after each
-            was standardised is the reference; by default learned of the training frames. A saved
-            model keeps what it made of the frames, not the frames: loaded, it is ``"given"``, and
-            :meth:`fit` asks for them anew.
+        frame: reference frame [H, W] or [D], or several [n, H, W] or [n, D], which are standardised
+            and averaged; by default the training frames. A saved model keeps the reference but not
+            these frames: in a loaded model the parameter is ``"given"``, and has to be set before
+            :meth:`fit`.
 
     Attributes:
         reference_: int32 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.

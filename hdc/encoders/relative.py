@@ -1,4 +1,8 @@
-"""The base class of encoders relative to a reference frame: a laboratory calls this zeroing."""
+"""Standardised frames relative to a reference frame: in a laboratory, zeroing.
+
+A standardised frame has mean 0 and standard deviation 1, in steps of 2⁻¹⁶. All arithmetic is in
+integers, so that every machine computes the same frames.
+"""
 
 from __future__ import annotations
 
@@ -13,21 +17,26 @@ from torch import Tensor
 
 from hdc import backends, inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.ranks import warn_of_constant
-from hdc.encoders.standardised import FRACTION, standardised
+from hdc.encoders.ranks import check_finite, warn_of_constant
 from hdc.tensors import checked
 
+FRACTION = 16  # bits after the point of a standardised pixel
+_STEPS = 2.0**FRACTION
+LARGEST = 18  # bits that floating-point pixels are scaled to
+# Smaller pixels are rounded to 0.
+_POWERS = [2.0**k for k in range(-2, LARGEST + 1)]
+EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
 GIVEN = "given"
-"""Stands in a file for a frame that was given."""
+"""Stands in a file for a reference frame that the user gave."""
 _STEP = 2**18
-"""Pixels at a time, at 8 bytes each, several times: what the cache of a processor holds."""
-_STEP_OF_MANY = 2**20  # of kernels, which share frames among threads, and of a GPU
+"""Pixels at a time, of which a few arrays at 8 bytes per pixel fit in a processor's cache."""
+_STEP_OF_MANY = 2**20  # for kernels, which share frames among threads, and for a GPU
 
 
 class RelativeEncoder(Encoder):
-    """Standardises each frame and subtracts a reference frame; a subclass makes bits of that.
+    """Base class of encoders of standardised frames minus a reference frame.
 
-    A subclass has the parameter `frame` and writes :meth:`of_differences`.
+    A subclass has the parameter `frame` and implements :meth:`of_differences`.
 
     Attributes:
         reference_: int32 [D], the reference in steps of 2⁻¹⁶ of a standard deviation.
@@ -45,15 +54,15 @@ class RelativeEncoder(Encoder):
     def of_differences(self, differences: Tensor, first: int) -> Tensor:
         """Hypervectors int64 [N, W] of standardised frames minus the reference, int32 [N, D].
 
-        `first` is the number of the first frame, in warnings.
+        `first` is the index of the first frame, for warnings.
         """
 
     def fit(self, frames: Any) -> Self:
-        """Learn the mean of the standardised training frames, or take the frame or frames given.
+        """Learn the mean of the standardised training frames, or of the given reference frames.
 
         Raises:
-            ValueError: for given frames of another shape than the training frames, none, or some
-                that the file of the model does not keep.
+            ValueError: if given frames have another shape than the training frames, if there are
+                none, or if the model was loaded from a file, which does not keep them.
         """
         if self.frame is None:
             return self.zero(frames)
@@ -74,7 +83,7 @@ class RelativeEncoder(Encoder):
         return self.zero(given)
 
     def zero(self, frames: Any) -> Self:
-        """Take the mean of these standardised frames [N, H, W] or [N, D] as the reference.
+        """Set the reference to the mean of frames [N, H, W] or [N, D], standardised.
 
         Raises:
             ValueError: for no frames, or pixels that are not finite.
@@ -91,7 +100,7 @@ class RelativeEncoder(Encoder):
         return self
 
     def encode(self, frames: Tensor, first: int = 0) -> Tensor:
-        """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the differences."""
+        """Hypervectors of the differences; see :meth:`hdc.encoders.ranks.RankEncoder.encode`."""
         reference = self._in_range(frames[:1].numel()).to(frames.device)
         constant: list[int] = []
         words = []
@@ -108,9 +117,9 @@ class RelativeEncoder(Encoder):
         return torch.cat(words)
 
     def _in_range(self, n_pixels: int) -> Tensor:
-        """The reference, with zeros for values that no mean of standardised frames has.
+        """The reference, with zeros for values that no mean of standardised frames can have.
 
-        They come from flipped bits of a damaged memory.
+        Flipped bits of a damaged memory cause such values.
         """
         values = self.reference_
         if len(values) == 0:
@@ -134,7 +143,7 @@ class RelativeEncoder(Encoder):
 
 
 def _largest(n_pixels: int) -> int:
-    """A bound of standardised pixels, and so of their means, in steps of 2⁻¹⁶ deviations."""
+    """Upper bound of standardised pixels and of their means, in steps of 2⁻¹⁶."""
     return 2**FRACTION * (math.isqrt(n_pixels) + 1)
 
 
@@ -142,3 +151,60 @@ def _frames_at_a_time(frames: Any) -> int:
     many = backends.in_use.get() or getattr(frames, "is_cuda", False)
     n_pixels = math.prod(frames.shape[1:])
     return max(1, (_STEP_OF_MANY if many else _STEP) // max(1, n_pixels))
+
+
+# Standardised frames ------------------------------------------------------------------------------
+
+
+def standardised(frames: Tensor, first: int = 0) -> Tensor:
+    """(x − mean(x))/std(x) in steps of 2⁻¹⁶, rounded down, int32 [N, D]; a constant frame is 0.
+
+    With S = Σ x and Q = Σ x² it is (D·x − S)·2¹⁶ over the integer square root of D·Q − S²: whole
+    numbers below 2⁵³, whose only division is rounded alike on every machine. Frames of floats or of
+    more than 16 bits are first centred on the middle of their range, so that an offset costs no
+    precision, and scaled to integers of 18 bits, frame by frame.
+    """
+    inputs.check_frames(frames)
+    flat = frames.flatten(1)
+    n_pixels = flat.shape[1]
+    kernels = backends.in_use.get()
+    if kernels and flat.dtype in (torch.uint8, torch.uint16):
+        images = flat.numpy()
+        totals, squares = kernels.sums(images).T
+        deviations = _deviations(totals, squares, n_pixels)
+        divisors = np.array(deviations, np.float64)
+        steps = kernels.in_steps(images, totals.astype(float), divisors, _STEPS)
+        return torch.from_numpy(steps)
+    pixels = integers(flat, first)
+    sums = pixels.sum(1)
+    deviations = _deviations(sums, (pixels * pixels).sum(1), n_pixels)
+    deviation = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
+    values = pixels.double().mul_(n_pixels).sub_(sums[:, None])  # in place, still whole
+    return values.mul_(_STEPS).div_(deviation[:, None]).floor_().to(torch.int32)
+
+
+def _deviations(sums: Any, squares: Any, n_pixels: int) -> list[int]:
+    """⌊√(D·Q − S²)⌋ from sums S [N] and sums of squares Q [N]; 1 for a constant frame."""
+    pairs = zip(sums.tolist(), squares.tolist(), strict=True)
+    return [max(1, math.isqrt(n_pixels * q - s**2)) for s, q in pairs]
+
+
+def integers(pixels: Tensor, first: int) -> Tensor:
+    """Pixels [N, D] as int64; types of more than 16 bits are centred and scaled to 18 bits."""
+    if pixels.dtype in EXACT:
+        return pixels.to(torch.int64)
+    values = pixels.double()
+    if len(values):
+        check_finite(values, first)
+    # The middle, not the mean: machines round sums of floats differently.
+    halves = values.amin(1, keepdim=True) / 2, values.amax(1, keepdim=True) / 2
+    values = values - (halves[0] + halves[1])
+    mantissas, exponents = torch.frexp(values)
+    _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
+    # Powers of two from a table, since torch computes them in 32 bits, up to 2¹²⁷.
+    powers = torch.tensor(_POWERS, dtype=torch.float64, device=values.device)
+    last = len(_POWERS) - 1
+    # A zero has the exponent 0, whatever the other pixels are.
+    places = (exponents - largest + last).clamp(min=0, max=last).long()
+    scaled = mantissas * powers[places]
+    return scaled.round().to(torch.int64)

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.encoders.named import Around
-from hdc.encoders.standardised import EXACT, LARGEST, integers
+from hdc.encoders.relative import EXACT, LARGEST, integers
 from hdc.parameters import check_integer
 from hdc.tensors import checked
 
@@ -20,18 +20,18 @@ _MOST = 16  # pixels of deviation
 _REACH = 3  # deviations up to which pixels count
 _WEIGHT = 12  # the weights along an axis have the sum 2¹²
 _STEP = 2**20  # pixels of several frames at a time; 8 bytes each, several times
-_EXACT_BITS = 8 + 2 * _WEIGHT - LARGEST  # dropped of sums of whole grey levels
+_EXACT_BITS = 8 + 2 * _WEIGHT - LARGEST  # dropped from sums of whole grey values
 
 
 class Smoothed(Around):
-    """Smooths each image, and asks another encoder.
+    """Smooths each image, and encodes the result by another encoder.
 
-    A pixel becomes the weighted mean of those around it, along columns and then along rows, with
+    A pixel becomes the weighted mean of its neighbourhood, along columns and then along rows, with
     the weights of a Gaussian up to three deviations away, in whole numbers of 1/4096; beyond an
     edge the image is mirrored at its outermost pixels. The mean is rounded to 1/1024 of a grey
-    level, or of floating point to 18 bits, so that all arithmetic is in integers, and every machine
-    has the same bits. Rounding of single grey levels,
-    by a codec or a conversion, then decides few bits; so do details of about a pixel.
+    value, or, for floats, to 18 bits. All arithmetic is in integers, so every machine computes the
+    same bits. Rounding of grey values by a codec or a conversion then affects few bits, and so do
+    details of about one pixel.
 
     Args:
         base: the encoder of the smoothed frames, a name or an object.
@@ -63,7 +63,7 @@ class Smoothed(Around):
         super().check()
 
     def fit(self, frames: Any) -> Self:
-        """Learn the shape of images [N, H, W], and what the other encoder learns of them smoothed.
+        """Learn the shape of images [N, H, W], and train the other encoder on smoothed images.
 
         Raises:
             ValueError: for frames that are no images.
@@ -79,13 +79,13 @@ class Smoothed(Around):
         return self
 
     def encode(self, frames: Tensor, first: int = 0) -> Tensor:
-        """Like :meth:`hdc.encoders.ranks.RankEncoder.encode`, for the smoothed frames."""
+        """Hypervectors of smoothed frames; see :meth:`hdc.encoders.ranks.RankEncoder.encode`."""
         return self.encode_by_base(self.images(frames, first), first)
 
     def images(self, frames: Tensor, first: int = 0) -> Tensor:
         """Smoothed images int32 [N, H, W] of frames [N, H, W] or [N, D].
 
-        In 1/1024 of a grey level for types of at most 16 bits, else of 18 bits.
+        In 1/1024 of a grey value for types of at most 16 bits, otherwise scaled to 18 bits.
         """
         inputs.check_frames(frames)
         flat = frames.flatten(1)
@@ -117,7 +117,7 @@ class Smoothed(Around):
 
 
 class _Frames:
-    """Frames that are smoothed where they are asked for."""
+    """Frames that are smoothed when a slice is taken."""
 
     def __init__(self, encoder: Smoothed, frames: Any) -> None:
         self.shape = tuple(frames.shape)
@@ -134,7 +134,7 @@ class _Frames:
 
 @functools.cache
 def gaussian(deviation: int) -> tuple[int, ...]:
-    """Weights of pixels −3σ to 3σ away, whole numbers with the sum 2¹²."""
+    """Integer weights of the pixels from −3σ to 3σ, with the sum 2¹²."""
     reach = _REACH * deviation
     heights = [math.exp(-0.5 * (k / deviation) ** 2) for k in range(-reach, reach + 1)]
     unit = 2**_WEIGHT / sum(heights)
@@ -156,7 +156,7 @@ def _along(images: Tensor, weights: tuple[int, ...], axis: int) -> Tensor:
 
 
 def _mirrored(n: int, reach: int) -> Tensor:
-    """Places −reach to n − 1 + reach of an axis of n pixels, mirrored at the first and the last."""
+    """Indices −reach … n − 1 + reach along n pixels, mirrored at the first and the last."""
     period = max(1, 2 * (n - 1))
     places = torch.arange(-reach, n + reach) % period
     return torch.minimum(places, period - places) if n > 1 else places

@@ -1,10 +1,9 @@
-"""The threshold of a large frame, and the pixels that become ones, one frame after another.
+"""Search for the thresholds of large frames of integers, one frame after another.
 
-Integers are compared with single values: one pass over a frame counts the pixels above a value,
-which shows on which side the threshold lies. The threshold of the frame before is tried first, then
-a sample says about where to look (Floyd and Rivest, Commun. ACM 18, 165 (1975)). Two or three
-passes leave the pixels of one grey level of 8 bits. The counts of all pixels decide, so neither
-changes a bit.
+One pass over a frame counts the pixels above a value, which shows on which side of it the threshold
+lies. The threshold of the previous frame is tried first; then a sample proposes values (Floyd and
+Rivest, Commun. ACM 18, 165 (1975)). With 8 bits, two or three passes suffice. The counts of all
+pixels decide, so neither the previous frame nor the sample affects the result.
 """
 
 from __future__ import annotations
@@ -26,36 +25,36 @@ _SAMPLE = 4096  # pixels of a frame that are sorted, at most
 class Above(NamedTuple):
     """The pixels of a frame above a value."""
 
-    value: Any
+    value: int
     words: np.ndarray  # int64 [W]
     n: int
 
 
 def one_by_one(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any, Any]:
-    """:func:`hdc.encoders.ranks.by_torch` on the CPU, of large frames, one after another."""
+    """:func:`hdc.encoders.ranks.by_torch` for large frames on the CPU, one after another."""
     images = pixels.numpy()
     n, n_pixels = images.shape
     words = np.zeros((n, bits.words_for(len(ones) * n_pixels)), np.int64)
     n_equal = np.empty((n, len(ones)), np.int64)
     split = np.empty((n, len(ones)), np.bool_)
     room = np.zeros(bits.words_for(n_pixels) * bits.WORD, np.bool_)
-    select = _by_order if images.dtype.kind == "f" else _by_counting
-    guesses: list[Any] = [None] * len(ones)  # thresholds of the frame before
+    guesses: list[int | None] = [None] * len(ones)  # thresholds of the previous frame
     for i, image in enumerate(images):
-        bounds = select(_Frame(image, room), ones, guesses)
-        for t, ((low, high), wanted) in enumerate(zip(bounds, ones, strict=True)):
+        frame = _Frame(image, room)
+        for t, wanted in enumerate(ones):
+            low, high = _search(frame, wanted, guesses[t])
+            guesses[t] = high.value
             tied = low.n - high.n
             missing = wanted - high.n
             first = first_ties(low.words ^ high.words, tied, missing, rule)
             _put(high.words | first, words[i], t * n_pixels)
             n_equal[i, t] = tied
             split[i, t] = 0 < missing < tied
-        guesses = [high.value for _, high in bounds]
     return words, n_equal, split
 
 
 class _Frame:
-    """Pixels [D], and room for a mask of 64·W of them, zero beyond D."""
+    """Pixels [D], and memory for a mask of 64·W pixels, zero beyond D."""
 
     def __init__(self, pixels: np.ndarray, room: np.ndarray) -> None:
         self.pixels = pixels
@@ -63,38 +62,21 @@ class _Frame:
 
     @functools.cached_property
     def sample(self) -> np.ndarray:
-        """Some of the pixels, in rising order."""
+        """Sample of the pixels, in rising order."""
         chosen = self.pixels[_sampled(len(self.pixels))]
         return np.sort(chosen, kind="stable")  # a radix sort for up to 16 bits
 
-    def above(self, value: Any, compare: np.ufunc = np.greater) -> Above:
-        """The pixels of a comparison with a value."""
-        compare(self.pixels, value, out=self._room[: len(self.pixels)])
+    def above(self, value: int) -> Above:
+        """The pixels above a value."""
+        np.greater(self.pixels, value, out=self._room[: len(self.pixels)])
         words = np.packbits(self._room, bitorder="little").view(np.int64)
         return Above(value, words, count_ones(words))
 
 
-def _by_order(frame: _Frame, ones: Sequence[int], _: Any) -> list[tuple[Above, Above]]:
-    """The pixels from each threshold on, and those above it, by partial order."""
-    n_pixels = len(frame.pixels)
-    at = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
-    ordered = np.partition(frame.pixels, sorted(set(at)))
-    thresholds = [ordered[place] for place in at]
-    return [(frame.above(x, np.greater_equal), frame.above(x)) for x in thresholds]
-
-
-def _by_counting(
-    frame: _Frame, ones: Sequence[int], guesses: Sequence[int | None]
-) -> list[tuple[Above, Above]]:
-    """:func:`_by_order` of integers, by counting above some values, a guess being the first."""
-    pairs = zip(ones, guesses, strict=True)
-    return [_search(frame, wanted, guess) for wanted, guess in pairs]
-
-
 def _search(frame: _Frame, wanted: int, guess: int | None) -> tuple[Above, Above]:
-    """Above the first of two neighbouring values are more pixels than wanted, above the other not.
+    """Two neighbouring values, with more pixels than wanted above the first, but not the second.
 
-    The second one is the threshold.
+    The second value is the threshold.
     """
     n_pixels = len(frame.pixels)
     of_type = np.iinfo(frame.pixels.dtype)
@@ -104,7 +86,7 @@ def _search(frame: _Frame, wanted: int, guess: int | None) -> tuple[Above, Above
     high = Above(int(of_type.max), np.zeros_like(every), 0)
 
     def look(value: int) -> int:
-        """Count above a value, where it lies between: how many more than wanted."""
+        """Count above a value between the two: how many more pixels than wanted."""
         nonlocal low, high
         if not low.value < value < high.value:
             return 0
@@ -133,7 +115,7 @@ def _search(frame: _Frame, wanted: int, guess: int | None) -> tuple[Above, Above
 
 
 def _put(words: np.ndarray, row: np.ndarray, start: int) -> None:
-    """Put the bits of words [W] into a row [W′], which is zero there, from bit `start` on."""
+    """Write the bits of words [W] into a row [W′] of zeros, from bit `start` on."""
     place, shift = divmod(start, bits.WORD)
     row = row[place:].view(np.uint64)
     given = words.view(np.uint64)
@@ -146,7 +128,7 @@ def _put(words: np.ndarray, row: np.ndarray, start: int) -> None:
 
 @functools.lru_cache(maxsize=4)
 def _sampled(n_pixels: int) -> np.ndarray:
-    """Which pixels are the sample: one of each stretch, at random, lest they follow a pattern."""
+    """Indices of the sample: a random pixel of each stretch, so that no pattern biases it."""
     n = min(_SAMPLE, max(32, n_pixels // 16), n_pixels)
     within = np.random.default_rng(0).random(n)
     offsets = np.arange(n) + within
@@ -154,7 +136,7 @@ def _sampled(n_pixels: int) -> np.ndarray:
 
 
 def _all_ones(n_pixels: int) -> np.ndarray:
-    """Words int64 [W] of so many ones."""
+    """Words int64 [W] with n_pixels ones."""
     words = np.full(bits.words_for(n_pixels), -1)
     rest = n_pixels % bits.WORD
     if rest:

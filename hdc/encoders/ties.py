@@ -1,19 +1,20 @@
-"""Which of equal pixels become ones: by one order for all frames, thresholds and machines.
+"""Ties: which of the pixels that equal a threshold become ones.
 
-Thousands of the pixels of an 8-bit frame equal its median, and of a black and white frame nearly
-all. Some of them become ones and others zeros, and the same ones in every frame, or equal frames
-would differ. ``spread`` takes pixel j = 64·w + b by the key
+Thousands of pixels of an 8-bit frame equal its median, and nearly all of a black and white frame.
+Some of them become ones, by the same order for all frames, thresholds and machines, so that equal
+frames have equal hypervectors. ``spread`` orders pixel j = 64·w + b by the key
 
     ((b + h(w)) mod 64, w),    h(w) = (w·0x9E3779B1 mod 2³²) >> 26,
 
-64 rounds of one bit per word. The order serves every threshold, so that a frame's code of several
-thresholds stays a thermometer. The chosen pixels lie all over the frame; how evenly depends on its
-size. A row has 48 to 52 % of one half of 500 × 500 pixels, but 37 to 66 % of one of 100 × 150: a
-deviation (RMS) 1.9 times that of a random choice. Columns are more even than at random in both.
+that is, 64 rounds of one bit per word. All thresholds share the order, so that a code of several
+thresholds remains a thermometer code. The chosen pixels lie all over the frame; how evenly depends
+on its size. If half of the pixels are chosen, a row has 48 to 52 % of its pixels chosen in a frame
+of 500 × 500, but 37 to 66 % in one of 100 × 150, where the RMS deviation is 1.9 times as large as
+for a random choice. Columns are more even than by a random choice in both.
 
-``raster`` takes the first pixels of the frame: those at its top, where a large area of equal pixels
-loses its lower part. ``below`` takes all ties where they fit exactly and none otherwise, which is
-the plain comparison ``pixel > median``; hypervectors then have fewer ones.
+``raster`` takes the first pixels, at the top of the frame, so that a large area of equal pixels
+loses its lower part. ``below`` takes all ties if exactly as many are needed, and none otherwise:
+the plain comparison ``pixel > median``, by which hypervectors have fewer ones.
 """
 
 from __future__ import annotations
@@ -30,8 +31,7 @@ MULTIPLIER = 0x9E3779B1  # 2^32 over the golden ratio
 
 @functools.lru_cache(maxsize=4)
 def in_order(n_pixels: int, rule: str) -> tuple[np.ndarray, np.ndarray]:
-    """All pixels, int64 [D], the tie first that becomes a one first, and the place of each pixel
-    there."""
+    """Pixels in the order in which ties become ones, int64 [D], and the place of each pixel."""
     pixel = np.arange(n_pixels)
     if rule == "raster":
         return pixel, pixel
@@ -43,12 +43,12 @@ def in_order(n_pixels: int, rule: str) -> tuple[np.ndarray, np.ndarray]:
 
 
 def first_ties(ties: np.ndarray, n_ties: int, wanted: int, rule: str) -> np.ndarray:
-    """The first of the pixels of one frame that equal its threshold, words int64 [W].
+    """The first of the pixels that equal the threshold of a frame, words int64 [W].
 
     Args:
-        ties: the words of all of them.
-        n_ties: how many these are.
-        wanted: how many of them become ones, at most as many as there are.
+        ties: words with a one for each of these pixels.
+        n_ties: how many there are.
+        wanted: how many of them become ones, at most n_ties.
         rule: one of :data:`TIES`.
     """
     if wanted == n_ties:
@@ -61,7 +61,7 @@ def first_ties(ties: np.ndarray, n_ties: int, wanted: int, rule: str) -> np.ndar
 
 
 def _first_in_raster(ties: np.ndarray, wanted: int) -> np.ndarray:
-    """The first ties in the order of pixels, fewer than there are."""
+    """The first ties in the order of pixels, if not all are wanted."""
     running = np.bitwise_count(ties.view(np.uint64)).cumsum(dtype=np.int64)
     cut = int(running.searchsorted(wanted, "right"))  # the word that fits in part
     first = ties.copy()
@@ -75,7 +75,7 @@ def _first_in_raster(ties: np.ndarray, wanted: int) -> np.ndarray:
 
 
 def _first_in_spread(ties: np.ndarray, n_ties: int, wanted: int) -> np.ndarray:
-    """The first ties in the order of the module, fewer than there are."""
+    """The first ties in the order ``spread``, if not all are wanted."""
     rotations = _rotations(len(ties))
     before_round, of_round = _round_masks()
     n = wanted * WORD // n_ties  # the order is even: about so many rounds fit whole
@@ -108,7 +108,7 @@ def _rotations(width: int) -> np.ndarray:
 
 @functools.cache
 def _round_masks() -> tuple[np.ndarray, np.ndarray]:
-    """Bits of a word before round n and of it, by n and the word's h: int64 [64, 64] each."""
+    """Masks of the bits of a word before round n, and in it, by n and h: int64 [64, 64] each."""
     bit = np.arange(WORD)
     rotation = bit[:, None]
     round_ = (bit + rotation) % WORD  # [h, b]

@@ -1,4 +1,4 @@
-"""Read-outs: hypervectors to classes or numbers, one idea a file."""
+"""Read-outs: classes or numbers from hypervectors, one method per file."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ make_readout: Callable[..., Readout] = functools.partial(
     known=READOUTS,
     base=Readout,  # type: ignore[type-abstract]
 )
-"""A read-out of classes of a name, a dotted name ``"module.Class"``, or an object, as of
+"""A read-out of classes from a name, a dotted name ``"module.Class"``, or an object; see
 :func:`hdc.parameters.make_part`."""
 make_value_readout: Callable[..., ValueReadout] = functools.partial(
     make_part,
@@ -86,4 +86,4 @@ make_value_readout: Callable[..., ValueReadout] = functools.partial(
     known=VALUE_READOUTS,
     base=ValueReadout,  # type: ignore[type-abstract]
 )
-"""A read-out of numbers, as :func:`make_readout`."""
+"""A read-out of numbers, like :func:`make_readout`."""

@@ -1,4 +1,4 @@
-"""The base classes of read-outs, which score classes, and of what they learn."""
+"""Base classes of read-outs, which score classes, and of their states."""
 
 from __future__ import annotations
 
@@ -11,49 +11,46 @@ import torch
 from torch import Tensor
 
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import Parametrised
+from hdc.parameters import Part
 from hdc.tensors import Kinds, checked, compact
-
-NOWHERE = torch.iinfo(torch.int64).min
-"""Score of a class without samples, in whole numbers."""
 
 
 class HeldOut(NamedTuple):
-    """Scores of training frames as if each of them had not been learnt, and their classes."""
+    """Scores of left-out training frames, and their classes."""
 
-    scores: Tensor  # float64 [m, L] (CPU), in the unit of Readout.scores
+    scores: Tensor  # float64 [m, L] (CPU), in the units of Readout.scores
     rows: Tensor  # int64 [m] (CPU)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class State:
-    """What a read-out has learned: tensors that nobody changes, int64 or float64."""
+    """The state of a trained read-out: tensors, int64 or float64, that are never changed."""
 
     kinds: ClassVar[Kinds] = {}
-    """Types and axes of the tensors in a file, of :mod:`hdc.tensors`; by default any.
+    """Types and axes of the tensors in a file (:mod:`hdc.tensors`); by default any.
 
-    One that is None by default may be missing. A state may also have the fields `n_classes` and
+    A tensor whose default is None may be missing. A state may also have the fields `n_classes` and
     `dimension`.
     """
     held_out: HeldOut | None = None
-    """Scores of left-out training frames, where training finds them."""
+    """Scores of left-out training frames, if training gives them."""
 
     def check(self) -> None:
-        """Raise ValueError for tensors of a file that do not fit together."""
+        """Raise ValueError for tensors from a file that do not fit together."""
 
     def tensors(self) -> dict[str, Tensor]:
-        """The tensors of a file."""
+        """The tensors for a file."""
         names = [field.name for field in fields(self)]
         found = {name: getattr(self, name) for name in names}
         return {name: x for name, x in found.items() if isinstance(x, Tensor)}
 
     def __getstate__(self) -> dict[str, Any]:
-        """Tensors without the rest of the memory that they are views of."""
+        """The fields for a pickle, without unused memory of tensors that are views."""
         found = {field.name: getattr(self, field.name) for field in fields(self)}
         return found | {name: compact(x) for name, x in self.tensors().items()}
 
     def to(self, device: torch.device | str) -> Self:
-        """The same with its hypervectors in the memory of a device."""
+        """The state with its hypervectors on a device."""
         moved: dict[str, Any] = {}
         for name, tensor in self.tensors().items():
             if "W" in self.kinds.get(name, "W").split():
@@ -61,14 +58,14 @@ class State:
         return replace(self, **moved)
 
 
-class Readout(Parametrised, ABC):
-    """Scores of classes from packed hypervectors; an idea is a subclass in a file of its own.
+class Readout(Part, ABC):
+    """Base class of read-outs: class scores from packed hypervectors.
 
-    A subclass names its kind of `State`, and writes :meth:`fit` and :meth:`scores`. Classes are
-    rows 0 … L − 1; which labels they have is the model's business. One that can follow a drift also
-    has a method ``adapt(state, words, rows, p, random_state, method)``, which returns a state for
-    new hypervectors of known classes. It is given those arguments of
-    :meth:`hdc.HDCClassifier.recalibrate` that `adapts_by` names.
+    A subclass sets the class of its `State`, and implements :meth:`fit` and :meth:`scores`. Classes
+    are rows 0 … L − 1; the model maps them to labels. A read-out that can follow a drift also has a
+    method ``adapt(state, words, rows, p, random_state, method)``, which returns a state that is
+    adapted to new hypervectors of known classes. Its last arguments are the arguments of
+    :meth:`hdc.HDCClassifier.recalibrate` that are named in `adapts_by`.
 
     Example:
         >>> import torch
@@ -89,60 +86,55 @@ class Readout(Parametrised, ABC):
         ['a', 'b']
     """
 
-    revision: ClassVar[int] = 1
-    """Raised by hand in the commit that changes the scores of some query."""
     State: ClassVar[Any]
     """The class of its states."""
     needs: ClassVar[tuple[str, ...]] = ()
-    """Names of the tensors that a prediction needs; by default all of a state."""
+    """Names of the tensors that a prediction needs; by default all of the state."""
     adapts_by: ClassVar[tuple[str, ...]] = ("p", "random_state", "method")
-    """Arguments of :meth:`hdc.HDCClassifier.recalibrate` that ``adapt`` is given."""
-
-    def check(self) -> None:
-        """Raise ValueError, naming it, for a parameter that is not allowed."""
+    """Arguments of :meth:`hdc.HDCClassifier.recalibrate` that ``adapt`` takes."""
 
     @abstractmethod
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Any:
-        """Learn.
+        """Learn from labelled hypervectors, and return a state.
 
         Args:
             words: N hypervectors.
             rows: their classes int64 [N] (CPU), in [0, L).
-            n_classes: L; a class without samples is never to be the best.
+            n_classes: L. A class without training frames must never have the largest score.
         """
 
     @abstractmethod
     def scores(self, state: Any, words: Hypervectors) -> Tensor:
-        """A score for each class, the largest wins, the first of equal ones: [Q, L]."""
+        """Scores of the classes [Q, L]; the largest wins, and the first of equal ones."""
 
     def held_out(
         self, state: Any, words: Hypervectors | None, rows: Tensor
     ) -> HeldOut | None:
-        """Scores of training frames as if each had not been learnt, where they have a closed form.
+        """Scores of left-out training frames, if they have a closed form.
 
         Args:
-            state: what was learned.
-            words: some of the training frames, of a read-out that goes on learning.
+            state: the trained state.
+            words: some of the training frames, for a read-out that learns batch by batch.
             rows: their classes int64 [m] (CPU).
 
         Returns:
-            For these, or for others that were kept in training; None without a closed form.
+            The scores of these frames, or of frames chosen in training; None without a closed form.
         """
         found: HeldOut | None = state.held_out
         return found
 
     def needed(self, state: Any) -> dict[str, Tensor]:
-        """The tensors that a prediction needs; they share memory with the state."""
+        """The tensors that a prediction needs, which share memory with the state."""
         tensors = state.tensors()
         return {name: tensors[name] for name in self.needs or tensors}
 
     def restored(
         self, tensors: Mapping[str, Tensor], n_classes: int, dimension: int
     ) -> Any:
-        """The state of the tensors of a file.
+        """The state from the tensors of a file.
 
         Raises:
-            ValueError: for tensors that do not fit.
+            ValueError: if they do not fit.
         """
         known = {field.name: field.default for field in fields(self.State)}
         kinds = dict(self.State.kinds)
@@ -159,35 +151,27 @@ class Readout(Parametrised, ABC):
 
 
 class Updatable(Readout):
-    """A read-out that goes on learning, batch by batch, and new classes on the way."""
+    """Base class of read-outs that learn batch by batch, and may learn new classes later."""
 
     held_out: Any = None
-    """A method as of :class:`Readout`, of a read-out that scores left-out frames of a sample."""
+    """The method of :class:`Readout`, if the read-out can score left-out frames."""
 
     @abstractmethod
     def empty(self, n_classes: int, dimension: int, device: torch.device | str) -> Any:
-        """The state before the first hypervector."""
+        """The state before any training."""
 
     @abstractmethod
     def add(self, state: Any, batches: Iterable[tuple[Hypervectors, Tensor]]) -> Any:
-        """The state after further batches: hypervectors, and their classes int64 [N]."""
+        """The state after more batches of hypervectors and their classes int64 [N]."""
 
     @abstractmethod
     def arrange(self, state: Any, places: Sequence[int], n_classes: int) -> Any:
-        """The state with room for new classes: class k becomes class places[k] of n_classes."""
+        """The state for n_classes classes, in which class k becomes class places[k]."""
 
     @abstractmethod
     def merge(self, state: Any, other: Any, places: Sequence[int]) -> Any:
-        """The state of both trainings; class k of the other is class places[k] here."""
+        """The state of both trainings; class k of the other is class places[k] of this one."""
 
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Any:
         start = self.empty(n_classes, words.dimension, words.packed.device)
         return self.add(start, [(words, rows)])
-
-
-def without_empty(scores: Tensor, empty: Tensor) -> Tensor:
-    """Scores [Q, L] in which classes without samples, bool [L], never win."""
-    if empty.any():
-        lowest = NOWHERE if not scores.is_floating_point() else -torch.inf
-        scores[:, empty.to(scores.device)] = lowest
-    return scores

@@ -1,18 +1,17 @@
-"""Integer prototypes: the counts themselves, compared by the cosine."""
+"""Nearest integer prototype: the counts themselves, compared by the cosine."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 
 import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.bits import dot
 from hdc.hypervectors import Hypervectors
 from hdc.prototypes import Counters
-from hdc.readouts.arithmetic import dot
-from hdc.readouts.base import HeldOut, without_empty
+from hdc.readouts.base import HeldOut
 from hdc.readouts.majority import Counted, Counting, smallest
 
 
@@ -20,10 +19,10 @@ class Counts(Counting):
     """Nearest class by the cosine between 2c − n, for counts c of n frames, and a bipolar query.
 
     Args:
-        ties, class_weight, random_state: as of :class:`hdc.readouts.Majority`. Ties and their seed
-            decide only the binary prototypes, that is, distances and what is known. Balanced, a
-            larger class is compared as a random subset of the size of the smallest is expected to
-            be.
+        ties, class_weight, random_state: as in :class:`hdc.readouts.Majority`. Ties and their seed
+            affect only the binary prototypes, and so distances and ``is_known``. With
+            ``class_weight="balanced"``, a larger class is compared as a random subset of the size
+            of the smallest class would be on average.
     """
 
     methods = ("merge",)  # counts have no bits to replace
@@ -32,10 +31,12 @@ class Counts(Counting):
     def scores(self, state: Counted, words: Hypervectors) -> Tensor:
         """The cosines, float64 [Q, L]."""
         found = cosines(state.counters(), words.packed, self._thinned_to(state))
-        return without_empty(found / math.sqrt(state.dimension), state.n == 0)
+        found /= math.sqrt(state.dimension)
+        found[:, (state.n == 0).to(found.device)] = -torch.inf
+        return found
 
     def _thinned_to(self, state: Counted) -> int | None:
-        """Frames that larger classes are compared as; None: classes are compared as they are."""
+        """Size of the smallest class, to which larger ones are scaled; None if they are not."""
         if self.class_weight is not None and not state.recalibrated:
             return smallest(state.n)
         return None
@@ -43,9 +44,9 @@ class Counts(Counting):
     def held_out(
         self, state: Counted, words: Hypervectors | None, rows: Tensor
     ) -> HeldOut | None:
-        """The cosines, that of the own class with its counts minus the frame.
+        """The cosines, of which the one to the frame's own class is computed without the frame.
 
-        None after a recalibration: how many votes a frame has is not kept.
+        None after a recalibration, since the state does not hold the number of votes of a frame.
         """
         if state.recalibrated:
             return None
@@ -61,7 +62,8 @@ class Counts(Counting):
 def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tensor:
     """√D times the cosine of queries int64 [Q, W] and 2c − n: float64 [Q, L].
 
-    A class of more than `size` samples is compared as a random subset of so many is expected to be.
+    A class of more than `size` hypervectors is compared as a random subset of this size would be on
+    average.
 
     Raises:
         ValueError: for counts so large that 64 bits do not hold their products.
@@ -70,24 +72,25 @@ def cosines(counters: Counters, words: Tensor, size: int | None = None) -> Tenso
         raise ValueError(
             f"counters: expected fewer samples, found {int(counters.n.max())}"
         )
-    found = norms(counters, size)
+    dimension = counters.dimension
+    numbers = zip(_squares(counters), counters.n.tolist(), strict=True)
+    found = [norm(square, n, dimension, size) for square, n in numbers]
     lengths = torch.tensor(found, dtype=torch.float64, device=words.device)
-    products = dot(counters.planes, counters.n, words, counters.dimension)
+    products = dot(counters.planes, counters.n, words, dimension)
     return products / lengths.clamp(min=1)
 
 
 def cosines_without(
     counters: Counters, words: Tensor, rows: Tensor, size: int | None = None
 ) -> Tensor:
-    """√D times the cosine of each of m counted queries and 2c − n of its class without it: [m].
+    """√D times the cosine of m counted hypervectors x and 2c − n of their class without x: [m].
 
-    With s = 2c − n, s·x and ‖s‖² of all n, these are s·x − D and ‖s‖² − 2s·x + D of the others;
-    0 of the only frame of a class.
+    If s = 2c − n, then without x the product s·x becomes s·x − D, and ‖s‖² becomes
+    ‖s‖² − 2s·x + D. The cosine is 0 for the only frame of a class.
     """
     dimension = counters.dimension
     products = dot(counters.planes, counters.n, words, dimension).cpu()
-    squares = [square_length(*pair, dimension) for pair in _counted(counters)]
-    counts = counters.n.tolist()
+    squares, counts = _squares(counters), counters.n.tolist()
     found = torch.zeros(len(rows), dtype=torch.float64)
     for i, c in enumerate(rows.tolist()):
         product = int(products[i, c])
@@ -97,31 +100,20 @@ def cosines_without(
     return found
 
 
-def norms(counters: Counters, size: int | None = None) -> list[float]:
-    """‖2c − n‖ of each class, correctly rounded; see :func:`cosines` for `size`."""
-    lengths = []
-    for planes, n in _counted(counters):
-        square = square_length(planes, n, counters.dimension)
-        lengths.append(norm(square, n, counters.dimension, size))
-    return lengths
-
-
-def _counted(counters: Counters) -> Iterator[tuple[Tensor, int]]:
-    """Planes [P, W] and frames of each class."""
-    return zip(counters.planes, counters.n.tolist(), strict=True)
-
-
-def square_length(planes: Tensor, n: int, dimension: int) -> int:
-    """‖2c − n‖² of bit-sliced counts [P, W] of n frames."""
-    total, square = moments(planes)
-    return 4 * square - 4 * n * total + n * n * dimension
+def _squares(counters: Counters) -> list[int]:
+    """‖2c − n‖² of each class, in integers."""
+    found = []
+    for planes, n in zip(counters.planes, counters.n.tolist(), strict=True):
+        total, square = moments(planes)
+        found.append(4 * square - 4 * n * total + n * n * counters.dimension)
+    return found
 
 
 def norm(square: int, n: int, dimension: int, size: int | None) -> float:
-    """‖2c − n‖ of its square, or what a random subset of `size` frames is expected to have."""
+    """‖2c − n‖ from its square, or the expected value for a random subset of `size` frames."""
     if size is None or n <= max(size, 1):
         return math.sqrt(square)
-    # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and the mean product of a pair is that of a subset's.
+    # n·D + Σ_{i≠k} x_i·x_k = ‖s‖², and a subset has the same mean product of a pair.
     of_pairs = square - n * dimension
     pairs = of_pairs * size * (size - 1) / (n * (n - 1))
     expected = max(0.0, size * dimension + pairs)
@@ -129,7 +121,7 @@ def norm(square: int, n: int, dimension: int, size: int | None) -> float:
 
 
 def moments(planes: Tensor) -> tuple[int, int]:
-    """Σ_j c_j and Σ_j c_j² of bit-sliced counts [P, W], in integers.
+    """Σ_j c_j and Σ_j c_j² from bit-sliced counts [P, W], in integers.
 
     c² = Σ_p Σ_q 2^(p+q) b_p b_q, and the sum of b_p b_q over j is a count of ones.
     """

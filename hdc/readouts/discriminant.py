@@ -1,6 +1,6 @@
-"""Discriminant analysis solved among the frames, of any products G of them, or among few bits.
+"""Discriminant analysis of N frames, solved among the frames by any products G of them.
 
-With N frames, n_c of class c, and L classes,
+With n_c frames of class c, and L classes,
 
     E = onehot/n_c,  E' = E − mean over classes,  C = I − E·onehotᵀ
     K = C·G·C                                      products of frames minus the mean of their class
@@ -8,49 +8,67 @@ With N frames, n_c of class c, and L classes,
     b_c = −½·(E_c + mean over classes of E)ᵀ·G·A_c
 
 and the score of a query x for class c is g(x)ᵀ·A_c + b_c, with its products g(x) with the frames.
+Frames that outnumber their bits are solved by :mod:`hdc.readouts.among_bits`.
 
-Frames x ∈ {±1}^D that outnumber their bits are solved among these, where the equations are fewer,
+**Leave-one-out scores** have a closed form. With m_c = μ_c − μ and M = S + ℓ·I, for the scatter
+S = Σ d_i·d_iᵀ of the frames minus the mean of their class, the discriminant of class c is
 
-    S = Xᵀ·C·X                                     scatter within classes
-    w_c = ℓ·(S + ℓ·I)⁻¹·m_c,  m = E'ᵀ·X            weights of the bits, w = Aᵀ·X
-    b_c = −½·(μ_c + mean over classes of μ)·w_c    of the means μ = Eᵀ·X
+    ℓ·(x − ½(μ_c + μ))ᵀ·M⁻¹·m_c.
 
-with the same solution but for rounding, of some N·κ·ε by either, for the condition number κ of the
-equations.
+Without a frame x = μ_y + d of a class of n frames, μ_y moves by −d/(n − 1), and S loses
+n/(n − 1)·d·dᵀ, so that M⁻¹ follows by Sherman and Morrison's formula. ℓ stays. Only products with
+M⁻¹ of d and of the means are needed (:class:`Products`). The formula's denominator is what
+dᵀ·M⁻¹·d leaves of (n − 1)/n, nearly nothing under a weak penalty: among frames it is
+ℓ·cᵀ·(K + ℓ·I)⁻¹·c, for the frame's column c of C, and needs no subtraction.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple, Self
 
 import torch
 from torch import Tensor
 
-from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share
-from hdc.readouts.arithmetic import in_parts, scatter, signs
 from hdc.readouts.base import HeldOut
-from hdc.readouts.leave_one_out import (
-    Products,
-    discriminants,
-    inverse_squares,
-    spread_over,
-)
 
+MOST_FRAMES = 8000
+"""Training frames at most, for a read-out that needs the products of all pairs."""
+MOST = 400
+"""Left-out frames that are scored, evenly spread: enough to fit a temperature."""
+OF_CLASS = 19
+"""Left-out frames of each class at least, if it has as many: p-values in steps of 5 %."""
 _ROWS = 256  # rows of the products changed at a time
-_NOTHING = 1e-9  # share of the products that rounding leaves of equal frames
-_LEAST = 1e-10  # of the mean of K's diagonal, the least penalty: rounding's share
+_NOTHING = 1e-9  # of the products: what rounding leaves between equal frames
+LEAST = 1e-10  # least penalty, the rounding error, in units of the mean of K's diagonal
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products with M⁻¹, or, for the nearest mean, where ℓ is infinite, with the identity.
+
+    Attributes:
+        frames: d_iᵀ·M⁻¹·m_c, float64 [N, L].
+        means: m_cᵀ·M⁻¹·m_k, float64 [L, L].
+        left: (n − 1)/n − d_iᵀ·M⁻¹·d_i of the frames :func:`spread_over`, in a class of n frames,
+            float64 [m].
+        penalty: ℓ; None if it is infinite.
+    """
+
+    frames: Tensor
+    means: Tensor
+    left: Tensor
+    penalty: float | None
 
 
 class Solution(NamedTuple):
-    """Discriminants that are learned with one penalty.
+    """Discriminants for one penalty.
 
     Attributes:
-        dual: A, float64 [N, L]; of a problem among bits w, [D, L].
+        dual: A, float64 [N, L]; if solved among bits, w [D, L].
         offsets: b, float64 [L].
-        products: for the scores of frames without themselves.
+        products: products for the scores of left-out frames.
     """
 
     dual: Tensor
@@ -60,11 +78,11 @@ class Solution(NamedTuple):
 
 @dataclass(frozen=True)
 class Problem:
-    """The part that does not depend on the penalty; :meth:`of` products and classes.
+    """The part of the equations that does not depend on the penalty.
 
     Attributes:
         products: K, float64 [N, N], with a penalty on its diagonal once solved.
-        diagonal: that of K, float64 [N].
+        diagonal: diagonal of K, float64 [N].
         share: E, float64 [N, L].
         of_means: G·E, float64 [N, L].
         right: C·G·E', float64 [N, L].
@@ -84,9 +102,11 @@ class Problem:
 
     @classmethod
     def of(cls, products: Tensor, rows: Tensor) -> Self:
-        """Make it from products G, float64 [N, N], which become K, to save memory.
+        """Set up the equations.
 
-        `rows` are the classes int64 [N], each of them with a frame.
+        Args:
+            products: G, float64 [N, N], which is overwritten by K to save memory.
+            rows: classes int64 [N]; each of 0 … L − 1 occurs.
         """
         onehot = torch.nn.functional.one_hot(rows).double()
         share = onehot / onehot.sum(0)
@@ -119,7 +139,7 @@ class Problem:
         return float(self.diagonal.sum())
 
     def solve(self, penalty: float | None) -> Solution:
-        """With ℓ, but for rounding's share at least; None is the nearest mean, ℓ without end."""
+        """Solve with penalty ℓ, at least the rounding error; None is ℓ → ∞, the nearest mean."""
         rows = self.onehot.argmax(1)
         chosen = spread_over(rows)
         centred = self.share - self.share.mean(1, keepdim=True)
@@ -128,7 +148,7 @@ class Problem:
             left = (counts - 1) / counts - self.diagonal[chosen]
             nearest = Products(self.right, self.between, left, None)
             return Solution(centred, self._offsets(centred), nearest)
-        penalty = max(penalty, _LEAST * self.trace / len(self.products))
+        penalty = max(penalty, LEAST * self.trace / len(self.products))
         self.products.diagonal().copy_(self.diagonal + penalty)
         factor = torch.linalg.cholesky(self.products)
         solved = torch.cholesky_solve(self.right, factor)
@@ -149,79 +169,10 @@ class Problem:
         return -0.5 * (halfway * dual).sum(0)
 
 
-@dataclass(frozen=True)
-class Primal:
-    """:class:`Problem` among the D bits of frames in ±1; :meth:`of` hypervectors and classes.
-
-    Attributes:
-        products: S, float64 [D, D].
-        diagonal: that of K, float64 [N].
-        words: N hypervectors.
-        rows: their classes int64 [N].
-        means: μ, float64 [L, D].
-    """
-
-    products: Tensor
-    diagonal: Tensor
-    words: Hypervectors
-    rows: Tensor
-    means: Tensor
-
-    @classmethod
-    def of(cls, words: Hypervectors, rows: Tensor) -> Self:
-        """Make it from hypervectors of classes int64 [N], each of them with a frame."""
-        products, means = scatter(words, rows)
-        problem = cls(products, torch.empty(len(rows)), words, rows, means)
-        squares = [(d**2).sum(1) for d in problem._inside()]
-        return replace(problem, diagonal=torch.cat(squares))
-
-    @property
-    def n_classes(self) -> int:
-        return len(self.means)
-
-    @property
-    def is_empty(self) -> bool:
-        return not self.diagonal.any()
-
-    @property
-    def trace(self) -> float:
-        """tr S."""
-        return float(self.diagonal.sum())
-
-    def solve(self, penalty: float | None) -> Solution:
-        """As of :class:`Problem`, with weights of the bits."""
-        apart = (self.means - self.means.mean(0)).T
-        chosen = spread_over(self.rows)
-        inside = signs(self.words[chosen]) - self.means[self.rows[chosen]]
-        if penalty is None:
-            weights = solved = apart
-            own = self.diagonal[chosen]
-        else:
-            penalty = max(penalty, _LEAST * self.trace / len(self.rows))
-            matrix = self.products.clone()
-            matrix.diagonal().add_(penalty)
-            factor = torch.linalg.cholesky(matrix)
-            solved = torch.cholesky_solve(apart, factor)
-            weights = penalty * solved
-            own = inverse_squares(factor, inside.T)
-        frames = torch.cat([d @ solved for d in self._inside()])
-        halfway = (self.means + self.means.mean(0)) / 2
-        offsets = -(halfway.T * weights).sum(0)
-        counts = torch.bincount(self.rows)[self.rows[chosen]]
-        left = (counts - 1) / counts.double() - own
-        kept = Products(frames, apart.T @ solved, left, penalty)
-        return Solution(weights, offsets, kept)
-
-    def _inside(self) -> Iterator[Tensor]:
-        """Frames minus the mean of their class, float64 [B, D] each."""
-        for part in in_parts(self.words):
-            yield signs(self.words[part]) - self.means[self.rows[part]]
-
-
 def _centre_within_classes(
     products: Tensor, of_means: Tensor, onehot: Tensor, share: Tensor
 ) -> None:
-    """C·G·C in place of G, some rows at a time."""
+    """Overwrite G by C·G·C, some rows at a time."""
     between = share.T @ of_means  # Eᵀ·G·E
     for start in range(0, len(products), _ROWS):
         rows = slice(start, start + _ROWS)
@@ -231,17 +182,81 @@ def _centre_within_classes(
         products[rows] += (member @ between) @ onehot.T
 
 
+# Leave-one-out -----------------------------------------------------------------------------------
+
+
+def spread_over(rows: Tensor) -> Tensor:
+    """Places [m], in rising order, of frames to score, among N frames of classes int64 [N].
+
+    They are evenly spread, with more of the classes that have too few among them, since a class
+    without scores would be in every prediction set.
+    """
+    places = evenly(len(rows))
+    if len(places) == len(rows):
+        return places
+    every = [places]
+    for c in rows.unique():
+        of_class = (rows == c).nonzero().flatten()
+        if int((rows[places] == c).sum()) < OF_CLASS:
+            every.append(of_class[evenly(len(of_class), OF_CLASS)])
+    return torch.cat(every).unique()
+
+
+def evenly(n: int, most: int | None = None) -> Tensor:
+    """Evenly spread places int64 [m] among n frames, at most `most`, by default :data:`MOST`."""
+    return torch.linspace(0, n - 1, min(n, most or MOST)).round().long()
+
+
+def inverse_squares(factor: Tensor, columns: Tensor) -> Tensor:
+    """cᵀ·(F·Fᵀ)⁻¹·c [m] of columns c [N, m] for a lower triangular F [N, N]."""
+    halves = torch.linalg.solve_triangular(factor, columns, upper=False)
+    return (halves**2).sum(0)
+
+
+def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
+    """Leave-one-out scores float64 [m, L] of some frames, and their places [m] among the N.
+
+    The only frame of a class is not scored.
+
+    Args:
+        products: products of all frames.
+        rows: classes int64 [N] of the frames.
+    """
+    n_classes = products.means.shape[0]
+    chosen = spread_over(rows)
+    counts = torch.bincount(rows, minlength=n_classes)
+    several = counts[rows[chosen]] > 1
+    chosen, left = chosen[several], products.left[several][:, None]
+    row = rows[chosen]
+    n = counts[row].double()[:, None]
+    own = (n - 1) / n - left
+    is_own = torch.nn.functional.one_hot(row, n_classes).double()
+    moved = 1 / (n - 1)
+    frames = products.frames[chosen]
+    of_class = frames.gather(1, row[:, None])
+    squares = products.means.diagonal()
+    # x minus half the sum of both means is m_y − ½·m_c and `more` times d; m_c gains `gained`·d.
+    more = 1 + moved / 2 * (is_own + 1 / n_classes)
+    gained = moved * (1 / n_classes - is_own)
+    along = of_class - frames / 2 + more * own
+    scores = products.means[row] - squares / 2 + more * frames + gained * along
+    if products.penalty is None:
+        return scores, chosen
+    lost = along * (frames + gained * own) / left
+    return products.penalty * (scores + lost), chosen
+
+
 def held_out_of(
     products: Products, place: Tensor, known: Tensor, n_classes: int, unit: float = 1.0
 ) -> HeldOut:
-    """Scores of the training frames :func:`spread_over` without themselves, times a unit.
+    """Leave-one-out scores by :func:`discriminants` as scores of L classes, times a unit.
 
     Args:
-        products: of a solution.
-        place: which of the `known` classes, int64 [K], each frame is of, int64 [N].
-        known: classes with a frame; the other columns are zero.
+        products: products of a solution.
+        place: place of each frame's class in `known`, int64 [N].
+        known: classes with a frame, int64 [K]; scores of other classes are zero.
         n_classes: L.
-        unit: of the scores.
+        unit: factor of the scores.
     """
     found, places = discriminants(products, place)
     scores = torch.zeros(len(places), n_classes, dtype=torch.float64)
@@ -250,10 +265,42 @@ def held_out_of(
 
 
 def check_mixed(share: float, rows: Tensor) -> None:
-    """Raise ValueError for a share of new discriminants outside [0, 1], or of 1 for new frames of a
-    single class int64 [N], whose discriminants are zero."""
+    """Raise ValueError for a share of new discriminants outside [0, 1], or a share of 1 if the new
+    frames are of a single class, whose discriminants are zero."""
     check_share("p", share, "[0, 1]")
     if share == 1 and len(rows.unique()) == 1:
         raise ValueError(
-            "p: expected a share below 1 with new frames of a single class, found 1"
+            "p: expected a share below 1 with new frames of a single class, found 1; "
+            "use p < 1, or frames of two classes"
         )
+
+
+def check_memory(
+    readout: str, n: int, matrices: int, dimension: int | None = None
+) -> None:
+    """Raise ValueError for more training frames than fit in memory as products of all pairs.
+
+    Args:
+        readout: name of the read-out, for the error.
+        n: training frames.
+        matrices: number of matrices float64 [n, n] held at a time.
+        dimension: D, for a read-out that is solved among bits if D < n.
+    """
+    size = n if dimension is None else min(n, dimension)
+    if size <= MOST_FRAMES:
+        return
+    expected, found, fewer = (
+        f"{MOST_FRAMES} frames",
+        f"{n}",
+        "fewer frames of each class",
+    )
+    if dimension is not None:
+        expected += f" or {MOST_FRAMES} bits"
+        found += f" frames of {dimension} bits"
+        fewer += ", or on fewer pixels (--subsample)"
+    memory = matrices * 8 * size**2 / 1e9
+    raise ValueError(
+        f"{readout}: expected at most {expected}, found {found}, which need {matrices} matrices "
+        f"of {size} × {size}, {memory:.1f} GB; train on {fewer}, or use a read-out without such "
+        "a matrix, such as 'neighbours'"
+    )

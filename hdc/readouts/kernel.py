@@ -3,13 +3,12 @@
 The products G of :mod:`hdc.readouts.discriminant` are exp(−H/(s·m)), with the Hamming distances H
 of the training hypervectors and their median m over pairs: a Laplacian kernel (Chapelle, Haffner,
 Vapnik, IEEE Trans. Neural Netw. 10, 1055 (1999)), since H of levels is a sum of absolute
-differences. The penalty is ℓ = λ·tr(K)/N. The factors s and λ are those with the fewest errors on
-training frames scored as if each had not been learnt, in closed form
-(:mod:`hdc.readouts.leave_one_out`); a read-out knows no groups, so frames of one group decide
-about each other.
+differences. The penalty is ℓ = λ·tr(K)/N. The factors s and λ are chosen by the fewest errors on
+left-out training frames, in closed form (:mod:`hdc.readouts.discriminant`). A read-out does not
+know groups, so this choice is not made across groups.
 
-Scores are floating-point numbers: with another backend, processor or number of threads they may
-differ in their last digits, and the predicted class only where two scores are that close.
+Scores are floats: with another backend, processor or number of threads they may differ in their
+last digits, and the predicted class may differ if two scores are that close.
 """
 
 from __future__ import annotations
@@ -26,17 +25,23 @@ from torch import Tensor
 from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.readouts.arithmetic import check_memory
 from hdc.readouts.base import HeldOut, Readout, State
-from hdc.readouts.discriminant import Problem, Solution, check_mixed, held_out_of
-from hdc.readouts.leave_one_out import discriminants, evenly
+from hdc.readouts.discriminant import (
+    Problem,
+    Solution,
+    check_memory,
+    check_mixed,
+    discriminants,
+    evenly,
+    held_out_of,
+)
 
-_LOWEST = -1e300  # offset of a class without frames
+_LOWEST = -1e300  # offset of a class without training frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Likenesses(State):
-    """What the likeness to each training frame counts for each class."""
+class Expansion(State):
+    """The kernel expansion of each class: a weight for every training frame."""
 
     kinds = {  # noqa: RUF012
         "frames": "int64 N W",
@@ -53,7 +58,7 @@ class Likenesses(State):
     offsets: Tensor
     """float64 [L] (CPU)."""
     reach: Tensor
-    """float64 [], s·m: the distance in bits at which a likeness is 1/e."""
+    """float64 [], s·m: the distance in bits at which the kernel is 1/e."""
     scale: Tensor
     """float64 [], s."""
     penalty: Tensor
@@ -65,14 +70,14 @@ class Likenesses(State):
 
 
 class Kernel(Readout):
-    """Discriminant analysis with a kernel; it keeps the hypervectors of all training frames.
+    """Discriminant analysis with a kernel, which stores the hypervectors of all training frames.
 
     Args:
-        scales: values of s to choose from, above zero; of equally good ones the first.
-        penalties: values of λ to choose from, as `scales`.
+        scales: values of s to choose from, above zero; the first of equally good ones is taken.
+        penalties: values of λ to choose from, above zero.
     """
 
-    State = Likenesses
+    State = Expansion
     needs = ("frames", "dual", "offsets", "reach")
     adapts_by = ("p",)
 
@@ -88,12 +93,11 @@ class Kernel(Readout):
         _check_positive("scales", self.scales)
         _check_positive("penalties", self.penalties)
 
-    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Likenesses:
+    def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Expansion:
         """See :meth:`hdc.readouts.base.Readout.fit`.
 
         Raises:
-            ValueError: for more than 8000 frames, of which the products of all pairs fill the
-                memory.
+            ValueError: for more than 8000 frames, for which the kernel of all pairs is too large.
         """
         n = len(rows)
         check_memory("kernel", n, matrices=3)
@@ -110,7 +114,7 @@ class Kernel(Readout):
         offsets = torch.full((n_classes,), _LOWEST, dtype=torch.float64)
         dual[:, known] = best.solution.dual
         offsets[known] = best.solution.offsets
-        return Likenesses(
+        return Expansion(
             frames=words.packed,
             dual=dual,
             offsets=offsets,
@@ -121,12 +125,12 @@ class Kernel(Readout):
         )
 
     def adapt(
-        self, state: Likenesses, words: Hypervectors, rows: Tensor, share: float
-    ) -> Likenesses:
-        """Mix the discriminants of before with those of new frames.
+        self, state: Expansion, words: Hypervectors, rows: Tensor, share: float
+    ) -> Expansion:
+        """Mix the old discriminants and the discriminants of new frames.
 
-        Each in units of its length in the space of the kernel, whose factors stay; `share` is that
-        of the new ones. A class without new frames has those of before alone.
+        Both are normalised in the space of the kernel, whose factors do not change; `share` is the
+        weight of the new ones. A class without new frames keeps its old discriminant.
 
         Raises: as :meth:`hdc.readouts.LDA.adapt`.
         """
@@ -157,7 +161,7 @@ class Kernel(Readout):
             held_out=HeldOut(held_out, rows[places]),
         )
 
-    def scores(self, state: Likenesses, words: Hypervectors) -> Tensor:
+    def scores(self, state: Expansion, words: Hypervectors) -> Tensor:
         """The discriminants, float64 [Q, L]."""
         distances = bits.hamming(words.packed, state.frames)
         near = likeness(distances, float(state.reach))
@@ -166,13 +170,13 @@ class Kernel(Readout):
 
 
 class Tried(NamedTuple):
-    """A choice of factors, and its errors on training frames left out.
+    """A choice of factors, and its errors on left-out training frames.
 
     Attributes:
-        errors: how many are wrong.
+        errors: number of wrong frames.
         scale, penalty: s and λ.
         reach: s·m, in the unit of the distances.
-        solution: what is learned.
+        solution: the discriminants.
     """
 
     errors: int
@@ -188,11 +192,11 @@ def fewest_errors(
     scales: Sequence[float],
     penalties: Sequence[float],
 ) -> Tried:
-    """The factors with the fewest errors, the first of equal ones.
+    """The factors with the fewest errors, and the first of equal ones.
 
     Args:
-        distances: of the training frames from each other, of any kind, [N, N] (CPU).
-        place: their classes int64 [N], each of them with a frame.
+        distances: distances of any kind between the training frames, [N, N] (CPU).
+        place: their classes int64 [N]; each of 0 … L − 1 occurs.
         scales, penalties: values of s and λ, above zero.
     """
     median = median_of_pairs(distances)
@@ -209,14 +213,14 @@ def _tries(
     scale: float,
     penalties: Sequence[float],
 ) -> list[Tried]:
-    """Each penalty with the kernel of one scale, of frames of classes int64 [N]."""
+    """The results of all penalties for one scale."""
     problem = Problem.of(likeness(distances, reach), place)
     found = []
     for penalty in penalties:
         strength = penalty * problem.trace / len(place)
         solution = problem.solve(None if problem.is_empty else strength)
         scores, places = discriminants(solution.products, place)
-        # Of frames evenly spread: a class counts as often as it has frames.
+        # Only on evenly spread frames, so that classes count in proportion to their frames.
         counted = torch.isin(places, evenly(len(place)))
         errors = int((scores.argmax(1) != place[places])[counted].sum())
         found.append(Tried(errors, scale, penalty, reach, solution))
@@ -224,20 +228,20 @@ def _tries(
 
 
 def likeness(distances: Tensor, reach: float) -> Tensor:
-    """exp(−distance/reach) in float64."""
+    """exp(−distance/reach), float64."""
     return distances.to(torch.float64, copy=True).div_(-reach).exp_()
 
 
 def _length(distances: Tensor, reach: float, dual: Tensor) -> float:
-    """Length of discriminants of frames at distances [N, N], in the space of the kernel; or 1."""
+    """Norm of discriminants in the space of the kernel; 1 if it is zero."""
     products = likeness(distances, reach) @ dual
     return float((dual * products).sum().clamp(min=0).sqrt()) or 1.0
 
 
 def median_of_pairs(distances: Tensor) -> float:
-    """The median of the distances [N, N] of all pairs, the lower of two; 1 where it is zero.
+    """The lower median of the distances [N, N] of all pairs; 1 if it is zero.
 
-    Each pair stands there twice, and N zeros besides.
+    The matrix holds each pair twice, and N zeros.
     """
     n = len(distances)
     n_pairs = n * (n - 1) // 2

@@ -6,17 +6,17 @@ among the N frames (:mod:`hdc.readouts.discriminant`) with x ∈ {±1}^D and
     G = X·Xᵀ = D − 2·Hamming                       integers, N × N
     w = Aᵀ·X                                       weights of the bits
 
-or, of more frames than bits, among the bits.
+or, with more frames than bits, among the bits (:mod:`hdc.readouts.among_bits`).
 
 The shrunken covariance is (1 − α)·S + α·(tr S/D)·I, so that ℓ = α/(1 − α)·tr(K)/D; α = 1 is the
 nearest mean.
 
-Weights are rounded to q ∈ {−7 … 7}, in units of their 99.5 % quantile over seven; the zero stays,
-for a pixel that says nothing must not say one or the other when it flips. A scale per class, and an
-offset, keep the scores of the class's mean and of the mean of means; as whole numbers they make
-every score of a trained model a whole number, the same on every machine. Training is in floating
-point: with another backend, processor or number of threads, scales and offsets may differ in their
-last digits, and now and then a weight by one.
+Weights are rounded to q ∈ {−7 … 7}, in units of one seventh of their 99.5 % quantile. Zero is among
+the values, so that a pixel without information does not affect scores when it flips. A scale and an
+offset per class preserve the scores of the class's mean and of the mean of means. They are rounded
+to integers, so that all scores of a trained model are integers, the same on every machine. Training
+is in floating point: with another backend, processor or number of threads, scales and offsets may
+differ in their last digits, and rarely a weight by one.
 """
 
 from __future__ import annotations
@@ -29,24 +29,26 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.bits import combinations, dot, gram
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.readouts.arithmetic import check_memory, combinations, dot, gram
-from hdc.readouts.base import NOWHERE, HeldOut, Readout, State
+from hdc.readouts.among_bits import Primal
+from hdc.readouts.base import HeldOut, Readout, State
 from hdc.readouts.discriminant import (
-    Primal,
     Problem,
     Solution,
+    check_memory,
     check_mixed,
     held_out_of,
+    spread_over,
 )
-from hdc.readouts.leave_one_out import spread_over
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
 _CLIPPED = 0.995  # quantile of the weights that becomes the largest
 _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
 _UNIT_BITS = 20  # of the largest scale
+_NOWHERE = -(2**62)  # offset of a class without training frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -69,7 +71,7 @@ class Discriminants(State):
     """float64 [], α."""
 
     def floats(self, dimension: int) -> Tensor:
-        """The weights of the classes in the unit of the scores, float32 [L, D] (CPU)."""
+        """The weights in the units of the scores, float32 [L, D] (CPU)."""
         sliced = bits.unpack(self.weights.cpu(), dimension)
         weights = torch.zeros(len(sliced), dimension)
         for p in range(_PLANES):
@@ -77,19 +79,19 @@ class Discriminants(State):
         return (weights - _OFFSET) * self.scales[:, None].float()
 
     def known_offsets(self) -> Tensor:
-        """Offsets float64 [L]; 0 of a class without frames."""
-        known = self.offsets > NOWHERE // 2
+        """Offsets float64 [L]; 0 for a class without training frames."""
+        known = self.offsets > _NOWHERE
         return torch.where(known, self.offsets, 0).double()
 
 
 class LDA(Readout):
-    """Shrinkage discriminant analysis; classes count alike, however many frames they have.
+    """Shrinkage discriminant analysis, with equal weights of classes of any size.
 
     Unlike scikit-learn's ``LinearDiscriminantAnalysis(shrinkage="auto")`` it does not standardise
     features, has one covariance of the frames within all classes, and equal priors.
 
     Args:
-        shrinkage: α in [0, 1], or in closed form ``"ledoit_wolf"`` (J. Multivar. Anal. 88, 365
+        shrinkage: α in [0, 1], or the closed form ``"ledoit_wolf"`` (J. Multivar. Anal. 88, 365
             (2004)) or ``"oas"`` (Chen et al., IEEE TSP 58, 5016 (2010)).
     """
 
@@ -112,8 +114,8 @@ class LDA(Readout):
         """See :meth:`hdc.readouts.base.Readout.fit`.
 
         Raises:
-            ValueError: for more than 8000 frames of more than 8000 bits, of which neither the
-                products of all pairs of frames nor those of bits fit in the memory.
+            ValueError: for more than 8000 frames of more than 8000 bits, for which the products of
+                all pairs, of frames or of bits, are too large.
         """
         packed, dimension = words.packed, words.dimension
         check_memory("lda", len(rows), matrices=2, dimension=dimension)
@@ -139,10 +141,10 @@ class LDA(Readout):
     def adapt(
         self, state: Discriminants, words: Hypervectors, rows: Tensor, share: float
     ) -> Discriminants:
-        """Mix the discriminants of before with those of new frames.
+        """Mix the old discriminants and the discriminants of new frames.
 
-        Each in units of the length of its weights; `share` is that of the new ones. A class without
-        new frames has those of before alone.
+        Both are divided by the norm of their weights; `share` is the weight of the new ones. A
+        class without new frames keeps its old discriminant.
 
         Raises:
             ValueError: for a share outside [0, 1], or 1 with new frames of a single class.
@@ -159,13 +161,13 @@ class LDA(Readout):
         means = class_means(words.packed, place, len(known), dimension)
         full = means.mean(0).repeat(n_classes, 1)
         full[known] = means
-        every = (state.offsets > NOWHERE // 2).nonzero().flatten()
+        every = (state.offsets > _NOWHERE).nonzero().flatten()
         learned = weights[every], full[every], offsets[every]
         alpha, device = float(new.shrinkage), words.packed.device
         mixed, unit = _stored(learned, every, n_classes, alpha, device)
         held_out = new.held_out
         assert held_out is not None
-        # Those of before have not learnt the new frames: their scores are as they are.
+        # The old discriminants have not learnt the new frames.
         several = torch.bincount(rows, minlength=n_classes)[rows] > 1
         chosen = spread_over(rows)
         chosen = chosen[several[chosen]]
@@ -189,21 +191,21 @@ def _stored(
     alpha: float,
     device: torch.device,
 ) -> tuple[Discriminants, float]:
-    """A state of whole numbers, and their unit; none but the `known` classes win.
+    """The rounded state, in which only `known` classes can win, and the unit of its scores.
 
     Args:
-        learned: weights, means and offsets of the known classes, of :func:`_quantised`.
-        known: rows int64 [K].
+        learned: weights, means and offsets of the known classes, as in :func:`_quantised`.
+        known: classes with training frames, int64 [K].
         n_classes: L.
-        alpha: of the training.
-        device: of the weights.
+        alpha: α.
+        device: device of the weights.
     """
     planes, scales, offsets = _quantised(*learned)
     unit = 2**_UNIT_BITS / float(scales.max())
     state = Discriminants(
         weights=planes.new_zeros(n_classes, *planes.shape[1:], device=device),
         scales=torch.zeros(n_classes, dtype=torch.int64),
-        offsets=torch.full((n_classes,), NOWHERE // 2),
+        offsets=torch.full((n_classes,), _NOWHERE),
         shrinkage=torch.tensor(alpha, dtype=torch.float64),
     )
     state.weights[known.to(device)] = planes.to(device)
@@ -215,7 +217,7 @@ def _stored(
 def closed_form(
     kind: str, trace: float, squares: float, diagonal: Tensor, n: int, d: int
 ) -> float:
-    """α of a covariance of n degrees of freedom in D dimensions.
+    """α in closed form, for a covariance with n degrees of freedom in D dimensions.
 
     Args:
         kind: one of :data:`SHRINKAGES`.
@@ -238,7 +240,7 @@ def closed_form(
 
 
 def problem_of(words: Hypervectors, rows: Tensor) -> Problem | Primal:
-    """The one with fewer equations, for classes int64 [N], each of them with a frame."""
+    """The equations among frames or among bits, whichever are fewer; all classes occur."""
     if len(rows) > words.dimension:
         return Primal.of(words, rows)
     return Problem.of(gram(words.packed, words.packed, words.dimension), rows)
@@ -247,26 +249,20 @@ def problem_of(words: Hypervectors, rows: Tensor) -> Problem | Primal:
 def shrunken(
     problem: Problem | Primal, dimension: int, shrinkage: float | str
 ) -> tuple[float, Solution]:
-    """α, and what is learned with it from a problem in D dimensions."""
-    alpha = share_of_target(problem, dimension, shrinkage)
+    """α for a problem in D dimensions, and its solution; α = 1 is the nearest mean."""
+    if problem.is_empty:
+        alpha = 1.0
+    elif isinstance(shrinkage, str):
+        squares = float((problem.products**2).sum())
+        degrees = max(1, len(problem.diagonal) - problem.n_classes)
+        alpha = closed_form(
+            shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
+        )
+    else:
+        alpha = float(shrinkage)
     if alpha == 1:
         return alpha, problem.solve(None)
     return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
-
-
-def share_of_target(
-    problem: Problem | Primal, dimension: int, shrinkage: float | str
-) -> float:
-    """α for a problem in D dimensions; 1 is the nearest mean."""
-    if problem.is_empty:
-        return 1.0
-    if not isinstance(shrinkage, str):
-        return float(shrinkage)
-    squares = float((problem.products**2).sum())
-    degrees = max(1, len(problem.diagonal) - problem.n_classes)
-    return closed_form(
-        shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
-    )
 
 
 def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:
@@ -279,10 +275,15 @@ def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> 
 def _quantised(
     weights: Tensor, means: Tensor, offsets: Tensor
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Weights w [L, D] as planes int64 [L, 4, W]; scales and offsets float64 [L].
+    """Rounded weights as planes int64 [L, 4, W], with scales and offsets float64 [L].
 
-    A scale keeps the score of the class's mean minus that of the mean of means, an offset that of
-    the mean of means; `offsets` are those of the weights as they are.
+    A scale preserves the difference between the scores of the class's mean and of the mean of
+    means, and an offset the score of the mean of means.
+
+    Args:
+        weights: w, float32 [L, D].
+        means: means of the classes, float32 [L, D].
+        offsets: offsets that belong to w, float64 [L].
     """
     centre = means.mean(0)
     in_doubles = centre.double()
@@ -308,7 +309,7 @@ def _quantised(
 
 
 def _unit(sizes: Tensor) -> float:
-    """The 99.5 % quantile of the weights' sizes [D] that are more than rounding; 1 without any."""
+    """The 99.5 % quantile of the sizes [D] of weights above the rounding error; 1 without any."""
     is_live = sizes > _NONE * sizes.max()
     # numpy selects and sorts much faster than torch
     live = sizes.numpy()[is_live.numpy()]
@@ -320,6 +321,6 @@ def _unit(sizes: Tensor) -> float:
 
 
 def _planes_of(q: Tensor) -> Tensor:
-    """q + 8 of the bits [D] as planes bool [4, D]."""
+    """q + 8 as planes bool [4, D]."""
     shifted = (q + _OFFSET).to(torch.uint8)
     return torch.stack([(shifted >> p & 1).bool() for p in range(_PLANES)])

@@ -11,17 +11,17 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.bits import dot
 from hdc.hypervectors import Hypervectors
-from hdc.readouts.arithmetic import dot
 from hdc.readouts.base import State
 
 _OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced
-_STEP = 32  # words unpacked at a time: of some hundred frames they stay in the cache
+_STEP = 32  # words unpacked at a time; for some hundred frames they stay in the cache
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Linear(State):
-    """L linear functions of packed bits, with weights of 8 bits each: scale·q_j for pixel j."""
+    """L linear functions of packed bits, with weights scale·q_j of 8 bits each."""
 
     kinds = {  # noqa: RUF012
         "weights": "int64 L 8 W",
@@ -60,9 +60,14 @@ def quantised(
     dimension: int,
     prior: Linear | None,
 ) -> tuple[Tensor, Tensor]:
-    """Weights, and those of before, rounded to 8 bits; a few words at a time, twice.
+    """Round weights to 8 bits: planes int64 [T, 8, W] and scales float64 [T].
 
-    `weights_in` gives float64 [T, B], those of the bits in words start to stop.
+    Args:
+        words: hypervectors int64 [N, W].
+        weights_in: function of start and stop that gives the weights float64 [T, B] of the bits in
+            these words; it is called twice for a few words at a time.
+        dimension: D.
+        prior: function whose weights are added.
     """
     width = words.shape[1]
     starts = range(0, width, _STEP)
@@ -91,7 +96,7 @@ def quantised(
 
 
 def weights_of(dual: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
-    """Xᵀa of the bits in words start to stop, float64 [T, B]."""
+    """Weights Xᵀa of the bits in words start to stop, float64 [T, B]."""
     part = words[:, start:stop].cpu().contiguous().numpy()
     signs = _signs_of_bytes()[part.view(np.uint8)]
     return dual.T @ torch.from_numpy(signs).flatten(1)

@@ -20,12 +20,12 @@ from hdc.readouts.base import HeldOut, State, Updatable
 METHODS = ("replace", "merge")
 WEIGHTS = (None, "balanced")
 EXTRAS = (-2, -1, 0, 1, 2)
-"""Hypervectors more or less that :mod:`hdc.conformal` asks for."""
+"""Numbers of additional hypervectors, for which :mod:`hdc.conformal` needs prototypes."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Counted(State):
-    """Counts of ones per class and their majority."""
+    """Counts of ones per class, and their majority."""
 
     kinds = {  # noqa: RUF012
         "planes": "int64 L P W",
@@ -39,11 +39,11 @@ class Counted(State):
     n: Tensor
     """int64 [L] (CPU), hypervectors of each class, or votes after a recalibration by votes."""
     prototypes: Tensor
-    """int64 [L, W]; zeros for a class without samples."""
+    """int64 [L, W]; zeros for a class without training frames."""
     recalibrated: Tensor
-    """int64 [], how often; prototypes are then not those of the counted hypervectors."""
+    """int64 [], how often; if above 0, prototypes do not follow from the counts."""
     deciding: Tensor | None = None
-    """int64 [L, 5, W], see :data:`EXTRAS`, where the counts do not tell them."""
+    """int64 [L, 5, W], prototypes for :data:`EXTRAS`, if they do not follow from the counts."""
 
     dimension: int
 
@@ -58,12 +58,12 @@ class Counted(State):
 
 
 class Counting(Updatable):
-    """Counters of ones per class and their majority; what Majority and Counts share."""
+    """Base class of read-outs that count ones per class: Majority and Counts."""
 
     State = Counted
     renamed: ClassVar = {"balance": "class_weight", "seed": "random_state"}
     methods: ClassVar[tuple[str, ...]] = METHODS
-    """Ways to adapt, the first by default."""
+    """Methods of recalibration; the first is the default."""
 
     def __init__(
         self, ties: str = "zero", class_weight: str | None = None, random_state: int = 0
@@ -82,7 +82,7 @@ class Counting(Updatable):
     @classmethod
     def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
         found = super().of_today(parameters)
-        if isinstance(found.get("class_weight"), bool):  # to 3.0 it was ``balance``
+        if isinstance(found.get("class_weight"), bool):  # ``balance`` up to 3.0
             found["class_weight"] = WEIGHTS[found["class_weight"]]
         return found
 
@@ -119,7 +119,7 @@ class Counting(Updatable):
         return self._merged(n_classes, (state, range(n_classes)), (other, places))
 
     def _merged(self, n_classes: int, *parts: tuple[Counted, Sequence[int]]) -> Counted:
-        """All counts together, each part with the rows of its classes; prototypes made anew."""
+        """The sum of states, each with the rows of its classes, with new prototypes."""
         first, _ = parts[0]
         counters = Counters(n_classes, first.dimension, first.planes.device)
         for state, places in parts:
@@ -132,7 +132,7 @@ class Counting(Updatable):
         return self._with_prototypes(merged_, counters.n > 0)
 
     def _with_prototypes(self, state: Counted, changed: Tensor) -> Counted:
-        """A state with prototypes of its counts, for the classes bool [L] that have changed."""
+        """The state with new prototypes for the classes bool [L] that have changed."""
         counted: Counted | Counters = state
         size = self._size(state.n)
         if size is not None:
@@ -146,7 +146,7 @@ class Counting(Updatable):
         return replace(state, prototypes=made)
 
     def _size(self, n: Tensor) -> int | None:
-        """Samples a class that prototypes count as, where some of n [L] are thinned."""
+        """Size to which larger classes of n [L] frames are thinned; None if there are none."""
         if self.class_weight is None:
             return None
         least = smallest(n)
@@ -166,16 +166,16 @@ class Counting(Updatable):
         """Move the prototypes of some classes to new hypervectors.
 
         Args:
-            state: what was learned.
+            state: the trained state.
             words, rows: the new hypervectors and their classes int64 [N].
-            share: probability with which a bit is replaced, or share of the new in the votes.
-            random_state: seed of the choice of bits that are replaced.
+            share: probability that a bit is replaced, or weight of the new hypervectors.
+            random_state: seed of the choice of bits to replace.
             method: ``"replace"``, as published, or ``"merge"`` (:func:`hdc.prototypes.merged`);
                 None is the first of `methods`.
 
         Raises:
-            ValueError: for a share outside [0, 1], an unknown method, or bits to be replaced of a
-                class that has no prototype.
+            ValueError: for a share outside [0, 1], an unknown method, or bits to be replaced in a
+                class without a prototype.
         """
         check_share("p", share, "[0, 1]")
         method = self.methods[0] if method is None else method
@@ -196,7 +196,7 @@ class Counting(Updatable):
     def _merge_votes(
         self, state: Counted, new: Counters, classes: list[int], share: float, seed: int
     ) -> tuple[Counted, Tensor]:
-        """Prototypes of the votes of old and new hypervectors; those that decide, [K, 5, W]."""
+        """The state by votes of old and new hypervectors; and prototypes for EXTRAS, [K, 5, W]."""
         old = state.counters()
         if self.class_weight is not None:
             new = new.thinned(smallest(new.n), seed)
@@ -213,7 +213,7 @@ class Counting(Updatable):
     def _replace_bits(
         self, state: Counted, new: Counters, classes: list[int], share: float, seed: int
     ) -> tuple[Counted, Tensor]:
-        """Prototypes of which each bit is the new one's with a probability (paper, Fig. 8(a))."""
+        """The state with bits replaced at random (paper, Fig. 8(a)); and prototypes as above."""
         number = int(state.recalibrated)
         drawn = replaced_bits(len(state.n), new.dimension, share, seed, number)
         mask = drawn[classes].to(state.prototypes.device)
@@ -230,7 +230,7 @@ class Counting(Updatable):
     # Left out ------------------------------------------------------------------------------------
 
     def deciding(self, state: Counted) -> Tensor:
-        """Prototypes [L, 5, W] with :data:`EXTRAS` hypervectors more, for :mod:`hdc.conformal`."""
+        """Prototypes int64 [L, 5, W] for numbers of hypervectors n + :data:`EXTRAS`."""
         if state.deciding is not None:
             return state.deciding
         n_classes, width = state.prototypes.shape
@@ -240,30 +240,35 @@ class Counting(Updatable):
         return decided
 
     def _deciding_of(self, state: Counted, c: int, weight: int = 1) -> Tensor:
-        """The prototypes of class c with :data:`EXTRAS` hypervectors of a weight, int64 [5, W].
+        """Bits of class c with more than (n + weight·extra)/2 ones, for EXTRAS: int64 [5, W].
 
-        A bit needs more than (n + extra)/2 ones. Without one hypervector of the class it is that of
-        ``extra=1`` where the hypervector has a one, of ``extra=-1`` where it has a zero: 2·(count −
-        1) > n − 1 if and only if 2·count > n + 1, and 2·count > n − 1. With another in its place it
-        is that of ``extra=2`` where a one becomes a zero, of ``extra=-2`` where a zero becomes a
-        one.
+        They give the prototype without one hypervector of the class: its bits are those for
+        ``extra=1`` where the hypervector has a one, since 2·(count − 1) > n − 1 if and only if
+        2·count > n + 1, and those for ``extra=-1`` where it has a zero. If another hypervector
+        takes its place, the bits are those for ``extra=2`` where a one becomes a zero, and for
+        ``extra=-2`` where a zero becomes a one.
         """
         counts, n = state.planes[c], int(state.n[c])
-        breaker = None
-        if self.ties == "random":
-            breaker = tie_breaker(state.dimension, self.random_state, c)
-            breaker = breaker.to(counts.device)
+        breaker = self.breaker(c, state.dimension, counts.device)
         made = []
         for extra in EXTRAS:
             n_with = n + weight * extra
             made.append(planes.majority(counts, n_with, self.ties, breaker))
-        # With fewer than no hypervectors every count is a majority, beyond bit D, too.
+        # For a negative n every count is a majority, also beyond bit D.
         all_ones = torch.ones(state.dimension, dtype=torch.bool)
         inside = bits.pack(all_ones).to(counts.device)
         return torch.stack(made) & inside
 
+    def breaker(
+        self, c: int, dimension: int, device: torch.device | str
+    ) -> Tensor | None:
+        """The hypervector that breaks the ties of class c, int64 [W], if ties are random."""
+        if self.ties != "random":
+            return None
+        return tie_breaker(dimension, self.random_state, c).to(device)
+
     def distances(self, state: Counted, words: Hypervectors) -> Tensor:
-        """Hamming distances int64 [Q, L] to the prototypes; D + 1 of a class without samples."""
+        """Hamming distances int64 [Q, L] to the prototypes; D + 1 for a class without frames."""
         distances = bits.hamming(words.packed, state.prototypes)
         if 0 in state.n.tolist():
             distances[:, state.n == 0] = words.dimension + 1
@@ -277,15 +282,14 @@ class Majority(Counting):
 
     Args:
         ties: a prototype bit with as many ones as zeros becomes ``"zero"`` (as published),
-            ``"one"``, or, with ``"random"``, that of an extra random vector (Schmuck et al., ACM
-            JETC 15, 32 (2019)).
-        class_weight: ``"balanced"`` makes classes of unequal size comparable; None is Eq. 1. A
-            majority raises a prototype's correlation with every frame, the more so the more frames
-            it bundles, so that by Eq. 1 a larger class takes frames of the others, with 5 frames
-            against 4 already. Balanced, prototypes are made as if each class had as
-            many frames as the smallest (:meth:`hdc.prototypes.Counters.thinned`); equal classes are
-            as published.
-        random_state: seed of the random vectors for ``ties="random"``, and of balancing.
+            ``"one"``, or, with ``"random"``, the bit of an extra random hypervector (Schmuck et
+            al., ACM JETC 15, 32 (2019)).
+        class_weight: None, as published, or ``"balanced"``. The more frames a majority bundles, the
+            more its prototype correlates with every frame, so that by Eq. 1 a larger class wins
+            frames of the others, already with 5 frames against 4. If balanced, prototypes are made
+            as if each class had as many frames as the smallest
+            (:meth:`hdc.prototypes.Counters.thinned`); for classes of equal size nothing changes.
+        random_state: seed of the random hypervectors for ``ties="random"``, and of balancing.
     """
 
     needs = ("prototypes",)
@@ -297,10 +301,10 @@ class Majority(Counting):
     def held_out(
         self, state: Counted, words: Hypervectors | None, rows: Tensor
     ) -> HeldOut:
-        """Minus the distances, that of the own class to its prototype without the frame.
+        """Minus the distances, of which the one to the frame's own class is without the frame.
 
-        The own distance changes as it does with the prototype of all frames of the class, thinned
-        or not.
+        The frame changes this distance as it changes the distance to the majority of all frames of
+        the class, even if the prototype is thinned.
         """
         assert words is not None
         scores = self.scores(state, words).double().cpu()
@@ -316,6 +320,6 @@ class Majority(Counting):
 
 
 def smallest(n: Tensor) -> int:
-    """Samples of the smallest class of n [L] that has any."""
+    """Number of frames of the smallest class of n [L] that is not empty; 0 if all are."""
     found = n[n > 0]
     return int(found.min()) if len(found) else 0

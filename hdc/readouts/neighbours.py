@@ -1,4 +1,4 @@
-"""Nearest training frames; all hypervectors are kept."""
+"""Nearest training frames; all hypervectors are stored."""
 
 from __future__ import annotations
 
@@ -34,8 +34,8 @@ class Kept(State):
 class Neighbours(Updatable):
     """The class of most of the k nearest training frames in Hamming distance.
 
-    The first class comes first among equally near frames, so the order of training decides
-    nothing; of classes with as many votes the one with the nearest frame wins.
+    Among equally near frames, the first class comes first, so the order of training has no effect.
+    Among classes with equally many votes, the class with the nearest frame wins.
 
     Args:
         n_neighbors: k.
@@ -77,16 +77,16 @@ class Neighbours(Updatable):
         return replace(state, frames=frames, rows=torch.cat((state.rows, moved.rows)))
 
     def adapt(self, state: Kept, words: Hypervectors, rows: Tensor) -> Kept:
-        """Take the new hypervectors in place of the kept ones of their classes."""
+        """Replace the stored hypervectors of the new hypervectors' classes."""
         others = ~torch.isin(state.rows, rows)
         kept = state.frames[others.to(state.frames.device)]
         frames = torch.cat((kept, words.packed))
         return replace(state, frames=frames, rows=torch.cat((state.rows[others], rows)))
 
     def scores(self, state: Kept, words: Hypervectors) -> Tensor:
-        """Minus the distance of the nearest frame of each class, and far more for one with votes.
+        """Minus the distance to the nearest frame of each class, plus a large bonus for votes.
 
-        int64 [Q, L]; a class without frames is one farther than the farthest.
+        int64 [Q, L]; the distance to a class without frames is D + 1.
         """
         distances = bits.hamming(words.packed, state.frames)
         return self._scores_at(distances, state, words.dimension)
@@ -94,7 +94,7 @@ class Neighbours(Updatable):
     def held_out(
         self, state: Kept, words: Hypervectors | None, rows: Tensor
     ) -> HeldOut:
-        """The scores with all training frames but one that is equal and of the same class."""
+        """The scores without one equal training frame of the same class."""
         assert words is not None
         distances = bits.hamming(words.packed, state.frames)
         own = state.rows == rows[:, None]
@@ -106,7 +106,7 @@ class Neighbours(Updatable):
         return HeldOut(scores.double().cpu(), rows)
 
     def _scores_at(self, distances: Tensor, state: Kept, dimension: int) -> Tensor:
-        """Scores int64 [Q, L] at distances int64 [Q, N] from the training frames of D bits."""
+        """Scores int64 [Q, L] from distances int64 [Q, N] to the training frames of D bits."""
         n_classes = state.n_classes
         rows = state.rows.to(distances.device).expand_as(distances)
         far = dimension + 1

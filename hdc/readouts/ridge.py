@@ -1,36 +1,21 @@
-"""Ridge regression on packed bits, of classes and of numbers.
-
-Targets y on bits x ∈ {−1, 1}^D with an intercept,
-
-    min over w, b of Σ_i (y_i − b − w·x_i)² + λ‖w − w₀‖²        w₀ = 0, or the weights of before,
-
-are solved among N frames: x_i·x_k = D − 2·Hamming, and with the centred Gram matrix K the change of
-the weights is Xᵀa, a = (K + λ)⁻¹(y − ȳ). One eigendecomposition of K gives every penalty and its
-exact leave-one-out residuals r_i = (y_i − f(x_i))/(1 − S_ii) with S = 1/N + K(K + λ)⁻¹; the penalty
-with the least Σ r_i² is taken. Of more frames than bits the D × D scatter C = Xᵀ·X of the centred
-bits is decomposed: the change of the weights is (C + λ)⁻¹Xᵀ(y − ȳ), and S = 1/N + X(C + λ)⁻¹Xᵀ.
-"""
+"""Ridge regression of classes and of numbers, by :mod:`hdc.readouts.least_squares`."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple, Self
+from typing import Any
 
 import torch
 from torch import Tensor
 
-from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.readouts.arithmetic import check_memory, gram, in_parts, scatter, signs
 from hdc.readouts.base import HeldOut, Readout
-from hdc.readouts.linear import Linear, quantised, weights_of
+from hdc.readouts.least_squares import Dual, Primal, smoother_of, solve
+from hdc.readouts.linear import Linear
 from hdc.readouts.values import RESIDUALS, ValueReadout, ValueState
 
-PENALTIES = tuple(10.0**k for k in range(-4, 5))
-"""Penalties tried, in units of the mean of K's diagonal."""
 _LOWEST = -1e300  # intercept of a class without frames
 
 
@@ -38,8 +23,8 @@ class Ridge(Readout):
     """Ridge regression of 1 for the class of a frame and −1 for the others.
 
     Args:
-        penalty: λ in units of the mean of K's diagonal; None takes the one of :data:`PENALTIES`
-            with the least leave-one-out error.
+        penalty: λ in units of the mean of K's diagonal; None takes the one of
+            :data:`hdc.readouts.least_squares.PENALTIES` with the least leave-one-out error.
     """
 
     State = Linear
@@ -59,7 +44,7 @@ class Ridge(Readout):
         return state
 
     def adapt(self, state: Linear, words: Hypervectors, rows: Tensor) -> Linear:
-        """Go to the weights near those of before that fit new frames."""
+        """Fit new frames, with the penalty on the change of the weights."""
         return _of_classes(words, rows, len(state.weights), prior=state)
 
     def scores(self, state: Linear, words: Hypervectors) -> Tensor:
@@ -89,7 +74,7 @@ class LinearValues(Linear, ValueState):
 
     @functools.cached_property
     def smoother(self) -> Dual | Primal:
-        """For intervals, made when they are asked for."""
+        """The smoother that intervals need."""
         return smoother_of(self.words, float(self.penalty))
 
 
@@ -97,7 +82,7 @@ class RidgeValues(ValueReadout):
     """Ridge regression of numbers.
 
     Args:
-        penalty: as of :class:`Ridge`.
+        penalty: as in :class:`Ridge`.
     """
 
     State = LinearValues
@@ -114,7 +99,7 @@ class RidgeValues(ValueReadout):
     def adapt(
         self, state: LinearValues, words: Hypervectors, values: Tensor
     ) -> LinearValues:
-        """Go to the weights near those of before that fit new frames, with their penalty."""
+        """Fit new frames, with the penalty on the change of the weights."""
         return _of_numbers(words, values, prior=state)
 
     def values(self, state: LinearValues, words: Hypervectors) -> Tensor:
@@ -123,7 +108,7 @@ class RidgeValues(ValueReadout):
     def without(
         self, state: LinearValues, words: Hypervectors
     ) -> tuple[Tensor, Tensor]:
-        """f₋ᵢ is the fit to targets of which f₋ᵢ(x_i) replaces y_i: f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
+        """Predictions without frame i follow from f(x) − f₋ᵢ(x) = S_i(x)·r_i."""
         centre = self.values(state, words)
         smoother = state.smoother.of_queries(words)
         assert state.residuals is not None
@@ -150,222 +135,3 @@ def check_penalty(penalty: Any) -> None:
         raise ValueError(
             f"penalty: expected a number above zero or None, found {penalty!r}"
         )
-
-
-def smoother_of(words: Hypervectors, penalty: float) -> Dual | Primal:
-    """Made from N training frames and the penalty λ of their fit."""
-    kind = Primal if len(words) > words.dimension else Dual
-    return kind.of(words, penalty)
-
-
-class Dual(NamedTuple):
-    """Needed besides the weights for leave-one-out predictions of other frames.
-
-    In double precision: with few frames and a small penalty single precision keeps three digits.
-    """
-
-    words: Hypervectors
-    inverse: Tensor  # (K + λ)⁻¹, float64 [N, N]
-    means: Tensor  # of each row of the Gram matrix, [N]
-
-    @classmethod
-    def of(cls, words: Hypervectors, penalty: float) -> Self:
-        products = gram(words.packed, words.packed, words.dimension)
-        means = products.mean(1)
-        products -= means
-        products -= means[:, None] - means.mean()
-        products.diagonal().add_(penalty)
-        factor = torch.linalg.cholesky(products)
-        return cls(words, torch.cholesky_inverse(factor), means)
-
-    def of_queries(self, words: Hypervectors) -> Tensor:
-        """S_i(x) of Q frames: float64 [Q, N]."""
-        products = gram(words.packed, self.words.packed, words.dimension)
-        shift = self.means - self.means.mean()
-        own_means = products.mean(1, keepdim=True)
-        centred = products - own_means - shift
-        return 1 / len(self.means) + centred @ self.inverse
-
-
-class Primal(NamedTuple):
-    """:class:`Dual` of more frames than bits."""
-
-    words: Hypervectors
-    inverse: Tensor  # (C + λ)⁻¹, float64 [D, D]
-    mean: Tensor  # of the frames in ±1, [D]
-
-    @classmethod
-    def of(cls, words: Hypervectors, penalty: float) -> Self:
-        products, mean = _scatter(words)
-        products.diagonal().add_(penalty)
-        factor = torch.linalg.cholesky(products)
-        return cls(words, torch.cholesky_inverse(factor), mean)
-
-    def of_queries(self, words: Hypervectors) -> Tensor:
-        """S_i(x) of Q frames: float64 [Q, N]."""
-        along = (signs(words) - self.mean) @ self.inverse
-        each = [along @ x.T for _, x in _centred(self.words, self.mean)]
-        return 1 / len(self.words) + torch.cat(each, 1)
-
-
-def solve(
-    words: Hypervectors,
-    targets: Tensor,
-    penalty: float | None = None,
-    prior: Linear | None = None,
-) -> tuple[Linear, Tensor]:
-    """Linear functions that fit float64 targets [N, T] of N hypervectors, and residuals r [N, T].
-
-    Args:
-        words, targets: as above.
-        penalty: in units of the mean of K's diagonal; None tries :data:`PENALTIES`.
-        prior: weights to stay near, with their penalty.
-
-    Raises:
-        ValueError: for more than 8000 frames of more than 8000 bits, of which neither the products
-            of all pairs of frames nor those of bits fit in the memory.
-    """
-    dimension = words.dimension
-    check_memory("ridge", len(words), matrices=4, dimension=dimension)
-    left = targets
-    if prior is not None:
-        left = targets - prior.values(words).cpu()
-    mean = left.mean(0)
-    # Squares of numbers near 1e155 or 1e-165 are none: errors are compared in units of the largest.
-    unit = (left - mean).abs().amax(0)
-    unit = torch.where(unit > 0, unit, 1.0)
-    scaled = (left - mean) / unit
-    solve_among = _among_bits if len(words) > dimension else _among_frames
-    to_try = functools.partial(_penalties_to_try, penalty, prior)
-    found = solve_among(words, scaled, unit, to_try)
-    intercepts = mean - found.at_mean
-    if prior is not None:
-        intercepts = intercepts + prior.intercepts
-    weights, scales = quantised(words.packed, found.weights_in, dimension, prior)
-    linear = Linear(
-        weights=weights,
-        scales=scales,
-        intercepts=intercepts,
-        penalty=torch.tensor(found.penalty, dtype=torch.float64),
-    )
-    return linear, found.residuals * unit
-
-
-def _penalties_to_try(
-    penalty: float | None, prior: Linear | None, typical: float
-) -> list[float]:
-    """λ of each, for the mean of K's diagonal."""
-    if prior is not None:
-        return [float(prior.penalty)]
-    typical = max(typical, 1.0)
-    units = PENALTIES if penalty is None else (penalty,)
-    return [typical * unit for unit in units]
-
-
-class Found(NamedTuple):
-    """The fit with the penalty of the least leave-one-out error."""
-
-    penalty: float
-    residuals: Tensor  # r_i in units of the targets, float64 [N, T]
-    weights_in: Callable[[int, int], Tensor]  # as of quantised
-    at_mean: Tensor  # w·x̄, float64 [T]
-
-
-def _among_frames(
-    words: Hypervectors,
-    targets: Tensor,
-    unit: Tensor,
-    to_try: Callable[[float], list[float]],
-) -> Found:
-    """Of N frames by the products of their pairs.
-
-    Args:
-        words: N hypervectors.
-        targets: minus their mean, in their `unit` [T], float64 [N, T].
-        unit: of the targets.
-        to_try: penalties to try, for the mean of K's diagonal.
-    """
-    products = gram(words.packed, words.packed, words.dimension)
-    means = products.mean(1)
-    centred = products - means - means[:, None] + means.mean()
-    spectrum, vectors = torch.linalg.eigh(centred)
-    spectrum = spectrum.clamp(min=0)
-    penalties = to_try(float(spectrum.mean()))
-    chosen, residuals = least_error(spectrum, vectors, targets, penalties)
-    inverse = (vectors / (spectrum + chosen)) @ vectors.T
-    dual = (inverse @ targets) * unit
-    weights_in = functools.partial(weights_of, dual, words.packed)
-    return Found(chosen, residuals, weights_in, means @ dual)
-
-
-def _among_bits(
-    words: Hypervectors,
-    targets: Tensor,
-    unit: Tensor,
-    to_try: Callable[[float], list[float]],
-) -> Found:
-    """As :func:`_among_frames`, of more frames than bits by the products of pairs of bits."""
-    n, width = words.packed.shape
-    products, mean = _scatter(words)
-    spectrum, vectors = torch.linalg.eigh(products)
-    spectrum = spectrum.clamp(min=0)
-    rights = torch.zeros(len(mean), len(unit), dtype=torch.float64)
-    for part, x in _centred(words, mean):
-        rights.addmm_(x.T, targets[part])
-    rotated = vectors.T @ rights
-    inverses = {one: 1 / (spectrum + one) for one in to_try(float(spectrum.sum()) / n)}
-    residuals = {one: torch.empty_like(targets) for one in inverses}
-    for part, x in _centred(words, mean):
-        along = x @ vectors
-        for one, inverse in inverses.items():
-            left = 1 - 1 / n - along**2 @ inverse  # 1 − S_ii
-            errors = targets[part] - along @ (inverse[:, None] * rotated)
-            residuals[one][part] = errors / left.clamp(min=1e-9)[:, None]
-    chosen = min(residuals, key=lambda one: float((residuals[one] ** 2).sum()))
-    weights = (vectors @ (inverses[chosen][:, None] * rotated) * unit).T
-    whole = torch.zeros(len(unit), width * bits.WORD, dtype=torch.float64)
-    whole[:, : len(mean)] = weights
-
-    def weights_in(start: int, stop: int) -> Tensor:
-        return whole[:, start * bits.WORD : stop * bits.WORD]
-
-    return Found(chosen, residuals[chosen], weights_in, weights @ mean)
-
-
-def _scatter(words: Hypervectors) -> tuple[Tensor, Tensor]:
-    """C, float64 [D, D], and the mean of the frames in ±1, [D]."""
-    of_one_class = torch.zeros(len(words), dtype=torch.int64)
-    products, means = scatter(words, of_one_class)
-    return products, means[0]
-
-
-def _centred(words: Hypervectors, mean: Tensor) -> Iterator[tuple[slice, Tensor]]:
-    """Some rows, and the bits of these frames minus their mean, float64 [B, D], part by part."""
-    for part in in_parts(words):
-        yield part, signs(words[part]) - mean
-
-
-def least_error(
-    spectrum: Tensor, vectors: Tensor, targets: Tensor, penalties: list[float]
-) -> tuple[float, Tensor]:
-    """The penalty with the least leave-one-out error, and its residuals r_i [N, T].
-
-    Args:
-        spectrum, vectors: eigenvalues [N], not negative, and eigenvectors of the centred K.
-        targets: minus their mean, float64 [N, T].
-        penalties: those to try.
-    """
-    n = len(spectrum)
-    rotated = vectors.T @ targets
-    # A single frame, or only equal ones, have no leave-one-out prediction: r_i = y_i − ȳ.
-    least = 1e-9 if n > 1 else 1.0
-    tried = []
-    for penalty in penalties:
-        kept = penalty / (spectrum + penalty)
-        left = ((vectors**2) @ kept - 1 / n).clamp(min=least)  # 1 − S_ii
-        errors = vectors @ (kept[:, None] * rotated)
-        residuals = errors / left[:, None]
-        total = float((residuals**2).sum())
-        tried.append((total, penalty, residuals))
-    _, penalty, residuals = min(tried, key=lambda found: found[0])
-    return penalty, residuals

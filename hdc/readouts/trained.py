@@ -8,9 +8,9 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.bits import combinations
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_integer, check_share
-from hdc.readouts.arithmetic import combinations
 from hdc.readouts.base import Readout, State
 
 _FAR = 2**62
@@ -18,28 +18,28 @@ _FAR = 2**62
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Corrected(State):
-    """Prototypes."""
+    """Corrected prototypes."""
 
     kinds = {"prototypes": "int64 L W", "empty": "int64 L"}  # noqa: RUF012
     prototypes: Tensor
     """int64 [L, W]."""
     empty: Tensor
-    """int64 [L] (CPU), 1 of a class without frames."""
+    """int64 [L] (CPU), 1 for a class without training frames."""
 
 
 class Trained(Readout):
-    """Nearest prototype in Hamming distance; prototypes are counters corrected in some passes.
+    """Nearest prototype in Hamming distance, where prototypes are corrected in several passes.
 
-    The rule of QuantHD (Imani et al., IEEE TCAD 39, 2268 (2020)) with a margin: after each pass,
-    every frame that is not nearer to its own prototype than to each other by a margin is added to
-    the counter of its class and taken from that of the nearest other one; prototypes are the signs
-    of the counters. Nothing is drawn at random. In pass p a frame counts 1/p, a step with which
-    stochastic approximation converges (Robbins, Monro, Ann. Math. Stat. 22, 400 (1951)); with equal
-    steps the prototypes swing wherever most frames lie within the margin.
+    The rule is QuantHD (Imani et al., IEEE TCAD 39, 2268 (2020)) with a margin. In each pass, every
+    frame that is not nearer to its own prototype than to all others, by a margin, is added to the
+    counter of its class and subtracted from the counter of the nearest other class. Prototypes are
+    the signs of the counters. Nothing is random. In pass p a frame counts 1/p, for which stochastic
+    approximation converges (Robbins, Monro, Ann. Math. Stat. 22, 400 (1951)); with equal steps the
+    prototypes oscillate if most frames lie within the margin.
 
     Args:
-        margin: share of the D bits.
-        passes: over the training frames, at most; they end when nothing is to be corrected.
+        margin: margin as a share of the D bits.
+        passes: passes over the training frames at most; training ends when no frame is corrected.
     """
 
     State = Corrected
@@ -54,7 +54,7 @@ class Trained(Readout):
         check_integer("passes", self.passes, 0)
 
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Corrected:
-        """See :meth:`hdc.readouts.base.Readout.fit`; 16·L·D bytes are needed meanwhile."""
+        """See :meth:`hdc.readouts.base.Readout.fit`; takes 16·L·D bytes of memory."""
         is_empty = torch.bincount(rows, minlength=n_classes) == 0
         everyone = torch.nn.functional.one_hot(rows, n_classes)
         counters = combinations(everyone, words.packed).double()
@@ -72,7 +72,7 @@ class Trained(Readout):
     def _corrections(
         self, state: Corrected, words: Hypervectors, rows: Tensor
     ) -> Tensor:
-        """Weight of each frame, [N, L]: 1 for its class, −1 for the nearest other one."""
+        """Corrections [N, L]: 1 for a wrong frame's class, −1 for the nearest other class."""
         distances = -self.scores(state, words).cpu()
         places = torch.arange(len(rows))
         own = distances[places, rows]
@@ -85,7 +85,7 @@ class Trained(Readout):
         return votes
 
     def scores(self, state: Corrected, words: Hypervectors) -> Tensor:
-        """Minus the Hamming distances, int64 [Q, L]; far below all for a class without frames."""
+        """Minus the Hamming distances, int64 [Q, L]; very low for a class without frames."""
         scores = -bits.hamming(words.packed, state.prototypes)
         if state.empty.any():
             scores[:, state.empty.to(scores.device) != 0] = 1 - _FAR
@@ -93,7 +93,7 @@ class Trained(Readout):
 
 
 def _binarised(counters: Tensor, words: Hypervectors, is_empty: Tensor) -> Corrected:
-    """The signs of counters [L, 64·W]."""
+    """The state with the signs of counters [L, 64·W] as prototypes."""
     signs = counters[:, : words.dimension] > 0
     packed = bits.pack(signs).to(words.packed.device)
     return Corrected(prototypes=packed, empty=is_empty.long())

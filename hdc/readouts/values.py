@@ -1,4 +1,4 @@
-"""The base class of read-outs of numbers, and the mean of the nearest frames."""
+"""Base class of read-outs of numbers, and the mean of the nearest frames."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from torch import Tensor
 
 from hdc import bits
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import Parametrised, check_integer
+from hdc.parameters import Part, check_integer
 from hdc.readouts.base import State
 from hdc.tensors import checked
 
@@ -23,17 +23,17 @@ _ROWS = 256  # frames that are compared with all others at a time
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class ValueState(State):
-    """What a read-out of numbers has learned; nobody changes it."""
+    """The immutable state of a trained read-out of numbers."""
 
     words: Hypervectors
-    """Of the N training frames."""
+    """Hypervectors of the N training frames."""
     targets: Tensor
-    """float64 [N, T], their numbers."""
+    """float64 [N, T], the numbers of the training frames."""
     residuals: Tensor | None = None
-    """Their leave-one-out errors, float64 [N, T]; None of a read-out without intervals."""
+    """Leave-one-out errors float64 [N, T]; None for a read-out without intervals."""
 
     def tensors(self) -> dict[str, Tensor]:
-        """The tensors of a file, besides the frames and numbers of training."""
+        """The tensors for a file, without the frames and numbers of training."""
         found = super().tensors()
         del found["targets"]
         return found
@@ -46,42 +46,37 @@ class ValueState(State):
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class LeftOut(ValueState):
-    """That of a read-out which keeps nothing but leave-one-out errors besides."""
+    """A state with leave-one-out errors only."""
 
     kinds = RESIDUALS
 
 
-class ValueReadout(Parametrised, ABC):
-    """T numbers per frame from packed hypervectors; an idea is a subclass in a file of its own.
+class ValueReadout(Part, ABC):
+    """Base class of read-outs of numbers: T numbers per frame from packed hypervectors.
 
-    A subclass writes :meth:`fit` and :meth:`values`; for intervals also :meth:`without`, and states
-    with `residuals`. One whose states have tensors of their own names their class, `State`.
+    A subclass implements :meth:`fit` and :meth:`values`; for intervals also :meth:`without`, with
+    `residuals` in its states. It sets `State` if its states have other tensors.
     """
 
-    revision: ClassVar[int] = 1
-    """Raised by hand in the commit that changes the numbers of some query."""
     State: ClassVar[Any] = ValueState
-
-    def check(self) -> None:
-        """Raise ValueError, naming it, for a parameter that is not allowed."""
 
     @abstractmethod
     def fit(self, words: Hypervectors, values: Tensor) -> Any:
-        """Learn float64 values [N, T] of N hypervectors."""
+        """Learn from N hypervectors and values float64 [N, T], and return a state."""
 
     @abstractmethod
     def values(self, state: Any, words: Hypervectors) -> Tensor:
         """Numbers float64 [Q, T] (CPU) of Q hypervectors."""
 
     def adapt(self, state: Any, words: Hypervectors, values: Tensor) -> Any:
-        """The state for new frames; by default those alone are learned."""
+        """The state for new frames; by default it is trained on these alone."""
         return self.fit(words, values)
 
     def without(self, state: Any, words: Hypervectors) -> tuple[Tensor, Tensor]:
-        """:meth:`values`, and those without each training frame, [Q, N, T].
+        """:meth:`values`, and the predictions without each training frame, [Q, N, T].
 
         Raises:
-            ValueError: for a read-out that has none.
+            ValueError: for a read-out without such predictions.
         """
         raise ValueError(
             f"interval: {type(self).__name__} has no leave-one-out predictions"
@@ -90,7 +85,7 @@ class ValueReadout(Parametrised, ABC):
     def restored(
         self, tensors: Mapping[str, Tensor], words: Hypervectors, values: Tensor
     ) -> Any:
-        """The state of the tensors of a file, and the hypervectors and numbers of training."""
+        """The state from the tensors of a file and the hypervectors and numbers of training."""
         n, n_targets = values.shape
         if self.State.kinds:
             sizes = {"N": n, "L": n_targets, "D": words.dimension}
@@ -101,7 +96,7 @@ class ValueReadout(Parametrised, ABC):
 class NeighbourValues(ValueReadout):
     """The mean of the k nearest training frames in Hamming distance.
 
-    Of equally near frames those that were learnt first come first.
+    Equally near frames come in the order of training.
 
     Args:
         n_neighbors: k.
@@ -122,7 +117,9 @@ class NeighbourValues(ValueReadout):
         for start in range(0, len(words), _ROWS):  # not all pairs at a time
             distances = _distances(words[start : start + _ROWS], words)
             own = np.arange(len(distances))
-            distances[own, start + own] = words.dimension + 1  # none is its own
+            distances[own, start + own] = (
+                words.dimension + 1
+            )  # a frame is not its own neighbour
             means.append(values[self._nearest(distances)[:, :k]].mean(1))
         residuals = values - torch.cat(means)
         return LeftOut(words=words, targets=values, residuals=residuals)

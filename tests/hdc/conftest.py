@@ -8,7 +8,7 @@ import torch
 
 from hdc.command import main
 from hdc.encoders import Deviation
-from hdc.encoders.standardised import standardised
+from hdc.encoders.relative import standardised
 
 
 def camera_frames(n, side=500, seed=0, dtype="uint8"):

@@ -68,7 +68,7 @@ def test_words_of_another_encoder_are_refused(frames):
             model.predict(other.encode(frames))
     with pytest.raises(ValueError, match=r"hypervectors: expected D = 945, found 135"):
         model.predict(HDCClassifier().fit(frames, LABELS).encode(frames))
-    with pytest.raises(ValueError, match="hypervectors: expected those of"):
+    with pytest.raises(ValueError, match="hypervectors: expected encoder"):
         HDCClassifier("levels").fit(model.encode(frames), LABELS)
 
 

@@ -39,7 +39,7 @@ def test_a_file_of_version_2_0_predicts_and_says_where_it_lacks_scores(
     assert (len(old) < len(tensors)) == (readout in ("ridge", "lda"))
     header["sharpness"] = None
     if len(old) < len(tensors):
-        header["sharpness"] = model._head.temperature.sharpness
+        header["sharpness"] = model._head.sharpness
     io.write_model(tmp_path / "m", header, old, lambda *_: None)
     loaded = HDCClassifier.load(tmp_path / "m")
     assert np.array_equal(loaded.predict(queries), model.predict(queries))

@@ -11,7 +11,7 @@ from torch import Tensor
 
 from hdc import HDCClassifier, bits
 from hdc.hypervectors import Hypervectors
-from hdc.probability import Temperature, cross_validated, sharpness
+from hdc.probability import cross_validated, sharpness
 from hdc.readouts import (
     LDA,
     Counts,
@@ -20,7 +20,7 @@ from hdc.readouts import (
     Readout,
     Trained,
     Updatable,
-    leave_one_out,
+    discriminant,
 )
 from hdc.readouts.base import HeldOut
 from hdc.readouts.counts import cosines
@@ -111,10 +111,10 @@ def test_lda_is_held_out_as_by_definition(alpha):
 def test_lda_scores_some_of_many_frames(monkeypatch):
     words, rows = drawn([10, 10, 10])
     all_of_them = fitted(LDA(0.5), words, rows, L, D).held_out(words, rows)
-    monkeypatch.setattr(leave_one_out, "MOST", 7)
-    monkeypatch.setattr(leave_one_out, "OF_CLASS", 3)
+    monkeypatch.setattr(discriminant, "MOST", 7)
+    monkeypatch.setattr(discriminant, "OF_CLASS", 3)
     some = fitted(LDA(0.5), words, rows, L, D).held_out(words, rows)
-    places = leave_one_out.spread_over(rows)
+    places = discriminant.spread_over(rows)
     # 0, 5, 10, 14, 19, 24 and 29 are spread over all; two of the first class are too few.
     assert set(places.tolist()) >= {0, 5, 10, 14, 19, 24, 29}
     assert (torch.bincount(rows[places]) >= 3).all()
@@ -144,9 +144,9 @@ def test_each_fold_is_scored_by_what_the_four_others_teach():
 def test_all_wrong_is_no_guess_upside_down():
     rows = torch.arange(20) % 2
     right = torch.nn.functional.one_hot(rows, 2).double()
-    found = Temperature.fit(HeldOut(1 - right, rows))
-    wrong = found.probabilities(1 - right, torch.ones(2, dtype=torch.bool))
-    assert found.sharpness > 0
+    found = sharpness(HeldOut(1 - right, rows))
+    wrong = torch.softmax(found * (1 - right), dim=1)
+    assert found > 0
     assert wrong.max() < 0.5001
     constant = HeldOut(torch.ones(20, 2).double(), rows)
     assert sharpness(constant) > 0
@@ -249,8 +249,8 @@ def test_a_class_of_one_frame_and_one_of_none():
     model = HDCClassifier().fit(frames, labels)
     scores, rows = model._head.held_out
     kept = rows != 4
-    expected = Temperature.fit(HeldOut(scores[kept], rows[kept]))
-    assert model._head.temperature == expected
+    expected = sharpness(HeldOut(scores[kept], rows[kept]))
+    assert model._head.sharpness == expected
     model = HDCClassifier().partial_fit(frames[:40], labels[:40], classes=range(6))
     found = model.predict_proba(frames)
     assert found.shape == (41, 6)

@@ -217,6 +217,13 @@ def test_frames_of_one_class_are_warned_of():
         model.rezero(np.repeat(new[labels == 2][:1], 15, 0) + np.arange(1500) / 1e6)
 
 
+def test_hypervectors_are_no_reference():
+    old, _, labels = drifted()
+    model = HDCClassifier("reference").fit(old, labels)
+    with pytest.raises(TypeError, match="rezero: expected frames, found hypervectors"):
+        model.rezero(model.encode(old))
+
+
 def test_a_frame_without_touch_is_zeroed_by_another():
     old, new, labels = drifted()
     rest = np.full((1, 1500), 100.0) + np.random.default_rng(1).normal(

@@ -129,7 +129,7 @@ def test_a_call_that_is_interrupted_leaves_the_model_of_before(
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patch:
-        patch.setattr("hdc.readouts.ridge.quantised", interrupted)
+        patch.setattr("hdc.readouts.least_squares.quantised", interrupted)
         with pytest.raises(KeyboardInterrupt):
             getattr(model, call)(*presses(8, 1))
     model.save(tmp_path / "m")

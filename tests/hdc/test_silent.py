@@ -150,7 +150,7 @@ def test_more_frames_than_memory_holds_are_refused(
     kind, readout, expected, found, monkeypatch
 ):
     """Of few bits ridge and lda are solved among these."""
-    monkeypatch.setattr("hdc.readouts.arithmetic.MOST_FRAMES", 11)
+    monkeypatch.setattr("hdc.readouts.discriminant.MOST_FRAMES", 11)
     message = f"^{readout}: expected at most {expected}, found {found}, which need . ma"
     with pytest.raises(ValueError, match=message):
         kind(readout=readout).fit(X, Y)

@@ -28,7 +28,7 @@ from experiments.studies.drift.numbers import accuracies, ratio
 from experiments.studies.drift.zeroing import Unlabelled, first_of_each, rezeroed
 from hdc import HDCClassifier
 from hdc.encoders import Reference
-from hdc.encoders.standardised import FRACTION, standardised
+from hdc.encoders.relative import FRACTION, standardised
 from scenes.frames import Frames
 from tests.experiments import composed
 

@@ -14,7 +14,7 @@ from experiments.studies.limits.stability.measure import CASES
 from hdc import bits, prototypes
 from hdc.encoders import Levels, Median, deviation, ranks, relative, smoothed
 from hdc.prototypes import Counters
-from hdc.readouts import discriminant, kernel, lda, ridge
+from hdc.readouts import discriminant, kernel, lda, least_squares
 from hdc.readouts.discriminant import Problem
 from scenes.sensor.camera import MountedCamera
 from tests.experiments import composed
@@ -76,7 +76,7 @@ MUTANTS = {
     "upper median": (
         kernel, "median_of_pairs", upper_median, "Kernel, queries"),
     "ridge × 10": (
-        ridge, "_penalties_to_try", after(lambda found: [10 * one for one in found]),
+        least_squares, "_penalties_to_try", after(lambda found: [10 * one for one in found]),
         "Ridge, frames left out, few frames"),
     "Ledoit–Wolf halved": (
         lda, "closed_form", after(lambda share: share / 2), "LDA, frames left out, few frames"),

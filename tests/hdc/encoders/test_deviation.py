@@ -12,7 +12,7 @@ import torch
 from hdc import backends, bits
 from hdc.encoders import Deviation
 from hdc.encoders.deviation import deviations_of
-from hdc.encoders.standardised import standardised
+from hdc.encoders.relative import standardised
 from tests.hdc.own import by
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame")

@@ -45,6 +45,8 @@ def by_every_route(monkeypatch, frames, encoder):
             (16, ranks.one_by_one),
             (5, ranks.by_torch),
         ):
+            if route[1] is ranks.one_by_one and images.is_floating_point():
+                continue
             monkeypatch.setattr(ranks, "route_of", lambda *_, route=route: route)
             yield ranks.encode_ranks(images, encoder.quantiles, encoder.ties)
 

@@ -11,7 +11,7 @@ import torch
 
 from hdc import HDCClassifier, bits
 from hdc.encoders import Levels, Quantile, Reference
-from hdc.encoders.standardised import standardised
+from hdc.encoders.relative import standardised
 
 
 def as_integers(frame: np.ndarray) -> list[int]:

@@ -10,12 +10,13 @@ import torch
 from sklearn.covariance import OAS, LedoitWolf
 
 from hdc import backends, bits
+from hdc.bits import combinations, gram
 from hdc.hypervectors import Hypervectors
-from hdc.readouts import LDA, arithmetic, lda
-from hdc.readouts.arithmetic import combinations, gram, scatter
-from hdc.readouts.discriminant import Primal, Problem
+from hdc.readouts import LDA, among_bits, lda
+from hdc.readouts.among_bits import Primal, scatter
+from hdc.readouts.discriminant import Problem
+from hdc.readouts.discriminant import discriminants as left_out
 from hdc.readouts.lda import shrunken
-from hdc.readouts.leave_one_out import discriminants as left_out
 from tests.hdc.definition import discriminants
 from tests.hdc.definition import scatter as scatter_trace
 from tests.hdc.own import by, fitted
@@ -112,7 +113,7 @@ def test_among_frames_and_among_bits_it_is_the_same_up_to_the_condition(
     n, d, shrinkage, monkeypatch
 ):
     """Weights, offsets and scores of left-out frames, up to N·κ·ε of the unshrunken ones."""
-    monkeypatch.setattr(arithmetic, "_SIGNS", 7 * d)
+    monkeypatch.setattr(among_bits, "_SIGNS", 7 * d)
     x, rows, (alpha, frames), (other, bits_) = both_ways(n, d, shrinkage)
     assert other == pytest.approx(alpha, rel=1e-12)
     kappa = 1.0
@@ -154,7 +155,7 @@ def test_a_model_is_the_same_among_frames_and_among_bits(monkeypatch):
 
 def test_scatter_is_exact(monkeypatch):
     """That of frames which differ from their class in one bit, too, and of one frame a class."""
-    monkeypatch.setattr(arithmetic, "_SIGNS", 3 * 40)
+    monkeypatch.setattr(among_bits, "_SIGNS", 3 * 40)
     x = np.ones((64, 40))
     x[:, ::3] = -1
     x[5, 7] = -1

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from sklearn.linear_model import Ridge as PlainRidge
 
 from hdc import HDCClassifier, bits
+from hdc.bits import gram
 from hdc.hypervectors import Hypervectors
-from hdc.readouts import Ridge, RidgeValues, arithmetic, linear, ridge
-from hdc.readouts.arithmetic import gram
+from hdc.readouts import Ridge, RidgeValues, among_bits, least_squares, linear
+from hdc.readouts.least_squares import PENALTIES, smoother_of, solve
 from hdc.readouts.linear import Linear
-from hdc.readouts.ridge import PENALTIES, smoother_of, solve
 from tests.hdc.own import fitted
 
 
@@ -86,11 +86,11 @@ def test_the_penalty_is_the_one_with_the_least_left_out_error():
 @pytest.mark.parametrize("penalty", [None, 1e-4])
 def test_among_frames_and_among_bits_it_is_the_same_ridge(penalty, monkeypatch):
     """Up to N·κ·ε, and to a step of the weights; bits are summed some frames at a time."""
-    monkeypatch.setattr(arithmetic, "_SIGNS", 700)
+    monkeypatch.setattr(among_bits, "_SIGNS", 700)
     x, words, y = problem(90, 70, 2, 0)
     given_words = Hypervectors(words, 70)
     bits_, left_out = solve(given_words, y, penalty)
-    monkeypatch.setattr(ridge, "_among_bits", ridge._among_frames)
+    monkeypatch.setattr(least_squares, "_among_bits", least_squares._among_frames)
     frames, expected = solve(given_words, y, penalty)
     kept = float(frames.penalty)
     kappa = (np.linalg.norm(x - x.mean(0), 2) ** 2 + kept) / kept

@@ -30,7 +30,7 @@ from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import LDA, Kernel, Readout, Ridge
 from hdc.readouts.discriminant import Problem
-from hdc.readouts.ridge import Dual
+from hdc.readouts.least_squares import Dual
 
 Array = np.ndarray[Any, Any]
 D, CLASSES = 100, 3
