@@ -56,7 +56,7 @@ class Footprint(Task, frozen=True):
 
 
 def probed(*arguments: str) -> Row:
-    """What a process says of itself."""
+    """The row that a process prints."""
     environment = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}
     command = [sys.executable, "-m", probe.__name__, *arguments]
     answer = subprocess.check_output(command, cwd=ROOT, env=environment, text=True)
