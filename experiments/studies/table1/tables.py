@@ -91,7 +91,7 @@ def on_scene(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def _measured(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
-    """What a row of Table I has besides the columns of all runs."""
+    """The columns that only Table I has: relative times, accuracies, and the disturbance."""
     if not len(runs):
         return {}
     made = {**_relative_times(runs), **_at_papers(runs, reports)}
@@ -99,7 +99,7 @@ def _measured(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
 
 
 def disturbed(runs: pd.DataFrame) -> str:
-    """Why the times of some of these runs do not count; empty where those of all do."""
+    """Why the times of some of these runs do not count; empty where all times count."""
     if _REASON not in runs:
         return ""
     reasons = runs[_REASON].fillna("")
@@ -111,8 +111,7 @@ def disturbed(runs: pd.DataFrame) -> str:
 
 def _relative_times(runs: pd.DataFrame) -> dict[str, float]:
     """Medians over seeds of the training time relative to HDC that was trained just before and just
-    after, and to HDC by NumPy's median. Of a training that never reached 90 % the least that its
-    ratio can be."""
+    after, and to HDC by NumPy's median; for a training that never reached 90 %, a lower bound."""
     if runs.model.iloc[0] == "hdc":
         return {RATIO: 1.0}
     found: dict[str, float] = {}

@@ -47,6 +47,10 @@ def greys(*shape: int) -> Array:
     return random().integers(0, 256, shape, dtype=np.uint8)
 
 
+def rising(d: int) -> Array:
+    return np.arange(d, dtype=np.int32)[None]
+
+
 # Name: why it is extreme, and frames [N, …].
 INPUTS: dict[str, tuple[str, Callable[[], Array]]] = {
     "ties at the median of 4,097": (
@@ -62,7 +66,7 @@ INPUTS: dict[str, tuple[str, Callable[[], Array]]] = {
         lambda: random().integers(-3, 4, (1, D), dtype=np.int16)),
     "signed zeros of 4,097": (
         "float32 zeros, half of them negative: equal, though their bits differ",
-        lambda: np.float32([[-0.0, 0.0]])[:, np.arange(D) % 2]),
+        lambda: np.array([[-0.0, 0.0]], np.float32)[:, np.arange(D) % 2]),
     "16-bit pixels of 4,097": (
         "uint16 over its whole range: torch has no median of that type",
         lambda: random().integers(0, 65_536, (1, D), dtype=np.uint16)),
@@ -77,7 +81,7 @@ INPUTS: dict[str, tuple[str, Callable[[], Array]]] = {
         lambda: np.where(random().random((1, D)) < 0.4, 1e300, 1e-300)),
     **{f"a rising frame of {d:,}": (
         "which of two parts has the pixel between, of an odd number",
-        lambda d=d: np.arange(d, dtype=np.int32)[None]) for d in (1, 65, D, LARGE)},
+        partial(rising, d)) for d in (1, 65, D, LARGE)},
     "one pixel": ("0/0", lambda: greys(2, 1)),
     "equal frames": ("0/0", lambda: greys(1, 65).repeat(2, 0)),
     "65 pixels": ("in steps of 2^-16, squares wrap at 2^31", lambda: greys(2, 65)),
@@ -211,4 +215,8 @@ def case(way: Any, encoder: Encoder, levels: Sequence[Any], name: str) -> Case:
     )
 
 
-CASES = [case(*row, name) for *row, names in ROWS for name in names]
+CASES = [
+    case(way, encoder, levels, name)
+    for way, encoder, levels, names in ROWS
+    for name in names
+]

@@ -222,7 +222,7 @@ def backward(name: str, shape: str) -> Any:
     return naive, partial(error, solution), 0.0, n * EPSILON
 
 
-def kept_weights(name: str, most: int, planes: int, share: float) -> Any:
+def kept_weights(name: str, most: int, share: float) -> Any:
     """Weights of the classes in whole steps [L, D]: by their definition, and as they are kept.
 
     The unit is this quantile of their sizes over the most steps; the naive one is the median.
@@ -239,7 +239,8 @@ def kept_weights(name: str, most: int, planes: int, share: float) -> Any:
     def ours() -> Array:
         state = fitted(given.readout, given.frames, given.labels)
         sliced = bits.unpack(state.weights, D).numpy()
-        return np.tensordot(2 ** np.arange(planes), sliced, (0, 1)) - most - 1
+        planes = 2 ** np.arange(sliced.shape[1])
+        return np.tensordot(planes, sliced, (0, 1)) - most - 1
 
     # Kept weights come from single precision: where half a step decides, they may differ by one.
     return partial(rounded, 0.5), ours, rounded(share), D / 50
@@ -271,8 +272,8 @@ CASES = [
           ("backward error", "an inverse in float32", "of matrix and solution", largest, backward))
       for shape in INPUTS for name in READOUTS),
     *(Case("read-outs", f"{name}, weights", INPUTS[FEW], "in units of the median",
-           f"hdc.readouts.{name}", "weights", differing, partial(kept_weights, name, *steps))
-      for name, *steps in (("LDA", 7, 4, 0.995), ("Ridge", 127, 8, 1.0))),
+           f"hdc.readouts.{name}", "weights", differing, partial(kept_weights, name, most, share))
+      for name, most, share in (("LDA", 7, 0.995), ("Ridge", 127, 1.0))),
     Case("read-outs", "Kernel, queries", INPUTS[FEW], "the definition in float32",
          "hdc.readouts.Kernel", "of the scores",
          relative, partial(forward, "Kernel", FEW, left_out=False)),

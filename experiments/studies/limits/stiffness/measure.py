@@ -112,7 +112,7 @@ def condition_of(bank: Bank, model: DualSoftmaxRegression | None = None) -> floa
     p = (gram @ dual + intercepts).softmax(1)
 
     def product(logits: np.ndarray) -> np.ndarray:
-        """Of the Hessian, which has the same eigenvalues among the logits."""
+        """The product with the Hessian, which has the same eigenvalues among the logits."""
         moved = torch.from_numpy(logits.reshape(p.shape))
         changed = p * (moved - (p * moved).sum(1, keepdim=True))
         return (gram @ changed).numpy().ravel()

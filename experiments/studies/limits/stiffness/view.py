@@ -146,7 +146,7 @@ TABLE = Table(
     "condition number; frames are centred. Each method starts at zero weights and ends at a "
     "millionth of the first error (arrived), with its time, or where it goes no further. Adam: the "
     "rate falls to zero by a cosine; that which arrived first, or came nearest. SoftmaxRegression "
-    "and DualSoftmaxRegression are those of this project. Newton's method in extended precision "
+    "and DualSoftmaxRegression are solvers of this project. Newton's method in extended precision "
     "finds the optimum.",
 )
 FIGURE = Figure(
