@@ -1,7 +1,8 @@
 """Correlations within and between classes (Figs. 4 and 7(a)): speckle, hypervectors, prototypes.
 
-The paper takes 100 samples per class, 80 of which make its prototype, and does not say with which
-of them Eq. 6 compares it: here with those, with the others (``held-out``), and with ``all``.
+The paper takes 100 samples per class, 80 of which make its prototype, and does not say which of
+them Eq. 6 compares with the prototype. Here it is compared with the samples that made it
+(``training``), with the others (``held-out``), and with ``all``.
 """
 
 from __future__ import annotations
@@ -70,9 +71,9 @@ class Correlation(Task, frozen=True):
 def pictures(
     sensor: Scene, split: Split, seed: int, crop: Sequence[int]
 ) -> Iterator[Row]:
-    """One row: the square ``crop`` (top, left, edge, in pixels) of a class, a PNG in base64
-    (``png``). ``picture`` is the ``speckle`` or ``hypervector`` of its first training sample, or
-    its ``prototype``."""
+    """One row: a picture of a class, the square ``crop`` (top, left, edge, in pixels) as a PNG in
+    base64 (``png``). ``picture`` is the ``speckle`` or ``hypervector`` of the first training
+    sample, or the ``prototype``."""
     top, left, edge = crop
     members = members_of(sensor, split, seed)["training"]
     _, prototypes = add_up(sensor, {"training": members})

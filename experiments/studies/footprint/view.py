@@ -1,4 +1,4 @@
-"""Time and memory of each scene and model, and what each package that it loads costs."""
+"""Time and memory of each scene and model, and the cost of each package that it loads."""
 
 from __future__ import annotations
 

@@ -128,8 +128,8 @@ def _relative_times(runs: pd.DataFrame) -> dict[str, float]:
 
 
 def _at_papers(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
-    """Test accuracy at the first checkpoint whose training accuracy is at or above the paper's, its
-    interval over the seeds that get there, and their number; a model that learns in one pass has
+    """Test accuracy at the first checkpoint whose training accuracy is at least the paper's, its
+    interval over the seeds that get there, and their number; for a model that learns in one pass,
     its test accuracy."""
     level = papers_training_accuracy(str(runs.model.iloc[0]))
     if not runs.iterative.iloc[0]:
