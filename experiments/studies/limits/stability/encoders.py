@@ -30,8 +30,8 @@ from hdc.encoders import (
 )
 
 Array = np.ndarray[Any, Any]
-D = 4097  # pixels: large enough to be searched, and no whole number of words
-LARGE = 2**24 + 1  # the first whole number that float32 has not
+D = 4097  # pixels: enough for the search of thresholds, and no multiple of 64
+LARGE = 2**24 + 1  # the first whole number that float32 cannot represent
 HALF = [Fraction(1, 2)]
 EIGHTHS = [Fraction(t, 8) for t in range(1, 8)]
 DEVIATIONS = Deviation().thresholds
@@ -80,14 +80,14 @@ INPUTS: dict[str, tuple[str, Callable[[], Array]]] = {
         "float64 of 10^-300 and 10^300: their ratio overflows",
         lambda: np.where(random().random((1, D)) < 0.4, 1e300, 1e-300)),
     **{f"a rising frame of {d:,}": (
-        "which of two parts has the pixel between, of an odd number",
+        "an odd number of pixels: one half has one more",
         partial(rising, d)) for d in (1, 65, D, LARGE)},
-    "one pixel": ("0/0", lambda: greys(2, 1)),
-    "equal frames": ("0/0", lambda: greys(1, 65).repeat(2, 0)),
+    "one pixel": ("a deviation of zero: 0/0", lambda: greys(2, 1)),
+    "equal frames": ("a deviation of zero: 0/0", lambda: greys(1, 65).repeat(2, 0)),
     "65 pixels": ("in steps of 2^-16, squares wrap at 2^31", lambda: greys(2, 65)),
     "16,777,217 pixels": ("sums of squares near 2^59", lambda: greys(2, LARGE)),
     "pixels on a threshold": (  # their differences from the mean are −σ and σ
-        "they are no ones", lambda: np.array([[0, 4, 4, 0], [4, 0, 0, 4]], np.uint8)),
+        "a pixel on a threshold is not above it", lambda: np.array([[0, 4, 4, 0], [4, 0, 0, 4]], np.uint8)),
     "image of 5 × 13 pixels": (
         "beyond its edges an image is black, or its middle pixel counts twice",
         lambda: greys(1, 5, 13)),

@@ -86,8 +86,8 @@ def real_problems(
     seed: int,
     most: int,
 ) -> Iterator[Row]:
-    """κ of converged softmax on training frames of each scene: at most `most`, evenly spread, by the
-    split of the scene if it has one, else by `split`. A scene without files is left out."""
+    """κ of converged softmax on training frames of each scene: at most `most`, evenly spread, by
+    the split of the scene if it has one, else by `split`. A scene without files is left out."""
     for name, part in real.items():
         try:
             scene = context.scene(part["scene"], seed)
