@@ -99,9 +99,12 @@ def correlations(frame: pd.DataFrame) -> pd.DataFrame | None:
     parts = [mean_matrix(own, *of).assign(kind=of[0], samples=of[1]) for of in MATRICES]
     numbers = published.numbers()
     contrasts = [
-        {"kind": kind, "samples": samples}
-        | {"published": numbers[f"correlation/contrast_{kind}"].value}
-        | mean_contrast(own, kind, samples).columns("value")
+        {
+            "kind": kind,
+            "samples": samples,
+            "published": numbers[f"correlation/contrast_{kind}"].value,
+            **mean_contrast(own, kind, samples).columns("value"),
+        }
         for kind, samples in CONTRASTS
     ]
     first = own.iloc[0]

@@ -87,7 +87,8 @@ INPUTS: dict[str, tuple[str, Callable[[], Array]]] = {
     "65 pixels": ("in steps of 2^-16, squares wrap at 2^31", lambda: greys(2, 65)),
     "16,777,217 pixels": ("sums of squares near 2^59", lambda: greys(2, LARGE)),
     "pixels on a threshold": (  # their differences from the mean are −σ and σ
-        "a pixel on a threshold is not above it", lambda: np.array([[0, 4, 4, 0], [4, 0, 0, 4]], np.uint8)),
+        "a pixel on a threshold is not above it",
+        lambda: np.array([[0, 4, 4, 0], [4, 0, 0, 4]], np.uint8)),
     "image of 5 × 13 pixels": (
         "beyond its edges an image is black, or its middle pixel counts twice",
         lambda: greys(1, 5, 13)),
