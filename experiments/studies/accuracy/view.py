@@ -1,4 +1,8 @@
-"""Accuracy against the number of training samples (Fig. 5(b)), the pixels seen, and by scene."""
+"""Accuracy against the number of training samples (Fig. 5(b)), the pixels seen, and by scene.
+
+What is confused and where (``confusions``), and runs that no experiment started (``own``), have
+figures of their own and no part in the tables.
+"""
 
 from __future__ import annotations
 

@@ -2,6 +2,9 @@
 
 The same frames become stiffer the more nearly they repeat each other, under a weaker penalty. Each
 method runs until it arrives, can go no further, or has used its time.
+
+The problem and the methods have a file each, and so has Newton's method, which also finds the
+optimum in extended precision.
 """
 
 from __future__ import annotations
