@@ -59,13 +59,14 @@ def error_vs_time(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     """A panel per scene, a line per model."""
+    sizes: set[int] = set()
     for axes, rows in _panels(figure, data, "training samples N", "test accuracy (%)"):
+        sizes.update(rows.n_train)
         ordered = rows.sort_values("n_train", kind="stable")
         for model, points in ordered.groupby("model", sort=False):
             look = look_of(str(model))
             line(axes, points, "n_train", "test_accuracy_final", 100, **look)
-    sizes = sorted(data.n_train.unique())
-    figure.axes[0].set_xticks(sizes, map(str, sizes))
+    figure.axes[0].set_xticks(sorted(sizes), map(str, sorted(sizes)))
 
 
 def draw_errors(figure: Canvas, data: pd.DataFrame) -> None:

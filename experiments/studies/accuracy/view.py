@@ -1,7 +1,7 @@
 """Accuracy against the number of training samples (Fig. 5(b)), the pixels seen, and by scene.
 
-What is confused and where (``confusions``), and runs that no experiment started (``own``), have
-figures of their own and no part in the tables.
+Two files more draw what is in no table: ``confusions`` of classes and positions, and runs that no
+experiment started (``own``).
 """
 
 from __future__ import annotations

@@ -269,7 +269,8 @@ CASES = [
            naive, f"hdc.readouts.{name}", unit, error, partial(prepare, name, shape))
       for what, naive, unit, error, prepare in (
           ("frames left out", "the definition in float32", "of the scores", relative, forward),
-          ("backward error", "an inverse in float32", "of products and solution", largest, backward))
+          ("backward error", "an inverse in float32", "of products and solution",
+           largest, backward))
       for shape in INPUTS for name in READOUTS),
     *(Case("read-outs", f"{name}, weights", INPUTS[FEW], "in units of the median",
            f"hdc.readouts.{name}", "weights", differing, partial(kept_weights, name, most, share))
