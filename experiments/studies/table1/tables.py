@@ -235,8 +235,6 @@ def _over_seeds(name: str, values: Sequence[float]) -> dict[str, float]:
     """Median, and lowest to highest where they differ; nothing of no values."""
     if not values:
         return {}
-    estimate = Estimate(float(np.median(values)))
-    lowest, highest = min(values), max(values)
-    if lowest < highest:
-        estimate = estimate._replace(low=lowest, high=highest)
-    return estimate.columns(name)
+    ends = sorted({min(values), max(values)})
+    bounds = ends if len(ends) > 1 else ()
+    return Estimate(float(np.median(values)), *bounds).columns(name)
