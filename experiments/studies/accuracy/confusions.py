@@ -22,6 +22,7 @@ from experiments.reporting.trained import split_of, whole
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.colorbar import Colorbar
     from matplotlib.figure import Figure as Canvas
 
 ALL_SCENES = "all_scenes"
@@ -32,7 +33,7 @@ SPATIAL_CORRELATION = (
 
 
 def by_place(scene: str) -> tuple[bool, int, str]:
-    """What scenes are sorted by: simulated ones last, then as the sweep has them."""
+    """The order of scenes: simulated ones last, then as the sweep has them."""
     order = configs.sweep(ALL_SCENES)["scene"]
     simulated = configs.scene_display(scene)["kind"] == SIMULATED
     return simulated, order.index(scene) if scene in order else len(order), scene
@@ -44,14 +45,19 @@ def _of_hdc(runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {scene: found[scene] for scene in sorted(found, key=by_place)}
 
 
+def answers_of(runs: pd.DataFrame) -> list[np.ndarray]:
+    """True and predicted classes of the test samples of all seeds."""
+    texts = (runs.labels, runs.predicted)
+    return [np.concatenate(list(map(unpack_labels, of_runs))) for of_runs in texts]
+
+
 def confusion(runs: pd.DataFrame) -> pd.DataFrame:
     """Shares of the true class, a row per true and predicted class, all seeds together."""
     classes = json.loads(runs.classes.iloc[0])
-    counts = np.zeros((len(classes), len(classes)))
-    for labels, predicted in zip(runs.labels, runs.predicted, strict=True):
-        np.add.at(counts, (unpack_labels(labels), unpack_labels(predicted)), 1)
-    shares = counts / np.maximum(counts.sum(1, keepdims=True), 1)
-    table = pd.DataFrame(shares, classes, classes)
+    every = range(len(classes))
+    shares = pd.crosstab(*answers_of(runs), normalize="index")
+    shares = shares.reindex(index=every, columns=every, fill_value=0.0)
+    table = shares.set_axis(classes).set_axis(classes, axis="columns")
     long = table.rename_axis("true").melt(ignore_index=False, var_name="predicted")
     return long.reset_index().rename(columns={"value": "share"})
 
@@ -77,7 +83,7 @@ def draw_confusions(figure: Canvas, data: pd.DataFrame) -> None:
         zip(LETTERS, scenes.items(), strict=False)
     ):
         axes = figure.add_subplot(down, 2, k + 1)
-        _draw_confusion(axes, shares)
+        _draw_confusion(axes, shares).remove()
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
         of_paper = configs.scene_display(scene)["figure"]
@@ -86,16 +92,10 @@ def draw_confusions(figure: Canvas, data: pd.DataFrame) -> None:
         panel(axes, letter, f"{wrapped(scene_name(scene), 20)}{of}\n{accuracy:.1f} %")
 
 
-def _draw_confusion(axes: Axes, shares: pd.DataFrame) -> None:
+def _draw_confusion(axes: Axes, shares: pd.DataFrame, gamma: float = 1) -> Colorbar:
     """Shares of each true class in percent; less than half a percent is left blank."""
     table = 100 * _square(shares, "true", "predicted", "share")
-    few = len(table) <= PRINTED
-    gamma = 1 if few else 0.4  # a colour has to show one of 100 test samples
-    bar = matrix(axes, table, _whole, "Blues", (0, 100), gamma)
-    if few:
-        bar.remove()
-    else:
-        bar.set_ticks([0, 5, 20, 50, 100])
+    return matrix(axes, table, _whole, "Blues", (0, 100), gamma)
 
 
 def _whole(share: float) -> str:
@@ -128,10 +128,7 @@ def spatial(frame: pd.DataFrame) -> pd.DataFrame | None:
     )
     length = 1e3 * np.linalg.norm(stop - start)
     at = np.linspace(0, length, int(first["scene.classes.number"]))
-    truth, found = (
-        at[np.concatenate(list(map(unpack_labels, runs[name])))]
-        for name in ("labels", "predicted")
-    )
+    truth, found = (at[classes] for classes in answers_of(runs))
     error = pd.Series(np.abs(found - truth), pd.Index(truth, name="true"), name="share")
     by_position = error.groupby(level=0).mean()
     median, most = np.percentile(error, (50, 95))
@@ -166,7 +163,9 @@ def draw_spatial(figure: Canvas, data: pd.DataFrame) -> None:
     else:
         left.set_axis_off()
         panel(left, "a", "no measurement")
-    _draw_confusion(right, data[data.what == "confusion"])
+    # A colour has to show one of 100 test samples.
+    bar = _draw_confusion(right, data[data.what == "confusion"], gamma=0.4)
+    bar.set_ticks([0, 5, 20, 50, 100])
     right.set(xlabel="predicted (mm)", ylabel="true position (mm)")
     panel(right, "b", "confusion (%)")
     errors = data[data.what == "error_mm"]

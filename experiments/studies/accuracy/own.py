@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
 from experiments.records.results import CHECKPOINTS, ROW, RUNS
 from experiments.reporting.columns import scene_name
-from experiments.reporting.facets import error_axis, facets, learning_curves
+from experiments.reporting.facets import error_axis, learning_curves, line
 from experiments.reporting.plot import (
     LETTERS,
     handle,
     legend_below,
+    look_of,
     panel,
     plain_decades,
     wrapped,
@@ -22,6 +24,7 @@ from experiments.reporting.table import Table
 from experiments.reporting.trained import learning, of_runs
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 PANELS = 6  # scenes of a figure at most
@@ -56,50 +59,43 @@ def error_vs_time(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     """A panel per scene, a line per model."""
-    data = _first(data).sort_values("n_train", kind="stable")
-    place: Any = {"hue": "model", "row": "scene", "sharex": True, "scale": 100}
-    panels = facets(figure, data, "n_train", "test_accuracy_final", **place)
-    for axes in panels.values():
-        axes.set(xscale="log", ylabel="test accuracy (%)", xlabel="training samples N")
-    _finish(figure, data)
-    sizes = sorted(data.n_train.unique())
-    figure.axes[0].set_xticks(sizes, map(str, sizes))
+    sizes: set[int] = set()
+    for axes, rows in _panels(figure, data, "training samples N", "test accuracy (%)"):
+        sizes.update(rows.n_train)
+        ordered = rows.sort_values("n_train", kind="stable")
+        for model, points in ordered.groupby("model", sort=False):
+            look = look_of(str(model))
+            line(axes, points, "n_train", "test_accuracy_final", 100, **look)
+    figure.axes[0].set_xticks(sorted(sizes), map(str, sorted(sizes)))
 
 
 def draw_errors(figure: Canvas, data: pd.DataFrame) -> None:
     """A panel per scene, a line per run, a marker after training."""
-    data = _first(data)
-    scenes = data.scene.unique()
-    panels = figure.subplots(len(scenes), 1, squeeze=False, sharex=True)[:, 0]
-    for axes, scene in zip(panels, scenes, strict=True):
-        rows = data[data.scene == scene]
-        floor = error_axis(axes, rows.n_test.max())
-        axes.set(xscale="log", xlabel="training time (s)", ylabel="test error")
-        learning_curves(axes, rows, "seconds", floor)
-    _finish(figure, data)
+    for axes, rows in _panels(figure, data, "training time (s)", "test error"):
+        learning_curves(axes, rows, "seconds", error_axis(axes, rows.n_test.max()))
 
 
-def _first(data: pd.DataFrame) -> pd.DataFrame:
-    """The rows of as many scenes as a figure has room for."""
-    return data[data.scene.isin(data.scene.unique()[:PANELS])]
-
-
-def _finish(figure: Canvas, data: pd.DataFrame) -> None:
-    """The names of scenes, at least a decade of the shared axis, and a legend below."""
-    scenes = list(data.scene.unique())
-    for axes, letter, scene in zip(figure.axes, LETTERS, scenes, strict=False):
-        panel(axes, letter, wrapped(scene_name(scene), 40))
-    low, high = figure.axes[0].get_xlim()
-    figure.axes[0].set_xlim(min(low, high / 10), high)
-    figure.axes[0].xaxis.set_minor_formatter("")
-    plain_decades(figure.axes[0])
-    models = list(data.model.unique())
+def _panels(
+    figure: Canvas, data: pd.DataFrame, x: str, y: str
+) -> Iterator[tuple[Axes, pd.DataFrame]]:
+    """A panel and the rows of each scene, of as many as a figure has room for; when they are drawn
+    at least a decade of the shared axis, and a legend below."""
+    scenes, models = data.scene.unique()[:PANELS], data.model.unique()
     figure.set_size_inches(3.4, 0.6 + 2 * len(scenes) + 0.08 * len(models))
+    panels = figure.subplots(len(scenes), 1, squeeze=False, sharex=True)[:, 0]
+    for axes, letter, scene in zip(panels, LETTERS, scenes, strict=False):
+        axes.set(xscale="log", xlabel=x, ylabel=y)
+        yield axes, data[data.scene == scene]
+        panel(axes, letter, wrapped(scene_name(scene), 40))
+    low, high = panels[0].get_xlim()
+    panels[0].set_xlim(min(low, high / 10), high)
+    panels[0].xaxis.set_minor_formatter("")
+    plain_decades(panels[0])
     legend_below(figure, map(handle, models))
 
 
 def _more(data: pd.DataFrame) -> str:
-    """What the bars are, and how many scenes have no panel."""
+    """The kind of error bars, and the number of scenes without a panel."""
     left_out = data.scene.nunique() - PANELS
     text = "95 % intervals"
     return f"{text}; {left_out} more scenes: see the CSV" if left_out > 0 else text

@@ -1,4 +1,8 @@
-"""Accuracy against the number of training samples (Fig. 5(b)), the pixels seen, and by scene."""
+"""Accuracy against the number of training samples (Fig. 5(b)), the pixels seen, and by scene.
+
+Two files more draw what is in no table: ``confusions`` of classes and positions, and runs that no
+experiment started (``own``).
+"""
 
 from __future__ import annotations
 
@@ -73,14 +77,11 @@ def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     models and fast ones, one's own, then others, and the paper's values."""
     axes = figure.subplots()
     measured = data[data.seeds.astype(bool)]
-    known = configs.models("paper", "fast")
     swept_here = configs.sweep("accuracy_vs_n")["model"]
-
-    def place(model: str) -> tuple[bool, int, bool]:
-        at = known.index(model) if model in known else len(known)
-        return model not in known, at, model in swept_here
-
-    models = sorted(measured.model.unique(), key=place)[:MOST_MODELS]
+    own_models = measured.model[~measured.model.isin(swept_here)]
+    order = [*configs.models("paper", "fast"), *own_models, *swept_here]
+    found = set(measured.model)
+    models = [model for model in dict.fromkeys(order) if model in found][:MOST_MODELS]
     for k, model in enumerate(models):  # set apart by a few percent of N
         rows = measured[measured.model == model].sort_values("n_train")
         apart = rows.assign(n_train=rows.n_train * 1.02 ** (k - len(models) // 2))

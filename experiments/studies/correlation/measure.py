@@ -1,14 +1,15 @@
 """Correlations within and between classes (Figs. 4 and 7(a)): speckle, hypervectors, prototypes.
 
-The paper takes 100 samples per class, 80 of which make its prototype, and does not say with which
-of them Eq. 6 compares it: here with those, with the others (``held-out``), and with ``all``.
+The paper takes 100 samples per class, 80 of which make its prototype, and does not say which of
+them Eq. 6 compares with the prototype. Here it is compared with the samples that made it
+(``training``), with the others (``held-out``), and with ``all``.
 """
 
 from __future__ import annotations
 
 import base64
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import cv2
@@ -29,14 +30,15 @@ KINDS = ("speckle", "hypervector", "prototype")  # Eqs. 4, 5, 6
 PARTS = ("training", "held-out")
 SAMPLES = (*PARTS, "all")
 
-Sums = dict[str, dict[str, CorrelationSums]]  # by what is correlated and by part
+# By what is correlated and by part.
+Sums = dict[tuple[str, str], CorrelationSums]
 
 
 class Correlation(Task, frozen=True):
     """One row: mean correlation of two classes, C_ij of Eq. 4, 5 or 6, on one sensor.
 
-    ``class_i`` is that of the prototype in Eq. 6; ``n`` counts the samples of a class,
-    ``undefined`` the constant ones among those of both. With a ``crop`` (top, left, edge, in
+    ``class_i`` is the class of the prototype in Eq. 6; ``n`` counts the samples of a class, and
+    ``undefined`` the constant samples of both. With a ``crop`` (top, left, edge, in
     pixels) there follow rows of pictures of the first sensor: see :func:`pictures`.
     Arguments: configs/experiment/correlation.yaml.
     """
@@ -61,31 +63,27 @@ class Correlation(Task, frozen=True):
                 yield {"origin": sensor.origin, "seed": seed, **row}
             context.note(f"seed {seed}")
         if self.crop is not None:
-            yield from pictures(
-                context.scene(self.scene, self.seeds[0]),
-                self.split,
-                self.seeds[0],
-                self.crop,
-            )
+            seed = self.seeds[0]
+            sensor = context.scene(self.scene, seed)
+            yield from pictures(sensor, self.split, seed, self.crop)
 
 
 def pictures(
     sensor: Scene, split: Split, seed: int, crop: Sequence[int]
 ) -> Iterator[Row]:
-    """One row: the square ``crop`` (top, left, edge, in pixels) of a class, a PNG in base64
-    (``png``). ``picture`` is the ``speckle`` or ``hypervector`` of its first training sample, or
-    its ``prototype``."""
+    """One row: a picture of a class, the square ``crop`` (top, left, edge, in pixels) as a PNG in
+    base64 (``png``). ``picture`` is the ``speckle`` or ``hypervector`` of the first training
+    sample, or the ``prototype``."""
     top, left, edge = crop
-    members = members_of(sensor, split, seed)
-    _, prototypes = add_up(sensor, members, (), ())
-    frames = sensor.frames(members["training"][:, 0]).cpu()
+    members = members_of(sensor, split, seed)["training"]
+    _, prototypes = add_up(sensor, {"training": members})
+    frames = sensor.frames(members[:, 0]).cpu()
     ones = bits.unpack(Median().encode(frames), math.prod(sensor.shape))
     white = [255 * bit.byte() for bit in (ones, prototypes)]
     shown = dict(zip(KINDS, [frames, *white], strict=True))
     for k, name in enumerate(sensor.classes):
         for picture, images in shown.items():
-            square = (slice(top, top + edge), slice(left, left + edge))
-            image = images.view(frames.shape)[k][square]
+            image = images.view(frames.shape)[k, top : top + edge, left : left + edge]
             _, png = cv2.imencode(".png", np.ascontiguousarray(image.numpy()))
             yield {
                 "origin": sensor.origin,
@@ -102,15 +100,14 @@ def correlations(
     kinds: Sequence[str] = KINDS,
     samples: Sequence[str] = SAMPLES,
 ) -> Iterator[Row]:
-    """Every C_ij of a scene, a row each; see :func:`correlation`."""
+    """Every C_ij of a scene, a row each; see :class:`Correlation`."""
     members = members_of(scene, split, seed)
-    sums, prototypes = add_up(scene, members, kinds, samples)
+    sums, prototypes = add_up(scene, members, {*map(_correlated, kinds)})
     for kind in kinds:
-        parts = dict(sums[_correlated(kind)])
-        if "all" in samples:
-            parts["all"] = parts["training"] + parts["held-out"]
+        parts = {part: sums[_correlated(kind), part] for part in PARTS}
+        training, held_out = parts.values()
         for part in samples:
-            total = parts[part]
+            total = training + held_out if part == "all" else parts[part]
             if kind == "prototype":
                 means = total.means_with(prototypes.numpy())
             else:
@@ -149,44 +146,27 @@ def members_of(scene: Scene, split: Split, seed: int) -> dict[str, np.ndarray]:
 
 
 def add_up(
-    scene: Scene,
-    members: Mapping[str, np.ndarray],
-    kinds: Sequence[str] = KINDS,
-    samples: Sequence[str] = SAMPLES,
+    scene: Scene, members: Mapping[str, np.ndarray], correlated: Collection[str] = ()
 ) -> tuple[Sums, Tensor]:
-    """The sums that these rows need, and the prototypes bool [L, D]; each frame is read once."""
+    """The sums of parts of the samples, and the prototypes bool [L, D]; each frame is read once."""
     n_classes, dimension = len(scene.classes), math.prod(scene.shape)
-    parts = PARTS if "all" in samples else samples
-    sums: Sums = {}
-    for correlated in map(_correlated, kinds):
-        sums[correlated] = {p: CorrelationSums(n_classes, dimension) for p in parts}
+    sums = {
+        (what, part): CorrelationSums(n_classes, dimension)
+        for what in correlated
+        for part in members
+    }
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
-        if part == "held-out" and part not in parts:
-            continue
         for sample_of_each in indices.T:
             frames = scene.frames(sample_of_each).cpu()
             words = Median().encode(frames)
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
-            if part in parts:
-                _add(sums, part, frames.flatten(1), words)
+            ones = bits.unpack(words, dimension)
+            samples = {"hypervector": ones, "speckle": frames.flatten(1)}
+            for what in correlated:
+                sums[what, part].add(samples[what])
     return sums, bits.unpack(counters.majority(), dimension)
-
-
-def _add(
-    sums: Sums,
-    part: str,
-    pixels: Tensor,
-    words: Tensor,
-) -> None:
-    """One sample of every class: pixels [L, D] and packed hypervectors."""
-    samples_of = {
-        "hypervector": bits.unpack(words, pixels.shape[1]),
-        "speckle": pixels,
-    }
-    for correlated, by_part in sums.items():
-        by_part[part].add(samples_of[correlated])
 
 
 def _correlated(kind: str) -> str:

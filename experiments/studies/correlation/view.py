@@ -5,7 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
@@ -97,15 +97,19 @@ def correlations(frame: pd.DataFrame) -> pd.DataFrame | None:
     if not set(SIGNS) <= set(own.kind):
         return None
     parts = [mean_matrix(own, *of).assign(kind=of[0], samples=of[1]) for of in MATRICES]
-    lines = []
     numbers = published.numbers()
-    for kind, samples in CONTRASTS:
-        line: dict[str, Any] = {"kind": kind, "samples": samples}
-        line["published"] = numbers[f"correlation/contrast_{kind}"].value
-        lines.append(line | mean_contrast(own, kind, samples).columns("value"))
+    contrasts = [
+        {
+            "kind": kind,
+            "samples": samples,
+            "published": numbers[f"correlation/contrast_{kind}"].value,
+            **mean_contrast(own, kind, samples).columns("value"),
+        }
+        for kind, samples in CONTRASTS
+    ]
     first = own.iloc[0]
     about = {"scene": first.scene, "split": split_of(own), "seeds": own.seed.nunique()}
-    return pd.concat([*parts, pd.DataFrame(lines)]).assign(**about)
+    return pd.concat([*parts, pd.DataFrame(contrasts)]).assign(**about)
 
 
 def draw_correlations(figure: Canvas, data: pd.DataFrame) -> None:

@@ -19,9 +19,10 @@ from experiments.studies.footprint import probe
 class Footprint(Task, frozen=True):
     """One row: a scene and a model in a process of their own (:mod:`…footprint.probe`).
 
-    ``first_prediction_s`` from the first import on; ``peak_bytes``; and of each top-level
-    ``package`` that was imported its ``modules``, ``package_s`` and ``package_bytes``. ``status``:
-    ``ok``, or which package is loaded that neither all, nor the scene, nor the model needs.
+    ``first_prediction_s`` from the first import on; ``peak_bytes``; and for each top-level
+    ``package`` that was imported, its ``modules``, ``package_s`` and ``package_bytes``. ``status``:
+    ``ok``, or the packages that are loaded though ``needed`` does not name them for this scene or
+    model.
     Arguments: configs/experiment/footprint.yaml.
     """
 
@@ -56,7 +57,7 @@ class Footprint(Task, frozen=True):
 
 
 def probed(*arguments: str) -> Row:
-    """What a process says of itself."""
+    """The row that a process prints."""
     environment = {**os.environ, "OMP_NUM_THREADS": str(torch.get_num_threads())}
     command = [sys.executable, "-m", probe.__name__, *arguments]
     answer = subprocess.check_output(command, cwd=ROOT, env=environment, text=True)

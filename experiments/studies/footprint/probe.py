@@ -10,7 +10,8 @@ import json
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections import Counter, defaultdict
+from collections.abc import Callable, Mapping
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any
@@ -24,8 +25,10 @@ class Accounts:
     others. It is a finder, first in ``sys.meta_path``."""
 
     def __init__(self) -> None:
-        self.of: dict[str, list[float]] = {}
-        self._inside = [0.0, 0.0]  # of the modules that the present one has imported
+        self.of: dict[str, Counter[str]] = defaultdict(Counter)
+        self._nested = Counter[
+            str
+        ]()  # of the modules that the present one has imported
 
     def find_spec(self, name: str, *place: Any) -> ModuleSpec | None:
         """The specification of a module, whose execution will be measured."""
@@ -45,28 +48,26 @@ class Accounts:
         self, package: str, execute: Callable[[Any], None]
     ) -> Callable[[Any], None]:
         def measured(module: Any) -> None:
-            before, outside = [time.perf_counter(), _resident()], self._inside
-            self._inside = [0.0, 0.0]
+            outside, self._nested = self._nested, Counter()
+            took = Counter[str]()
+            took.subtract(_used())
             try:
                 execute(module)
             finally:
-                after = time.perf_counter(), _resident()
-                whole = [b - a for a, b in zip(before, after, strict=True)]
-                own = [a - b for a, b in zip(whole, self._inside, strict=True)]
-                self._inside = [a + b for a, b in zip(outside, whole, strict=True)]
-                known = self.of.get(package, [0, 0.0, 0.0])
-                self.of[package] = [
-                    a + b for a, b in zip(known, (1, *own), strict=True)
-                ]
+                took.update(_used())
+                self.of[package].update(took, modules=1)
+                self.of[package].subtract(self._nested)
+                outside.update(took)
+                self._nested = outside
 
         return measured
 
 
-def _resident() -> float:
-    """Bytes that this process holds; 0 where the system does not say so."""
-    if not _STATM.exists():
-        return 0.0
-    return float(_STATM.read_text().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+def _used() -> Mapping[str, Any]:
+    """Seconds until now, and bytes that this process holds; 0 where the system does not say so."""
+    pages = int(_STATM.read_text().split()[1]) if _STATM.exists() else 0
+    held = pages * os.sysconf("SC_PAGE_SIZE")
+    return {"package_s": time.perf_counter(), "package_bytes": held}
 
 
 def main(scene_name: str, model_name: str, frames: str) -> None:
@@ -98,15 +99,15 @@ def main(scene_name: str, model_name: str, frames: str) -> None:
     images = scene.frames(indices)
     next(iter(library.train(model, images, scene.labels[indices])))
     model.predict(images[:1])
-    row = {
+    row: dict[str, Any] = {
         "first_prediction_s": time.perf_counter() - begin,
         "peak_bytes": peak_bytes(),
         "status": "ok",
         "origin": scene.origin,
         "package": list(accounts.of),
     }
-    columns = map(list, zip(*accounts.of.values(), strict=True))
-    row["modules"], row["package_s"], row["package_bytes"] = columns
+    for name in ("modules", "package_s", "package_bytes"):
+        row[name] = [each[name] for each in accounts.of.values()]
     print(json.dumps(row))
 
 

@@ -1,4 +1,4 @@
-"""Time and memory of each scene and model, and what each package that it loads costs."""
+"""Time and memory of each scene and model, and the cost of each package that it loads."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 
 from experiments.reporting.columns import Column, scene_name
+from experiments.reporting.facets import spread
 from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import size
@@ -37,42 +38,34 @@ def footprint(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per scene and model: medians over the repetitions, and the least and the most."""
     once = frame.drop_duplicates([*CASE, *MEASURED])
     by_case = once.groupby(CASE, sort=False, dropna=False)[MEASURED]
-    parts = [by_case.median(), by_case.min(), by_case.max()]
-    ends = ("", "_low", "_high")
-    named = [part.add_suffix(end) for part, end in zip(parts, ends, strict=True)]
-    joined = pd.concat(named, axis="columns")
-    names = [f"{name}{end}" for name in MEASURED for end in ends]
-    return joined[names].reset_index()[[*CASE[:3], *names, *CASE[3:]]]
+    found = by_case.agg(["median", "min", "max"])
+    ends = {"median": "", "min": "_low", "max": "_high"}
+    found.columns = [f"{name}{ends[end]}" for name, end in found.columns]
+    return found.reset_index()[[*CASE[:3], *found.columns, *CASE[3:]]]
 
 
 def packages(frame: pd.DataFrame) -> pd.DataFrame | None:
     """A row per scene, model and package: medians over the repetitions, the largest first."""
     if "package" not in frame:
         return None  # of older code
-    loaded = frame[frame.package.notna()]
-    keys = ["scene", "model", "package"]
-    found = loaded.groupby(keys, sort=False)[OF_PACKAGE].median().reset_index()
-    cases = found.groupby(keys[:2], sort=False).ngroup()
-    return found.assign(case=cases).sort_values(
-        ["case", "package_bytes"], ascending=[True, False], kind="stable"
-    )[[*keys, *OF_PACKAGE]]
+    found = frame.groupby(["scene", "model", "package"])[OF_PACKAGE].median()
+    by_size = {"ascending": [True, True, False], "kind": "stable"}
+    return found.reset_index().sort_values(
+        ["scene", "model", "package_bytes"], **by_size
+    )
 
 
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
     """A row per scene: memory and time of HDC."""
     of_hdc = data[(data.model == "hdc") & data.peak_bytes.notna()]
-    names = of_hdc.scene.map(scene_name)
     left, right = figure.subplots(1, 2, sharey=True)
-    for axes, name, label, unit in (
-        (left, "peak_bytes", "peak memory (MB)", 1e6),
+    for axes, name, label, scale in (
+        (left, "peak_bytes", "peak memory (MB)", 1e-6),
         (right, "first_prediction_s", "first prediction (s)", 1),
     ):
-        median, low, high = (
-            of_hdc[f"{name}{end}"] / unit for end in ("", "_low", "_high")
-        )
-        # Not below zero, where digits of a CSV are rounded.
-        spread = [part.clip(lower=0) for part in (median - low, high - median)]
-        axes.barh(names, median, 0.6, xerr=spread, color="#0072B2")
+        values, distances = spread(of_hdc, name, scale)
+        places = of_hdc.scene.map(scene_name)
+        axes.barh(places, values, 0.6, xerr=distances, color="#0072B2")
         axes.set_xlabel(label)
     left.invert_yaxis()
 
@@ -92,7 +85,7 @@ PACKAGES = Table(
     "footprint_packages",
     packages,
     of="footprint",
-    title="What each package costs that a scene and a model load. {machine}",
+    title="Cost of each package that a scene and a model load. {machine}",
     columns=COLUMNS,
     note="Time and memory of importing a package, without what it imports of others; median of "
     "the repetitions. “python” is the standard library.",

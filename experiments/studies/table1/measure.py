@@ -11,9 +11,10 @@ import subprocess
 import sys
 import tempfile
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 from pathlib import Path
 from typing import Annotated, Any, ClassVar
@@ -139,14 +140,6 @@ class Samples:
     labels: np.ndarray
 
 
-@dataclass(frozen=True)
-class Group:
-    """Fits that follow each other, and the load beside them."""
-
-    fits: list[Row]
-    load: Load
-
-
 class _Timing:
     """Times the models of a task.
 
@@ -173,7 +166,7 @@ class _Timing:
                 yield {"model": name, "threads": threads, "cold": False, **row}
         for name in self._task.cold:
             model = self._task.models[name]["model"]
-            for row in self._measured(lambda _, of=model: self._cold(of, threads)):
+            for row in self._measured(partial(self._cold, model, threads)):
                 row["disturbed"] = row["disturbed"] or COLD
                 yield {"model": name, "threads": threads, "cold": True, **row}
 
@@ -182,43 +175,44 @@ class _Timing:
         config = self._task.models[name]["model"]
         missing = self._task.fewer.get(name, self._task.fits)
         while missing > 0:
-            rows = list(self._measured(lambda _: self._group(config)))
+            rows = list(self._measured(partial(self._group, config)))
             last = rows[-1]["attempt"]  # which stands
             missing -= sum(row["attempt"] == last for row in rows)
             yield from rows
 
-    def _measured(self, measure: Any) -> Iterator[Row]:
-        """The rows of all attempts at a group."""
+    def _measured(self, work: Callable[[], list[Row]]) -> Iterator[Row]:
+        """The rows of all attempts at the fits of a group, with the load beside them."""
         limits = self._task.disturbed
-        attempts = self._retries.attempts(
-            measure, lambda each: limits.reason(each.load)
-        )
-        for attempt, group in enumerate(attempts):
-            about = {"group": next(self._groups), "attempt": attempt}
-            for fit in group.fits:
-                yield {**about, **limits.columns(group.load), **fit}
 
-    def _group(self, config: Config) -> Group:
+        def measure(_: int) -> tuple[list[Row], Load]:
+            with self._watch.watching():
+                fits = work()
+            return fits, self._watch.load
+
+        attempts = self._retries.attempts(measure, lambda each: limits.reason(each[1]))
+        for attempt, (fits, load) in enumerate(attempts):
+            about = {"group": next(self._groups), "attempt": attempt}
+            for one in fits:
+                yield {**about, **limits.columns(load), **one}
+
+    def _group(self, config: Config) -> list[Row]:
         fits: list[Row] = []
         start = time.perf_counter()
-        with self._watch.watching():
-            while not fits or time.perf_counter() - start < self._task.group_s:
-                fits.append(fit(config, self._samples, self._task.stop))
-        return Group(fits, self._watch.load)
+        while not fits or time.perf_counter() - start < self._task.group_s:
+            fits.append(fit(config, self._samples, self._task.stop))
+        return fits
 
-    def _cold(self, config: Config, threads: int) -> Group:
+    def _cold(self, config: Config, threads: int) -> list[Row]:
         """One fit in a process of its own, with all of its seconds."""
         frames, labels = self._samples.frames, self._samples.labels
         with tempfile.TemporaryDirectory() as folder:
             cold.keep(Path(folder), frames, labels, config, threads)
             command = [sys.executable, "-m", cold.__name__, folder]
             threaded = {**os.environ, "OMP_NUM_THREADS": str(threads)}
-            with self._watch.watching():
-                used, start = _seconds_of_children(), time.perf_counter()
-                subprocess.run(command, cwd=ROOT, env=threaded, check=True)
-                took = time.perf_counter() - start
-        cpu_s = _seconds_of_children() - used
-        return Group([{"fit_s": took, "cpu_s": cpu_s}], self._watch.load)
+            used, start = _seconds_of_children(), time.perf_counter()
+            subprocess.run(command, cwd=ROOT, env=threaded, check=True)
+            took = time.perf_counter() - start
+        return [{"fit_s": took, "cpu_s": _seconds_of_children() - used}]
 
 
 def fit(config: Config, samples: Samples, stop: StopRule) -> Row:

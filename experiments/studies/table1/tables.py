@@ -91,7 +91,7 @@ def on_scene(runs: pd.DataFrame) -> pd.DataFrame:
 
 
 def _measured(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
-    """What a row of Table I has besides the columns of all runs."""
+    """The columns that only Table I has: relative times, accuracies, and the disturbance."""
     if not len(runs):
         return {}
     made = {**_relative_times(runs), **_at_papers(runs, reports)}
@@ -99,7 +99,7 @@ def _measured(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
 
 
 def disturbed(runs: pd.DataFrame) -> str:
-    """Why the times of some of these runs do not count; empty where those of all do."""
+    """Why the times of some of these runs do not count; empty where all times count."""
     if _REASON not in runs:
         return ""
     reasons = runs[_REASON].fillna("")
@@ -111,8 +111,7 @@ def disturbed(runs: pd.DataFrame) -> str:
 
 def _relative_times(runs: pd.DataFrame) -> dict[str, float]:
     """Medians over seeds of the training time relative to HDC that was trained just before and just
-    after, and to HDC by NumPy's median. Of a training that never reached 90 % the least that its
-    ratio can be."""
+    after, and to HDC by NumPy's median; for a training that never reached 90 %, a lower bound."""
     if runs.model.iloc[0] == "hdc":
         return {RATIO: 1.0}
     found: dict[str, float] = {}
@@ -129,8 +128,8 @@ def _relative_times(runs: pd.DataFrame) -> dict[str, float]:
 
 
 def _at_papers(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
-    """Test accuracy at the first checkpoint whose training accuracy is at or above the paper's, its
-    interval over the seeds that get there, and their number; a model that learns in one pass has
+    """Test accuracy at the first checkpoint whose training accuracy is at least the paper's, its
+    interval over the seeds that get there, and their number; for a model that learns in one pass,
     its test accuracy."""
     level = papers_training_accuracy(str(runs.model.iloc[0]))
     if not runs.iterative.iloc[0]:
@@ -236,8 +235,6 @@ def _over_seeds(name: str, values: Sequence[float]) -> dict[str, float]:
     """Median, and lowest to highest where they differ; nothing of no values."""
     if not values:
         return {}
-    estimate = Estimate(float(np.median(values)))
-    lowest, highest = min(values), max(values)
-    if lowest < highest:
-        estimate = estimate._replace(low=lowest, high=highest)
-    return estimate.columns(name)
+    ends = sorted({min(values), max(values)})
+    bounds = ends if len(ends) > 1 else ()
+    return Estimate(float(np.median(values)), *bounds).columns(name)

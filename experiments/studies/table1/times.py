@@ -61,19 +61,15 @@ def _ratios(every: pd.DataFrame, model: str, threads: int) -> Iterator[Any]:
     fits = every[(every.threads == threads) & ~every.cold & (every.disturbed == "")]
     by_record = fits.groupby(["model", "record"]).fit_s
     for kind, seconds in (("", by_record.median()), ("least_", by_record.min())):
+        by_model = seconds.unstack("model")
         for name, hdc in RATIOS.items():
-            if {model, hdc} <= set(seconds.index.levels[0]):
-                ratios = (seconds[model] / seconds[hdc]).dropna().to_numpy(float)
-                yield from _over_measurements(ratios).columns(f"{kind}{name}").items()
-
-
-def _over_measurements(ratios: np.ndarray) -> Estimate:
-    if not len(ratios):
-        return Estimate(np.nan)
-    mean = float(np.exp(np.log(ratios).mean()))
-    if len(ratios) == 1:
-        return Estimate(mean)
-    return Estimate(mean, float(ratios.min()), float(ratios.max()))
+            if not {model, hdc} <= set(by_model):
+                continue
+            ratios = (by_model[model] / by_model[hdc]).dropna()
+            if len(ratios):
+                mean = float(np.exp(np.log(ratios).mean()))
+                ends = [ratios.min(), ratios.max()] if len(ratios) > 1 else []
+                yield from Estimate(mean, *ends).columns(f"{kind}{name}").items()
 
 
 def busy(frame: pd.DataFrame) -> pd.DataFrame:
@@ -110,13 +106,13 @@ def _fits(line: Line) -> str:
 
 
 def note(data: pd.DataFrame) -> str:
-    """What the clock counts, and the times of processes of their own."""
+    """The rules of the clock, and the times of processes of their own."""
     cold = [
         f"{display_name(line['model'])} {two_digits(line['cold_s'])} s"
         for line in records(data)
         if line["threads"] == 1 and line["cold_s"] is not None
     ]
-    told = (
+    rules = (
         "The clock counts what a model does until its training accuracy exceeds 90 % (one that "
         "learns in one pass or is solved: until it is done); it stops while frames are made and "
         "while the model is tested. Each model learns noise before, so that the clock counts no "
@@ -125,9 +121,9 @@ def note(data: pd.DataFrame) -> str:
         "with one thread whatever it is given; three layers are timed by two threads only."
     )
     if not cold:
-        return told
+        return rules
     return (
-        f"{told} In a process of its own, from its start with reading the frames and without a "
+        f"{rules} In a process of its own, from its start with reading the frames and without a "
         f"pause, by one thread: {'; '.join(cold)}."
     )
 

@@ -62,27 +62,21 @@ def phases() -> Iterator[tuple[Row, Callable[[], object]]]:
     ``numpy.longdouble``. ``ours`` marks what the scenes do: the camera with phases in float64.
     """
     camera = Camera()
-    mounted = camera_of(camera)
+    mounted = MountedCamera(camera, torch.device("cpu"))
     for largest in (1e5, 1e6, 1e7):
         drawn = stream(2, "numerics").uniform(-largest, largest, camera.path_count)
         exact = exact_intensity(camera, drawn)
         for number, given in PHASES.items():
             call = partial(_frame_of, mounted, given, torch.from_numpy(drawn)[None])
-            squares = (call() - exact) ** 2
-            error = float(np.sqrt(squares.mean()))
             row: Row = {
                 "input": "phases",
                 "method": f"to {largest:.0e} rad",
                 "number": number,
-                "error": error,
+                "error": float(np.sqrt(((call() - exact) ** 2).mean())),
                 "tolerance": camera.read_noise / camera.grey,
+                "ours": number == "float64",
             }
-            yield {**row, "ours": number == "float64"}, call
-
-
-def camera_of(camera: Camera) -> MountedCamera:
-    """The camera on the CPU."""
-    return MountedCamera(camera, torch.device("cpu"))
+            yield row, call
 
 
 def exact_intensity(
@@ -135,9 +129,14 @@ def correlations(
     ):
         exact = exact_mean(frames)
         for method, number, form in FORMS:
-            row: Row = {"input": name, "method": method, "number": number}
-            row |= {"tolerance": 5e-4, "error": abs(form(frames) - exact)}
-            row["ours"] = (method, number) == ("class sum", "float64")
+            row: Row = {
+                "input": name,
+                "method": method,
+                "number": number,
+                "tolerance": 5e-4,
+                "error": abs(form(frames) - exact),
+                "ours": (method, number) == ("class sum", "float64"),
+            }
             yield row, partial(form, frames)
 
 

@@ -1,7 +1,7 @@
 """Encoders where bits are easily wrong; references are their definitions in whole numbers.
 
-Of T quantiles q a hypervector has T bits a pixel: of each, exactly k = ⌊(1 − q)·D⌋ pixels are ones,
-those above the k-th largest value, none of those below it.
+A hypervector by T quantiles q has T bits per pixel. For each of them exactly k = ⌊(1 − q)·D⌋ pixels
+are ones: those above the k-th largest value, and none below it.
 """
 
 from __future__ import annotations
@@ -30,50 +30,73 @@ from hdc.encoders import (
 )
 
 Array = np.ndarray[Any, Any]
-D = 4097  # pixels: large enough to be searched, and no whole number of words
-LARGE = 2**24 + 1  # the first whole number that float32 has not
+D = 4097  # pixels: enough for the search of thresholds, and no multiple of 64
+LARGE = 2**24 + 1  # the first whole number that float32 cannot represent
 HALF = [Fraction(1, 2)]
 EIGHTHS = [Fraction(t, 8) for t in range(1, 8)]
+DEVIATIONS = Deviation().thresholds
+# Grey levels: seven weights of each of two axes are rounded to whole numbers of 2⁻¹².
+SLACK = 7 * 2 * 2.0**-13 * 255
 
 
-def random(seed: int = 0) -> np.random.Generator:
-    return np.random.default_rng(seed)
+def random() -> np.random.Generator:
+    return np.random.default_rng(0)
 
 
-INPUTS: dict[str, tuple[str, str, Callable[[int], Array]]] = {
-    "ties at the median": (
+def greys(*shape: int) -> Array:
+    return random().integers(0, 256, shape, dtype=np.uint8)
+
+
+def rising(d: int) -> Array:
+    return np.arange(d, dtype=np.int32)[None]
+
+
+# Name: why it is extreme, and frames [N, …].
+INPUTS: dict[str, tuple[str, Callable[[], Array]]] = {
+    "ties at the median of 4,097": (
         "8-bit speckle: one pixel in eighty equals the median",
-        "uint8", lambda d: random().gamma(2, 25, d).round().clip(0, 255)),
-    "a constant frame": ("every pixel is 128", "uint8", lambda d: np.full(d, 128)),
-    "a saturated frame": (
+        lambda: random().gamma(2, 25, (1, D)).round().clip(0, 255).astype(np.uint8)),
+    "a constant frame of 4,097": (
+        "every pixel is 128", lambda: np.full((1, D), 128, np.uint8)),
+    "a saturated frame of 4,097": (
         "overexposed: more than 60 % of the pixels are 255",
-        "uint8", lambda d: np.where(np.arange(d) < 6 * d // 10, 255, random().integers(0, 256, d))),
-    "signed pixels": (
+        lambda: np.where(np.arange(D) < 6 * D // 10, np.uint8(255), greys(1, D))),
+    "signed pixels of 4,097": (
         "int16 from -3 to 3, as after a dark frame was subtracted: a seventh equals the median",
-        "int16", lambda d: random().integers(-3, 4, d)),
-    "signed zeros": (
+        lambda: random().integers(-3, 4, (1, D), dtype=np.int16)),
+    "signed zeros of 4,097": (
         "float32 zeros, half of them negative: equal, though their bits differ",
-        "float32", lambda d: np.where(np.arange(d) % 2, -0.0, 0.0)),
-    "16-bit pixels": (
+        lambda: np.array([[-0.0, 0.0]], np.float32)[:, np.arange(D) % 2]),
+    "16-bit pixels of 4,097": (
         "uint16 over its whole range: torch has no median of that type",
-        "uint16", lambda d: random().integers(0, 65_536, d)),
-    "64-bit pixels": (
+        lambda: random().integers(0, 65_536, (1, D), dtype=np.uint16)),
+    "64-bit pixels of 4,097": (
         "uint64 just below 2^64: as int64 negative, as float64 all equal",
-        "uint64", lambda d: np.uint64(2**64 - 1) - random().integers(0, 9, d).astype(np.uint64)),
-    "one bright pixel": (
+        lambda: np.uint64(2**64 - 1) - random().integers(0, 9, (1, D), dtype=np.uint64)),
+    "one bright pixel of 4,097": (
         "all pixels but one are equal: the median is the minimum",
-        "uint8", lambda d: np.arange(d) == d - 1),
-    "huge and tiny pixels": (
+        lambda: np.eye(1, D, D - 1, np.uint8)),
+    "huge and tiny pixels of 4,097": (
         "float64 of 10^-300 and 10^300: their ratio overflows",
-        "float64", lambda d: np.where(random().random(d) < 0.4, 1e300, 1e-300)),
-    "a rising frame": (
-        "which of two parts has the pixel between, of an odd number",
-        "int32", lambda d: np.arange(d)),
+        lambda: np.where(random().random((1, D)) < 0.4, 1e300, 1e-300)),
+    **{f"a rising frame of {d:,}": (
+        "an odd number of pixels: one half has one more",
+        partial(rising, d)) for d in (1, 65, D, LARGE)},
+    "one pixel": ("a deviation of zero: 0/0", lambda: greys(2, 1)),
+    "equal frames": ("a deviation of zero: 0/0", lambda: greys(1, 65).repeat(2, 0)),
+    "65 pixels": ("in steps of 2^-16, squares wrap at 2^31", lambda: greys(2, 65)),
+    "16,777,217 pixels": ("sums of squares near 2^59", lambda: greys(2, LARGE)),
+    "pixels on a threshold": (  # their differences from the mean are −σ and σ
+        "a pixel on a threshold is not above it",
+        lambda: np.array([[0, 4, 4, 0], [4, 0, 0, 4]], np.uint8)),
+    "image of 5 × 13 pixels": (
+        "beyond its edges an image is black, or its middle pixel counts twice",
+        lambda: greys(1, 5, 13)),
 }  # fmt: skip
 
 
 def encoded(encoder: Encoder, train: Array, planes: int) -> Array:
-    """Bits [T, D] of the first of some frames [N, …] by an encoder that has learnt them."""
+    """Bits [T, D] of the first of some frames [N, …] by an encoder that has learned them."""
     frames = torch.from_numpy(train)
     words = encoder.fit(frames).encode(frames[:1])
     n_pixels = frames[0].numel()
@@ -95,27 +118,38 @@ def violations(
     return wrong
 
 
-def ranked(encoder: Encoder, quantiles: Sequence[Fraction], name: str, d: int) -> Any:
-    """A frame of D pixels of one of :data:`INPUTS`."""
-    _, kind, make = INPUTS[name]
-    frame = make(d).astype(kind)
+# Values by which an encoder ranks pixels: exact ones, and the obvious ones ------------------------
 
-    def naive() -> Array:
-        values = torch.from_numpy(frame).float()
-        limits = torch.quantile(values, torch.tensor([float(q) for q in quantiles]))
-        return (values >= limits[:, None]).numpy()
 
-    return naive, partial(encoded, encoder, frame[None], len(quantiles)), frame
+def grey_values(frames: Array) -> Array:
+    return frames[0]
+
+
+def smoothed(frames: Array, mode: str) -> Array:
+    """An image smoothed by a Gaussian of one pixel."""
+    image = frames[0].astype(float)
+    return ndimage.gaussian_filter(image, sigma=1, truncate=3, mode=mode).ravel()
 
 
 def steps(frame: Array) -> Array:
     """(x − mean)/deviation of grey values [D] in steps of 2⁻¹⁶, rounded down: int64 [D]."""
-    n, greys = frame.size, range(256)
+    n, levels = frame.size, range(256)
     counts = np.bincount(frame, minlength=256).tolist()
     total = sum(grey * count for grey, count in enumerate(counts))
     squares = sum(grey**2 * count for grey, count in enumerate(counts))
     divisor = max(1, math.isqrt(n * squares - total**2))
-    return np.array([(n * grey - total) * 2**16 // divisor for grey in greys])[frame]
+    return np.array([(n * grey - total) * 2**16 // divisor for grey in levels])[frame]
+
+
+def referred(frames: Array) -> Array:
+    """Steps of the first frame minus the mean of all."""
+    return steps(frames[0]) - sum(map(steps, frames)) // 2
+
+
+def referred_in_floats(frames: Array) -> Array:
+    apart = frames - frames.mean(1, keepdims=True)
+    apart /= apart.std(1, keepdims=True)
+    return (2**16 * (apart[0] - apart.mean(0))).astype(np.int32)
 
 
 def above(differences: Array, thresholds: Sequence[float]) -> Array:
@@ -127,100 +161,63 @@ def above(differences: Array, thresholds: Sequence[float]) -> Array:
     return np.stack([differences > limit for limit in limits])
 
 
-def referred(encoder: Encoder, levels: Sequence[Any], make: Callable[[], Array]) -> Any:
-    """The first of training frames [2, D] minus their mean.
-
-    Of levels by rank the quantiles, of others the thresholds in deviations.
-    """
-    train = make()
-    exact = steps(train[0]) - sum(map(steps, train)) // 2
-    by_rank = isinstance(encoder, Reference)
-    if not by_rank:
-        exact = above(exact, levels)
+def prepared(encoder: Encoder, levels: Sequence[Any], ways: Any, name: str) -> Any:
+    """Bits of an input; levels are quantiles, or thresholds in deviations."""
+    frames = INPUTS[name][1]()
+    exact, obvious = ways
+    by_rank = not isinstance(encoder, Deviation)
 
     def naive() -> Array:
-        apart = train - train.mean(1, keepdims=True)
-        apart /= train.std(1, keepdims=True)
-        found = (2**16 * (apart[0] - apart.mean(0))).astype(np.int32)
+        values = obvious(frames)
         if by_rank:
-            return found >= np.quantile(found, np.array(levels, float))[:, None]
-        shares = found / np.sqrt((found * found).mean())
-        return shares > np.array(levels)[:, None]
+            return values >= np.quantile(values, np.array(levels, float))[:, None]
+        root = np.sqrt((values * values).mean())
+        return values / root > np.array(levels)[:, None]
 
-    return naive, partial(encoded, encoder, train, len(levels)), exact
-
-
-def drawn(n: int, d: int) -> Array:
-    return random().integers(0, 256, (n, d), dtype=np.uint8)
+    values = exact(frames)
+    ours = partial(encoded, encoder, frames, len(levels))
+    return naive, ours, values if by_rank else above(values, levels)
 
 
-def on_a_threshold() -> Array:
-    """Frames whose differences from their mean are −σ and σ."""
-    return np.array([[0, 4, 4, 0], [4, 0, 0, 4]], np.uint8)
+RANKS = "bits by rank", "pixel ≥ numpy.quantile", (grey_values, grey_values)
+REFERRED = "bits from a reference", "squares in int32", (referred, referred_in_floats)
+SMOOTHED = (
+    *("bits by rank", "black around the image, ≥ median"),
+    [partial(smoothed, mode=mode) for mode in ("mirror", "constant")],
+)
+ROWS: list[tuple[Any, Encoder, Sequence[Any], list[str]]] = [
+    (RANKS, Median(), HALF, [name for name in INPUTS if " of 4,097" in name]),
+    (RANKS, Median(), HALF, ["a rising frame of 1", "a rising frame of 16,777,217"]),
+    (RANKS, Quantile(), [Fraction(3, 4)], ["a rising frame of 65"]),
+    (RANKS, Levels(), EIGHTHS, ["a rising frame of 65", "a saturated frame of 4,097"]),
+    (SMOOTHED, Smoothed("median", 1), HALF, ["image of 5 × 13 pixels"]),
+    (REFERRED, Reference(), HALF, ["one pixel", "65 pixels"]),
+    (REFERRED, ReferenceLevels(), EIGHTHS, ["equal frames", "65 pixels"]),
+    (REFERRED, Deviation(), DEVIATIONS, ["one pixel", "equal frames", "65 pixels"]),
+    (REFERRED, Deviation([-1.0, 1.0]), [-1.0, 1.0], ["pixels on a threshold"]),
+    (REFERRED, Deviation([0.5]), [0.5], ["16,777,217 pixels"]),
+]
 
 
-SLACK = 7 * 2 * 2.0**-13 * 255
-"""Grey levels: seven weights of each of two axes are rounded to whole numbers of 2⁻¹²."""
-
-
-def smoothed(shape: tuple[int, int] = (5, 13)) -> Any:
-    """An image smoothed by a Gaussian of one pixel that is mirrored at its edges."""
-    image = random().integers(0, 256, shape, dtype=np.uint8)
-
-    def of(mode: str) -> Array:
-        gaussian = partial(ndimage.gaussian_filter, sigma=1, truncate=3, mode=mode)
-        return gaussian(image.astype(float)).ravel()
-
-    def naive() -> Array:
-        values = of("constant")
-        return (values >= np.median(values))[None]
-
-    return naive, partial(encoded, Smoothed("median", 1), image[None], 1), of("mirror")
+def case(way: Any, encoder: Encoder, levels: Sequence[Any], name: str) -> Case:
+    part, naive, ways = way
+    kind = type(encoder).__name__
+    slack = SLACK if way is SMOOTHED else 0
+    by_rank = partial(violations, quantiles=levels, slack=slack)
+    return Case(
+        part,
+        f"{kind} {name}" if way is SMOOTHED else f"{kind}, {name}",
+        INPUTS[name][0],
+        naive,
+        f"hdc.encoders.{kind}",
+        "bits",
+        differing if isinstance(encoder, Deviation) else by_rank,
+        partial(prepared, encoder, levels, ways, name),
+    )
 
 
 CASES = [
-    Case(
-        "bits by rank", f"{type(encoder).__name__}, {name} of {d:,}", INPUTS[name][0],
-        "pixel ≥ torch.quantile", f"hdc.encoders.{type(encoder).__name__}", "bits",
-        partial(violations, quantiles=quantiles), partial(ranked, encoder, quantiles, name, d),
-    )
-    for encoder, quantiles, inputs in (
-        (Median(), HALF, [(name, D) for name in INPUTS]),
-        (Median(), HALF, [("a rising frame", 1), ("a rising frame", LARGE)]),
-        (Quantile(), [Fraction(3, 4)], [("a rising frame", 65)]),
-        (Levels(), EIGHTHS, [("a rising frame", 65), ("a saturated frame", D)]),
-    )
-    for name, d in inputs
-]  # fmt: skip
-_DEVIATIONS = Deviation().thresholds
-CASES += [
-    Case(
-        "bits from a reference", f"{type(encoder).__name__}, {name}", extreme,
-        "squares in int32", f"hdc.encoders.{type(encoder).__name__}", "bits",
-        differing if type(encoder) is Deviation else partial(violations, quantiles=levels),
-        partial(referred, encoder, levels, make),
-    )
-    for encoder, levels, inputs in (
-        (Reference(), HALF, ("one pixel", "65 pixels")),
-        (ReferenceLevels(), EIGHTHS, ("equal frames", "65 pixels")),
-        (Deviation(), _DEVIATIONS, ("one pixel", "equal frames", "65 pixels")),
-        (Deviation([-1.0, 1.0]), [-1.0, 1.0], ("pixels on a threshold",)),
-        (Deviation([0.5]), [0.5], ("16,777,217 pixels",)),
-    )
-    for name, extreme, make in (
-        ("one pixel", "0/0", lambda: drawn(2, 1)),
-        ("equal frames", "0/0", lambda: drawn(1, 65).repeat(2, 0)),
-        ("65 pixels", "in steps of 2^-16, squares wrap at 2^31", lambda: drawn(2, 65)),
-        ("pixels on a threshold", "they are no ones", on_a_threshold),
-        ("16,777,217 pixels", "sums of squares near 2^59", lambda: drawn(2, LARGE)),
-    )
-    if name in inputs
-]  # fmt: skip
-CASES.append(
-    Case(
-        "bits by rank", "Smoothed image of 5 × 13 pixels",
-        "beyond its edges an image is black, or its middle pixel counts twice",
-        "black around the image, ≥ median", "hdc.encoders.Smoothed", "bits",
-        partial(violations, quantiles=HALF, slack=SLACK), smoothed,
-    )
-)  # fmt: skip
+    case(way, encoder, levels, name)
+    for way, encoder, levels, names in ROWS
+    for name in names
+]

@@ -1,6 +1,7 @@
 """Extreme inputs by the obvious implementation and by ours, against an exact reference.
 
-Encoders, counters, read-outs and training have a file of cases each.
+Each case is a row: an input, the obvious computation, ours, and what is right. Encoders, counters,
+read-outs and training have a file of rows each, next to the definitions that say what is right.
 """
 
 from __future__ import annotations

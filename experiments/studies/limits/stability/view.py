@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 
 from experiments.reporting.columns import Column
-from experiments.reporting.plot import legend_below
+from experiments.reporting.facets import intervals
+from experiments.reporting.plot import entry, legend_below
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import number
@@ -22,6 +22,11 @@ NAMES = [
 ]
 # Ends of the axis, where no error and no number are drawn: errors lie between.
 NONE, LOST = 1e-19, 1e19
+_POINT: dict[str, Any] = {"ls": "", "ms": 3.2, "alpha": 0.5}
+LOOKS = {
+    "naive": {**_POINT, "color": "#E69F00", "marker": "o"},
+    "this library": {**_POINT, "color": "#0072B2", "marker": "s"},
+}
 
 
 def stability(frame: pd.DataFrame) -> pd.DataFrame:
@@ -43,28 +48,24 @@ def counted(data: pd.DataFrame) -> str:
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
     """Both errors of each case in multiples of the tolerance, a row per family."""
     axes = figure.subplots()
-    places, families = pd.factorize(data.part)
     unit = data.tolerance.mask(data.tolerance == 0, 1)  # a bit or a label
-    for name, apart, look in (
-        ("naive", -0.15, {"color": "#E69F00", "marker": "o"}),
-        ("this library", 0.15, {"color": "#0072B2", "marker": "s"}),
-    ):
-        errors = data.error_naive if name == "naive" else data.error_ours
-        shares = (errors / unit).clip(NONE, LOST).fillna(LOST)
-        shown: Any = {"ls": "", "ms": 3.2, "alpha": 0.5, "label": name, **look}
-        axes.plot(shares, places + apart, **shown)
+    errors = {"naive": data.error_naive / unit, "this library": data.error_ours / unit}
+    shares = pd.DataFrame(errors).clip(NONE, LOST).fillna(LOST).assign(part=data.part)
+    shares = shares.melt("part", var_name="way")
+    families = data.part.value_counts(sort=False)
+    rows: Any = {"names": families.index, "hues": list(LOOKS), "look": LOOKS.get}
+    intervals(axes, shares, "value", "part", "way", **rows)
     axes.axvline(1, color="0.4", lw=0.7, ls="--")
     axes.set(xscale="log", xlim=(NONE / 10, LOST * 10))
     names = ["no\nerror", "$10^{-9}$", "1", "$10^9$", "no\nnumber"]
     axes.set_xticks([NONE, 1e-9, 1, 1e9, LOST], names)
-    counts = np.bincount(places)
-    labels = [f"{name} ({n})" for name, n in zip(families, counts, strict=True)]
+    labels = [f"{name} ({n})" for name, n in families.items()]
     axes.set_yticks(range(len(families)), labels)
     axes.invert_yaxis()
     axes.minorticks_off()
     axes.grid(axis="y", color="0.92", lw=0.4)
     axes.set_xlabel("error, in multiples of the tolerance")
-    legend_below(figure, axes.lines[:2])
+    legend_below(figure, [entry(name, **look) for name, look in LOOKS.items()])
 
 
 TABLE = Table(

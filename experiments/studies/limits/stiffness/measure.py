@@ -2,6 +2,9 @@
 
 The same frames become stiffer the more nearly they repeat each other, under a weaker penalty. Each
 method runs until it arrives, can go no further, or has used its time.
+
+The problem and the methods have a file each, and so has Newton's method, which also finds the
+optimum in extended precision.
 """
 
 from __future__ import annotations
@@ -31,12 +34,12 @@ _LATER = 1.25  # factor between the times of two points of a curve
 
 
 class Stiffness(Task, frozen=True):
-    """One row: a point of the curve of a method on a problem, or a real problem's κ.
+    """One row: a point of the curve of a method on a problem, or the κ of a real problem.
 
     Columns: ``problem``, counted from 0; its ``apart``, ``strength`` and ``kappa``; ``method``;
-    ``evaluations`` of the loss and ``fit_s`` until then; ``error``, loss minus that of the optimum,
+    ``evaluations`` of the loss and ``fit_s`` until then; ``error``, the loss minus the least loss,
     in units of the first; and in the last row of a method ``ended``, why it ended: ``arrived``,
-    ``out of time``, or what failed. A real problem has its ``scene``'s name, ``kappa`` and no
+    ``out of time``, or what failed. A ``real`` problem has the name of its scene, ``kappa`` and no
     ``problem``. Arguments: configs/experiment/stiffness.yaml.
     """
 
@@ -62,7 +65,7 @@ class Stiffness(Task, frozen=True):
         train, _ = choose(made, self.split, self.seed)
         frames, onehot = pixels_of(made, train, self.side)
         every = named_methods(self.adam["rates"], self.adam["steps"], self.softmax)
-        # A moment of each method, since the first steps of a library load parts of it.
+        # Run each method for a moment: its first steps load parts of libraries.
         for method in every.values():
             Watch(Problem.of(frames, onehot, 1.0, 1.0, 1), 0.0, 0.0, 0.0).follow(method)
         for number, how in enumerate(self.problems):
@@ -86,8 +89,8 @@ def real_problems(
     seed: int,
     most: int,
 ) -> Iterator[Row]:
-    """κ of converged softmax on training frames of each scene, `most` of them, evenly spread, by a
-    split where it has none; one whose files are not there is left out."""
+    """κ of converged softmax on training frames of each scene: at most `most`, evenly spread, by
+    the split of the scene if it has one, else by `split`. A scene without files is left out."""
     for name, part in real.items():
         try:
             scene = context.scene(part["scene"], seed)
@@ -102,8 +105,8 @@ def real_problems(
 
 
 def condition_of(bank: Bank, model: DualSoftmaxRegression | None = None) -> float:
-    """κ of the problem of a model on frames, by their products: the largest eigenvalue of the
-    Hessian at the optimum over the penalty, which the least is not below."""
+    """κ of a model's problem on frames, from their products: the largest eigenvalue of the Hessian
+    at the optimum over the penalty, below which no eigenvalue is."""
     model = model or DualSoftmaxRegression()
     every = np.arange(len(bank))
     targets = model.start(bank.at(every), bank.labels)
@@ -112,7 +115,7 @@ def condition_of(bank: Bank, model: DualSoftmaxRegression | None = None) -> floa
     p = (gram @ dual + intercepts).softmax(1)
 
     def product(logits: np.ndarray) -> np.ndarray:
-        """Of the Hessian, which has the same eigenvalues among the logits."""
+        """The product with the Hessian, which has the same eigenvalues among the logits."""
         moved = torch.from_numpy(logits.reshape(p.shape))
         changed = p * (moved - (p * moved).sum(1, keepdim=True))
         return (gram @ changed).numpy().ravel()
@@ -157,7 +160,7 @@ class Ended(Exception):
 
 @dataclass
 class Watch:
-    """Points that a method reaches, and when.
+    """Records the points that a method reaches, and their times.
 
     Args:
         problem: what the method minimises.

@@ -21,8 +21,11 @@ _LENGTHS = 2.0 ** -np.arange(30)  # of a step, tried in this order
 _DECREASE = 1e-4  # of what the slope promises (Armijo)
 
 
-def newton(problem: Problem, start: Array, evaluate: Evaluate) -> Iterator[Array]:
-    """The iterates [L, D], until no step lowers the loss; loss and gradient by ``evaluate``.
+def newton(
+    problem: Problem, start: Array, evaluate: Evaluate, lengths: Array = _LENGTHS
+) -> Iterator[Array]:
+    """The iterates [L, D], until no step of one of the `lengths` lowers the loss; loss and gradient
+    by ``evaluate``.
 
     Steps are of the contrasts between classes: all others change nothing but the penalty.
 
@@ -39,7 +42,7 @@ def newton(problem: Problem, start: Array, evaluate: Evaluate) -> Iterator[Array
         slope = basis.T @ gradient
         step = basis @ -solve(hessian, slope.ravel()).reshape(slope.shape)
         promise = (gradient * step).sum()
-        for length in _LENGTHS:
+        for length in lengths:
             trial = weights + length * step
             trial_loss, trial_gradient = evaluate(trial)
             if trial_loss < loss + _DECREASE * length * promise:

@@ -60,8 +60,8 @@ COLUMNS = {
 
 
 def _best(frame: pd.DataFrame) -> pd.DataFrame:
-    """The last line of each problem and method; of Adam that of the rate that arrived first, or
-    came nearest."""
+    """The last line of each problem and method; for Adam, the rate that arrived first, or came
+    nearest."""
     last = frame[frame.ended.fillna("") != ""]
     arrived = last.ended == "arrived"
     ordered = last.assign(
@@ -72,7 +72,7 @@ def _best(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def ends(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row per problem and method: where it ended; None of records of another problem."""
+    """One row per problem and method: where it ended; None for records of an older problem."""
     if "apart" not in frame:
         return None
     return _best(frame)[["apart", "strength", *COLUMNS]]
@@ -142,12 +142,12 @@ TABLE = Table(
     title="Softmax regression as a stiff problem, {frames}. {machine}",
     shown=tuple(COLUMNS),
     columns=COLUMNS,
-    note="The more nearly frames repeat each other, under a weaker penalty, the higher the "
-    "condition number; frames are centred. Each method starts at zero weights and ends at a "
-    "millionth of the first error (arrived), with its time, or where it goes no further. Adam: the "
-    "rate falls to zero by a cosine; that which arrived first, or came nearest. SoftmaxRegression "
-    "and DualSoftmaxRegression are those of this project. Newton's method in extended precision "
-    "finds the optimum.",
+    note="Frames are centred. The condition number rises as frames repeat each other more nearly "
+    "and the penalty becomes weaker. Each method starts at zero weights and ends when its error is "
+    "a millionth of the first (arrived), when its time is over, or when it goes no further. Adam's "
+    "rate falls to zero along a cosine; the table has the rate that arrived first or came nearest. "
+    "SoftmaxRegression and DualSoftmaxRegression are solvers of this project. The optimum is found "
+    "by Newton's method in extended precision.",
 )
 FIGURE = Figure(
     "stiffness",
@@ -155,10 +155,11 @@ FIGURE = Figure(
     draw,
     title="Penalised softmax regression as a stiff problem",
     caption="Penalised softmax regression on centred training frames that nearly repeat each "
-    "other: loss minus that of the optimum, in units of the first, against run time, a panel per "
-    "condition number. Dot: a millionth; triangle: the time ended; cross: the method goes no "
-    "further. Dashed lines: solvers of this project. Last panel: how often a method that arrives "
-    "computes the loss; dashed: as κ and as √κ, through the first point; below, the condition "
-    "number of converged softmax on Table I's frames and on each recording whose files were there.",
+    "other: loss minus the loss of the optimum, in units of the first, against run time, a panel "
+    "per condition number κ. A dot ends a line at a millionth, a triangle when the time is over, a "
+    "cross when the method goes no further. Dashed lines: solvers of this project. Last panel: how "
+    "often a method that arrives computes the loss; dashed: proportional to κ and to √κ, through "
+    "the first point; ticks: κ of converged softmax on Table I's frames and on each data set whose "
+    "files were there.",
     size=(7, 4.4),
 )
