@@ -28,7 +28,7 @@ class Ridge(Readout):
     """
 
     State = Linear
-    needs = ("weights", "scales")
+    needs = ("weights", "scales", "intercepts")
     adapts_by = ()
 
     def __init__(self, penalty: float | None = None):
