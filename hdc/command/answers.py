@@ -108,8 +108,7 @@ def ask(
     window: Window,
     files: Sequence[Path],
     wanted: Wanted,
-    axes: Sequence[str] | None = None,
-    image_column: str = "image",
+    settings: Mapping[str, Any] | None = None,
 ) -> Iterator[dict[str, Any]]:
     """The model's answers for image files, then for each frame of arrays, tables and videos.
 
@@ -117,36 +116,32 @@ def ask(
     these). Where classes have prototypes, ``margin`` and ``distances`` by class follow, as shares
     of the bits. With an interval, values have ``intervals`` by name (an end of None is infinite),
     and labels the ``set`` of all classes that may be. With probabilities the best class has a
-    ``probability``, and ``probabilities`` are those by class. `axes` are those of arrays, and
-    `image_column` is that of a .parquet; see :func:`hdc.readers.open_recording`.
+    ``probability``, and every class has one in ``probabilities``. The `settings` are ``template``,
+    ``axes`` and ``image_column`` of :func:`hdc.readers.open_recording`.
     """
     kinds = {file: kind_of(readers.split_name(file)[0]) for file in files}
     images = [file for file in files if not kinds[file]]
     stills = zip(images, stream_files(images, window), strict=True)
     yield from _rows(model, stills, wanted)
     for array in [f for f in files if kinds[f] not in ("", VIDEO)]:
-        frames = _of_array(model, array, window, axes, image_column)
+        frames = _recorded(model, array, window, settings or {})
         yield from _rows(model, frames, wanted)
     for video in [f for f in files if kinds[f] == VIDEO]:
         # All before the first is given: at its end a video may turn out to be cut off.
         yield from list(_rows(model, _of_video(video, window), wanted))
 
 
-def _of_array(
-    model: Any,
-    path: Path,
-    window: Window,
-    axes: Sequence[str] | None,
-    image_column: str,
+def _recorded(
+    model: Any, path: Path, window: Window, settings: Mapping[str, Any]
 ) -> Iterator[Placed]:
-    """Frames of a file of arrays or a table, which may have labels and values or not."""
+    """Frames of a recording, which may have labels and values or not."""
     recording = readers.open_recording(
         path,
-        axes=axes,
-        image_column=image_column,
         value_columns=value_names(model) if kind_of(path) == VECTORS else (),
         window=window,
+        check=False,
         fewest_classes=0,
+        **settings,
     )
     check_fits(model, recording)
     for i, frame in enumerate(recording.stream()):

@@ -32,6 +32,13 @@ def _file(_: Any, __: Any, path: Path | None) -> Path | None:
     return path
 
 
+template = click.option(
+    "--template",
+    metavar="PATTERN",
+    help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'; of a file of "
+    "arrays or a video, such as '{label}_{group}.avi'; or of an array in a file that has one per "
+    "trial, such as '{label}_{group}/frames'.",
+)
 axes = click.option(
     "--axes",
     type=_Names(),

@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from hdc.command import messages, options
-from hdc.readers.listing import image_files
+from hdc.readers.listing import frame_files
 
 FRAMES = Path(__file__).with_name("recording")
 """Frames of the simulated sensor, 63 × 63 pixels: docs/sensor.md says how they were made."""
@@ -30,7 +30,7 @@ def sample(folder: Path) -> None:
     for part in parts:
         _copy(part, folder / part.name)
         classes = ", ".join(sorted(path.name for path in part.iterdir()))
-        frames = len(image_files(part))
+        frames = len(frame_files(part))
         messages.say(f"{folder / part.name}: {frames} frames of {classes}")
 
 

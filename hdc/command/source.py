@@ -14,17 +14,12 @@ import click
 import numpy as np
 
 from hdc import readers
-from hdc.command.options import FILE, axes, image_column
+from hdc.command.options import FILE, axes, image_column, template
 from hdc.readers import VECTORS, Recording, Window, kind_of
 from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
-    click.option(
-        "--template",
-        metavar="PATTERN",
-        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png', or of a "
-        "file of arrays or a video, such as '{label}_{group}.avi'.",
-    ),
+    template,
     click.option(
         "--values",
         "table",

@@ -10,12 +10,13 @@ import numpy as np
 
 from hdc.command import answers, messages, options, scores, work
 from hdc.command.source import Source, recording
-from hdc.readers.listing import image_files
+from hdc.readers.listing import frame_files
 
 
 @click.command(short_help="Classify new images.")
 @options.model
 @click.argument("images", type=options.FILE, nargs=-1, required=True)
+@options.template
 @options.axes
 @options.image_column
 @options.reject
@@ -29,6 +30,7 @@ from hdc.readers.listing import image_files
 def predict(
     model: Path,
     images: tuple[Path, ...],
+    template: str | None,
     axes: tuple[str, ...] | None,
     image_column: str,
     reject: float | None,
@@ -39,6 +41,7 @@ def predict(
     """Classify images, or predict their numbers.
 
     IMAGES are image files, videos, arrays or tables of frames, or folders with their sub-folders.
+    A folder without images is read as one of arrays and videos.
     Each frame has a line: its file and label. With the read-out majority, the line adds the margin
     (how much farther the second nearest class is) and the distance of each class. Both are shares
     of the bits: unrelated frames differ in half of them. --interval adds lower and upper ends of
@@ -48,10 +51,12 @@ def predict(
     found, window = work.load(model)
     files: list[Path] = []
     for path in images:
-        files += image_files(path) if path.is_dir() else [path]
+        is_listed = path.is_dir() and template is None
+        files += frame_files(path) if is_listed else [path]
     wanted = answers.Wanted(reject, interval, proba)
     units = found.metadata_.get("units", ())
-    rows = answers.ask(found, window, files, wanted, axes, image_column)
+    settings = {"template": template, "axes": axes, "image_column": image_column}
+    rows = answers.ask(found, window, files, wanted, settings)
     refused = number = 0
     for number, answer in enumerate(rows, 1):
         refused += answer.get("label", "") is None

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from hdc.readers.asked import Asked
-from hdc.readers.files import SettingError, wrong
+from hdc.readers.files import SHOWN, SettingError, wrong
 from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
@@ -316,8 +316,9 @@ def grouped(about: About, members: np.ndarray) -> tuple[About, str]:
         return about, ""
     apart = members.max() + 1 + np.arange(len(members))
     samples = {**about.samples, "group": np.where(alone, apart, members)}
-    names = (about.classes[c] for c in np.unique(about.labels[alone]))
-    return replace(about, samples=samples), ", ".join(names)
+    names = [about.classes[c] for c in np.unique(about.labels[alone])]
+    more = [f"{len(names) - SHOWN} more"] if len(names) > SHOWN else []
+    return replace(about, samples=samples), ", ".join([*names[:SHOWN], *more])
 
 
 def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:

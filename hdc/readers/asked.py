@@ -41,6 +41,10 @@ class Asked(NamedTuple):
         known = {k: name and name.removeprefix(group) for k, name in names.items()}
         return self._replace(**known)
 
+    def of_part(self) -> Asked:
+        """The same of one of several files or arrays, which may have neither labels nor values."""
+        return self._replace(template=None, frames=None, fewest_classes=0)
+
     @property
     def named(self) -> Sequence[str]:
         """The values that are named."""

@@ -15,7 +15,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from hdc.readers import gathered
+from hdc.readers import ARRAY, VIDEO, gathered, kind_of
 from hdc.readers.about import Columns, natural_key
 from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, wrong
@@ -77,7 +77,7 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
     if not listing.rows and asked.table is None:
         others = [file for file in listing.others if not is_image(file)]
         if files := gathered.files_of(root, others, asked.template):
-            return gathered.open_frames(root, files, listing.others, window, asked)
+            return gathered.open_files(root, files, listing.others, window, asked)
     if values is None and asked.named:
         wanted = f"a table with the columns {', '.join(asked.named)}"
         raise wrong("table", None, wanted)
@@ -300,16 +300,21 @@ def is_image(file: str) -> bool:
     return file.lower().endswith(SUFFIXES)
 
 
-def image_files(root: Path) -> list[Path]:
-    """Every image of a folder and its sub-folders, in natural order.
+def frame_files(root: Path) -> list[Path]:
+    """Every image of a folder and its sub-folders, in natural order; where there is none, every
+    file of arrays and video.
 
     Raises:
-        ValueError: there is none, or a folder in it is a link.
+        ValueError: there is none of them, or a folder in it is a link.
     """
-    files = [root / file for file in all_files(root) if is_image(file)]
-    if not files:
-        raise ValueError(f"{root}: expected images ({', '.join(SUFFIXES)}), found none")
-    return files
+    files = all_files(root)
+    found = [file for file in files if is_image(file)]
+    found = found or [file for file in files if kind_of(root / file) in (ARRAY, VIDEO)]
+    if not found:
+        raise ValueError(
+            f"{root}: expected images ({', '.join(SUFFIXES)}), arrays or videos, found none"
+        )
+    return [root / file for file in found]
 
 
 def _nothing_found(listing: _Listing) -> str:

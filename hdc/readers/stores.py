@@ -64,8 +64,13 @@ class Store:
     axes: dict[str, tuple[str, ...]] = field(default_factory=dict)
     notes: dict[str, list[str]] = field(default_factory=dict)
 
+    def notes_on(self, name: str) -> list[str]:
+        """How an array was read, and which others were not."""
+        unread = [f"not read: {', '.join(self.unread)}"] if self.unread else []
+        return [*self.notes.get(name, []), *unread]
+
     def advice(self) -> str:
-        """What is not read, and why; empty if all is."""
+        """Names and reasons of the arrays that are not read; empty if all are."""
         why = "; ".join(f"{name}: {why}" for name, why in self.unread.items())
         return f" (not read: {why})" if why else ""
 
@@ -76,7 +81,8 @@ _LOADED: ContextVar[dict[Path, Store] | None] = ContextVar("loaded", default=Non
 @contextmanager
 def loaded_once() -> Iterator[None]:
     """Within it a file is loaded once, however often its arrays are asked for."""
-    before = _LOADED.set({})
+    kept = _LOADED.get()
+    before = _LOADED.set({} if kept is None else kept)
     try:
         yield
     finally:
@@ -193,9 +199,11 @@ def _matlab(path: Path) -> Store:
 
 
 def _add(store: Store, found: dict[str, Any], before: str) -> None:
-    """Take arrays of a struct, and of those in it, by their paths."""
+    """Take arrays of a struct by their paths; an array of structs counts them from 1."""
     for name, item in found.items():
         path = f"{before}{name}"
+        if isinstance(item, list) and all(isinstance(one, dict) for one in item):
+            item = {str(k): one for k, one in enumerate(item, 1)}
         if isinstance(item, dict):
             _add(store, item, f"{path}/")
             continue
@@ -203,10 +211,12 @@ def _add(store: Store, found: dict[str, Any], before: str) -> None:
         if array.dtype == object and all(isinstance(c, str) for c in array.flat):
             array = np.array(array.ravel().tolist())  # a cell array of texts
         if array.dtype.kind == "U":
-            array = np.char.rstrip(array)  # rows of characters are equally long
+            array = np.asarray(
+                np.char.rstrip(array)
+            )  # rows of characters are equally long
         if array.dtype.kind not in "iufbU":
             store.unread[path] = f"{_PLAINLY} ({_ADVICE.format(name)})"
-        elif array.ndim:
+        else:
             store.arrays[path] = array
 
 
@@ -216,7 +226,7 @@ def _hdf5(path: Path) -> Store:
     file = h5py.File(path, "r", rdcc_nbytes=2**26)  # chunks of several frames
     store = Store({}, frames_last=path.suffix.lower() == ".mat")
 
-    for name, item in _datasets(file, "", set()):
+    for name, item in _datasets(file, "", set(), store.arrays):
         store.frames_last |= "MATLAB_class" in item.attrs
         if why := _filled_in(path, item):
             store.unread[name] = why
@@ -224,15 +234,26 @@ def _hdf5(path: Path) -> Store:
         array = _dataset(path, item)
         if array is None:
             store.unread[name] = f"{_PLAINLY} ({_ADVICE.format(name)})"
-        elif array.shape:
+        else:
             store.arrays[name] = array
     return store
 
 
-def _datasets(group: Any, before: str, seen: set[Any]) -> Iterator[tuple[str, Any]]:
-    """Path and dataset of all in a group, once; MATLAB's #refs# have one for each cell of text."""
+def _datasets(
+    group: Any, before: str, seen: set[Any], stated: dict[str, Any]
+) -> Iterator[tuple[str, Any]]:
+    """Path and dataset of all in a group, once; MATLAB's #refs# have one for each cell of text.
+
+    Attributes of groups, such as the label of a trial, are added to what is ``stated``; names in
+    capitals are reserved for programs.
+    """
     import h5py
 
+    for name, item in group.attrs.items():
+        own = np.asarray(item)
+        own = own.astype(str) if own.dtype.kind in "SO" else own
+        if own.size == 1 and not (name.isupper() or name.startswith("MATLAB")):
+            stated[f"{before}{name}"] = own
     for name in group:
         is_own = isinstance(group.get(name, getlink=True), h5py.HardLink)
         if name.startswith("#") or not is_own:
@@ -243,7 +264,7 @@ def _datasets(group: Any, before: str, seen: set[Any]) -> Iterator[tuple[str, An
             continue
         seen.add(key)
         if isinstance(item, h5py.Group):
-            yield from _datasets(item, f"{before}{name}/", seen)
+            yield from _datasets(item, f"{before}{name}/", seen, stated)
         elif isinstance(item, h5py.Dataset):
             yield f"{before}{name}", item
 
@@ -274,8 +295,8 @@ def _dataset(path: Path, item: Any) -> Any:
             raise BadFrame(f"{wanted}, found: {error}") from error
 
     array = OnDisk(item, read)
-    if len(item.shape) == 1:
-        return array[:]
+    if len(item.shape) < 2:
+        return array[()]
     if kind and len(item.shape) == 2 and 1 in item.shape:
         return array[:].ravel()  # a column or a row of MATLAB
     return array.T if kind else array

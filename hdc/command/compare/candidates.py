@@ -123,7 +123,7 @@ def baselines(learns_values: bool, period: float | None = None) -> list[Candidat
         whole = make_pipeline(FunctionTransformer(_flat), StandardScaler(), model)
         if learns_values:
             whole = _standardised(whole, period)
-        found.append(Candidate(f"{name} of greys", whole))
+        found.append(Candidate(f"{name} of grey values", whole))
     return found
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdc.readers import Ambiguous, BadFrame, SettingError, camera, open_recording
-from hdc.readers.listing import image_files
+from hdc.readers.listing import frame_files
 from hdc.readers.template import Template
 
 
@@ -266,7 +266,7 @@ def test_paths_that_lead_to_no_recording_are_named(tmp_path):
         with pytest.raises(SettingError, match=f"path: .*{message}"):
             open_recording(tmp_path / path)
     with pytest.raises(OSError, match="absent"):  # its files would be left out
-        image_files(tmp_path / "absent")
+        frame_files(tmp_path / "absent")
 
 
 # Cameras -----------------------------------------------------------------------------------------
