@@ -24,7 +24,7 @@ Placed = tuple[object, np.ndarray]
 
 
 class Wanted(NamedTuple):
-    """What an answer has besides the label or the values.
+    """Parts of an answer besides the label or the values.
 
     Attributes:
         reject: share of known frames that may be refused as none of the classes.
@@ -42,8 +42,8 @@ class Wanted(NamedTuple):
 def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
     """The answers for frames [n, …] by name; each frame is encoded once.
 
-    Of a classifier ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
-    arrays), ``proba`` and ``distances`` [n, L] in bits; of a regressor ``values``, ``low`` and
+    A classifier gives ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
+    arrays), ``proba`` and ``distances`` [n, L] in bits; a regressor gives ``values``, ``low`` and
     ``high`` [n, T].
 
     Raises:

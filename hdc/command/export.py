@@ -25,7 +25,7 @@ from hdc.io import write_atomically
     "--bits",
     type=click.Choice(["8", "16"]),
     default="8",
-    help="Bits of a pixel of the frames; a model has no such number.",
+    help="Bits per pixel of the frames on the board.",
 )
 @click.option(
     "--reject",
@@ -98,7 +98,8 @@ def _check_replaceable(path: Path) -> None:
         return
     if not path.is_file() or MARK.encode() not in path.read_bytes()[:1000]:
         raise FileExistsError(
-            f"{path}: expected no file or one of hdc export, found another; not replaced"
+            f"{path}: expected a header that hdc export wrote, or no file; found another file, "
+            "which stays as it is"
         )
 
 

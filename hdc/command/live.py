@@ -47,7 +47,9 @@ def live(
     model says. A MODEL has its own crop and subsampling.
     """
     if sum(given is not None for given in (camera, folder, video)) != 1:
-        raise click.UsageError("expected one of --camera, --folder and --video")
+        raise click.UsageError(
+            "expected one of --camera N, --folder RECORDING and --video FILE"
+        )
     if model is not None and window != Window():
         raise click.UsageError("expected no --crop or --subsample with a MODEL")
     _, *others = Source(Path(), settings).words(Window())

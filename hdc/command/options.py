@@ -1,4 +1,4 @@
-"""Options that several commands share; :mod:`hdc.command.source` has those of a recording."""
+"""Options that several commands share; :mod:`hdc.command.source` has the options of a recording."""
 
 from __future__ import annotations
 
@@ -129,7 +129,7 @@ interval = click.option(
     "--interval",
     type=SHARE,
     metavar="SHARE",
-    help="Answer with intervals of values, or sets of classes, that are to hold the truth for this "
+    help="Answer with intervals of values, or sets of classes, that contain the truth for this "
     "share of the frames, such as 0.9.",
 )
 

@@ -147,7 +147,7 @@ class Source:
         return path / place.relative_to(folder)
 
     def words(self, window: Window) -> list[str]:
-        """What to type to open it so."""
+        """The words to type to open it so."""
         given = dict(self.settings)
         given |= {"crop": window.crop, "subsample": window.subsample}
         words = [str(self.path)]
@@ -170,7 +170,8 @@ def check_circular(recording: Recording, period: float | None) -> None:
 
 
 def truth_of(recording: Recording) -> np.ndarray:
-    """What a model learns: names of the classes [N], or values [N, T], labels or not."""
+    """The truth that a model learns: names of the classes [N]; or values [N, T] where there are
+    any, even with labels."""
     if recording.values is not None:
         return recording.values
     return np.array(recording.names)

@@ -66,10 +66,12 @@ def train(
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values.
 
-    Frames of one class alone make a model that tells what is unlike them: hdc predict --reject.
+    Frames of one class alone make a model that finds frames unlike them: hdc predict --reject.
     """
     if choose and (encoder or readout or parameters):
-        raise click.UsageError("expected --choose, or --encoder, --readout and --set")
+        raise click.UsageError(
+            "expected --choose alone, or --encoder, --readout and --set without it"
+        )
     frames = source.open(window, fewest_classes=2 if choose else 1)
     check_circular(frames, period)
     check_replaceable(output)
@@ -128,7 +130,7 @@ def _held_out_lines(result: dict[str, Any], frames: Recording, unit: Any) -> lis
 
 
 def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
-    """What is kept with a model of a recording."""
+    """Settings and names that are kept with a model of a recording."""
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if window.crop is not None and frames.image_shape:
         metadata["image"] = list(frames.image_shape)
@@ -142,7 +144,8 @@ def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
 
 
 def _together(frames: Recording, rows: np.ndarray) -> dict[str, Any]:
-    """What a classifier is told of frames that were recorded together, by which it refuses."""
+    """The argument ``groups`` of a classifier: frames that were recorded together calibrate its
+    rejection."""
     from hdc.command import splits
 
     if frames.values is not None:

@@ -24,7 +24,7 @@ from hdc.readers.listing import frame_files
 @click.option(
     "--proba",
     is_flag=True,
-    help="Also the probability of the best class; with --json those of all classes.",
+    help="Also the probability of the best class; with --json of all classes.",
 )
 @options.json
 def predict(
@@ -46,7 +46,7 @@ def predict(
     (how much farther the second nearest class is) and the distance of each class. Both are shares
     of the bits: unrelated frames differ in half of them. --interval adds lower and upper ends of
     each number, or all classes that the frame may be of, none if it is like no class. Probabilities
-    and intervals hold for frames that come as the training frames did.
+    and intervals hold for frames recorded under the training conditions.
     """
     found, window = work.load(model)
     files: list[Path] = []
@@ -87,8 +87,8 @@ def evaluate(
 
     The interval of the accuracy is Wilson's, for 95 %. R² is the share of the variance that is
     predicted. With --interval 0.9 the command counts how often intervals or sets contain the truth
-    on this RECORDING. They are made to contain it for 90 % of the frames that come as the training
-    frames did.
+    on this RECORDING. They are made to contain it for 90 % of the frames recorded under the
+    training conditions.
     """
     found, window = work.load(model)
     frames = work.frames_for(found, window, source)

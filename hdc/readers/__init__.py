@@ -45,7 +45,7 @@ SUFFIXES = {
     ".parquet": IMAGES,
     **dict.fromkeys((".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm"), VIDEO),
 }
-"""What kind of recording a file is, by its suffix."""
+"""The kind of recording that a file is, by its suffix."""
 _READERS = {
     FOLDER: "listing",
     ARRAY: "arrays",
@@ -105,8 +105,8 @@ def open_recording(
             or of a file of arrays or a video, such as ``{session}/{label}_{group}.avi``; or of an
             array in a file that has one per trial, such as ``{label}_{group}/frames``.
         table: CSV with a row per image, in or relative to the folder, or with a row per frame of an
-            array or a video; its columns of numbers are values. Of a video also one with a row per
-            interval. Default for both: beside the file, its suffix replaced by .csv.
+            array or a video; its columns of numbers are values. A video may have a row per interval
+            instead. Default for both: beside the file, its suffix replaced by .csv.
         image_column: column of the table, or of the .parquet, that has the images.
         value_columns: columns, or arrays of a file, that are values; default: all numeric ones
             but order, session and group (none of a manifest.csv or of a .csv of vectors).

@@ -1,4 +1,4 @@
-"""What a user asks of a recording, as every reader takes it."""
+"""The settings of a recording, as every reader takes them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Asked(NamedTuple):
-    """What a user asks of a recording; see :func:`hdc.readers.open_recording`.
+    """Settings of a recording; see :func:`hdc.readers.open_recording`.
 
     Attributes:
         labels: name of the array or column of labels.

@@ -1,4 +1,4 @@
-"""What can be wrong with the files and settings that people give; every error names them."""
+"""Errors of files and settings that people give; each names the file or the setting."""
 
 from __future__ import annotations
 

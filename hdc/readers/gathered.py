@@ -1,8 +1,8 @@
-"""A folder of files of arrays or of videos, whose names say what was recorded.
+"""A folder of files of arrays or of videos, or a file of several arrays, whose names are labels.
 
-What a name says holds for all frames of the file. A file is a group, unless the template says more.
-A label, session or group that the name does not say is that of the frames in the file, if it has
-them: of a video, in the table beside it.
+The fields of a name hold for all frames of the file. A file is a group, unless the template says
+more. Labels, sessions and groups that the name does not say are read in the file, or in the table
+of a video.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""What a file of arrays says of the frames in it: labels, classes, values, and other columns."""
+"""Labels, classes, values and other columns of the frames in a file of arrays."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """A parquet file with a column of encoded images, as collections of robot touches are published.
 
-Other columns of numbers and text are read as those of a table of images: ``label``, ``order``,
+Other columns of numbers and text are read as in a table of images: ``label``, ``order``,
 ``session`` and ``group`` are known by name. The encoded images are in memory.
 """
 

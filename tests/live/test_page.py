@@ -231,7 +231,7 @@ def test_an_answer_in_words(answer, text, beside):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        ("classifier", ["trained on", "12 samples", "distance 0.", "margin 0.", " ms"]),
+        ("classifier", ["of the training", "12 samples", "distance 0.", "margin 0.", " ms"]),
         ("regressor", ["Numbers and their", "[", " ms"]),
         ("recording", ["nothing yet: teach it two classes", "recorded as “left”"]),
         ("pressed", ["The silicone from above", "Let 16 days pass", "new touches"]),
@@ -272,8 +272,8 @@ def test_the_page_shows(film, frames, tmp_path, make, words):
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        ("", 2, "expected one of --camera, --folder and --video"),
-        ("--video v.mkv --camera 0", 2, "expected one of --camera, --folder"),
+        ("", 2, "expected one of --camera N, --folder RECORDING and --video FILE"),
+        ("--video v.mkv --camera 0", 2, "expected one of --camera N, --folder"),
         ("m --video v.mkv --subsample 2", 2, "no --crop or --subsample"),
         ("--video v.mkv --labels kind", 2, "expected no --labels without --folder"),
         ("--camera 97", 1, "expected a camera that can be opened at index 97, found"),

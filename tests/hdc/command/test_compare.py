@@ -260,8 +260,9 @@ def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
     [
         ({"group": np.arange(24) // 4}, "6 folds by group", ""),
         ({"group": np.arange(24) // 4, "session": np.zeros(24, int)}, "6 folds by group",
-         "all frames are of one session"),
-        ({"session": np.arange(24) // 12}, "5 folds at random", "a class is of one session"),
+         "all frames are from one session"),
+        ({"session": np.arange(24) // 12}, "5 folds at random",
+         "a class has frames from one session only"),
         ({"session": np.arange(24) % 4}, "4 folds by session", ""),
     ],
 )  # fmt: skip

@@ -144,7 +144,7 @@ def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_pat
     assert out[0].split("\t") == ["file", "value_0", "value_1", *ends]
     assert hdc("evaluate", "m", "two.npz")[1][1].startswith("value_1: mean absolute")
     (line,) = hdc("evaluate", "m", "one.npz")[2]
-    assert "expected 2 numbers a frame as in training, found value" in line
+    assert "expected 2 numbers per frame as in training, found value" in line
     found = json.loads("".join(hdc("info", "m")[1]))
     bits = 8 * found["bytes to predict"]
     assert found["bits per pixel and value"] == round(bits / 20 / 2, 2)
