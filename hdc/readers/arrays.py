@@ -138,25 +138,23 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
         return wanted
     if wanted in store.unread:
         raise BadFrame(f"{path}[{wanted}]: {store.unread[wanted]}")
-    shapes = {name: array.shape for name, array in store.arrays.items()}
-    listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+    arrays = store.arrays.items()
+    listed = ", ".join(f"{name} {tuple(array.shape)}" for name, array in arrays)
     if dataset:
         raise SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
-    numbers = [
-        name for name, array in store.arrays.items() if array.dtype.kind in "iuf"
-    ]
-    found = [name for name in numbers if len(shapes[name]) > 2]
-    found = found or [name for name in numbers if _is_table(shapes[name])]
-    if not found:
-        raise ValueError(
-            f"{path}: expected an array of frames [N, H, W] or [N, D], found "
-            f"{listed or 'none'}{store.advice()}"
-        )
-    if len(found) > 1:
+    numbers = {name: array.shape for name, array in arrays if array.dtype.kind in "iuf"}
+    stacks = [name for name, shape in numbers.items() if len(shape) > 2]
+    found = stacks or [name for name, shape in numbers.items() if _is_table(shape)]
+    if len(found) == 1:
+        return found[0]
+    if found:
         choices = [f"--template '{made}'" for made in suggested_in(found)]
         choices += [f"{path}:/{name}" for name in found]
         raise Ambiguous(f"{path}: several arrays", choices)
-    return found[0]
+    raise ValueError(
+        f"{path}: expected an array of frames [N, H, W] or [N, D], found "
+        f"{listed or 'none'}{store.advice()}"
+    )
 
 
 def _is_table(shape: tuple[int, ...]) -> bool:

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -271,35 +272,44 @@ def _datasets(
 
 def _dataset(path: Path, item: Any) -> Any:
     """A dataset as an array; None where it is none of numbers or text."""
-    import h5py
-
     kind = item.attrs.get("MATLAB_class", b"")
     if "MATLAB_object_decode" in item.attrs or "MATLAB_empty" in item.attrs:
         return None
     if kind in (b"cell", b"char"):
         return _matlab_text(item, kind)
+    texts = _texts(item)
+    if texts is not None:
+        return texts
+    if item.dtype.kind not in "iufb":
+        return None
+    array = OnDisk(item, partial(_read, path, item))
+    if len(item.shape) < 2:
+        return array[()]
+    if kind and len(item.shape) == 2 and 1 in item.shape:
+        return array[:].ravel()  # a column or a row of MATLAB
+    return array.T if kind else array
+
+
+def _texts(item: Any) -> np.ndarray | None:
+    """The texts of a dataset, or the names of an enumeration; None of numbers."""
+    import h5py
+
     names = h5py.check_enum_dtype(item.dtype)
     if names and len(item.shape) == 1:
         by_number = {number: name for name, number in names.items()}
         return np.array([by_number.get(n, str(n)) for n in item[()].tolist()])
     if h5py.check_string_dtype(item.dtype):
         return np.array(np.ravel(item.asstr()[()]).tolist())
-    if item.dtype.kind not in "iufb":
-        return None
+    return None
 
-    def read(key: Any) -> Any:
-        try:
-            return item[key]
-        except (OSError, RuntimeError) as error:
-            wanted = f"{path}[{item.name[1:]}]: expected a dataset that can be read"
-            raise BadFrame(f"{wanted}, found: {error}") from error
 
-    array = OnDisk(item, read)
-    if len(item.shape) < 2:
-        return array[()]
-    if kind and len(item.shape) == 2 and 1 in item.shape:
-        return array[:].ravel()  # a column or a row of MATLAB
-    return array.T if kind else array
+def _read(path: Path, item: Any, key: Any) -> Any:
+    """A part of a dataset; a BadFrame names a filter that is missing, or damage."""
+    try:
+        return item[key]
+    except (OSError, RuntimeError) as error:
+        wanted = f"{path}[{item.name[1:]}]: expected a dataset that can be read"
+        raise BadFrame(f"{wanted}, found: {error}") from error
 
 
 def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
