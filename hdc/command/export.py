@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,13 @@ import click
 
 from hdc.command import messages, options, work
 from hdc.io import write_atomically
+
+LARGE = 2**18
+"""Bytes of tables that a small board seldom has."""
+TOO_LARGE = (
+    "tables of more than 256 kB; hdc train --subsample 2 makes a model of a quarter of them, and "
+    "--encoder median --readout majority the smallest"
+)
 
 
 @click.command(short_help="Write a model as a C99 header.")
@@ -65,6 +73,8 @@ def export(
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from error
     messages.say(*_size_lines(plan))
+    if plan.sizes.constant_bytes > LARGE:
+        warnings.warn(f"{model}: {TOO_LARGE}", stacklevel=2)
     origin = f"{model.name}, trained {found.metadata_.get('trained', 'in Python')}"
     write_atomically(output, exporting.header(plan, output.name, origin))
     messages.say(f"{output}: written")

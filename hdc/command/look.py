@@ -139,7 +139,7 @@ def _described(words: list[str], frames: Recording) -> list[str]:
         numbers = f"{messages.printable(first)} to {messages.printable(last)}"
         lines.append(f"a frame is the {len(frames.features)} columns from {numbers}")
     if frames.session is not None:
-        lines.append(messages.session_line(frames))
+        lines.append(messages.session_line(frames, np.arange(len(frames))))
     if frames.group is not None:
         n = len(np.unique(frames.group))
         lines.append(f"groups: {n}, each learnt or tested as a whole")

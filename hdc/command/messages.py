@@ -30,14 +30,14 @@ LISTED = 12
 
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
-    """The classes that are learnt, with the frames of each, and the sessions of a recording."""
+    """The classes and sessions that are learnt, with the frames of each."""
     lines = []
     if recording.values is None:
         names = np.array(recording.names)[learnt].tolist()
         lines.append(f"classes: {_counted(names, recording.classes)}")
         if len(recording.classes) == 1:
             lines.append("one class: hdc predict --reject finds frames unlike it")
-    return [*lines, session_line(recording)]
+    return [*lines, session_line(recording, learnt)]
 
 
 def form_line(model: Any, path: Path) -> str:
@@ -88,12 +88,12 @@ def reading_line(recording: Recording) -> list[str]:
     return [f"read: {'; '.join(recording.notes)}"] if recording.notes else []
 
 
-def session_line(recording: Recording) -> str:
-    """The sessions of a recording, and how many frames each has."""
+def session_line(recording: Recording, rows: np.ndarray) -> str:
+    """The sessions of the frames `rows`, and how many of them each has."""
     if recording.session is None:
         return "sessions: none known"
     names = recording.samples.get("session_name", recording.session)
-    texts = [str(name) for name in names.tolist()]
+    texts = [str(name) for name in names[rows].tolist()]
     return f"sessions: {_counted(texts, sorted(set(texts), key=natural_key))}"
 
 

@@ -10,7 +10,8 @@ import numpy as np
 
 from hdc.command import answers, messages, options, scores, work
 from hdc.command.source import Source, recording
-from hdc.readers.listing import frame_files
+from hdc.readers import ARRAY, VIDEO, kind_of
+from hdc.readers.listing import SUFFIXES, all_files, is_image
 
 
 @click.command(short_help="Classify new images.")
@@ -52,7 +53,7 @@ def predict(
     files: list[Path] = []
     for path in images:
         is_listed = path.is_dir() and template is None
-        files += frame_files(path) if is_listed else [path]
+        files += _files_in(path) if is_listed else [path]
     wanted = answers.Wanted(reject, interval, proba)
     units = found.metadata_.get("units", ())
     settings = {"template": template, "axes": axes, "image_column": image_column}
@@ -68,6 +69,23 @@ def predict(
         limit = messages.limit_of_refused(reject, found.left_out_)
         text = f"refused {refused} of {number} frames; expected at most {limit} of known ones"
         click.echo(text, err=True)
+
+
+def _files_in(root: Path) -> list[Path]:
+    """Every image of a folder and its sub-folders, in natural order; where there is none, every
+    file of arrays and video.
+
+    Raises:
+        ValueError: there is none of them, or a folder in it is a link.
+    """
+    files = all_files(root)
+    found = [file for file in files if is_image(file)]
+    found = found or [file for file in files if kind_of(root / file) in (ARRAY, VIDEO)]
+    if not found:
+        raise ValueError(
+            f"{root}: expected images ({', '.join(SUFFIXES)}), arrays or videos, found none"
+        )
+    return [root / file for file in found]
 
 
 @click.command(short_help="Test a model on new labelled images.")
