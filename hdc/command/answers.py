@@ -199,24 +199,28 @@ def table_row(answer: Mapping[str, Any], units: Sequence[str] = ()) -> dict[str,
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():
-        match name:
-            case "values":
-                cells |= dict(
-                    zip(with_units([*part], units), part.values(), strict=True)
-                )
-            case "intervals":
-                for value, (low, high) in part.items():
-                    cells[f"{value} from"] = -np.inf if low is None else low
-                    cells[f"{value} to"] = np.inf if high is None else high
-            case "distances":
-                cells |= {f"distance {label}": share for label, share in part.items()}
-            case "set":
-                cells[name] = ", ".join(map(str, part)) or NONE
-            case "label":
-                cells[name] = NONE if part is None else part
-            case _ if name != "probabilities":  # the table has that of the best class
-                cells[name] = part
+        cells |= _cells(name, part, units)
     return {printable(name): _cell(cell) for name, cell in cells.items()}
+
+
+def _cells(name: str, part: Any, units: Sequence[str]) -> dict[str, Any]:
+    """A part of an answer by the heads of its columns."""
+    if name == "values":
+        return dict(zip(with_units([*part], units), part.values(), strict=True))
+    if name == "intervals":
+        ends = ("from", -np.inf), ("to", np.inf)
+        return {
+            f"{value} {head}": infinite if end is None else end
+            for value, pair in part.items()
+            for end, (head, infinite) in zip(pair, ends, strict=True)
+        }
+    if name == "distances":
+        return {f"distance {label}": share for label, share in part.items()}
+    if name == "set":
+        return {name: ", ".join(map(str, part)) or NONE}
+    if name == "probabilities":  # the table has that of the best class
+        return {}
+    return {name: NONE if part is None and name == "label" else part}
 
 
 def _cell(item: Any) -> str:

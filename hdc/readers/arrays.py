@@ -142,9 +142,7 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
     listed = ", ".join(f"{name} {tuple(array.shape)}" for name, array in arrays)
     if dataset:
         raise SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
-    numbers = {name: array.shape for name, array in arrays if array.dtype.kind in "iuf"}
-    stacks = [name for name, shape in numbers.items() if len(shape) > 2]
-    found = stacks or [name for name, shape in numbers.items() if _is_table(shape)]
+    found = _stacks(store)
     if len(found) == 1:
         return found[0]
     if found:
@@ -155,6 +153,13 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
         f"{path}: expected an array of frames [N, H, W] or [N, D], found "
         f"{listed or 'none'}{store.advice()}"
     )
+
+
+def _stacks(store: Store) -> list[str]:
+    """Names of the arrays that can be frames: of three axes or more, else of two."""
+    shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
+    stacks = [name for name, shape in shapes.items() if len(shape) > 2]
+    return stacks or [name for name, shape in shapes.items() if _is_table(shape)]
 
 
 def _is_table(shape: tuple[int, ...]) -> bool:

@@ -338,11 +338,15 @@ def _filled_in(path: Path, item: Any) -> str:
     for name in names:
         if name != "." and not (path.parent / name).is_file():
             return f"expected its source {name}, found none"
-    wanted, found = 1, int(item.id.get_storage_size() > 0)
-    if item.chunks is not None:
-        sides = zip(item.shape, item.chunks, strict=True)
-        wanted = math.prod(-(-n // side) for n, side in sides)
-        found = item.id.get_num_chunks()
+    wanted, found = _chunks(item)
     if names or item.size == 0 or found == wanted:
         return ""
     return f"expected {wanted} chunks, found {found}: the others were not written"
+
+
+def _chunks(item: Any) -> tuple[int, int]:
+    """How many chunks a dataset has by its shape, and in its file."""
+    if item.chunks is None:
+        return 1, int(item.id.get_storage_size() > 0)
+    sides = zip(item.shape, item.chunks, strict=True)
+    return math.prod(-(-n // side) for n, side in sides), item.id.get_num_chunks()

@@ -6,6 +6,7 @@ import re
 import unicodedata
 from collections import Counter, defaultdict
 from collections.abc import Sequence
+from itertools import zip_longest
 from pathlib import PurePath
 from typing import Any
 
@@ -156,25 +157,29 @@ def numbered(names: Sequence[str]) -> str:
 
 def suggested_in(names: Sequence[str]) -> list[str]:
     """Templates that the names of arrays in one file suggest, such as trial_1/frames and
-    trial_2/frames: text that all have stays, and text that differs is a trial or a class."""
+    trial_2/frames; names are alike that have as many parts, and the same last one."""
     alike: dict[Any, list[list[str]]] = defaultdict(list)
     for parts in (name.split("/") for name in names):
         alike[len(parts), tuple(parts[1:][-1:])].append(parts)
+    return [made for rows in alike.values() for made in _suggested_of(rows)]
+
+
+def _suggested_of(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Templates of names that are alike, in parts: text that all have stays, and text that differs
+    is a trial, a class or a session."""
+    columns = [[*dict.fromkeys(column)] for column in zip(*rows, strict=True)]
+    varying = [k for k, texts in enumerate(columns) if len(texts) > 1]
+    if not varying:
+        return []
+    readings = [["{session}", "{label}"], ["{label}", "{group}"]]
+    if len(varying) == 1:
+        of_trials = ("{group}", "{label}") if len(columns) > 1 else ()
+        twins = numbered([row[varying[0]] for row in rows])
+        readings = [[field] for field in (twins, *of_trials) if field]
     found = []
-    for (depth, _), rows in alike.items():
-        columns = [[*dict.fromkeys(column)] for column in zip(*rows, strict=True)]
-        varying = [k for k, texts in enumerate(columns) if len(texts) > 1]
-        readings: list[tuple[str, ...]]
-        readings = [("{session}", "{label}"), ("{label}", "{group}")]
-        if len(varying) < 2:
-            twins = numbered([row[k] for row in rows for k in varying])
-            others = ("{group}", "{label}") if depth > 1 and varying else ()
-            readings = [(field,) for field in (twins, *others) if field]
-        for reading in readings:
-            fields = dict(zip(varying, reading, strict=False))
-            made = (
-                fields.get(k, "*" if k in varying else texts[0])
-                for k, texts in enumerate(columns)
-            )
-            found.append("/".join(made))
+    for reading in readings:
+        made = [texts[0] for texts in columns]
+        for k, field in zip_longest(varying, reading, fillvalue="*"):
+            made[int(k)] = field
+        found.append("/".join(made))
     return found
