@@ -21,7 +21,8 @@ from hdc.readers.axes import ALONG, Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
 from hdc.readers.recording import Recording, Window
-from hdc.readers.stores import Store, load
+from hdc.readers.store import Store
+from hdc.readers.stores import load
 from hdc.readers.table import columns_in
 from hdc.readers.template import suggested_in
 

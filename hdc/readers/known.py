@@ -13,7 +13,7 @@ import numpy as np
 from hdc.readers.about import KNOWN, Columns, is_of_units, numbered
 from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, wrong
-from hdc.readers.stores import Store
+from hdc.readers.store import Store
 
 LABELS = ("labels", "label")
 """Arrays that are taken for labels by their name."""
