@@ -50,7 +50,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     columns = None if table is None else Columns.read(table)
     axes = asked.axes or store.axes.get(name)
     if axes is None:
-        n_rows = columns.n if columns else count(arrays, asked.named)
+        n_rows = columns.n if columns else count(arrays, asked.named, array.shape)
         axes = reading(f"{path}[{name}]", array, n_rows, store.frames_last)
     where = f"{path}:/{asked.dataset}" if asked.dataset else f"{path}"
 

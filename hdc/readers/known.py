@@ -55,11 +55,15 @@ def beside(path: Path, store: Store, asked: Asked, group: str) -> dict[str, Any]
     return arrays
 
 
-def count(arrays: dict[str, Any], values: Sequence[str]) -> int | None:
-    """The number of frames that labels or values are of; None where nothing says so."""
+def count(
+    arrays: dict[str, Any], values: Sequence[str], shape: Sequence[int]
+) -> int | None:
+    """The number of frames in an array of a shape by their labels or values; None where nothing
+    says so, such as one label of all frames."""
     for name in ("label", "values", *values):
         if name in arrays and arrays[name].shape:
-            return int(arrays[name].shape[0])
+            n = int(arrays[name].shape[0])
+            return n if n > 1 or 1 in shape else None
     return None
 
 
