@@ -3,8 +3,8 @@
 docs/tutorial.md shows each command, and docs/api.md what a recording may be. Nothing is written
 but the file named by ``-o``.
 
-It exits with 0; with 1 after an error in what was read, which is one line and names the file, what
-was expected and what was found; or with 2 if the command line is not as ``--help`` says.
+It exits with 0; with 1 after an error in a file, in one line that names the file, what was expected
+and what was found; or with 2 if the command line is not as ``--help`` says.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ EXTRAS = {
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Carry out the words after the command's name (default: those of this process) and exit."""
+    """Run the command with these words after its name (default: those typed) and exit."""
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A file may have a name that is no text.

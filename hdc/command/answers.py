@@ -24,7 +24,7 @@ Placed = tuple[object, np.ndarray]
 
 
 class Wanted(NamedTuple):
-    """What an answer has besides the label or the values.
+    """Parts of an answer besides the label or the values.
 
     Attributes:
         reject: share of known frames that may be refused as none of the classes.
@@ -42,8 +42,8 @@ class Wanted(NamedTuple):
 def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
     """The answers for frames [n, …] by name; each frame is encoded once.
 
-    Of a classifier ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
-    arrays), ``proba`` and ``distances`` [n, L] in bits; of a regressor ``values``, ``low`` and
+    A classifier gives ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
+    arrays), ``proba`` and ``distances`` [n, L] in bits; a regressor gives ``values``, ``low`` and
     ``high`` [n, T].
 
     Raises:
@@ -108,8 +108,7 @@ def ask(
     window: Window,
     files: Sequence[Path],
     wanted: Wanted,
-    axes: Sequence[str] | None = None,
-    image_column: str = "image",
+    settings: Mapping[str, Any] | None = None,
 ) -> Iterator[dict[str, Any]]:
     """The model's answers for image files, then for each frame of arrays, tables and videos.
 
@@ -117,36 +116,32 @@ def ask(
     these). Where classes have prototypes, ``margin`` and ``distances`` by class follow, as shares
     of the bits. With an interval, values have ``intervals`` by name (an end of None is infinite),
     and labels the ``set`` of all classes that may be. With probabilities the best class has a
-    ``probability``, and ``probabilities`` are those by class. `axes` are those of arrays, and
-    `image_column` is that of a .parquet; see :func:`hdc.readers.open_recording`.
+    ``probability``, and every class has one in ``probabilities``. The `settings` are ``template``,
+    ``axes`` and ``image_column`` of :func:`hdc.readers.open_recording`.
     """
     kinds = {file: kind_of(readers.split_name(file)[0]) for file in files}
     images = [file for file in files if not kinds[file]]
     stills = zip(images, stream_files(images, window), strict=True)
     yield from _rows(model, stills, wanted)
     for array in [f for f in files if kinds[f] not in ("", VIDEO)]:
-        frames = _of_array(model, array, window, axes, image_column)
+        frames = _recorded(model, array, window, settings or {})
         yield from _rows(model, frames, wanted)
     for video in [f for f in files if kinds[f] == VIDEO]:
         # All before the first is given: at its end a video may turn out to be cut off.
         yield from list(_rows(model, _of_video(video, window), wanted))
 
 
-def _of_array(
-    model: Any,
-    path: Path,
-    window: Window,
-    axes: Sequence[str] | None,
-    image_column: str,
+def _recorded(
+    model: Any, path: Path, window: Window, settings: Mapping[str, Any]
 ) -> Iterator[Placed]:
-    """Frames of a file of arrays or a table, which may have labels and values or not."""
+    """Frames of a recording, which may have labels and values or not."""
     recording = readers.open_recording(
         path,
-        axes=axes,
-        image_column=image_column,
         value_columns=value_names(model) if kind_of(path) == VECTORS else (),
         window=window,
+        check=False,
         fewest_classes=0,
+        **settings,
     )
     check_fits(model, recording)
     for i, frame in enumerate(recording.stream()):
@@ -204,24 +199,28 @@ def table_row(answer: Mapping[str, Any], units: Sequence[str] = ()) -> dict[str,
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():
-        match name:
-            case "values":
-                cells |= dict(
-                    zip(with_units([*part], units), part.values(), strict=True)
-                )
-            case "intervals":
-                for value, (low, high) in part.items():
-                    cells[f"{value} from"] = -np.inf if low is None else low
-                    cells[f"{value} to"] = np.inf if high is None else high
-            case "distances":
-                cells |= {f"distance {label}": share for label, share in part.items()}
-            case "set":
-                cells[name] = ", ".join(map(str, part)) or NONE
-            case "label":
-                cells[name] = NONE if part is None else part
-            case _ if name != "probabilities":  # the table has that of the best class
-                cells[name] = part
+        cells |= _cells(name, part, units)
     return {printable(name): _cell(cell) for name, cell in cells.items()}
+
+
+def _cells(name: str, part: Any, units: Sequence[str]) -> dict[str, Any]:
+    """A part of an answer by the heads of its columns."""
+    if name == "values":
+        return dict(zip(with_units([*part], units), part.values(), strict=True))
+    if name == "intervals":
+        ends = ("from", -np.inf), ("to", np.inf)
+        return {
+            f"{value} {head}": infinite if end is None else end
+            for value, pair in part.items()
+            for end, (head, infinite) in zip(pair, ends, strict=True)
+        }
+    if name == "distances":
+        return {f"distance {label}": share for label, share in part.items()}
+    if name == "set":
+        return {name: ", ".join(map(str, part)) or NONE}
+    if name == "probabilities":  # the table has that of the best class
+        return {}
+    return {name: NONE if part is None and name == "label" else part}
 
 
 def _cell(item: Any) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from pathlib import Path
 from typing import Any
 
@@ -10,6 +11,13 @@ import click
 
 from hdc.command import messages, options, work
 from hdc.io import write_atomically
+
+LARGE = 2**18
+"""Bytes of tables that a small board seldom has."""
+TOO_LARGE = (
+    "tables of more than 256 kB; hdc train --subsample 2 makes a model of a quarter of them, and "
+    "--encoder median --readout majority the smallest"
+)
 
 
 @click.command(short_help="Write a model as a C99 header.")
@@ -25,7 +33,7 @@ from hdc.io import write_atomically
     "--bits",
     type=click.Choice(["8", "16"]),
     default="8",
-    help="Bits of a pixel of the frames; a model has no such number.",
+    help="Bits per pixel of the frames on the board.",
 )
 @click.option(
     "--reject",
@@ -65,6 +73,8 @@ def export(
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from error
     messages.say(*_size_lines(plan))
+    if plan.sizes.constant_bytes > LARGE:
+        warnings.warn(f"{model}: {TOO_LARGE}", stacklevel=2)
     origin = f"{model.name}, trained {found.metadata_.get('trained', 'in Python')}"
     write_atomically(output, exporting.header(plan, output.name, origin))
     messages.say(f"{output}: written")
@@ -98,7 +108,8 @@ def _check_replaceable(path: Path) -> None:
         return
     if not path.is_file() or MARK.encode() not in path.read_bytes()[:1000]:
         raise FileExistsError(
-            f"{path}: expected no file or one of hdc export, found another; not replaced"
+            f"{path}: expected a header that hdc export wrote, or no file; found another file, "
+            "which stays as it is"
         )
 
 

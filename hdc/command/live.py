@@ -44,12 +44,13 @@ def live(
     """Teach a model in the browser, or watch a MODEL that was trained.
 
     A page shows the frames of a camera, or of a RECORDING or a video played back, and what the
-    model says. A MODEL has its own crop and subsampling.
+    model says. The crop and subsampling of a MODEL are used. A MODEL without them takes the given
+    ones, such as a model of arrays that were thinned before.
     """
     if sum(given is not None for given in (camera, folder, video)) != 1:
-        raise click.UsageError("expected one of --camera, --folder and --video")
-    if model is not None and window != Window():
-        raise click.UsageError("expected no --crop or --subsample with a MODEL")
+        raise click.UsageError(
+            "expected one of --camera N, --folder RECORDING and --video FILE"
+        )
     _, *others = Source(Path(), settings).words(Window())
     if folder is None and others:
         raise click.UsageError(f"expected no {others[0]} without --folder")
@@ -59,7 +60,11 @@ def live(
 
     trained = None
     if model is not None:
-        trained, window = work.load(model)
+        trained, own = work.load(model)
+        if Window() not in (own, window):
+            wanted = "no --crop or --subsample with a MODEL that has its own"
+            raise click.UsageError(f"expected {wanted}")
+        window = window if own == Window() else own
     source = open_source(window, folder, video, camera or 0, settings)
     if trained is not None:
         work.check_size(trained, source.shape, source.title)

@@ -13,11 +13,11 @@ import numpy as np
 from hdc import readers
 from hdc.command import messages
 from hdc.command.source import Source, opened, recording
-from hdc.readers import Recording, Window, about, gathered, stores
+from hdc.readers import Recording, Window, about, stores
 from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
 from hdc.readers.table import columns_in
-from hdc.readers.template import Template
+from hdc.readers.template import Template, numbered
 
 MOST = 12
 """Arrays, columns and readings that are shown."""
@@ -139,7 +139,7 @@ def _described(words: list[str], frames: Recording) -> list[str]:
         numbers = f"{messages.printable(first)} to {messages.printable(last)}"
         lines.append(f"a frame is the {len(frames.features)} columns from {numbers}")
     if frames.session is not None:
-        lines.append(messages.session_line(frames))
+        lines.append(messages.session_line(frames, np.arange(len(frames))))
     if frames.group is not None:
         n = len(np.unique(frames.group))
         lines.append(f"groups: {n}, each learnt or tested as a whole")
@@ -167,7 +167,7 @@ def _unit_lines(frames: Recording) -> list[str]:
 
 def _twins_line(words: list[str], frames: Recording) -> list[str]:
     """A question, where names of classes differ in a number alone; or nothing."""
-    template = gathered.numbered(frames.classes)
+    template = numbered(frames.classes)
     if not template:
         return []
     read = Template(template).read

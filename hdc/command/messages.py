@@ -20,7 +20,7 @@ _DEGREES = re.compile(r"deg|angle|°|theta|yaw|rotation|azimuth|orientation")
 _MARKUP = re.compile(r"(?::\w+:)?`+~?([^`]*)`+")
 """A name in a docstring, as Sphinx marks it."""
 FALL = 0.1
-"""Fall of the accuracy on another recording that is told to be of the sensor."""
+"""Fall of the accuracy on another recording from which on the sensor is said to differ."""
 DIFFERS = (
     "Your sensor differs between the recordings: record five frames of each class and hdc "
     "recalibrate the model."
@@ -30,14 +30,14 @@ LISTED = 12
 
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
-    """The classes that are learnt, with the frames of each, and the sessions of a recording."""
+    """The classes and sessions that are learnt, with the frames of each."""
     lines = []
     if recording.values is None:
         names = np.array(recording.names)[learnt].tolist()
         lines.append(f"classes: {_counted(names, recording.classes)}")
         if len(recording.classes) == 1:
-            lines.append("one class: hdc predict --reject tells what is unlike it")
-    return [*lines, session_line(recording)]
+            lines.append("one class: hdc predict --reject finds frames unlike it")
+    return [*lines, session_line(recording, learnt)]
 
 
 def form_line(model: Any, path: Path) -> str:
@@ -48,7 +48,7 @@ def form_line(model: Any, path: Path) -> str:
 
 
 def sizes(model: Any, path: Path) -> tuple[int, int]:
-    """Bytes that a prediction needs, and those of the file."""
+    """Bytes that a prediction needs, and bytes of the file."""
     return model.prediction_bytes_, path.stat().st_size
 
 
@@ -71,7 +71,7 @@ def circular_lines(recording: Recording, period: float | None = None) -> list[st
 
 
 def whole(recording: Recording) -> str:
-    """What a recording has to learn, and the size of its frames."""
+    """Content of a recording that a model learns, and the size of its frames."""
     return f"{learnt(recording)}, {size(recording.frame_shape)}"
 
 
@@ -88,12 +88,12 @@ def reading_line(recording: Recording) -> list[str]:
     return [f"read: {'; '.join(recording.notes)}"] if recording.notes else []
 
 
-def session_line(recording: Recording) -> str:
-    """The sessions of a recording, and how many frames each has."""
+def session_line(recording: Recording, rows: np.ndarray) -> str:
+    """The sessions of the frames `rows`, and how many of them each has."""
     if recording.session is None:
         return "sessions: none known"
     names = recording.samples.get("session_name", recording.session)
-    texts = [str(name) for name in names.tolist()]
+    texts = [str(name) for name in names[rows].tolist()]
     return f"sessions: {_counted(texts, sorted(set(texts), key=natural_key))}"
 
 
@@ -231,7 +231,7 @@ def _number(value: float, own: Mapping[str, Any]) -> str:
 def _coverage_line(found: Mapping[str, Any], what: str) -> str:
     low, high = found["interval"]
     return (
-        f"{what} for {found['asked']:g} hold the truth for {found['share']:.1%} of these frames "
+        f"{what} for {found['asked']:g} contain the truth for {found['share']:.1%} of these frames "
         f"(95 % interval {low:.1%} to {high:.1%})"
     )
 

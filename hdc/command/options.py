@@ -1,4 +1,4 @@
-"""Options that several commands share; :mod:`hdc.command.source` has those of a recording."""
+"""Options that several commands share; :mod:`hdc.command.source` has the options of a recording."""
 
 from __future__ import annotations
 
@@ -32,6 +32,13 @@ def _file(_: Any, __: Any, path: Path | None) -> Path | None:
     return path
 
 
+template = click.option(
+    "--template",
+    metavar="PATTERN",
+    help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png'; of a file of "
+    "arrays or a video, such as '{label}_{group}.avi'; or of an array in a file that has one per "
+    "trial, such as '{label}_{group}/frames'.",
+)
 axes = click.option(
     "--axes",
     type=_Names(),
@@ -122,7 +129,7 @@ interval = click.option(
     "--interval",
     type=SHARE,
     metavar="SHARE",
-    help="Answer with intervals of values, or sets of classes, that are to hold the truth for this "
+    help="Answer with intervals of values, or sets of classes, that contain the truth for this "
     "share of the frames, such as 0.9.",
 )
 

@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 
 from hdc.command import messages, options
-from hdc.readers.listing import image_files
 
 FRAMES = Path(__file__).with_name("recording")
 """Frames of the simulated sensor, 63 × 63 pixels: docs/sensor.md says how they were made."""
@@ -30,7 +29,7 @@ def sample(folder: Path) -> None:
     for part in parts:
         _copy(part, folder / part.name)
         classes = ", ".join(sorted(path.name for path in part.iterdir()))
-        frames = len(image_files(part))
+        frames = len(list(part.rglob("*.png")))
         messages.say(f"{folder / part.name}: {frames} frames of {classes}")
 
 

@@ -143,7 +143,7 @@ def interval_of(right: np.ndarray, unit: np.ndarray) -> tuple[float, float]:
 
     It is Wilson's of the number of frames that would vary as much if each were a unit: p(1 − p)/v
     with v = k/(k − 1)·Σ(rᵢ − p·nᵢ)²/n², where rᵢ of the nᵢ frames of unit i of k are right (Korn,
-    Graubard, Survey Methodology 24, 193 (1998)); where p is 0 or 1, it is k. Of few units it is
+    Graubard, Survey Methodology 24, 193 (1998)); where p is 0 or 1, it is k. For few units it is
     divided by the squared ratio of the quantiles of Student's t, with k − 1 degrees of freedom,
     and of the normal distribution (expanded as in Abramowitz, Stegun, 26.7.5).
     """
@@ -161,7 +161,7 @@ def interval_of(right: np.ndarray, unit: np.ndarray) -> tuple[float, float]:
 
 
 def _explained(truth: np.ndarray, predicted: np.ndarray, period: float | None) -> float:
-    """R² of one value [N]; of a circular one the mean of those of cosine and sine."""
+    """R² of one value [N]; of a circular one the mean R² of cosine and sine."""
     pairs = [(truth, predicted)]
     if period is not None:
         planes = [circular.to_plane(v[:, None], period) for v in (truth, predicted)]

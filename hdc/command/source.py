@@ -14,17 +14,12 @@ import click
 import numpy as np
 
 from hdc import readers
-from hdc.command.options import FILE, axes, image_column
+from hdc.command.options import FILE, axes, image_column, template
 from hdc.readers import VECTORS, Recording, Window, kind_of
 from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
-    click.option(
-        "--template",
-        metavar="PATTERN",
-        help="Path of an image in the folder, such as '{session}/{label}/*_{order}.png', or of a "
-        "file of arrays or a video, such as '{label}_{group}.avi'.",
-    ),
+    template,
     click.option(
         "--values",
         "table",
@@ -152,7 +147,7 @@ class Source:
         return path / place.relative_to(folder)
 
     def words(self, window: Window) -> list[str]:
-        """What to type to open it so."""
+        """The words to type to open it so."""
         given = dict(self.settings)
         given |= {"crop": window.crop, "subsample": window.subsample}
         words = [str(self.path)]
@@ -175,7 +170,8 @@ def check_circular(recording: Recording, period: float | None) -> None:
 
 
 def truth_of(recording: Recording) -> np.ndarray:
-    """What a model learns: names of the classes [N], or values [N, T], labels or not."""
+    """The truth that a model learns: names of the classes [N]; or values [N, T] where there are
+    any, even with labels."""
     if recording.values is not None:
         return recording.values
     return np.array(recording.names)

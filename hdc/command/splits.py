@@ -22,7 +22,7 @@ Split = tuple[np.ndarray, np.ndarray]
 
 @dataclass(frozen=True)
 class Units:
-    """What is learnt or tested as a whole.
+    """Frames that are learnt or tested as a whole.
 
     Attributes:
         kind: ``"session"``, ``"group"`` or ``"frame"``.
@@ -72,29 +72,41 @@ def _why_no_session(
             "frames recorded together are nearly alike"
         )
     if not session.any():
-        return "all frames are of one session"
+        return "all frames are from one session"
     if _fewest(labels, session) < 2:
-        return "a class is of one session"
+        return "a class has frames from one session only"
     if group is not None:
         pairs = np.unique([session, group], axis=1)
         if pairs.shape[1] > len(np.unique(group)):
-            return "a group is of several sessions"
+            return "a group has frames from several sessions"
     return ""
 
 
 def _fewest(labels: np.ndarray, unit: np.ndarray) -> int:
     """The number of units of the class that has the fewest."""
-    pairs = np.unique([labels, unit], axis=1)
-    return int(np.unique(pairs[0], return_counts=True)[1].min())
+    return min(len(known) for known in _of_classes(labels, unit).values())
 
 
-def _check_several(labels: np.ndarray, unit: Units, option: str) -> None:
+def _of_classes(labels: np.ndarray, unit: np.ndarray) -> dict[int, np.ndarray]:
+    """The different units of each class, increasing."""
+    return {c: np.unique(unit[labels == c]) for c in np.unique(labels).tolist()}
+
+
+def _check_several(
+    recording: Recording, labels: np.ndarray, unit: Units, option: str
+) -> None:
     """Raise a ValueError for a class of a single unit, which is either learnt or tested."""
-    if _fewest(labels, unit.of) < 2:
-        kinds = f"{unit.kind}s"
-        raise ValueError(
-            f"{option}: expected two {kinds} or more of each class, found one"
-        )
+    for c, known in _of_classes(labels, unit.of).items():
+        if len(known) < 2:
+            found = (
+                "one"
+                if recording.values is not None
+                else f"one of {recording.classes[c]}"
+            )
+            raise ValueError(
+                f"{option}: expected two {unit.kind}s or more of each class, found {found} "
+                "(record it again, or test another recording)"
+            )
 
 
 # Held out ----------------------------------------------------------------------------------------
@@ -118,15 +130,17 @@ def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
     every = np.arange(len(recording))
     unit = units(recording, every)
     labels = _kinds(recording)
-    _check_several(labels, unit, "--test-fraction")
-    held = np.isin(unit.of, _held_units(labels, unit, fraction))
+    _check_several(recording, labels, unit, "--test-fraction")
+    held = np.isin(unit.of, _held_units(recording, labels, unit, fraction))
     return (every[~held], every[held]), unit
 
 
-def _held_units(labels: np.ndarray, unit: Units, fraction: float) -> list[int]:
+def _held_units(
+    recording: Recording, labels: np.ndarray, unit: Units, fraction: float
+) -> list[int]:
     """Units to hold out; every class is left one to learn."""
     rng = np.random.default_rng(0)
-    own = {c: np.unique(unit.of[labels == c]) for c in np.unique(labels).tolist()}
+    own = _of_classes(labels, unit.of)
     left = {c: set(known.tolist()) for c, known in own.items()}
     held: list[int] = []
     for c, known in own.items():
@@ -139,8 +153,9 @@ def _held_units(labels: np.ndarray, unit: Units, fraction: float) -> list[int]:
                     others.discard(candidate)
         if len(left[c]) == len(known):
             raise ValueError(
-                f"--test-fraction: expected a {unit.kind} of each class that can be held out, "
-                "found a class whose last one another class needs"
+                f"--test-fraction: expected a {unit.kind} of each class to test and another to "
+                f"learn, found that {recording.classes[c]} and another share one (hdc evaluate "
+                "tests another recording)"
             )
     return held
 
@@ -165,7 +180,7 @@ def folds(recording: Recording, rows: np.ndarray) -> tuple[list[Split], Units]:
     """
     unit = units(recording, rows)
     labels = _kinds(recording)[rows]
-    _check_several(labels, unit, "cross-validation")
+    _check_several(recording, labels, unit, "cross-validation")
     return list(_folds(labels, unit)), unit
 
 

@@ -10,7 +10,7 @@ import click
 import numpy as np
 
 import hdc
-from hdc.command import messages, options
+from hdc.command import messages, options, scores, splits
 from hdc.command.source import (
     Source,
     check_circular,
@@ -66,69 +66,79 @@ def train(
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values.
 
-    Frames of one class alone make a model that tells what is unlike them: hdc predict --reject.
+    Frames of one class alone make a model that finds frames unlike them: hdc predict --reject.
     """
     if choose and (encoder or readout or parameters):
-        raise click.UsageError("expected --choose, or --encoder, --readout and --set")
+        raise click.UsageError(
+            "expected --choose alone, or --encoder, --readout and --set without it"
+        )
     frames = source.open(window, fewest_classes=2 if choose else 1)
     check_circular(frames, period)
     check_replaceable(output)
-    learnt, held_out = np.arange(len(frames)), None
-    if test_fraction is not None:
-        from hdc.command import splits
-
-        (learnt, tested), unit = splits.hold_out(frames, test_fraction)
-        held_out = tested, unit
-    lines: list[str] = []
+    rows, tested, unit = _split(frames, test_fraction)
     if choose:
-        model, given, lines = chosen(frames, learnt, period)
+        model, given, lines = chosen(frames, rows, period)
     else:
-        model = hdc.HDCClassifier(encoder or "median", readout or "majority")
-        if frames.values is not None:
-            parts = encoder or "median", readout or "ridge"
-            model = hdc.HDCRegressor(*parts, period=period)
+        model = _untrained(frames, encoder, readout, period)
         model.set_params(**dict(parameters))
-        given = _learnable(model, frames, learnt)
-    model.fit(given, truth_of(frames)[learnt], **_together(frames, learnt))
+        given, lines = _learnable(model, frames, rows), []
+    model.fit(given, truth_of(frames)[rows], **_together(frames, rows))
     model._columns = list(frames.features) or None
-    lines += messages.content_lines(frames, learnt)
+    lines += messages.content_lines(frames, rows)
     metadata = _metadata(frames, window)
-    if held_out is not None:
-        result = _tested(model, frames, held_out[0])
-        lines += _held_out_lines(result, frames, held_out[1])
-        if len(frames.classes) > 1 and "accuracy" in result:
-            metadata["held_out"] = result["accuracy"]
+    if unit is not None:
+        said, kept = _held_out(model, frames, tested, unit)
+        lines += said
+        metadata |= kept
     model.save(output, metadata=metadata)
-    form = messages.form_line(model, output)
-    is_plain = not (choose or encoder or readout)
-    lines.append(f"{form}; --choose tries others" if is_plain else form)
+    advice = "" if choose else "; --choose tries others"
+    lines.append(messages.form_line(model, output) + advice)
     lines += messages.reading_line(frames)
     lines += messages.circular_lines(frames, period)
-    first = f"{output}: {len(learnt)} frames, {messages.whole(frames)}"
+    first = f"{output}: {len(rows)} frames, {messages.whole(frames)}"
     messages.say(first, *lines)
 
 
-def _tested(model: Any, frames: Recording, tested: np.ndarray) -> dict[str, Any]:
-    """The score of the frames that were held out; of a model of one class, how many it refuses."""
-    from hdc.command import scores
+def _split(
+    frames: Recording, test_fraction: float | None
+) -> tuple[np.ndarray, np.ndarray, splits.Units | None]:
+    """Rows to learn and to test, and the units that are held out; all are learnt without a
+    fraction."""
+    if test_fraction is None:
+        every = np.arange(len(frames))
+        return every, every[:0], None
+    (rows, tested), unit = splits.hold_out(frames, test_fraction)
+    return rows, tested, unit
 
+
+def _untrained(
+    frames: Recording, encoder: str | None, readout: str | None, period: float | None
+) -> Any:
+    """A model of these parts that learns the classes or the numbers of a recording."""
+    if frames.values is None:
+        return hdc.HDCClassifier(encoder or "median", readout or "majority")
+    return hdc.HDCRegressor(encoder or "median", readout or "ridge", period=period)
+
+
+def _held_out(
+    model: Any, frames: Recording, tested: np.ndarray, unit: splits.Units
+) -> tuple[list[str], dict[str, Any]]:
+    """Lines on the frames that were held out, and why they were these; and the accuracy, which is
+    kept with the model. A model of one class is asked how many of them it refuses."""
     is_of_one = frames.values is None and len(frames.classes) == 1
-    return scores.score(model, frames, tested, options.RATE if is_of_one else None)
-
-
-def _held_out_lines(result: dict[str, Any], frames: Recording, unit: Any) -> list[str]:
-    """The score of the frames that were held out, and why they were these."""
-    from hdc.command import splits
-
+    rate = options.RATE if is_of_one else None
+    result = scores.score(model, frames, tested, rate)
     first, *others = messages.score_lines(result)
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
     if why := unit.reason(frames):
         lines.append(f"held out {splits.HOW[unit.kind]} because {why}")
-    return lines
+    if is_of_one or frames.values is not None:
+        return lines, {}
+    return lines, {"held_out": result["accuracy"]}
 
 
 def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
-    """What is kept with a model of a recording."""
+    """Settings and names that are kept with a model of a recording."""
     metadata: dict[str, Any] = {"crop": window.crop, "subsample": window.subsample}
     if window.crop is not None and frames.image_shape:
         metadata["image"] = list(frames.image_shape)
@@ -142,9 +152,8 @@ def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
 
 
 def _together(frames: Recording, rows: np.ndarray) -> dict[str, Any]:
-    """What a classifier is told of frames that were recorded together, by which it refuses."""
-    from hdc.command import splits
-
+    """The argument ``groups`` of a classifier: frames that were recorded together calibrate its
+    rejection."""
     if frames.values is not None:
         return {}
     unit = splits.units(frames, rows)

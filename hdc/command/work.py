@@ -76,7 +76,7 @@ def frames_for(
 
 
 def _check_values(model: Any, frames: Recording) -> None:
-    """Raise a ValueError unless a recording has as many numbers a frame as the model predicts."""
+    """Raise a ValueError unless a recording has as many numbers per frame as the model predicts."""
     if frames.values is None:
         wanted = "a table of the numbers to compare with"
         raise ValueError(f"--values: expected {wanted}, found none")
@@ -84,7 +84,7 @@ def _check_values(model: Any, frames: Recording) -> None:
     if frames.values.shape[1] != n:
         found = ", ".join(frames.value_names)
         raise ValueError(
-            f"--column: expected {n} numbers a frame as in training, found {found}"
+            f"--column: expected {n} numbers per frame as in training, found {found}"
         )
 
 

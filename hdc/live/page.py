@@ -126,7 +126,7 @@ class Page:
     # Layout --------------------------------------------------------------------------------------
 
     def _see(self) -> None:
-        ui.label("1. What the camera sees").classes("heading")
+        ui.label("1. Frames of the camera").classes("heading")
         picture = ui.interactive_image("/frame").classes("picture w-full")
         ui.timer(1 / FASTEST, picture.force_reload)
         small(
@@ -140,7 +140,7 @@ class Page:
         self._beside = small()
 
     def controls(self) -> None:
-        """What controls the source: buttons that step through a recording."""
+        """Controls of the source: buttons that step through a recording."""
         source = self.source
         if not isinstance(source, Recorded):
             return
@@ -157,7 +157,7 @@ class Page:
         if self.session.is_taught:
             self._teach()
         else:
-            ui.label("2. What it was trained on").classes("heading")
+            ui.label("2. Frames of the training").classes("heading")
         self._classes = div("flex flex-col gap-3")
         if model is None or hasattr(model, "distances"):
             small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")

@@ -1,6 +1,6 @@
 """The model that the page teaches, and the frames it was taught with; no threads, no browser.
 
-The model is always trained anew from the kept samples, and recalibrated by those of each
+The model is always trained anew from the kept samples, and recalibrated by the samples of each
 recalibration, which takes milliseconds. An operation that is refused raises ValueError, whose text
 the page shows, and changes nothing.
 """
@@ -40,7 +40,7 @@ class Answer:
     distances: Mapping[str, float] = field(default_factory=dict)
     """Hamming, to each prototype, as a share of the bits."""
     values: tuple[Interval, ...] = ()
-    """Of a model of numbers."""
+    """The values that a model of numbers predicts."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +56,7 @@ class View:
 
 
 class Lesson(NamedTuple):
-    """Samples of lesson 0 train the model; those of a later one recalibrate it by p."""
+    """Samples of lesson 0 train the model; samples of a later lesson recalibrate it by p."""
 
     number: int = 0
     p: float = 0.0

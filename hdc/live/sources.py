@@ -62,7 +62,7 @@ def _film(path: Path, window: readers.Window) -> Iterator[np.ndarray]:
 
 
 def _kept(window: readers.Window) -> dict[str, Any]:
-    """What is kept with a saved model of frames cut so."""
+    """The metadata of a saved model: the pixels that are kept of a frame."""
     return {"crop": window.crop, "subsample": window.subsample}
 
 

@@ -38,28 +38,29 @@ __all__ = [
 ]
 
 FOLDER, ARRAY, IMAGES = "a folder", "a file of arrays", "a parquet"
-VECTORS, VIDEO = "a table", "a video"
+ARRAYS, VECTORS, VIDEO = "a file of several arrays", "a table", "a video"
 SUFFIXES = {
     **dict.fromkeys((".npz", ".npy", ".mat", ".h5", ".hdf5", ".tif", ".tiff"), ARRAY),
     ".csv": VECTORS,
     ".parquet": IMAGES,
     **dict.fromkeys((".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm"), VIDEO),
 }
-"""What kind of recording a file is, by its suffix."""
+"""The kind of recording that a file is, by its suffix."""
 _READERS = {
     FOLDER: "listing",
     ARRAY: "arrays",
+    ARRAYS: "gathered",
     IMAGES: "parquet",
     VECTORS: "vectors",
     VIDEO: "video",
 }
 """The module that opens each kind."""
 _SETTINGS = {
-    "template": (FOLDER,),
-    "frames": (FOLDER,),
+    "template": (FOLDER, ARRAYS),
+    "frames": (FOLDER, ARRAYS),
     "table": (FOLDER, ARRAY, VIDEO),
-    "axes": (ARRAY, FOLDER),
-    "labels": (ARRAY, IMAGES, FOLDER),
+    "axes": (ARRAY, ARRAYS, FOLDER),
+    "labels": (ARRAY, ARRAYS, IMAGES, FOLDER),
     "skip_damaged": (FOLDER,),
     "skip_missing": (FOLDER,),
 }
@@ -101,10 +102,11 @@ def open_recording(
         labels: name of the array or column of labels, or a CSV with them, whose columns of numbers
             are not learnt.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``;
-            or of a file of arrays or a video, such as ``{session}/{label}_{group}.avi``.
+            or of a file of arrays or a video, such as ``{session}/{label}_{group}.avi``; or of an
+            array in a file that has one per trial, such as ``{label}_{group}/frames``.
         table: CSV with a row per image, in or relative to the folder, or with a row per frame of an
-            array or a video; its columns of numbers are values. Of a video also one with a row per
-            interval. Default for both: beside the file, its suffix replaced by .csv.
+            array or a video; its columns of numbers are values. A video may have a row per interval
+            instead. Default for both: beside the file, its suffix replaced by .csv.
         image_column: column of the table, or of the .parquet, that has the images.
         value_columns: columns, or arrays of a file, that are values; default: all numeric ones
             but order, session and group (none of a manifest.csv or of a .csv of vectors).
@@ -169,6 +171,8 @@ def _checked_kind(path: Path, asked: Asked) -> str:
         )
     if kind != FOLDER:
         check_file(path)
+    if kind == ARRAY and asked.template is not None:
+        kind = ARRAYS
     for name, kinds in _SETTINGS.items():
         setting = getattr(asked, name)
         if setting and kind not in kinds:

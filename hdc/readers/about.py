@@ -1,4 +1,4 @@
-"""What is said of frames beside their pixels: labels, values, order, sessions, groups.
+"""Statements on frames, besides their pixels: labels, values, order, sessions, groups.
 
 Whatever a file is, its statements become :class:`Columns` of numbers or text, of which
 :meth:`Columns.about` makes the typed :class:`About` of a recording.
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from hdc.readers.asked import Asked
-from hdc.readers.files import SettingError, wrong
+from hdc.readers.files import SHOWN, SettingError, wrong
 from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
@@ -34,7 +34,7 @@ _OF_UNITS = re.compile(
 
 @dataclass(frozen=True)
 class About:
-    """What is known of N frames.
+    """Labels, values and other columns of N frames.
 
     Attributes:
         samples: columns [N] by name: ``order`` (place in time), ``session`` and ``group`` where
@@ -104,7 +104,7 @@ class Columns:
         return cls(where, n, place, columns)
 
     def only(self, *names: str) -> Columns:
-        """Those of these columns that are there."""
+        """Columns of these names, where they are there."""
         kept = {name: self.columns[name] for name in names if name in self.columns}
         return Columns(self.where, self.n, self.place, kept)
 
@@ -126,11 +126,11 @@ class Columns:
         return replace(self, columns=columns)
 
     def about(self, value_columns: Sequence[str] | None, fewest_classes: int) -> About:
-        """What the columns mean.
+        """The labels, values and samples that the columns are.
 
         Args:
             value_columns: names of the columns to learn; where it is None, or where it is empty
-                and there are no labels, those of :attr:`learnt`.
+                and there are no labels, the columns in :attr:`learnt`.
             fewest_classes: fewer are refused; with 0 neither labels nor values are needed.
 
         Raises:
@@ -143,7 +143,7 @@ class Columns:
         if labels is None and not value_columns and fewest_classes > 0:
             raise ValueError(
                 f"{self.where}: expected a label of each frame, or numbers to learn, found "
-                f"{', '.join(self.columns) or 'neither'}"
+                f"{', '.join(self.columns) or 'neither'} (--labels or --column names them)"
             )
         classes: tuple[str, ...] = ()
         if labels is not None:
@@ -216,7 +216,7 @@ class Columns:
         return samples
 
     def numeric(self) -> list[str]:
-        """Names of the columns of numbers, but for those of :data:`KNOWN` and those without a name.
+        """Names of the columns of numbers, without :data:`KNOWN` and columns that have no name.
 
         Most cells of such a column are numbers, or are missing where there is a number.
 
@@ -316,8 +316,9 @@ def grouped(about: About, members: np.ndarray) -> tuple[About, str]:
         return about, ""
     apart = members.max() + 1 + np.arange(len(members))
     samples = {**about.samples, "group": np.where(alone, apart, members)}
-    names = (about.classes[c] for c in np.unique(about.labels[alone]))
-    return replace(about, samples=samples), ", ".join(names)
+    names = [about.classes[c] for c in np.unique(about.labels[alone])]
+    more = [f"{len(names) - SHOWN} more"] if len(names) > SHOWN else []
+    return replace(about, samples=samples), ", ".join([*names[:SHOWN], *more])
 
 
 def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:

@@ -21,8 +21,10 @@ from hdc.readers.axes import ALONG, Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
 from hdc.readers.recording import Recording, Window
-from hdc.readers.stores import Store, load
+from hdc.readers.store import Store
+from hdc.readers.stores import load
 from hdc.readers.table import columns_in
+from hdc.readers.template import suggested_in
 
 
 def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
@@ -48,44 +50,49 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     columns = None if table is None else Columns.read(table)
     axes = asked.axes or store.axes.get(name)
     if axes is None:
-        n_rows = columns.n if columns else count(arrays, asked.named)
+        n_rows = columns.n if columns else count(arrays, asked.named, array.shape)
         axes = reading(f"{path}[{name}]", array, n_rows, store.frames_last)
+    where = f"{path}:/{asked.dataset}" if asked.dataset else f"{path}"
 
     def place(i: int) -> str:
-        return f"{path}, frame {i}" if n > 1 else str(path)
+        return f"{where}, frame {i}" if n > 1 else where
 
     frames = Frames(place, array, axes, window)
     n = math.prod(frames.counts)
-    values = asked.values
-    if columns is not None:
-        _check_rows(columns, n)
-    else:
-        if "value" in axes and not values:
-            values = ("value",)
+    if columns is None:
+        if "value" in axes and not asked.values:
+            asked = asked._replace(values=("value",))
         arrays |= _places(axes, frames.counts)
         columns = columns_of(path, arrays, n, store.frames_last)
-        if asked.fewest_classes > 0 and not values:
+        if asked.fewest_classes > 0 and not asked.values:
             check_learnt(path, store, columns, array.shape)
+    else:
+        _check_rows(columns, n)
     read = asked.dataset, tuple(axes)
-    notes = [f"{path.name}[{name}] {tuple(array.shape)} as {', '.join(axes)}"]
-    notes += store.notes.get(name, [])
-    if store.unread:
-        notes.append(f"not read: {', '.join(store.unread)}")
-    if "channel" in axes:
-        notes.append("channels are red, green, blue")
-    if table is not None and asked.table is None:
-        notes.append(f"labels of {table.name}")
-    beside_it = path.with_suffix(".csv")
-    if table is None and asked.labels is None and "label" in columns_in(beside_it):
-        notes.append(f"labels and values of the file, not of {beside_it.name}")
+    as_read = f"{path.name}[{name}] {tuple(array.shape)} as {', '.join(axes)}"
     return Recording.of(
-        columns.known_as(asked).about(values, asked.fewest_classes),
+        columns.known_as(asked).about(asked.values, asked.fewest_classes),
         frames,
         window,
         digest=cache(lambda: _digest(path, *read)),
-        notes=tuple(notes),
+        notes=(as_read, *store.notes_on(name), *_notes(path, axes, table, asked)),
         image_shape=frames.size,
     )
+
+
+def _notes(
+    path: Path, axes: Sequence[str], table: Path | None, asked: Asked
+) -> list[str]:
+    """How the channels and the labels were read, a phrase each."""
+    beside_it = path.with_suffix(".csv")
+    is_unused = table is None and asked.labels is None
+    found = {
+        "channels are red, green, blue": "channel" in axes,
+        f"labels of {beside_it.name}": table is not None and asked.table is None,
+        f"labels and values of the file, not of {beside_it.name}": is_unused
+        and "label" in columns_in(beside_it),
+    }
+    return [note for note, holds in found.items() if holds]
 
 
 def _table(path: Path, arrays: dict[str, Any], asked: Asked) -> Path | None:
@@ -113,7 +120,7 @@ def _check_rows(columns: Columns, n: int) -> None:
 def _places(axes: Sequence[str], counts: Sequence[int]) -> dict[str, np.ndarray]:
     """Place along each axis of frames that says something of them, of every frame [N]."""
     along = [axis for axis in axes if axis in ALONG]
-    places = np.indices(counts).reshape(len(along), -1)
+    places = np.indices(counts).reshape(len(along), math.prod(counts))
     found = zip(along, places, strict=True)
     return {axis: place for axis, place in found if axis != "frame"}
 
@@ -132,24 +139,28 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
         return wanted
     if wanted in store.unread:
         raise BadFrame(f"{path}[{wanted}]: {store.unread[wanted]}")
-    shapes = {name: array.shape for name, array in store.arrays.items()}
-    listed = ", ".join(f"{name} {shape}" for name, shape in shapes.items())
+    arrays = store.arrays.items()
+    listed = ", ".join(f"{name} {tuple(array.shape)}" for name, array in arrays)
     if dataset:
         raise SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
-    numbers = [
-        name for name, array in store.arrays.items() if array.dtype.kind in "iuf"
-    ]
-    found = [name for name in numbers if len(shapes[name]) > 2]
-    found = found or [name for name in numbers if _is_table(shapes[name])]
-    if not found:
-        raise ValueError(
-            f"{path}: expected an array of frames [N, H, W] or [N, D], found "
-            f"{listed or 'none'}{store.advice()}"
-        )
-    if len(found) > 1:
-        choices = [f"{path}:/{name}" for name in found]
+    found = _stacks(store)
+    if len(found) == 1:
+        return found[0]
+    if found:
+        choices = [f"--template '{made}'" for made in suggested_in(found)]
+        choices += [f"{path}:/{name}" for name in found]
         raise Ambiguous(f"{path}: several arrays", choices)
-    return found[0]
+    raise ValueError(
+        f"{path}: expected an array of frames [N, H, W] or [N, D], found "
+        f"{listed or 'none'}{store.advice()}"
+    )
+
+
+def _stacks(store: Store) -> list[str]:
+    """Names of the arrays that can be frames: of three axes or more, else of two."""
+    shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
+    stacks = [name for name, shape in shapes.items() if len(shape) > 2]
+    return stacks or [name for name, shape in shapes.items() if _is_table(shape)]
 
 
 def _is_table(shape: tuple[int, ...]) -> bool:

@@ -1,4 +1,4 @@
-"""What a user asks of a recording, as every reader takes it."""
+"""The settings of a recording, as every reader takes them."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 
 class Asked(NamedTuple):
-    """What a user asks of a recording; see :func:`hdc.readers.open_recording`.
+    """Settings of a recording; see :func:`hdc.readers.open_recording`.
 
     Attributes:
         labels: name of the array or column of labels.
@@ -40,6 +40,10 @@ class Asked(NamedTuple):
         names = {name: getattr(self, name) for name in ("labels", "sessions", "groups")}
         known = {k: name and name.removeprefix(group) for k, name in names.items()}
         return self._replace(**known)
+
+    def of_part(self) -> Asked:
+        """The same of one of several files or arrays, which may have neither labels nor values."""
+        return self._replace(template=None, frames=None, fewest_classes=0)
 
     @property
     def named(self) -> Sequence[str]:

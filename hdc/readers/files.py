@@ -1,4 +1,4 @@
-"""What can be wrong with the files and settings that people give; every error names them."""
+"""Errors of files and settings that people give; each names the file or the setting."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ LIBRARIES = {
     "pyarrow": "files",
 }
 """Packages that read files, and the extra of this distribution that brings each."""
-_SHOWN = 12
-"""Choices that an error lists."""
+SHOWN = 12
+"""Choices or names that a message lists."""
 
 
 class BadFrame(ValueError):
@@ -37,8 +37,8 @@ class Ambiguous(ValueError):
 
     def __init__(self, where: object, choices: Sequence[str]) -> None:
         self.choices = tuple(choices)
-        shown = "; or ".join(self.choices[:_SHOWN])
-        rest = len(self.choices) - _SHOWN
+        shown = "; or ".join(self.choices[:SHOWN])
+        rest = len(self.choices) - SHOWN
         more = f"; or {rest} more" if rest > 0 else ""
         super().__init__(f"{where}: expected one of {shown}{more}")
 

@@ -1,7 +1,7 @@
 """Frames of a video, decoded by PyAV (FFmpeg) from its beginning.
 
-Times are those of the container, in seconds from its first frame, evenly spaced or not. A frame is
-turned as the file says. Grey of more than 8 bits comes as it is stored. Seeking is slow, and not
+Times are as in the container, in seconds from its first frame, evenly spaced or not. A frame is
+turned as the file says. Grey of more than 8 bits is left as it is stored. Seeking is slow, and not
 exact in every container, so a video is decoded from its beginning. Frames that fit are kept in
 memory.
 """

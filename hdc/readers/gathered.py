@@ -1,31 +1,28 @@
-"""A folder of files of arrays or of videos, whose names say what was recorded.
+"""A folder of files of arrays or of videos, or a file of several arrays, whose names are labels.
 
-What a name says holds for all frames of the file. A file is a group, unless the template says more.
-A label, session or group that the name does not say is that of the frames in the file, if it has
-them: of a video, in the table beside it.
+The fields of a name hold for all frames of the file. A file is a group, unless the template says
+more. Labels, sessions and groups that the name does not say are read in the file, or in the table
+of a video.
 """
 
 from __future__ import annotations
 
 import hashlib
-import re
-from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property
-from pathlib import Path, PurePath
+from functools import cache, cached_property, partial
+from pathlib import Path
 
 import numpy as np
 
-from hdc.readers import ARRAY, VIDEO, kind_of
+from hdc.readers import ARRAY, VIDEO, arrays, kind_of, stores
 from hdc.readers.about import About, Columns, grouped
 from hdc.readers.asked import Asked
+from hdc.readers.axes import READINGS
 from hdc.readers.files import Ambiguous, BadFrame, file_digest, wrong
 from hdc.readers.recording import Recording, Window
-from hdc.readers.template import Template
+from hdc.readers.template import Template, suggested
 
-_NUMBERED = re.compile(r"(.*?)((?:[\W_]+[A-Za-z]*=?)?)(\d+)")
-"""A name such as ball__t=0 or ball_run2: what it is of, what is between, and a number."""
 Fields = Mapping[str, str]
 """Texts that the name of a file says, by field."""
 
@@ -50,7 +47,7 @@ def files_of(
     return [(file, fields) for file, fields in found_all if fields is not None]
 
 
-def open_frames(
+def open_files(
     root: Path,
     files: Sequence[tuple[str, Fields]],
     others: Sequence[str],
@@ -60,34 +57,47 @@ def open_frames(
     """Open the frames of these files, one after the other; the `others` of the folder are left out.
 
     Raises:
+        Ambiguous: an array of two axes may be a frame or vectors.
         BadFrame: a file cannot be read, or its frames are not of the size and depth of the first.
         SettingError: ``frames`` is out of range.
-        ValueError: a file or what its name says is not as described.
+        ValueError: a file or its name is not as described.
     """
-    if asked.frames is not None and asked.frames < 1:
-        raise wrong("frames", asked.frames, "null or an integer ≥ 1")
     if asked.skip_damaged:
         raise wrong("skip_damaged", True, f"false unless {root} is a folder of images")
-    parts = [_part(root, file, fields, window, asked) for file, fields in files]
-    first = parts[0].recording
-    for part in parts:
-        _check_alike(root / part.file, first, part.recording)
-    about, notes = _about(root, parts, asked)
-    frames = _Frames(parts)
-    sizes = [len(part.recording) for part in parts]
-    each = f"{min(sizes)}" if len({*sizes}) == 1 else f"{min(sizes)} to {max(sizes)}"
-    taken_of_each = f", {asked.frames} of each taken" if asked.frames else ""
-    found = f"{len(parts)} files of {each} frames{taken_of_each}"
-    taken = {part.file for part in parts}
-    return Recording.of(
-        about,
-        frames,
-        window,
-        digest=cache(frames.digest),
-        image_shape=first.image_shape,
+    parts = []
+    for file, fields in files:
+        opened = partial(_opened, root / file, fields, window, asked.of_part())
+        recording = replace(opened(), each=partial(_each, opened))
+        parts.append(_part(f"{root / file}", file, fields, recording, asked))
+    taken = {part.name for part in parts}
+    return replace(
+        _joined(root, "files", parts, window, asked),
         other_files=tuple(file for file in others if file not in taken),
-        notes=(found, *notes, *first.notes),
     )
+
+
+def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
+    """Open the arrays of a file that a template names, one after the other.
+
+    Raises:
+        Ambiguous, BadFrame, SettingError, ValueError: see :func:`open_files`.
+    """
+    assert asked.template is not None
+    if asked.dataset:
+        raise wrong("template", asked.template, f"null with {path}:/{asked.dataset}")
+    read = Template(asked.template).read
+    parts = []
+    with stores.loaded_once():
+        names = [*stores.load(path).arrays]
+        for name in names:
+            if (fields := read(name)) is not None:
+                own = asked.of_part()._replace(dataset=name)
+                recording = arrays.open_frames(path, window, own)
+                parts.append(_part(f"{path}:/{name}", name, fields, recording, asked))
+    if not parts:
+        found = ", ".join(names) or "none"
+        raise ValueError(f"{path}: expected arrays {asked.template}, found {found}")
+    return _joined(path, "arrays", parts, window, asked)
 
 
 # Each file ---------------------------------------------------------------------------------------
@@ -95,16 +105,17 @@ def open_frames(
 
 @dataclass(frozen=True)
 class _Part:
-    """A file, what its name says, its frames, and which of them are taken."""
+    """A file or an array, the fields of its name, its frames, and the rows that are taken."""
 
-    file: str
+    where: str
+    name: str
     fields: Fields
     recording: Recording
     rows: np.ndarray
 
     @cached_property
     def columns(self) -> dict[str, np.ndarray]:
-        """What the file says of the frames that are taken; sessions and groups by their names."""
+        """Columns in the file of the frames that are taken; sessions and groups by their names."""
         columns = dict(self.recording.samples)
         for name in ("session", "group"):
             if f"{name}_name" in columns:
@@ -115,29 +126,34 @@ class _Part:
         return {name: column[self.rows] for name, column in columns.items()}
 
 
-def _part(root: Path, file: str, fields: Fields, window: Window, asked: Asked) -> _Part:
-    path = root / file
-    own = asked._replace(template=None, fewest_classes=0)
-
-    def opened() -> Recording:
-        if kind_of(path) == ARRAY:
-            from hdc.readers import arrays
-
-            return arrays.open_frames(path, window, own)
-        if "label" in fields or "value" in fields:
-            return _whole_film(path, window)
-        from hdc.readers import video  # late: PyAV is of the extra files
-
-        return video.open_frames(path, window, own)
-
-    def each(index: np.ndarray) -> Iterator[np.ndarray]:
-        return opened().each(index)  # not all files are in memory at once
-
-    recording = replace(opened(), each=each)
-    n = len(recording)
+def _part(
+    where: str, name: str, fields: Fields, recording: Recording, asked: Asked
+) -> _Part:
+    if asked.frames is not None and asked.frames < 1:
+        raise wrong("frames", asked.frames, "null or an integer ≥ 1")
+    n, shape = len(recording), recording.frame_shape
+    says_how_many = recording.labels is not None or recording.values is not None
+    if len(shape) == 1 and asked.axes is None and not says_how_many:
+        choices = [f"--axes {axes}" for axes in ("height,width", *READINGS[2])]
+        raise Ambiguous(f"{where}: an array of two axes", choices)
     most = min(asked.frames or n, n)
     rows = (2 * np.arange(most) + 1) * n // (2 * most)
-    return _Part(file, fields, recording, rows)
+    return _Part(where, name, fields, recording, rows)
+
+
+def _opened(path: Path, fields: Fields, window: Window, asked: Asked) -> Recording:
+    if kind_of(path) == ARRAY:
+        return arrays.open_frames(path, window, asked)
+    if "label" in fields or "value" in fields:
+        return _whole_film(path, window)
+    from hdc.readers import video  # late: PyAV is of the extra files
+
+    return video.open_frames(path, window, asked)
+
+
+def _each(opened: Callable[[], Recording], index: np.ndarray) -> Iterator[np.ndarray]:
+    """Frames of a file that is opened again: not all files are in memory at once."""
+    return opened().each(index)
 
 
 def _whole_film(path: Path, window: Window) -> Recording:
@@ -156,12 +172,32 @@ def _whole_film(path: Path, window: Window) -> Recording:
     )
 
 
-def _check_alike(path: Path, first: Recording, other: Recording) -> None:
-    wanted, found = (
-        f"frames {shown.frame_shape} {shown.dtype}" for shown in (first, other)
+def _joined(
+    root: Path, kind: str, parts: Sequence[_Part], window: Window, asked: Asked
+) -> Recording:
+    """The frames of files or arrays of one kind, with what their names and files say."""
+    first = parts[0].recording
+    wanted = f"frames {first.frame_shape} {first.dtype}"
+    for part in parts:
+        found = f"frames {part.recording.frame_shape} {part.recording.dtype}"
+        if wanted != found:
+            raise BadFrame(
+                f"{part.where}: expected {wanted} as in the first of the {kind}, found {found}"
+            )
+    about, notes = _about(root, parts, asked)
+    frames = _Frames(parts)
+    sizes = [len(part.recording) for part in parts]
+    each = f"{min(sizes)}" if len({*sizes}) == 1 else f"{min(sizes)} to {max(sizes)}"
+    unit = "frame" if each == "1" else "frames"
+    taken = f", {asked.frames} of each taken" if asked.frames else ""
+    return Recording.of(
+        about,
+        frames,
+        window,
+        digest=cache(frames.digest),
+        image_shape=first.image_shape,
+        notes=(f"{len(parts)} {kind} of {each} {unit}{taken}", *notes, *first.notes),
     )
-    if wanted != found:
-        raise BadFrame(f"{path}: expected {wanted} as in the first file, found {found}")
 
 
 class _Frames:
@@ -205,15 +241,16 @@ class _Frames:
 
 
 def _about(root: Path, parts: Sequence[_Part], asked: Asked) -> tuple[About, list[str]]:
-    """What names and files say, and how they were read."""
+    """Labels, values and other columns of the names and files, and notes on how they were read."""
     counts = [len(part.rows) for part in parts]
     member = np.repeat(np.arange(len(parts)), counts)
     said = {
         name: [parts[k].fields[name] for k in member.tolist()]
         for name in parts[0].fields
     }
-    place: Callable[[int], str] = lambda i: str(root / parts[member[i]].file)  # noqa: E731
-    columns = Columns.of_texts(root, len(member), place, said)
+    columns = Columns.of_texts(
+        root, len(member), lambda i: parts[member[i]].where, said
+    )
     common = set.intersection(*(set(part.columns) for part in parts))
     for name in sorted(common - set(said)):
         columns.columns[name] = np.concatenate([part.columns[name] for part in parts])
@@ -224,20 +261,26 @@ def _about(root: Path, parts: Sequence[_Part], asked: Asked) -> tuple[About, lis
     columns.columns |= values
     columns.learnt = ("value",) if "value" in said else tuple(values)
     about = columns.about(asked.named, asked.fewest_classes)
-    names = np.array([part.file for part in parts])
+    names = np.array([part.name for part in parts])
     about = replace(about, samples={**about.samples, "file": names[member]})
     if "group" in said or max(counts) == 1:
         return about, notes
+    about, note = _by_files(about, member)
+    return about, notes + note
+
+
+def _by_files(about: About, member: np.ndarray) -> tuple[About, list[str]]:
+    """Frames whose files [N] are groups, parted by the groups in them; and a note of the split."""
     if (own := about.samples.get("group")) is not None:
-        member = np.unique(np.stack([member, own]), axis=1, return_inverse=True)[1]
+        pairs = np.stack([member, own])
+        member = np.unique(pairs, axis=1, return_inverse=True)[1]
     if about.labels is None:
-        return replace(about, samples={**about.samples, "group": member}), notes
+        return replace(about, samples={**about.samples, "group": member}), []
     about, alone = grouped(about, member)
     if alone:
-        notes.append(f"{alone}: one file, whose frames are split")
-    elif "group" not in about.samples:
-        notes.append("each class is one file, whose frames are split")
-    return about, notes
+        return about, [f"{alone}: one file, whose frames are split"]
+    is_split = "group" not in about.samples
+    return about, ["each class is one file, whose frames are split"] * is_split
 
 
 def _values(
@@ -254,41 +297,3 @@ def _values(
         values = [np.asarray(p.recording.values)[p.rows, k] for p in parts]
         columns[name] = np.concatenate(values)
     return columns
-
-
-# Templates ---------------------------------------------------------------------------------------
-
-
-def suggested(files: Sequence[str]) -> list[str]:
-    """Templates that the names of files suggest, for each kind of file the likeliest first."""
-    suffixes = Counter(PurePath(file).suffix for file in files)
-    found: list[str] = []
-    for suffix, _ in suffixes.most_common():
-        names = [PurePath(file) for file in files if file.endswith(suffix)]
-        depth = max(len(name.parts) for name in names)
-        twins = numbered([name.stem for name in names if len(name.parts) == depth])
-        if depth == 1:
-            made = [twins, "{label}", "{session}"]
-        elif depth == 2:
-            # A number that begins anew in each session is no group: a file is one.
-            of_day = twins and f"{{session}}/{twins.replace('{group}', '*')}"
-            made = [of_day, "{label}/{group}", "{session}/{label}"]
-        else:
-            rest = "*/" * (depth - 3)
-            made = ["{session}/{label}/*", "{label}/{session}/*"]
-            made = [f"{rest}{one}" for one in made]
-        found += [f"{one}{suffix}" for one in made if one]
-    return found
-
-
-def numbered(names: Sequence[str]) -> str:
-    """The template of names that differ in a number at their end, such as ball__t=0 and ball__t=1;
-    empty where they are not such: two things are there, and one of them twice."""
-    read = [found.groups() for name in names if (found := _NUMBERED.fullmatch(name))]
-    things = Counter(thing + between for thing, between, _ in set(read))
-    if len(things) < 2 or max(things.values()) < 2:
-        return ""
-    between = {part for _, part, _ in read}
-    if len(between) == 1 and between != {""}:
-        return f"{{label}}{between.pop()}{{group}}"
-    return "{label}{group:d}"

@@ -31,7 +31,7 @@ _SCAN_MARK, _END_MARK = 0xDA, 0xD9
 _IN_SCANS = (0x00, 0x01, *range(0xD0, 0xD8), 0xFF)
 """Second bytes of what may stand within a scan: a byte 255, a restart, filling."""
 _BY_MASKS, _USUAL_MASKS = (3, 6), (0xFF0000, 0xFF00, 0xFF)
-"""Of BMP: compressions by masks, and those of 32 bits that OpenCV reads."""
+"""BMP: compressions by masks, and the masks of 32 bits that OpenCV reads."""
 _USUAL_CODES = bytes([0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125])
 """JPEG's usual table for luminance: with it no scan has a long run of zeros."""
 _SECTOR = bytes(512)

@@ -1,9 +1,10 @@
-"""What a file of arrays says of the frames in it: labels, classes, values, and other columns."""
+"""Labels, classes, values and other columns of the frames in a file of arrays."""
 
 from __future__ import annotations
 
+import math
 import shlex
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -12,24 +13,38 @@ import numpy as np
 from hdc.readers.about import KNOWN, Columns, is_of_units, numbered
 from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, wrong
-from hdc.readers.stores import Store
+from hdc.readers.store import Store
 
 LABELS = ("labels", "label")
 """Arrays that are taken for labels by their name."""
-_ABOUT = (*LABELS, "classes", "values", "value_names", "value_units", *KNOWN)
+_OF_FILE = ("classes", "values", "value_names", "value_units")
+"""Arrays that say something of the file, known by their names, and not of a frame each."""
 
 
 def beside(path: Path, store: Store, asked: Asked, group: str) -> dict[str, Any]:
-    """The arrays of a file without its frames, by their names in the `group` of these; the labels
-    are ``label``: those that are asked for, or else those of one of :data:`LABELS`.
+    """The arrays of a file without its frames: those in the `group` of the frames, by their names
+    in it, and those in no group. The labels, as asked for or else one of :data:`LABELS`, are
+    ``label``.
 
     Raises:
         BadFrame: one that is known by its name, or asked for, cannot be read.
     """
-    arrays = {k.removeprefix(group): array for k, array in store.arrays.items()}
-    unread = {k.removeprefix(group): why for k, why in store.unread.items()}
+
+    def of_group(found: Mapping[str, Any]) -> dict[str, Any]:
+        own = {k: v for k, v in found.items() if k.startswith(group) or "/" not in k}
+        return {name.removeprefix(group): item for name, item in own.items()}
+
+    arrays, unread = of_group(store.arrays), of_group(store.unread)
     labels = asked.labels
-    for name in (labels, asked.sessions, asked.groups, *_ABOUT, *asked.named):
+    for name in (
+        labels,
+        asked.sessions,
+        asked.groups,
+        *LABELS,
+        *_OF_FILE,
+        *KNOWN,
+        *asked.named,
+    ):
         if name in unread:
             raise BadFrame(f"{path}[{name}]: {unread[name]}")
     if labels is not None and labels not in arrays:
@@ -40,11 +55,15 @@ def beside(path: Path, store: Store, asked: Asked, group: str) -> dict[str, Any]
     return arrays
 
 
-def count(arrays: dict[str, Any], values: Sequence[str]) -> int | None:
-    """The number of frames that labels or values are of; None where nothing says so."""
+def count(
+    arrays: dict[str, Any], values: Sequence[str], shape: Sequence[int]
+) -> int | None:
+    """The number of frames in an array of a shape by their labels or values; None where nothing
+    says so, such as one label of all frames."""
     for name in ("label", "values", *values):
         if name in arrays and arrays[name].shape:
-            return int(arrays[name].shape[0])
+            n = int(arrays[name].shape[0])
+            return n if n > 1 or 1 in shape else None
     return None
 
 
@@ -60,30 +79,18 @@ def columns_of(path: Path, arrays: dict[str, Any], n: int, from_one: bool) -> Co
     Raises:
         ValueError: labels, classes or values are not as described.
     """
+    of_each = {k: _of_each(a, n) for k, a in arrays.items() if k not in _OF_FILE}
     columns = {
         name: array
-        for name, array in arrays.items()
+        for name, array in of_each.items()
         if name in KNOWN or (array.shape == (n,) and array.dtype.kind in "iufU")
     }
-    columns.pop("values", None)
-    values, units = {}, {}
-    if "values" in arrays:
-        table = np.asarray(arrays["values"][...])
-        if table.ndim not in (1, 2) or len(table) != n:
-            found = f"{table.dtype} {table.shape}"
-            raise ValueError(f"{path}[values]: expected shape ({n}, k), found {found}")
-        table = table.reshape(n, -1)
-        titles = _texts(path, arrays, "value_names") or numbered(table.shape[1])
-        symbols = _texts(path, arrays, "value_units") or [""] * len(titles)
-        if not len(titles) == len(symbols) == table.shape[1]:
-            wanted = f"a name and a unit for each of {table.shape[1]} columns"
-            found = f"{titles} and {symbols}"
-            raise ValueError(f"{path}[value_names]: expected {wanted}, found {found}")
-        values = dict(zip(titles, table.T, strict=True))
-        units = dict(zip(titles, symbols, strict=True))
+    values, units = _values(path, arrays, n) if "values" in arrays else ({}, {})
     classes = _texts(path, arrays, "classes")
     if "label" in arrays:
-        columns["label"] = _labels(path, arrays["label"], n, classes, from_one)
+        # One label alone does not say whether numbers count from 0 or from 1.
+        counted = classes if arrays["label"].shape == (n,) else None
+        columns["label"] = _labels(path, of_each["label"], n, counted, from_one)
     return Columns(
         where=path,
         n=n,
@@ -93,6 +100,32 @@ def columns_of(path: Path, arrays: dict[str, Any], n: int, from_one: bool) -> Co
         learnt=tuple(values),
         classes=classes,
     )
+
+
+def _values(
+    path: Path, arrays: dict[str, Any], n: int
+) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """The columns of the array ``values`` [N, k] by name, and their units."""
+    table = np.asarray(arrays["values"][...])
+    if table.ndim not in (1, 2) or len(table) != n:
+        found = f"{table.dtype} {table.shape}"
+        raise ValueError(f"{path}[values]: expected shape ({n}, k), found {found}")
+    table = table.reshape(n, -1)
+    names = _texts(path, arrays, "value_names") or numbered(table.shape[1])
+    units = _texts(path, arrays, "value_units") or [""] * len(names)
+    if not len(names) == len(units) == table.shape[1]:
+        wanted = f"a name and a unit for each of {table.shape[1]} columns"
+        found = f"{names} and {units}"
+        raise ValueError(f"{path}[value_names]: expected {wanted}, found {found}")
+    pairs = dict(zip(names, table.T, strict=True))
+    return pairs, dict(zip(names, units, strict=True))
+
+
+def _of_each(array: Any, n: int) -> Any:
+    """The same array; one number or text alone as that of each of N frames."""
+    if math.prod(array.shape) != 1:
+        return array
+    return np.broadcast_to(np.ravel(array[...]), (n,))
 
 
 def _labels(

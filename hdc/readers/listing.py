@@ -10,7 +10,7 @@ import os
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import cache
-from pathlib import Path, PurePath, PurePosixPath
+from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 from typing import NamedTuple
 
 import numpy as np
@@ -39,7 +39,7 @@ class _Listing(NamedTuple):
         base: the folder that their names are relative to.
         rows: place and texts of each; its name is the ``file``.
         others: names of files that are not among them.
-        notes: why others are left out, a phrase each.
+        notes: which others are left out and why, or how images were found, a phrase each.
     """
 
     where: Path
@@ -57,7 +57,9 @@ class _Listing(NamedTuple):
         if all(kept):
             return self
         n, first = len(kept), self.rows[kept.index(False)][1]["file"]
-        lacking = f"{n - sum(kept)} of {n} images are {lack}, the first {first}"
+        lacking = (
+            f"left out: {n - sum(kept)} of {n} images are {lack}, the first {first}"
+        )
         rows = [row for row, keep in zip(self.rows, kept, strict=True) if keep]
         return self._replace(rows=rows, notes=[*self.notes, lacking])
 
@@ -77,7 +79,7 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
     if not listing.rows and asked.table is None:
         others = [file for file in listing.others if not is_image(file)]
         if files := gathered.files_of(root, others, asked.template):
-            return gathered.open_frames(root, files, listing.others, window, asked)
+            return gathered.open_files(root, files, listing.others, window, asked)
     if values is None and asked.named:
         wanted = f"a table with the columns {', '.join(asked.named)}"
         raise wrong("table", None, wanted)
@@ -131,28 +133,30 @@ def _of_images(
         digest=cache(digest),
         image_shape=images.size,
         other_files=tuple(listing.others),
-        notes=tuple(f"left out: {note}" for note in listing.notes),
+        notes=tuple(listing.notes),
     )
 
 
 def _listed(root: Path, asked: Asked) -> tuple[_Listing, Sequence[str] | None]:
     """The images of a folder, and which of their columns are values."""
-    read: Reader | None = (
-        None if asked.template is None else Template(asked.template).read
-    )
-    table, column, required = asked.table, asked.image_column, asked.named
-    values = asked.values
-    if table is None and read is None and (root / MANIFEST).exists():
-        table, column, values = root / MANIFEST, "file", asked.named
-        required = ("file", "label", *asked.named)
-    if table is None:
-        files = all_files(root)
-        rows = [(str(root / file), {"file": file}) for file in files if is_image(file)]
-        others = [file for file in files if not is_image(file)]
-        read = read or _by_folders(root, files, asked.fewest_classes)
-        return _Listing(root, root, *_read(rows, others, read), []), None
-    if not table.exists():
-        table = root / table  # which is an absolute one as it is
+    read = None if asked.template is None else Template(asked.template).read
+    manifest = root / MANIFEST
+    if asked.table is not None:
+        table = asked.table if asked.table.exists() else root / asked.table
+        rows = _table_rows(table, asked.image_column, asked.named)
+        return _of_table(root, table, rows, read, asked), asked.values
+    if read is None and manifest.exists():
+        rows = _table_rows(manifest, "file", ("file", "label", *asked.named))
+        return _of_table(root, manifest, rows, read, asked), asked.named
+    files = all_files(root)
+    rows = [(str(root / file), {"file": file}) for file in files if is_image(file)]
+    others = [file for file in files if not is_image(file)]
+    by = read or _by_folders(root, files, asked.fewest_classes)
+    return _Listing(root, root, *_read(rows, others, by), []), None
+
+
+def _table_rows(table: Path, column: str, required: Sequence[str]) -> Rows:
+    """Rows of a table, of which the `column` that names images is the ``file``."""
     rows = read_csv(table, required)
     for place, row in rows:
         if column not in row:
@@ -164,9 +168,39 @@ def _listed(root: Path, asked: Asked) -> tuple[_Listing, Sequence[str] | None]:
         if not name:
             raise ValueError(f"{place}: expected a {column}, found none")
         row["file"] = PurePosixPath(name).as_posix()
+    return rows
+
+
+def _of_table(
+    root: Path, table: Path, rows: Rows, read: Reader | None, asked: Asked
+) -> _Listing:
+    """The images of a table: beside it, in the folder, or there under another path."""
     rows, others = _read(rows, [], read or (lambda _: {}))
-    listing = _Listing(table, _base(root, table, rows), rows, others, [])
-    return _there(listing, asked.skip_missing), values
+    found = _Listing(table, _base(root, table, rows), rows, others, [])
+    if not any(file.is_file() for file in found.files):
+        found = _moved(root, found)
+    return _there(found, asked.skip_missing)
+
+
+def _moved(root: Path, listing: _Listing) -> _Listing:
+    """The same with files of the same names in a folder, such as one that came from another disk;
+    as it is where a name is not there once."""
+    places: dict[str, list[str]] = {}
+    for parent, _, names in os.walk(root):
+        for name in names:
+            own = os.path.relpath(Path(parent, name), root)
+            places.setdefault(name, []).append(own)
+    rows = []
+    for place, row in listing.rows:
+        files = places.get(PureWindowsPath(row["file"]).name, [])
+        if len(files) != 1:
+            return listing
+        rows.append((place, {**row, "file": files[0]}))
+    if not rows:
+        return listing
+    stated, found = (some[0][1]["file"] for some in (listing.rows, rows))
+    note = f"images found by their names: {stated} is {found}"
+    return listing._replace(base=root, rows=rows, notes=[note])
 
 
 def _read(rows: Rows, others: list[str], read: Reader) -> tuple[Rows, list[str]]:
@@ -194,9 +228,10 @@ def _there(listing: _Listing, skip_missing: bool) -> _Listing:
             f"{where}: expected images that it names beside it or in the folder, found none of "
             f"{n}, the first {listing.rows[0][1]['file']}"
         )
-    if found.notes and not skip_missing:
+    if found is not listing and not skip_missing:
+        missing = found.notes[-1].removeprefix("left out: ")
         raise ValueError(
-            f"{where}: expected every image, found that {found.notes[0]} (--skip-missing leaves "
+            f"{where}: expected every image, found that {missing} (--skip-missing leaves "
             "them out)"
         )
     folder_of = cache(os.path.realpath)
@@ -298,18 +333,6 @@ def _raise(error: OSError) -> None:
 def is_image(file: str) -> bool:
     """Whether the name is that of an image."""
     return file.lower().endswith(SUFFIXES)
-
-
-def image_files(root: Path) -> list[Path]:
-    """Every image of a folder and its sub-folders, in natural order.
-
-    Raises:
-        ValueError: there is none, or a folder in it is a link.
-    """
-    files = [root / file for file in all_files(root) if is_image(file)]
-    if not files:
-        raise ValueError(f"{root}: expected images ({', '.join(SUFFIXES)}), found none")
-    return files
 
 
 def _nothing_found(listing: _Listing) -> str:

@@ -1,6 +1,6 @@
 """A parquet file with a column of encoded images, as collections of robot touches are published.
 
-Other columns of numbers and text are read as those of a table of images: ``label``, ``order``,
+Other columns of numbers and text are read as in a table of images: ``label``, ``order``,
 ``session`` and ``group`` are known by name. The encoded images are in memory.
 """
 
@@ -43,10 +43,7 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         raise _damaged(path, error) from error
     if len(table) == 0:
         raise ValueError(f"{path}: expected a row per frame, found none")
-    texts = {
-        name: ["" if cell is None else str(cell) for cell in table[name].to_pylist()]
-        for name in names
-    }
+    texts = {name: _texts(table[name].to_pylist()) for name in names}
     if label in texts:
         by_number = _class_names(schema, label)
         texts["label"] = [by_number.get(text, text) for text in texts.pop(label)]
@@ -71,6 +68,10 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         image_shape=images.size,
         notes=(f"images of the column {column}",),
     )
+
+
+def _texts(cells: list[Any]) -> list[str]:
+    return ["" if cell is None else str(cell) for cell in cells]
 
 
 def schema_of(path: Path) -> Any:

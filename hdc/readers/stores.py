@@ -6,69 +6,17 @@ Vectors are in memory.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from hdc.readers.files import BadFrame
-
-_PLAINLY = "expected numbers or text that are saved plainly, found others"
-_ADVICE = (
-    "in MATLAB, before saving: cellstr({0}) for text, double({0}) for numbers, "
-    "cat(3, {0}{{:}}) for frames in cells"
-)
-
-
-class OnDisk:
-    """An array that is read as it is asked for."""
-
-    def __init__(self, like: Any, read: Callable[[Any], Any]) -> None:
-        self.shape, self.dtype, self._read = like.shape, like.dtype, read
-
-    def __getitem__(self, key: Any) -> np.ndarray:
-        return np.asarray(self._read(key))
-
-    @property
-    def T(self) -> OnDisk:
-        """With its axes in the other order, as MATLAB shows what it writes to HDF5."""
-
-        def read(key: Any) -> np.ndarray:
-            return self[key[::-1] if isinstance(key, tuple) else key].T
-
-        turned = OnDisk(self, read)
-        turned.shape = self.shape[::-1]
-        return turned
-
-
-@dataclass
-class Store:
-    """Arrays of a file.
-
-    Attributes:
-        arrays: anything with ``shape``, ``dtype`` and ``[…]``, by name.
-        frames_last: MATLAB shows a stack as [H, W, N].
-        unread: why arrays that are there are not read, by name.
-        axes: of arrays whose file states them, by name.
-        notes: how an array was read, by its name.
-    """
-
-    arrays: dict[str, Any]
-    frames_last: bool = False
-    unread: dict[str, str] = field(default_factory=dict)
-    axes: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    notes: dict[str, list[str]] = field(default_factory=dict)
-
-    def advice(self) -> str:
-        """What is not read, and why; empty if all is."""
-        why = "; ".join(f"{name}: {why}" for name, why in self.unread.items())
-        return f" (not read: {why})" if why else ""
-
+from hdc.readers.store import OnDisk, Store, not_plain
 
 _LOADED: ContextVar[dict[Path, Store] | None] = ContextVar("loaded", default=None)
 
@@ -76,7 +24,8 @@ _LOADED: ContextVar[dict[Path, Store] | None] = ContextVar("loaded", default=Non
 @contextmanager
 def loaded_once() -> Iterator[None]:
     """Within it a file is loaded once, however often its arrays are asked for."""
-    before = _LOADED.set({})
+    kept = _LOADED.get()
+    before = _LOADED.set({} if kept is None else kept)
     try:
         yield
     finally:
@@ -193,9 +142,11 @@ def _matlab(path: Path) -> Store:
 
 
 def _add(store: Store, found: dict[str, Any], before: str) -> None:
-    """Take arrays of a struct, and of those in it, by their paths."""
+    """Take arrays of a struct by their paths; an array of structs counts them from 1."""
     for name, item in found.items():
         path = f"{before}{name}"
+        if isinstance(item, list) and all(isinstance(one, dict) for one in item):
+            item = {str(k): one for k, one in enumerate(item, 1)}
         if isinstance(item, dict):
             _add(store, item, f"{path}/")
             continue
@@ -203,115 +154,16 @@ def _add(store: Store, found: dict[str, Any], before: str) -> None:
         if array.dtype == object and all(isinstance(c, str) for c in array.flat):
             array = np.array(array.ravel().tolist())  # a cell array of texts
         if array.dtype.kind == "U":
-            array = np.char.rstrip(array)  # rows of characters are equally long
+            array = np.asarray(
+                np.char.rstrip(array)
+            )  # rows of characters are equally long
         if array.dtype.kind not in "iufbU":
-            store.unread[path] = f"{_PLAINLY} ({_ADVICE.format(name)})"
-        elif array.ndim:
+            store.unread[path] = not_plain(name)
+        else:
             store.arrays[path] = array
 
 
 def _hdf5(path: Path) -> Store:
-    import h5py
+    from hdc.readers import hdf5  # late: h5py is of the extra files
 
-    file = h5py.File(path, "r", rdcc_nbytes=2**26)  # chunks of several frames
-    store = Store({}, frames_last=path.suffix.lower() == ".mat")
-
-    for name, item in _datasets(file, "", set()):
-        store.frames_last |= "MATLAB_class" in item.attrs
-        if why := _filled_in(path, item):
-            store.unread[name] = why
-            continue
-        array = _dataset(path, item)
-        if array is None:
-            store.unread[name] = f"{_PLAINLY} ({_ADVICE.format(name)})"
-        elif array.shape:
-            store.arrays[name] = array
-    return store
-
-
-def _datasets(group: Any, before: str, seen: set[Any]) -> Iterator[tuple[str, Any]]:
-    """Path and dataset of all in a group, once; MATLAB's #refs# have one for each cell of text."""
-    import h5py
-
-    for name in group:
-        is_own = isinstance(group.get(name, getlink=True), h5py.HardLink)
-        if name.startswith("#") or not is_own:
-            continue
-        item = group[name]
-        place = h5py.h5o.get_info(item.id)
-        if (key := (place.fileno, place.addr)) in seen:
-            continue
-        seen.add(key)
-        if isinstance(item, h5py.Group):
-            yield from _datasets(item, f"{before}{name}/", seen)
-        elif isinstance(item, h5py.Dataset):
-            yield f"{before}{name}", item
-
-
-def _dataset(path: Path, item: Any) -> Any:
-    """A dataset as an array; None where it is none of numbers or text."""
-    import h5py
-
-    kind = item.attrs.get("MATLAB_class", b"")
-    if "MATLAB_object_decode" in item.attrs or "MATLAB_empty" in item.attrs:
-        return None
-    if kind in (b"cell", b"char"):
-        return _matlab_text(item, kind)
-    names = h5py.check_enum_dtype(item.dtype)
-    if names and len(item.shape) == 1:
-        by_number = {number: name for name, number in names.items()}
-        return np.array([by_number.get(n, str(n)) for n in item[()].tolist()])
-    if h5py.check_string_dtype(item.dtype):
-        return np.array(np.ravel(item.asstr()[()]).tolist())
-    if item.dtype.kind not in "iufb":
-        return None
-
-    def read(key: Any) -> Any:
-        try:
-            return item[key]
-        except (OSError, RuntimeError) as error:
-            wanted = f"{path}[{item.name[1:]}]: expected a dataset that can be read"
-            raise BadFrame(f"{wanted}, found: {error}") from error
-
-    array = OnDisk(item, read)
-    if len(item.shape) == 1:
-        return array[:]
-    if kind and len(item.shape) == 2 and 1 in item.shape:
-        return array[:].ravel()  # a column or a row of MATLAB
-    return array.T if kind else array
-
-
-def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
-    """Rows of characters, or a cell array of them; None of other cells."""
-    import h5py
-
-    rows: Any = np.atleast_2d(item[()].T)
-    if kind == b"cell":
-        found = (h5py.h5r.dereference(cell, item.id) for cell in rows.flat)
-        cells = [
-            h5py.Dataset(one) for one in found if isinstance(one, h5py.h5d.DatasetID)
-        ]
-        if len(cells) < rows.size:
-            return None
-        if any(cell.attrs.get("MATLAB_class") != b"char" for cell in cells):
-            return None
-        rows = [cell[()].ravel() for cell in cells]
-    return np.array(["".join(map(chr, row)).rstrip() for row in rows])
-
-
-def _filled_in(path: Path, item: Any) -> str:
-    """Why HDF5 would give numbers that nobody wrote; empty where it would not."""
-    names = [name for name, *_ in item.external or ()]
-    if item.is_virtual:
-        names += [source.file_name for source in item.virtual_sources()]
-    for name in names:
-        if name != "." and not (path.parent / name).is_file():
-            return f"expected its source {name}, found none"
-    wanted, found = 1, int(item.id.get_storage_size() > 0)
-    if item.chunks is not None:
-        sides = zip(item.shape, item.chunks, strict=True)
-        wanted = math.prod(-(-n // side) for n, side in sides)
-        found = item.id.get_num_chunks()
-    if names or item.size == 0 or found == wanted:
-        return ""
-    return f"expected {wanted} chunks, found {found}: the others were not written"
+    return hdf5.load(path)

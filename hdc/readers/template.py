@@ -1,12 +1,19 @@
-"""Templates: the path of an image in a folder with fields for what it says of the image."""
+"""Templates: the path of an image, a file or an array, with fields for what it says."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from itertools import zip_longest
+from pathlib import PurePath
+from typing import Any
 
 from hdc.readers.files import SettingError, wrong
 
+_NUMBERED = re.compile(r"(.*?)((?:[\W_]+[A-Za-z]*=?)?)(\d+)")
+"""A name such as ball__t=0 or ball_run2: the thing, the text between, and a number."""
 _FIELDS = {
     "*": ("", "anything"),
     "{order}": ("order", "number"),
@@ -83,23 +90,96 @@ class Template:
         parts = [part for part in re.split(r"(\{[^{}]*\}|\*)", self._template) if part]
         fields = [_FIELDS.get(part, ("", "")) for part in parts]
         names = [name for name, _ in fields if name]
-        unknown = [
-            p for p in parts if p not in _FIELDS and p[0] == "{" and p[-1] == "}"
-        ]
+        unknown = [p for p in parts if p not in _FIELDS and f"{p[0]}{p[-1]}" == "{}"]
         if unknown or len({*names}) < len(names):
             expected = f"fields among {', '.join(_FIELDS)}, each once"
             raise wrong("template", self._template, expected)
-        free = [False, *(kind in _FREE for _, kind in fields), False]
-        pattern = ""
-        for k, (part, (name, kind)) in enumerate(zip(parts, fields, strict=True)):
-            form = _FORMS.get(kind) or re.escape(part).replace(r"\~", r"\x7e")
-            if free[k]:
-                form = _BEFORE.get(kind, "") + form
-            if free[k + 2]:
-                form += _AFTER.get(kind, "")
-            pattern += f"(?P<{name}>{form})" if name else form
-        return pattern
+        kinds = ["", *(kind for _, kind in fields), ""]
+        around = zip(parts, fields, kinds, kinds[2:], strict=False)
+        return "".join(
+            _expression(part, *field, before, after)
+            for part, field, before, after in around
+        )
+
+
+def _expression(part: str, name: str, kind: str, before: str, after: str) -> str:
+    """The regular expression of a part of a template, between parts of these kinds."""
+    form = _FORMS.get(kind) or re.escape(part).replace(r"\~", r"\x7e")
+    if before in _FREE:
+        form = _BEFORE.get(kind, "") + form
+    if after in _FREE:
+        form += _AFTER.get(kind, "")
+    return f"(?P<{name}>{form})" if name else form
 
 
 def _shown(fields: dict[str, str]) -> str:
     return ", ".join(f"{name} {text!r}" for name, text in fields.items())
+
+
+# Names that suggest a template -----------------------------------------------------------------
+
+
+def suggested(files: Sequence[str]) -> list[str]:
+    """Templates that the names of files suggest, for each kind of file the likeliest first."""
+    suffixes = Counter(PurePath(file).suffix for file in files)
+    found: list[str] = []
+    for suffix, _ in suffixes.most_common():
+        names = [PurePath(file) for file in files if file.endswith(suffix)]
+        depth = max(len(name.parts) for name in names)
+        twins = numbered([name.stem for name in names if len(name.parts) == depth])
+        if depth == 1:
+            made = [twins, "{label}", "{session}"]
+        elif depth == 2:
+            # A number that begins anew in each session is no group: a file is one.
+            of_day = twins and f"{{session}}/{twins.replace('{group}', '*')}"
+            made = [of_day, "{label}/{group}", "{session}/{label}"]
+        else:
+            rest = "*/" * (depth - 3)
+            made = ["{session}/{label}/*", "{label}/{session}/*"]
+            made = [f"{rest}{one}" for one in made]
+        found += [f"{one}{suffix}" for one in made if one]
+    return found
+
+
+def numbered(names: Sequence[str]) -> str:
+    """The template of names that differ in a number at their end, such as ball__t=0 and ball__t=1;
+    empty where they are not such: two things are there, and one of them twice."""
+    read = [found.groups() for name in names if (found := _NUMBERED.fullmatch(name))]
+    things = Counter(thing + between for thing, between, _ in set(read))
+    if len(things) < 2 or max(things.values()) < 2:
+        return ""
+    between, *others = {part for _, part, _ in read}
+    if others or not between:
+        return "{label}{group:d}"
+    form = ":d" if any(between in thing for thing, _, _ in read) else ""
+    return f"{{label}}{between}{{group{form}}}"
+
+
+def suggested_in(names: Sequence[str]) -> list[str]:
+    """Templates that the names of arrays in one file suggest, such as trial_1/frames and
+    trial_2/frames; names are alike that have as many parts, and the same last one."""
+    alike: dict[Any, list[list[str]]] = defaultdict(list)
+    for parts in (name.split("/") for name in names):
+        alike[len(parts), tuple(parts[1:][-1:])].append(parts)
+    return [made for rows in alike.values() for made in _suggested_of(rows)]
+
+
+def _suggested_of(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Templates of names that are alike, in parts: text that all have stays, and text that differs
+    is a trial, a class or a session."""
+    columns = [[*dict.fromkeys(column)] for column in zip(*rows, strict=True)]
+    varying = [k for k, texts in enumerate(columns) if len(texts) > 1]
+    if not varying:
+        return []
+    readings = [["{session}", "{label}"], ["{label}", "{group}"]]
+    if len(varying) == 1:
+        of_trials = ("{group}", "{label}") if len(columns) > 1 else ()
+        twins = numbered([row[varying[0]] for row in rows])
+        readings = [[field] for field in (twins, *of_trials) if field]
+    found = []
+    for reading in readings:
+        made = [texts[0] for texts in columns]
+        for k, field in zip_longest(varying, reading, fillvalue="*"):
+            made[int(k)] = field
+        found.append("/".join(made))
+    return found

@@ -68,7 +68,7 @@ class Stack:
         return [note for note, holds in found.items() if holds]
 
     def __getitem__(self, key: Any) -> np.ndarray:
-        """Pixels with white the largest; those of one bit are 0 and 255."""
+        """Pixels with white the largest; pixels of one bit are 0 and 255."""
         pixels = np.asarray(self._pixels[key])
         bits = self._page.bitspersample
         if pixels.dtype == bool:
@@ -118,7 +118,7 @@ def _check_whole(place: str, series: Any) -> None:
     for page in series.pages:
         ends = zip(page.dataoffsets, page.databytecounts, strict=True)
         if any(start + count > size for start, count in ends):
-            raise BadFrame(f"{place}: expected a whole file, found a cut one")
+            raise BadFrame(f"{place}: expected a whole file, found one that is cut off")
 
 
 def stacks(path: Path) -> dict[str, Stack]:

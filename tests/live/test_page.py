@@ -231,7 +231,10 @@ def test_an_answer_in_words(answer, text, beside):
 @pytest.mark.parametrize(
     ("make", "words"),
     [
-        ("classifier", ["trained on", "12 samples", "distance 0.", "margin 0.", " ms"]),
+        (
+            "classifier",
+            ["of the training", "12 samples", "distance 0.", "margin 0.", " ms"],
+        ),
         ("regressor", ["Numbers and their", "[", " ms"]),
         ("recording", ["nothing yet: teach it two classes", "recorded as “left”"]),
         ("pressed", ["The silicone from above", "Let 16 days pass", "new touches"]),
@@ -272,9 +275,18 @@ def test_the_page_shows(film, frames, tmp_path, make, words):
 @pytest.mark.parametrize(
     ("words", "code", "message"),
     [
-        ("", 2, "expected one of --camera, --folder and --video"),
-        ("--video v.mkv --camera 0", 2, "expected one of --camera, --folder"),
-        ("m --video v.mkv --subsample 2", 2, "no --crop or --subsample"),
+        ("", 2, "expected one of --camera N, --folder RECORDING and --video FILE"),
+        ("--video v.mkv --camera 0", 2, "expected one of --camera N, --folder"),
+        (
+            "own --video v.mkv --subsample 2",
+            2,
+            "no --crop or --subsample with a MODEL that has",
+        ),
+        (
+            "m --video v.mkv --subsample 2",
+            1,
+            "expected 40 × 32 pixels as in training, found 20",
+        ),
         ("--video v.mkv --labels kind", 2, "expected no --labels without --folder"),
         ("--camera 97", 1, "expected a camera that can be opened at index 97, found"),
         ("--folder nowhere", 1, "found nothing: nowhere"),
@@ -289,6 +301,7 @@ def test_what_does_not_fit_is_one_line(
 ):
     monkeypatch.chdir(tmp_path)
     HDCClassifier().fit(frames, LABELS).save("m")
+    HDCClassifier().fit(frames, LABELS).save("own", {"subsample": 3})
     (tmp_path / "x").write_text("no model")
     np.savez("r.npz", frames=frames[:, :20], labels=LABELS)
     np.savez("s.npz", frames=frames[:, 0], labels=LABELS)
@@ -297,3 +310,16 @@ def test_what_does_not_fit_is_one_line(
     out, err = capfd.readouterr()
     assert (caught.value.code, out, len(err.splitlines())) == (code, "", 1)
     assert message in err
+
+
+def test_a_model_of_thinned_arrays_is_shown_frames_that_are_thinned(
+    film, frames, tmp_path, monkeypatch
+):
+    """It fitted a video neither with --subsample nor without."""
+    monkeypatch.chdir(tmp_path)
+    HDCClassifier().fit(frames[:, ::2, ::2], LABELS).save("m")
+    shown = []
+    monkeypatch.setattr(pages, "serve", lambda session, *_: shown.append(session))
+    with pytest.raises(SystemExit):
+        main(["live", "m", "--video", "v.mkv", "--subsample", "2"])
+    assert shown[0].look().answer is not None

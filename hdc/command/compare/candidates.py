@@ -1,4 +1,5 @@
-"""What is compared: forms of the library, and four models of grey values by scikit-learn.
+"""The models that are compared: forms of the library, and four models of grey values of
+scikit-learn.
 
 They stand in the order in which they are tried, the cheapest first.
 """
@@ -33,7 +34,7 @@ VALUE_FORMS = (
 )
 """Forms for numbers, the one without a choice first."""
 PENALTIES = np.logspace(0, 6, 7)
-"""Of ridge regression; its own leave-one-out chooses among them."""
+"""Penalties of ridge regression; its own leave-one-out chooses among them."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,10 +68,10 @@ def forms(
     learns_values: bool,
     period: float | None = None,
 ) -> list[Candidate]:
-    """The form without a choice, then those of a short list.
+    """The form without a choice, then the forms of a short list.
 
-    Each of the `encoders` with each of the `readouts` instead, where some are named; those of the
-    short list stand for the ones that are not.
+    Where encoders or read-outs are named, each named encoder with each named read-out instead; if
+    only one of the two is named, the short list gives the other.
 
     Raises:
         ValueError, TypeError: for a name that is none of them.
@@ -123,7 +124,7 @@ def baselines(learns_values: bool, period: float | None = None) -> list[Candidat
         whole = make_pipeline(FunctionTransformer(_flat), StandardScaler(), model)
         if learns_values:
             whole = _standardised(whole, period)
-        found.append(Candidate(f"{name} of greys", whole))
+        found.append(Candidate(f"{name} of grey values", whole))
     return found
 
 
@@ -132,7 +133,7 @@ def _flat(frames: np.ndarray) -> np.ndarray:
 
 
 def _standardised(model: Any, period: float | None) -> Any:
-    """A model that learns standardised values; with a period, those of cosine and sine."""
+    """A model that learns standardised values; with a period, their cosine and sine."""
     from sklearn.compose import TransformedTargetRegressor
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import FunctionTransformer, StandardScaler

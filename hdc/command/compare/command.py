@@ -156,7 +156,7 @@ def _listed(names: Sequence[str]) -> str:
 
 
 def _content(frames: Recording) -> dict[str, Any]:
-    """What a recording holds, as JSON."""
+    """The content of a recording, as JSON."""
     kinds = {"classes": frames.classes}
     if frames.values is not None:
         kinds = {"values": frames.value_names}
@@ -214,7 +214,7 @@ def _best(tried: Mapping[Candidate, Sequence[Row]]) -> list[str]:
 def _about(
     frames: Recording, tests: Mapping[str, Test], period: float | None
 ) -> list[str]:
-    """What is compared, and how it is tested."""
+    """The recording, and how models are tested on it."""
     (_, folds), *others = tests.items()
     reason = folds.units.reason(frames)
     why = f", for {reason}" if reason else ""
@@ -254,7 +254,7 @@ def _line(name: str, numbers: Mapping[str, Any], heads: Sequence[str]) -> str:
 
 
 def _sentences(result: Mapping[str, Any]) -> list[str]:
-    """What was left out, the line to type, and what the choice wins."""
+    """Models that were left out, the line to type, and the gain of the choice."""
     lines = [f"left out: {name}: {why}" for name, why in result["left_out"].items()]
     chosen, published = result["chosen"], result["published"]
     if result["best"] != [chosen]:

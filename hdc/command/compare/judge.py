@@ -40,7 +40,7 @@ class Data:
     truth: np.ndarray
     period: float | None = None
     _seconds: dict[str, float] = field(default_factory=dict)
-    """What a frame took an encoder that learns nothing."""
+    """Seconds per frame of each encoder that learns nothing, by its name."""
 
     @cached_property
     def _bank(self) -> Bank:
@@ -49,7 +49,8 @@ class Data:
     def given(
         self, model: Any, rows: np.ndarray, train: np.ndarray
     ) -> tuple[Any, float]:
-        """What a form or a model of grey values takes of some frames, and seconds to make it."""
+        """Hypervectors of some frames for a form, or the frames for a model of grey values; and
+        seconds to make them."""
         if not hasattr(model, "encoder"):
             return self.frames[rows], 0.0
         encoder = model.fresh("encoder")
@@ -204,7 +205,7 @@ def p_value(
     (Westfall, Young, Resampling-based multiple testing (1993)).
 
     Args:
-        mine: name of the model that was chosen among those of `losses`.
+        mine: name of the model that was chosen among the models in `losses`.
         theirs: name of the model that it is compared with.
         losses: of each model [Q].
         units: of the test frames [Q].

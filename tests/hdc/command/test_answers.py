@@ -204,7 +204,7 @@ def test_a_score_of_classes_is_complete(classes):
         "accuracy 75.0% (95 % interval 30.1% to 95.4%), 3 of 4 frames",
         "a guess of b, the largest class: accuracy 25.0%",
         "refused 1 of 4 known frames; expected at most 40 %",
-        "sets for 0.8 hold the truth for 50.0% of these frames (95 % interval 15.0% to 85.0%); "
+        "sets for 0.8 contain the truth for 50.0% of these frames (95 % interval 15.0% to 85.0%); "
         "1.00 classes a set",
     ]
     found = scores.score(Nearest(), recording, np.array([0, 3]))
@@ -277,7 +277,7 @@ def test_a_score_of_values_is_complete(tmp_path):
     assert messages.score_lines(found) == [
         "force: mean absolute error 1.333 N (a guess of the mean 2 N), R² 0.211, 3 frames",
         "x: mean absolute error 0.1667 (a guess of the mean 2.5), R² 0.990, 3 frames",
-        "force: intervals for 0.8 hold the truth for 66.7% of these frames (95 % interval 20.8% "
+        "force: intervals for 0.8 contain the truth for 66.7% of these frames (95 % interval 20.8% "
         "to 93.9%); mean width 4 N",
     ]
     wide = scores.score(Read(), recording, np.array([4]), interval=0.8)

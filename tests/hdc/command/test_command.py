@@ -52,7 +52,7 @@ def test_frames_of_one_kind_tell_what_is_unlike_them(
     words = ("--readout", readout, "--test-fraction", 0.25)
     status, out, err = hdc("train", one, "-o", path, *words)
     assert (status, err) == (0, [])
-    assert "one class: hdc predict --reject tells what is unlike it" in out
+    assert "one class: hdc predict --reject finds frames unlike it" in out
     assert (
         "refused 0 of 9 known frames; expected at most 5 % (not calibrated for another session)"
         in out

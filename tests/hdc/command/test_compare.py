@@ -19,16 +19,16 @@ from hdc.readers import open_recording
 SIDE = 16
 NAMES = ("left", "<b>middle</b>", "right $x$")
 PLAIN = {
-    "mean image of greys": NearestCentroid(),
-    "1-NN of greys": KNeighborsClassifier(1),
-    "ridge of greys": RidgeClassifierCV(np.logspace(0, 6, 7)),
-    "SVM of greys": SVC(C=10),
+    "mean image of grey values": NearestCentroid(),
+    "1-NN of grey values": KNeighborsClassifier(1),
+    "ridge of grey values": RidgeClassifierCV(np.logspace(0, 6, 7)),
+    "SVM of grey values": SVC(C=10),
 }
 PLAIN_VALUES = {
-    "1-NN of greys": KNeighborsRegressor(1),
-    "3-NN of greys": KNeighborsRegressor(3),
-    "ridge of greys": RidgeCV(np.logspace(0, 6, 7)),
-    "SVM of greys": MultiOutputRegressor(SVR(C=10, epsilon=0.01)),
+    "1-NN of grey values": KNeighborsRegressor(1),
+    "3-NN of grey values": KNeighborsRegressor(3),
+    "ridge of grey values": RidgeCV(np.logspace(0, 6, 7)),
+    "SVM of grey values": MultiOutputRegressor(SVR(C=10, epsilon=0.01)),
 }
 
 
@@ -260,8 +260,9 @@ def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
     [
         ({"group": np.arange(24) // 4}, "6 folds by group", ""),
         ({"group": np.arange(24) // 4, "session": np.zeros(24, int)}, "6 folds by group",
-         "all frames are of one session"),
-        ({"session": np.arange(24) // 12}, "5 folds at random", "a class is of one session"),
+         "all frames are from one session"),
+        ({"session": np.arange(24) // 12}, "5 folds at random",
+         "a class has frames from one session only"),
         ({"session": np.arange(24) % 4}, "4 folds by session", ""),
     ],
 )  # fmt: skip

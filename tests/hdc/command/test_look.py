@@ -194,7 +194,9 @@ def test_of_many_arrays_the_first_are_shown_and_the_file_is_loaded_once(
     with h5py.File(tmp_path / "many.h5", "w") as file:
         for k in range(20):
             file[f"t{k}/frames"], file[f"t{k}/labels"] = FRAMES, NAMES.tolist()
-    assert typed("train", "many.h5", "-o", "m")[2].endswith("; or 8 more\n")
+    err = typed("train", "many.h5", "-o", "m")[2]
+    assert "expected one of --template '{group}/frames'; or" in err
+    assert err.endswith("; or 10 more\n")
     loaded, plain = [], stores._hdf5
     monkeypatch.setattr(stores, "_hdf5", lambda p: loaded.append(p) or plain(p))
     assert typed("look", "many.h5")[1].count("\nhdc train ") == 12

@@ -73,7 +73,7 @@ def test_what_was_read_is_shown(hdc, tmp_path):
     out = hdc(*words)[1]
     assert out[1:3] == [
         "classes: foam_brick (6), mug (6)",
-        "sessions: day1 (6), day2 (6), day10 (6)",
+        "sessions: day1 (6), day2 (6)",
     ]
     assert out[3].startswith("held out in the last sessions: accuracy")
     assert out[4] == "a guess of foam_brick, the largest class: accuracy 50.0%"
@@ -144,7 +144,7 @@ def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_pat
     assert out[0].split("\t") == ["file", "value_0", "value_1", *ends]
     assert hdc("evaluate", "m", "two.npz")[1][1].startswith("value_1: mean absolute")
     (line,) = hdc("evaluate", "m", "one.npz")[2]
-    assert "expected 2 numbers a frame as in training, found value" in line
+    assert "expected 2 numbers per frame as in training, found value" in line
     found = json.loads("".join(hdc("info", "m")[1]))
     bits = 8 * found["bytes to predict"]
     assert found["bits per pixel and value"] == round(bits / 20 / 2, 2)

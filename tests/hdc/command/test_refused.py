@@ -71,7 +71,7 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
         ([*train, "--subsample", 0], "'--subsample': 0 is not in the range"),
         ([*train, "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
         ([*train, "--choose", "--set", "encoder__ties=below"],
-         "expected --choose, or --encoder, --readout and --set"),
+         "expected --choose alone, or --encoder, --readout and --set without it"),
         ([*train, "--set", "thresholds=15"],
          "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
         (["train", "x", "-o", "-"], "expected the name of a file, found -"),

@@ -16,6 +16,7 @@ class Made:
     session: np.ndarray | None = None
     group: np.ndarray | None = None
     values: np.ndarray | None = None
+    classes: tuple[str, ...] = ("air", "oil", "wax")
 
     def __len__(self):
         return len(self.values if self.labels is None else self.labels)
@@ -41,11 +42,12 @@ NO_SESSIONS = "no sessions are known"
         # The last session of each class, where sessions are of one class: it tested one class.
         (made(np.arange(12) // 6, np.arange(12) // 2), 0.3, "session", [4, 5, 10, 11], ""),
         # A class of one session, a group of two, one session alone.
-        (made([0, 0, 1, 1, 0], [0, 1, 0, 0, 1]), 0.4, "frame", None, "a class is of one session"),
-        (made(ROUNDS, [3] * 12), 0.3, "frame", None, "all frames are of one session"),
+        (made([0, 0, 1, 1, 0], [0, 1, 0, 0, 1]), 0.4, "frame", None,
+         "a class has frames from one session only"),
+        (made(ROUNDS, [3] * 12), 0.3, "frame", None, "all frames are from one session"),
         (made(ROUNDS, np.arange(12) % 3, np.arange(12)), 0.3, "session", None, ""),
         (made(ROUNDS, np.arange(12) // 4, np.arange(12) % 4), 0.3, "group", None,
-         "a group is of several sessions"),
+         "a group has frames from several sessions"),
         (made(ROUNDS, None, np.arange(12) // 3), 0.25, "group", None, NO_SESSIONS),
         (made(ROUNDS), 0.34, "frame", None, NO_SESSIONS),
     ],
@@ -88,10 +90,12 @@ def test_of_each_class_the_same_share_is_held_out(n, group, fraction, held):
 @pytest.mark.parametrize(
     ("recording", "message"),
     [
-        (made([0, 0, 1]), "--test-fraction: expected two frames or more of each class"),
+        (made([0, 0, 1]),
+         "--test-fraction: expected two frames or more of each class, found one of oil"),
         (made([0, 0, 1, 1], None, [7, 7, 8, 8]), "expected two groups or more of each"),
         # Each two classes share a group: of two that are tested, a third learns nothing.
-        (made([0, 0, 1, 1, 2, 2], None, [1, 2, 2, 3, 1, 3]), "whose last one another class needs"),
+        (made([0, 0, 1, 1, 2, 2], None, [1, 2, 2, 3, 1, 3]),
+         "found that .* and another share one"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_held_out_is_refused(recording, message):
@@ -125,5 +129,7 @@ def test_folds_are_of_the_rows_that_are_asked_for():
     recording = made(ROUNDS, np.arange(12) // 3)
     found, unit = splits.folds(recording, np.arange(6))
     assert (len(found), len(unit.of)) == (2, 6)
-    with pytest.raises(ValueError, match="two frames or more of each class, found one"):
+    with pytest.raises(
+        ValueError, match="two frames or more of each class, found one of air"
+    ):
         splits.folds(made([0, 1, 1]), np.arange(3))

@@ -249,6 +249,18 @@ def test_test_vectors_agree_and_notice_a_change(
         assert subprocess.run([tmp_path / "vectors"], check=False).returncode > 0
 
 
+def test_tables_that_a_small_board_has_no_room_for_are_warned_of(tmp_path, hdc):
+    frames = np.random.default_rng(0).integers(0, 256, (4, 200, 200), np.uint8)
+    for readout, warned in (("lda", 1), ("majority", 0)):
+        model = HDCClassifier("levels", readout).fit(frames, [0, 1, 0, 1])
+        model.save(tmp_path / "m")
+        status, out, err = hdc("export", tmp_path / "m", "-o", tmp_path / "touch.h")
+        assert (status, len(err)) == (0, warned)
+        table = int(out[1].split()[1])
+        assert (table > 2**18) == bool(warned)
+        assert all("more than 256 kB; hdc train --subsample 2" in line for line in err)
+
+
 def test_only_own_files_are_replaced(model, tmp_path, hdc):
     target, vectors = tmp_path / "touch.h", tmp_path / "touch_test.c"
     vectors.write_text("int main(void) { return 0; }")

@@ -6,7 +6,7 @@ import pytest
 import scipy.io
 
 from hdc.readers import Ambiguous, BadFrame, open_recording
-from hdc.readers.gathered import suggested
+from hdc.readers.template import suggested
 
 N, H, W = 6, 16, 24
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdc.readers import Ambiguous, BadFrame, SettingError, camera, open_recording
-from hdc.readers.listing import image_files
+from hdc.readers.listing import all_files
 from hdc.readers.template import Template
 
 
@@ -214,6 +214,18 @@ def test_images_of_a_table_are_looked_for_beside_it_and_in_the_folder(tmp_path, 
     assert "1 of 2 images are missing, the first day1/0.png" in found.notes[0]
 
 
+def test_images_of_another_disk_are_found_by_their_names(tmp_path, pixels):
+    images(tmp_path / "r", pixels, "day1/a.png", "day1/b.png", "day2/c.png")
+    table = tmp_path / "t.csv"
+    table.write_text("image,x\n/old/c.png,1\nD:\\old\\a.png,2\n")
+    found = open_recording(tmp_path / "r", table=table)
+    assert np.array_equal(found[:], pixels[[2, 0]])
+    assert found.notes == ("images found by their names: /old/c.png is day2/c.png",)
+    (tmp_path / "r" / "day1" / "c.png").symlink_to(tmp_path / "r" / "day1" / "a.png")
+    with pytest.raises(ValueError, match=r"found none of 2, the first /old/c\.png"):
+        open_recording(tmp_path / "r", table=table)
+
+
 # Folders -----------------------------------------------------------------------------------------
 
 
@@ -266,7 +278,7 @@ def test_paths_that_lead_to_no_recording_are_named(tmp_path):
         with pytest.raises(SettingError, match=f"path: .*{message}"):
             open_recording(tmp_path / path)
     with pytest.raises(OSError, match="absent"):  # its files would be left out
-        image_files(tmp_path / "absent")
+        all_files(tmp_path / "absent")
 
 
 # Cameras -----------------------------------------------------------------------------------------

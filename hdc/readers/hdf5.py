@@ -1,0 +1,149 @@
+"""Arrays of HDF5, and of MATLAB's .mat of version 7.3, read from disk as frames are asked for."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+
+from hdc.readers.files import BadFrame
+from hdc.readers.store import OnDisk, Store, not_plain
+
+
+def load(path: Path) -> Store:
+    """The arrays of a file of HDF5, or of MATLAB's version 7.3."""
+    file = h5py.File(path, "r", rdcc_nbytes=2**26)  # chunks of several frames
+    store = Store({}, frames_last=path.suffix.lower() == ".mat")
+
+    for name, item in _datasets(file, "", set(), store.arrays):
+        store.frames_last |= "MATLAB_class" in item.attrs
+        if why := _filled_in(path, item):
+            store.unread[name] = why
+            continue
+        array = _dataset(path, item)
+        if array is None:
+            store.unread[name] = not_plain(name)
+        else:
+            store.arrays[name] = array
+    return store
+
+
+def _datasets(
+    group: Any, before: str, seen: set[Any], stated: dict[str, Any]
+) -> Iterator[tuple[str, Any]]:
+    """Path and dataset of all in a group, once; MATLAB's #refs# have one for each cell of text.
+
+    Attributes of groups, such as the label of a trial, are added to what is ``stated``; names in
+    capitals are reserved for programs.
+    """
+    for name, item in group.attrs.items():
+        own = np.asarray(item)
+        own = own.astype(str) if own.dtype.kind in "SO" else own
+        if own.size == 1 and not (name.isupper() or name.startswith("MATLAB")):
+            stated[f"{before}{name}"] = own
+    for name in group:
+        is_own = isinstance(group.get(name, getlink=True), h5py.HardLink)
+        if name.startswith("#") or not is_own:
+            continue
+        item = group[name]
+        place = h5py.h5o.get_info(item.id)
+        if (key := (place.fileno, place.addr)) in seen:
+            continue
+        seen.add(key)
+        if isinstance(item, h5py.Group):
+            yield from _datasets(item, f"{before}{name}/", seen, stated)
+        elif _is_of_structs(group, item):
+            for number, cell in enumerate(item[()].flat, 1):
+                yield f"{before}{number}/{name}", group.file[cell]
+        elif isinstance(item, h5py.Dataset):
+            yield f"{before}{name}", item
+
+
+def _is_of_structs(group: Any, item: Any) -> bool:
+    """Whether a dataset refers to one field of each struct of a MATLAB array of structs."""
+    is_struct = group.attrs.get("MATLAB_class") == b"struct"
+    refers = h5py.check_ref_dtype(getattr(item, "dtype", np.dtype(float))) is not None
+    return is_struct and refers and "MATLAB_class" not in item.attrs
+
+
+def _dataset(path: Path, item: Any) -> Any:
+    """A dataset as an array; None where it is none of numbers or text."""
+    kind = item.attrs.get("MATLAB_class", b"")
+    if "MATLAB_object_decode" in item.attrs or "MATLAB_empty" in item.attrs:
+        return None
+    if kind in (b"cell", b"char"):
+        return _matlab_text(item, kind)
+    texts = _texts(item)
+    if texts is not None:
+        return texts
+    if item.dtype.kind not in "iufb":
+        return None
+    array = OnDisk(item, partial(_read, path, item))
+    if len(item.shape) < 2:
+        return array[()]
+    if kind and len(item.shape) == 2 and 1 in item.shape:
+        return array[:].ravel()  # a column or a row of MATLAB
+    return array.T if kind else array
+
+
+def _texts(item: Any) -> np.ndarray | None:
+    """The texts of a dataset, or the names of an enumeration; None of numbers."""
+    names = h5py.check_enum_dtype(item.dtype)
+    if names and len(item.shape) == 1:
+        by_number = {number: name for name, number in names.items()}
+        return np.array([by_number.get(n, str(n)) for n in item[()].tolist()])
+    if h5py.check_string_dtype(item.dtype):
+        return np.array(np.ravel(item.asstr()[()]).tolist())
+    return None
+
+
+def _read(path: Path, item: Any, key: Any) -> Any:
+    """A part of a dataset; a BadFrame names a filter that is missing, or damage."""
+    try:
+        return item[key]
+    except (OSError, RuntimeError) as error:
+        wanted = f"{path}[{item.name[1:]}]: expected a dataset that can be read"
+        raise BadFrame(f"{wanted}, found: {error}") from error
+
+
+def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
+    """Rows of characters, or a cell array of them; None of other cells."""
+    rows: Any = np.atleast_2d(item[()].T)
+    if kind == b"cell":
+        found = (h5py.h5r.dereference(cell, item.id) for cell in rows.flat)
+        cells = [
+            h5py.Dataset(one) for one in found if isinstance(one, h5py.h5d.DatasetID)
+        ]
+        if len(cells) < rows.size:
+            return None
+        if any(cell.attrs.get("MATLAB_class") != b"char" for cell in cells):
+            return None
+        rows = [cell[()].ravel() for cell in cells]
+    return np.array(["".join(map(chr, row)).rstrip() for row in rows])
+
+
+def _filled_in(path: Path, item: Any) -> str:
+    """Why HDF5 would give numbers that nobody wrote; empty where it would not."""
+    names = [name for name, *_ in item.external or ()]
+    if item.is_virtual:
+        names += [source.file_name for source in item.virtual_sources()]
+    for name in names:
+        if name != "." and not (path.parent / name).is_file():
+            return f"expected its source {name}, found none"
+    wanted, found = _chunks(item)
+    if names or item.size == 0 or found == wanted:
+        return ""
+    return f"expected {wanted} chunks, found {found}: the others were not written"
+
+
+def _chunks(item: Any) -> tuple[int, int]:
+    """How many chunks a dataset has by its shape, and in its file."""
+    if item.chunks is None:
+        return 1, int(item.id.get_storage_size() > 0)
+    sides = zip(item.shape, item.chunks, strict=True)
+    return math.prod(-(-n // side) for n, side in sides), item.id.get_num_chunks()

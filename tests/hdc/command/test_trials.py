@@ -1,0 +1,230 @@
+"""A file, an array or a column per trial: from the files to an accuracy in two typed lines.
+
+The accuracy is that of scikit-learn's leave-one-group-out over frames that the test has itself.
+"""
+
+import json
+import os
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+import scipy.io
+from sklearn.model_selection import LeaveOneGroupOut, cross_val_predict
+from sklearn.neighbors import KNeighborsClassifier
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
+
+from hdc import HDCClassifier
+
+pytestmark = pytest.mark.filterwarnings("ignore:fit. the largest class has")
+CLASSES, TRIALS, N, SHAPE = ("ball", "mug", "pen"), 3, 4, (12, 10)
+RNG = np.random.default_rng(0)
+PATTERN = RNG.integers(0, 60, (len(CLASSES), 1, 1, *SHAPE))
+OF_TRIAL = RNG.integers(0, 60, (len(CLASSES), TRIALS, 1, *SHAPE))
+NOISE = RNG.integers(0, 130, (len(CLASSES), TRIALS, N, *SHAPE))
+FRAMES = (PATTERN + OF_TRIAL + NOISE).astype(np.uint8)  # [class, trial, frame, H, W]
+NAMES = np.repeat(CLASSES, TRIALS * N)
+TRIAL = np.tile(np.repeat(np.arange(TRIALS), N), len(CLASSES))
+EACH = np.repeat(np.arange(len(CLASSES) * TRIALS), N)
+
+
+def each_trial():
+    """Class, number of the trial, and frames [4, 12, 10], of nine trials."""
+    for c, name in enumerate(CLASSES):
+        for trial in range(TRIALS):
+            yield name, trial, FRAMES[c, trial]
+
+
+def films(path, write_film):
+    path.mkdir()
+    for name, trial, frames in each_trial():
+        write_film(path / f"{name}__t={trial}.avi", frames, "FFV1")
+
+
+def arrays(path, _):
+    path.mkdir()
+    for name, trial, frames in each_trial():
+        np.save(path / f"{name}_run{trial}.npy", frames)
+
+
+def one_frame_each(path, _):
+    for name, trial, frames in each_trial():
+        (path / name).mkdir(parents=True, exist_ok=True)
+        for k, frame in enumerate(frames):
+            np.save(path / name / f"t{trial}_{k}.npy", frame)
+
+
+def field(path, _):
+    cube = np.moveaxis(FRAMES.reshape(-1, *SHAPE), 0, -1)
+    kinds = NAMES.astype(object)
+    scipy.io.savemat(path, {"cube": cube, "label": kinds, "runNo": TRIAL})
+
+
+def structs(path, _):
+    of_trials = [
+        {"label": name, "frames": np.moveaxis(frames, 0, -1), "force": 0.5 * trial}
+        for name, trial, frames in each_trial()
+    ]
+    scipy.io.savemat(path, {"trials": np.array(of_trials, object)})
+
+
+def structs_of_7_3(path, _):
+    with h5py.File(path, "w", userblock_size=512) as file:
+        fields = {"frames": [], "label": []}
+        for k, (name, _, frames) in enumerate(each_trial()):
+            codes = np.array([[ord(letter)] for letter in name], np.uint16)
+            own = {"frames": frames.transpose(0, 2, 1), "label": codes}
+            for (field, array), kind in zip(
+                own.items(), ("uint8", "char"), strict=True
+            ):
+                file[f"#refs#/{field}{k}"] = array
+                file[f"#refs#/{field}{k}"].attrs["MATLAB_class"] = np.bytes_(kind)
+                fields[field].append(file[f"#refs#/{field}{k}"].ref)
+        trials = file.create_group("trials")
+        trials.attrs["MATLAB_class"] = np.bytes_("struct")
+        for field, references in fields.items():
+            trials[field] = np.array([references], dtype=h5py.ref_dtype)
+    with path.open("r+b") as file:
+        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
+
+
+def groups(path, _):
+    with h5py.File(path, "w") as file:
+        for k, (name, _, frames) in enumerate(each_trial()):
+            file[f"data/demo_{k}/frames"] = frames
+            file[f"data/demo_{k}"].attrs["label"] = name
+
+
+def named_groups(path, _):
+    with h5py.File(path, "w") as file:
+        for name, trial, frames in each_trial():
+            file[f"{name}_{trial}/frames"] = frames
+            file[f"{name}_{trial}/times"] = np.arange(N) / 30
+
+
+def archive(path, _):
+    np.savez(path, **{f"{name}_{trial}": found for name, trial, found in each_trial()})
+
+
+LAYOUTS = [
+    ("r", films, "--template {label}__t={group}.avi", TRIAL),
+    ("r", arrays, "--template {label}_run{group}.npy", TRIAL),
+    ("r", one_frame_each, "--template {label}/t{group}_*.npy --axes height,width", TRIAL),
+    ("x.mat", field, "--groups runNo", TRIAL),
+    ("x.mat", structs, "--template trials/{group}/frames", EACH),
+    ("x.mat", structs_of_7_3, "--template trials/{group}/frames", EACH),
+    ("x.h5", groups, "--template data/{group}/frames", EACH),
+    ("x.h5", named_groups, "--template {label}_{group}/frames", TRIAL),
+    ("x.npz", archive, "--template {label}_{group}", TRIAL),
+]  # fmt: skip
+GIVEN = pytest.mark.parametrize(("name", "write", "options", "unit"), LAYOUTS)
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+
+
+def left_out_one_by_one(model, frames, names, unit):
+    """The accuracy of a model, each group being left out once."""
+    flat = np.reshape(frames, (len(frames), -1))
+    given = frames if isinstance(model, HDCClassifier) else flat
+    split = {"groups": unit, "cv": LeaveOneGroupOut()}
+    return (cross_val_predict(model, given, names, **split) == names).mean()
+
+
+def compared(typed, *words):
+    """The accuracies of two models by hdc compare."""
+    form = ("--encoder", "median", "--readout", "majority", "--json")
+    models = json.loads(typed("compare", *words, *form)[1])["models"]
+    rows = ("median, majority", "1-NN of grey values")
+    return [models[name]["accuracy"][0] for name in rows]
+
+
+def expected(frames, names, unit):
+    nearest = make_pipeline(StandardScaler(), KNeighborsClassifier(1))
+    models = (HDCClassifier(), nearest)
+    return [left_out_one_by_one(model, frames, names, unit) for model in models]
+
+
+@GIVEN
+def test_two_lines_give_the_accuracy_over_trials(
+    typed, tmp_path, write_film, name, write, options, unit
+):
+    write(tmp_path / name, write_film)
+    shown = typed("look", name)[1].replace("'", "")
+    is_typed_by_hand = write is one_frame_each
+    assert f" {options}" in shown or is_typed_by_hand
+    found = compared(typed, name, *options.split())
+    assert found == pytest.approx(expected(FRAMES.reshape(-1, *SHAPE), NAMES, unit))
+    assert 0.4 < found[0] < 1
+
+
+@GIVEN
+def test_a_model_is_asked_about_them_as_it_was_trained(
+    typed, tmp_path, write_film, name, write, options, unit
+):
+    """hdc predict found no images in a folder that hdc train had read."""
+    write(tmp_path / name, write_film)
+    words = options.split()
+    assert typed("train", name, *words, "-o", "m")[0] == 0
+    flat = FRAMES.reshape(-1, *SHAPE)
+    expected = HDCClassifier().fit(flat, NAMES).predict(flat)
+    score = json.loads(typed("evaluate", "m", name, *words, "--json")[1])
+    assert score["accuracy"] == pytest.approx((expected == NAMES).mean())
+    if write is field or (tmp_path / name).is_dir():
+        words = words[2:]  # nothing is split, and a folder is read file by file
+    out = typed("predict", "m", name, *words, "--json")[1]
+    assert [json.loads(line)["label"] for line in out.splitlines()] == expected.tolist()
+
+
+def test_a_folder_without_frames_is_named(typed, tmp_path):
+    (tmp_path / "r").mkdir()
+    arrays(tmp_path / "a", None)
+    typed("train", "a", "--template", "{label}_run{group}.npy", "-o", "m")
+    err = typed("predict", "m", "r")[2]
+    assert "error: r: expected images (.png" in err
+    assert "arrays or videos, found none" in err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("x.h5", "--template", "{label}/pixels"), "expected arrays {label}/pixels, found ball_0/"),
+        (("x.h5:/ball_0/frames", "--template", "*"), "expected null with x.h5:/ball_0/frames"),
+        (("x.h5:/ball_0/frames", "--frames", "2"), "frames: expected null unless path is a folder"),
+        (("x.h5", "--template", "{group}/frames"), "expected a label of each frame"),
+        (("flat", "--template", "{label}.npy"), "ball.npy: an array of two axes: expected one of "
+         "--axes height,width; or --axes frame,feature"),
+    ],
+)  # fmt: skip
+def test_what_is_no_trial_is_named(typed, tmp_path, words, said):
+    named_groups(tmp_path / "x.h5", None)
+    (tmp_path / "flat").mkdir()
+    for name in CLASSES[:2]:
+        np.save(tmp_path / "flat" / f"{name}.npy", FRAMES[0, 0, 0])
+    status, _, err = typed("train", *words, "-o", "m")
+    assert (status, err.count("\n")) == (1, 1)
+    assert said in err
+
+
+def test_two_lines_are_enough_for_a_public_folder_of_arrays(typed):
+    """Depth maps of metal billets, rough or ground, an .npy each: all of a billet is left out."""
+    root = Path(os.environ.get("MEASURED_DATA", "none"))
+    places = sorted(root.glob("*gelsight-contrastive-learning"))
+    if not places:
+        pytest.skip("rumilog/gelsight-contrastive-learning is not here: MEASURED_DATA")
+    files = sorted(places[0].glob("billet_captures*/billet*_depth_*.npy"))
+    frames = np.stack([np.load(file)[::16, ::16] for file in files])
+    names = np.array([file.parent.name for file in files])
+    billet = np.array([file.name.partition("_")[0] for file in files])
+    given = (
+        "--template",
+        "{label}/billet{group}_depth_*.npy",
+        "--axes",
+        "height,width",
+    )
+    found = compared(typed, places[0], *given, "--subsample", 16)
+    assert found == pytest.approx(expected(frames, names, billet))
