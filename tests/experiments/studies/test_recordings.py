@@ -64,6 +64,15 @@ def test_a_model_is_asked_in_its_first_draws_alone(of_small):
             ask(limits=wrong)
 
 
+def test_compiled_kernels_answer_as_numpy_does(of_small, monkeypatch):
+    named = models("hdc", "hdc_lda", "hdc_levels_lda", "hdc_deviation_lda")
+    about = {"splits": {"counts": RANDOM}, "models": named, "n_per_class": [1, 5]}
+    ask = partial(of_small(measure.Recordings), **about, draws=2)
+    rows = ask()
+    monkeypatch.setattr(measure, "_use_kernels", lambda models: None)
+    assert ask() == rows
+
+
 def test_bytes_of_a_model_are_those_of_its_bits(of_small):
     names = ("hdc", "hdc_levels_lda", "softmax_dual")
     ask = of_small(measure.RecordingCosts)
