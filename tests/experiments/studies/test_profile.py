@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from experiments.studies.recordings import profile
+from experiments.studies.recordings import figures, tables
 
 
 @pytest.fixture
@@ -22,8 +22,8 @@ def made(monkeypatch):
         ("b", 50, "unknown", None, 0.1),
     ]
     names = ["recording", "n", "model", "error", "fit_best_s"]
-    monkeypatch.setattr(profile, "costs", lambda _: pd.DataFrame(rows, columns=names))
-    return profile.profile(pd.DataFrame())
+    monkeypatch.setattr(tables, "costs", lambda _: pd.DataFrame(rows, columns=names))
+    return figures.profile(pd.DataFrame())
 
 
 def test_a_factor_is_to_the_fastest_that_errs_no_more_and_a_share_is_of_recordings(

@@ -14,7 +14,7 @@ from experiments.reporting import forms
 from experiments.reporting.resamples import RIVAL
 from experiments.studies.recordings import figures as drawing
 from experiments.studies.recordings import measure, tables
-from experiments.studies.recordings.accuracies import Accuracies, recordings
+from experiments.studies.recordings.tables import Accuracies, recordings
 from experiments.studies.recordings.view import STUDY
 from tests.experiments import composed
 
