@@ -1,5 +1,4 @@
-"""Named forms against softmax by recording, error against training time, and how often a model is
-about as fast as the fastest that errs no more."""
+"""Named forms against softmax by recording, and error against training time."""
 
 from __future__ import annotations
 
@@ -197,57 +196,6 @@ def is_on_front(times: pd.Series, errors: pd.Series) -> list[bool]:
     return found
 
 
-# How often a model is fast ------------------------------------------------------------------------
-
-_OTHER_LINE: Any = {"marker": "", "color": "0.8", "lw": 0.8, "zorder": 1}
-
-
-def profile(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """A row for each model and recording at the most frames per class.
-
-    ``factor`` is its training time relative to the fastest model that errs no more, which may be
-    itself; ``share`` is the share of recordings on which its factor is at most this one (Dolan and
-    Moré, Math. Program. 91, 201 (2002)). Models that were not measured on all recordings are left
-    out.
-    """
-    most = at_most_frames(frame)
-    if not len(most):
-        return None
-    lines = pd.concat(
-        [_factors(rows) for _, rows in most.groupby("recording", sort=False)]
-    )
-    every = lines.recording.nunique()
-    whole = lines.groupby("model").recording.transform("nunique") == every
-    lines = lines[whole].sort_values(["model", "factor"], kind="stable")
-    rank = lines.groupby("model").factor.rank("max")
-    return lines.assign(share=rank / every)[["model", "factor", "share"]]
-
-
-def _factors(rows: pd.DataFrame) -> pd.DataFrame:
-    """The rows of one recording with their factors."""
-    seconds, errors = rows.fit_best_s.to_numpy(), rows.error.to_numpy()
-    as_good = errors[None, :] <= errors[:, None]
-    fastest = np.where(as_good, seconds[None, :], np.inf).min(axis=1)
-    return rows.assign(factor=seconds / fastest)
-
-
-def draw_profile(figure: Canvas, data: pd.DataFrame) -> None:
-    """A step line per model, from the left edge to the right one."""
-    axes = figure.subplots()
-    end = 1.5 * data.factor.max()
-    for model, rows in data.groupby("model"):
-        look = {**look_of(str(model)), "ms": 4} if model in FORMS else _OTHER_LINE
-        factors = [1.0, *rows.factor, end]
-        shares = [0.0, *rows.share, rows.share.max()]
-        axes.step(factors, shares, where="post", **look)
-    axes.set(xscale="log", xlim=(0.95, end), ylim=(0, 1.03))
-    axes.set_xlabel("training time relative to the fastest that errs no more")
-    axes.set_ylabel("share of recordings")
-    plain_decades(axes)
-    names = [handle(model) for model in FORMS if model in set(data.model)]
-    legend_below(figure, [*names, entry("other models", **_OTHER_LINE)], 2)
-
-
 FIGURES = [
     Figure(
         "forest",
@@ -272,16 +220,5 @@ FIGURES = [
         "source (its first recording; the table has all), with compiled kernels if they are "
         "faster. Grey line: the Pareto front, where no other model has less of both.",
         size=(7.0, 4.3),
-    ),
-    Figure(
-        "performance_profile",
-        Table("performance_profile", profile, of=COSTS_OF),
-        draw_profile,
-        title="How often a model is fast for its accuracy",
-        details=SPLIT,
-        caption="Share of the recordings on which a model trains within a factor of the fastest "
-        "model that errs no more than it does, at the most frames per class, with compiled kernels "
-        "if they are faster. At a factor of 1, a model is the fastest of its accuracy.",
-        size=(3.4, 3.4),
     ),
 ]

@@ -1,7 +1,7 @@
 """Every model on public recordings."""
 
 from experiments.reporting.study import Study
-from experiments.studies.recordings import figures, tables
+from experiments.studies.recordings import figures, profile, tables
 
 STUDY = Study(
     "recordings",
@@ -11,5 +11,5 @@ STUDY = Study(
     0.5,
     front=True,
     tables=tables.TABLES,
-    figures=figures.FIGURES,
+    figures=[*figures.FIGURES, profile.FIGURE],
 )

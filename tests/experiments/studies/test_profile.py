@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from experiments.studies.recordings import figures, tables
+from experiments.studies.recordings import profile, tables
 
 
 @pytest.fixture
@@ -23,7 +23,7 @@ def made(monkeypatch):
     ]
     names = ["recording", "n", "model", "error", "fit_best_s"]
     monkeypatch.setattr(tables, "costs", lambda _: pd.DataFrame(rows, columns=names))
-    return figures.profile(pd.DataFrame())
+    return profile.profile(pd.DataFrame())
 
 
 def test_a_factor_is_to_the_fastest_that_errs_no_more_and_a_share_is_of_recordings(
