@@ -67,12 +67,8 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
     for name, times in rules.times.items():
         lines = of_experiment(frame, times.experiment)
         about = {"rules": rules.version, "claim": name, "says": times.says}
-        about |= {
-            "by": times.by,
-            "rival": times.model,
-            "size": TRAINED,
-            "status": "all",
-        }
+        about |= {"by": times.by, "rival": times.model, "size": TRAINED}
+        about["status"] = "all"
         rows.append(about | judge_times(times, lines))
     return pd.DataFrame(rows)
 
@@ -136,28 +132,21 @@ def judge_times(times: Times, lines: pd.DataFrame) -> dict[str, Any]:
     row: dict[str, Any] = {"word": OPEN, "unit": "×", "why": ""}
     if len(lines):
         lines = lines[lines.threads == times.threads]
-    records = list(dict.fromkeys(lines.record)) if len(lines) else []
+    records = list(lines.record.unique()) if len(lines) else []
     if len(records) < times.measurements:
-        row["why"] = f"{len(records)} of {times.measurements} measurements"
-        return row
+        return row | {"why": f"{len(records)} of {times.measurements} measurements"}
     medians, every = [], []
     for record in records[: times.measurements]:
-        fits = (
-            lines[(lines.record == record) & lines.disturbed.eq("")]
-            .groupby("model")
-            .fit_s
-        )
+        quiet = lines[(lines.record == record) & lines.disturbed.eq("")]
+        fits = quiet.groupby("model").fit_s
         counts = fits.size().reindex([times.model, times.over], fill_value=0)
         if counts.min() < times.fits:
-            row["why"] = (
-                f"disturbed: {counts.min()} of {times.fits} fits of {counts.idxmin()}"
-            )
-            return row
-        ratios = [
-            of[times.model] / of[times.over] for of in (fits.median(), fits.min())
-        ]
-        medians.append(ratios[0])
-        every += ratios
+            found = f"{counts.min()} of {times.fits} fits of {counts.idxmin()}"
+            return row | {"why": f"disturbed: {found}"}
+        both = (fits.median(), fits.min())
+        median, least = (of[times.model] / of[times.over] for of in both)
+        medians.append(median)
+        every += [median, least]
     mean = float(np.exp(np.mean(np.log(medians))))
     row |= Estimate(mean, min(every), max(every)).columns("mean")
     if min(every) >= times.at_least:
@@ -266,10 +255,8 @@ def by_source(
 
 STEP = 0.001  # of the grid of μ, whose cells end at multiples of it
 MEANS = STEP * (np.arange(-500, 500) + 0.5)
-N_BETWEEN, N_SCALES = (
-    32,
-    12,
-)  # values of τ, each as likely by its prior; nodes for Student's t
+N_BETWEEN = 32  # values of τ, each as likely by its prior
+N_SCALES = 12  # nodes for Student's t
 
 
 @functools.cache
