@@ -72,7 +72,8 @@ class Bank(hdc.bank.Bank):
     @functools.cached_property
     def greys(self) -> Tensor:
         """Products of grey values minus :func:`.products.constant_of` them, float64 [N, N]."""
-        return products.cross_products(self._images, self._images)
+        flat = self.frames.flatten(1)
+        return products.cross_products(flat, flat)
 
     @functools.cached_property
     def bits(self) -> Tensor:
@@ -91,15 +92,7 @@ class Bank(hdc.bank.Bank):
     @functools.cached_property
     def moments(self) -> Moments:
         """Moments of the grey values of each frame, minus the same constant."""
-        return products.moments(self._images)
-
-    @property
-    def _images(self) -> Tensor:
-        """Pixels [N, D] in a type that torch can do arithmetic on."""
-        flat = self.frames.flatten(1)
-        if flat.dtype == torch.uint8:
-            return flat
-        return flat.to(torch.int32)
+        return products.moments(self.frames.flatten(1))
 
     def kernel(
         self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"

@@ -50,7 +50,7 @@ def moments(images: Tensor) -> Moments:
 def cross_products(a: Tensor, b: Tensor) -> Tensor:
     """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D], float64 [n, m].
 
-    Pixels are uint8, or int32 for 16-bit ones, minus :func:`constant_of` their type; or int8.
+    Pixels are uint8, uint16, or int32 for 16-bit ones, minus :func:`constant_of` their type; or int8.
     """
     products = torch.zeros(len(a), len(b), dtype=torch.float64, device=a.device)
     for start in range(0, a.shape[1], _PIXELS):
@@ -77,6 +77,7 @@ def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
         return [(1, block.contiguous())]
     if block.dtype == torch.uint8:
         return [(1, _signed(block))]
+    block = block.int()
     high = (block >> 8).to(torch.uint8)
     low = (block & 255).to(torch.uint8)
     return [(256, _signed(high)), (1, _signed(low))]

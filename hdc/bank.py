@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
+from dataclasses import dataclass
 from math import prod
 from typing import Any
 
@@ -10,7 +11,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import inputs
+from hdc import bits, inputs
 from hdc.described import has_plain_parameters
 from hdc.encoders import Encoder, Median
 from hdc.hypervectors import Hypervectors
@@ -42,7 +43,7 @@ class Bank:
         self.n_classes = n_classes
         self.dimension = frames[0].numel()
         self._made: dict[Hashable, Any] = {}
-        self._learned: dict[Hashable, tuple[bytes, Encoder, dict[bytes, Tensor]]] = {}
+        self._learned: dict[Hashable, _Learned] = {}
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -71,8 +72,8 @@ class Bank:
     ) -> Hypervectors:
         """Hypervectors of some frames, or of all.
 
-        With an encoder that learns nothing, all frames are encoded once. An encoder that learns is
-        fitted to each set of training frames, and the cache holds the latest fit.
+        An encoder that learns nothing encodes each frame once. One that learns encodes a frame again
+        only where other training frames give it another state.
 
         Args:
             rows: indices of the frames; by default all.
@@ -103,14 +104,23 @@ class Bank:
         """The trained encoder, and its words for some frames."""
         of_training = train.tobytes()
         kept = self._learned.get(key)
-        if kept is None or kept[0] != of_training:
+        if kept is None or kept.train != of_training:
             learned = self.learned(encoder, train)
-            kept = self._learned[key] = of_training, learned, {}
-        _, learned, made = kept
-        of_rows = rows.tobytes()
-        if of_rows not in made:
-            made[of_rows] = self.encoded(learned, rows)
-        return learned, made[of_rows]
+            if kept is None or not _are_alike(kept.encoder, learned):
+                kept = self._learned[key] = self._nothing_encoded(learned)
+            kept.train = of_training
+        new = np.unique(rows)
+        new = new[~kept.is_encoded[new]]
+        if len(new):
+            kept.words[torch.from_numpy(new)] = self.encoded(kept.encoder, new)
+            kept.is_encoded[new] = True
+        return kept.encoder, kept.words[torch.from_numpy(rows)]
+
+    def _nothing_encoded(self, encoder: Encoder) -> _Learned:
+        width = bits.words_for(encoder.dimension(self.dimension))
+        shape = len(self), width
+        words = torch.empty(shape, dtype=torch.int64, device=self.frames.device)
+        return _Learned(encoder, words, np.zeros(len(self), bool))
 
     def learned(self, encoder: Encoder, train: np.ndarray) -> Encoder:
         """The encoder, trained on some frames."""
@@ -120,3 +130,19 @@ class Bank:
         """Words [n, W] of some frames by a trained encoder."""
         parts = torch.from_numpy(rows).split(_BATCH)
         return torch.cat([encoder.encode(self.frames[part]) for part in parts])
+
+
+@dataclass
+class _Learned:
+    """A trained encoder, the training frames, and words int64 [N, W] of the frames encoded."""
+
+    encoder: Encoder
+    words: Tensor
+    is_encoded: np.ndarray
+    train: bytes = b""
+
+
+def _are_alike(first: Encoder, second: Encoder) -> bool:
+    """Whether two encoders of the same parameters have learned the same, as far as they tell."""
+    ours, theirs = first.state(), second.state()
+    return bool(ours) and all(torch.equal(ours[name], theirs[name]) for name in ours)

@@ -305,7 +305,7 @@ def _quantised(
             scales[c] = float(exact @ rounded) / float(rounded @ rounded)
         lost = w - scales[c].float() * q
         offsets[c] += float(lost.double() @ in_doubles)
-    return bits.pack(torch.stack(planes)), scales.clamp(min=1e-300), offsets
+    return torch.stack(planes), scales.clamp(min=1e-300), offsets
 
 
 def _unit(sizes: Tensor) -> float:
@@ -321,6 +321,7 @@ def _unit(sizes: Tensor) -> float:
 
 
 def _planes_of(q: Tensor) -> Tensor:
-    """q + 8 as planes bool [4, D]."""
+    """q + 8 of the bits [D] as packed planes int64 [4, W]."""
     shifted = (q + _OFFSET).to(torch.uint8)
-    return torch.stack([(shifted >> p & 1).bool() for p in range(_PLANES)])
+    planes = [bits.pack((shifted & 1 << p).bool()) for p in range(_PLANES)]
+    return torch.stack(planes)

@@ -85,6 +85,8 @@ def test_the_choice_is_that_of_the_folds_and_the_model_that_of_the_form(names):
             model = forms()[name].fit(frames[learnt], labels[learnt])
             wrong.append(model.predict(frames[held]) != labels[held])
         losses[name] = np.concatenate(wrong).astype(float)
+    found = chosen._losses(bank, train)
+    assert all((found[name] == losses[name]).all() for name in names)
     assert form == simplest(losses, 1.0)
     assert form != names[0]
     expected = forms()[form].fit(frames[train], labels[train]).predict(frames[test])

@@ -8,7 +8,7 @@ import torch
 
 from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.bank import Bank
-from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile
+from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile, Smoothed
 
 LABELS = np.arange(60) % 3
 TRAIN, QUERIES = np.r_[20:50, 20:23], np.arange(50, 60)
@@ -36,10 +36,34 @@ def test_every_frame_is_encoded_once_for_each_encoder(frames, encoder, monkeypat
     for _ in range(3):
         held.words(QUERIES, encoder(), TRAIN)
         held.words(TRAIN, encoder(), TRAIN)
-    assert sum(calls) == (60 if encoder is Median else len(QUERIES) + len(TRAIN))
+    assert sum(calls) == (60 if encoder is Median else len(set(QUERIES) | set(TRAIN)))
     other = {"ties": "raster"} if encoder is Median else {"thresholds": [0]}
     held.words(QUERIES, encoder(**other), TRAIN)
     assert len(calls) > 1
+
+
+@pytest.mark.parametrize(
+    ("encoder", "times"),
+    [(Smoothed("median", 1), 1), (Deviation(), 2), (Smoothed("deviation", 1), 2)],
+)
+def test_other_training_frames_encode_a_frame_anew_if_they_teach_another_state(
+    frames, encoder, times, monkeypatch
+):
+    kind = type(encoder)
+    calls = []
+    encode = kind.encode
+
+    def count(self, part, *others):
+        calls.append(len(part))
+        return encode(self, part, *others)
+
+    monkeypatch.setattr(kind, "encode", count)
+    held = Bank(frames, LABELS, 3)
+    for train in (TRAIN, QUERIES):
+        found = held.words(QUERIES, encoder, train)
+        learned = encoder.unlearned().fit(frames[train])
+        assert torch.equal(found.packed, encode(learned, frames[QUERIES]))
+    assert sum(calls) == times * len(QUERIES)
 
 
 @pytest.mark.parametrize("encoder", ["median", "deviation"])

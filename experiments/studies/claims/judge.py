@@ -1,5 +1,5 @@
-"""Verdicts by rules from version 4 on: accuracies of a form of HDC minus those of its rival, from
-draws to a word, and training times relative to HDC.
+"""Verdicts by rules from version 4 on: the accuracy of a form of HDC minus that of the model it is
+compared with, from draws to a word, and training times relative to HDC.
 
 Draws of a recording give a difference with its variance; recordings of one source give the number
 of the source, y_s with variance v_s, which few draws leave uncertain; so sources are joined by a
@@ -10,8 +10,8 @@ hierarchical model with Student's t:
 
 *Yes* where the loss is below the margin with a probability of 95 %, *no* where it is so with 5 %,
 otherwise *open*; open, too, where a recording of the rules was not measured, or was disturbed. The
-Student interval of sources of equal weight stands beside. Recordings that no model had classified
-when the rules were written have a row of their own besides.
+Student interval of sources of equal weight has columns of its own. Recordings that no model had
+classified when the rules were written have a further row.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ FREEDOM, PRIOR_MEAN, PRIOR_BETWEEN = 4, 0.1, 0.05
 def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each claim, size and status of recordings, and for each claim of times.
 
-    Numbers of accuracies are in points; those of times are ratios.
+    Accuracies are in points; times are ratios.
 
     Args:
         rules: that judge.
@@ -67,12 +67,8 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
     for name, times in rules.times.items():
         lines = of_experiment(frame, times.experiment)
         about = {"rules": rules.version, "claim": name, "says": times.says}
-        about |= {
-            "by": times.by,
-            "rival": times.model,
-            "size": TRAINED,
-            "status": "all",
-        }
+        about |= {"by": times.by, "rival": times.model, "size": TRAINED}
+        about["status"] = "all"
         rows.append(about | judge_times(times, lines))
     return pd.DataFrame(rows)
 
@@ -80,8 +76,8 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
 def recordings_of(
     rules: Rules, claim: Claim, size: Size, status: str
 ) -> dict[str, Recording]:
-    """The recordings that enter a claim at a size, of one status or of all; none where those of
-    the status are all of them."""
+    """The recordings that enter a claim at a size, of one status or of all; none where every
+    recording has the status."""
     named = claim.recordings or tuple(rules.recordings)
     every = {
         name: rules.recordings[name]
@@ -136,28 +132,21 @@ def judge_times(times: Times, lines: pd.DataFrame) -> dict[str, Any]:
     row: dict[str, Any] = {"word": OPEN, "unit": "×", "why": ""}
     if len(lines):
         lines = lines[lines.threads == times.threads]
-    records = list(dict.fromkeys(lines.record)) if len(lines) else []
+    records = list(lines.record.unique()) if len(lines) else []
     if len(records) < times.measurements:
-        row["why"] = f"{len(records)} of {times.measurements} measurements"
-        return row
+        return row | {"why": f"{len(records)} of {times.measurements} measurements"}
     medians, every = [], []
     for record in records[: times.measurements]:
-        fits = (
-            lines[(lines.record == record) & lines.disturbed.eq("")]
-            .groupby("model")
-            .fit_s
-        )
+        quiet = lines[(lines.record == record) & lines.disturbed.eq("")]
+        fits = quiet.groupby("model").fit_s
         counts = fits.size().reindex([times.model, times.over], fill_value=0)
         if counts.min() < times.fits:
-            row["why"] = (
-                f"disturbed: {counts.min()} of {times.fits} fits of {counts.idxmin()}"
-            )
-            return row
-        ratios = [
-            of[times.model] / of[times.over] for of in (fits.median(), fits.min())
-        ]
-        medians.append(ratios[0])
-        every += ratios
+            found = f"{counts.min()} of {times.fits} fits of {counts.idxmin()}"
+            return row | {"why": f"disturbed: {found}"}
+        both = (fits.median(), fits.min())
+        median, least = (of[times.model] / of[times.over] for of in both)
+        medians.append(median)
+        every += [median, least]
     mean = float(np.exp(np.mean(np.log(medians))))
     row |= Estimate(mean, min(every), max(every)).columns("mean")
     if min(every) >= times.at_least:
@@ -182,15 +171,15 @@ def _points(share: Estimate) -> Estimate:
 
 
 class Difference(NamedTuple):
-    """A form minus its rival on one recording, and the variance of this number."""
+    """How much more accurate a form is on one recording, and the variance of this number."""
 
     mean: float
     variance: float
 
 
 def _lines(claim: Claim, size: Size, lines: pd.DataFrame) -> pd.DataFrame:
-    """The lines of both sides at a size, of those of a recording, with the columns ``form`` (or the
-    rival) and ``share``, of right answers."""
+    """The lines of both models at a size, from the lines of a recording, with the columns ``form``,
+    whether it is the form, and ``share`` of right answers."""
     if not len(lines):
         return lines
     form = _having(lines, {"model": claim.form, **claim.of_form})
@@ -266,10 +255,8 @@ def by_source(
 
 STEP = 0.001  # of the grid of μ, whose cells end at multiples of it
 MEANS = STEP * (np.arange(-500, 500) + 0.5)
-N_BETWEEN, N_SCALES = (
-    32,
-    12,
-)  # values of τ, each as likely by its prior; nodes for Student's t
+N_BETWEEN = 32  # values of τ, each as likely by its prior
+N_SCALES = 12  # nodes for Student's t
 
 
 @functools.cache

@@ -38,16 +38,16 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         says, by: what is claimed, by whom.
         experiment: whose lines are the evidence.
-        form, rival: models; the same where `of_form` and `of_rival` tell them apart.
+        form, ``rival``: models; the same where `of_form` and `of_rival` tell them apart.
         split: column with the kind of split; lines of another than the recording's do not count.
-        lines, of_form, of_rival: values of columns that all lines have, those of the form, those of
-            the rival.
+        lines, of_form, of_rival: values of columns that all lines have, the lines of the form, and
+            the lines of the ``rival``.
         recordings: that enter; all if none are named.
-        sizes: training frames of a class; those of the rules if none are named. As trained: the
-            experiment has one size.
-        draws: of a recording, if fewer than those of the rules.
+        sizes: training frames of a class; the sizes of the rules if none are named; ``as trained``
+            if the experiment has one size.
+        draws: of a recording, if fewer than the rules have.
         right, asked: columns with right answers, and with test frames.
-        rival_right, rival_asked: those of the rival, if others.
+        rival_right, rival_asked: the same of the ``rival``, if they are others.
         disturbed: column that is true where a line was disturbed; empty if nothing can be.
     """
 

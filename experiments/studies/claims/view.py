@@ -32,8 +32,8 @@ Row = Mapping[str, Any]
 
 
 def history() -> pd.DataFrame:
-    """The frozen verdicts, a row per version of the rules, claim, rival and, where a recording was
-    unseen when they were written, recording."""
+    """The frozen verdicts, a row per version of the rules, claim, baseline and, where a recording
+    was unseen when they were written, recording."""
     of_text = dict.fromkeys(("frozen", "digest", "judged"), str)
     return pd.read_csv(HISTORY, dtype=of_text)
 
@@ -67,14 +67,14 @@ def size(row: Row) -> str:
 
 
 def frozen() -> pd.DataFrame:
-    """The frozen verdicts without those of which the interval is all that a difference can be."""
+    """The frozen verdicts whose interval is not all that a difference can be."""
     every = history()
     says_nothing = (every.mean_low <= -100) & (every.mean_high >= 0)
     return every[~says_nothing]
 
 
 def rival_name(rival: str) -> str:
-    """What HDC was held against, in words."""
+    """The model or number that HDC was compared with, in words."""
     model, at, level = rival.partition(" at ")
     known = {
         "published": "the paper's accuracy",
@@ -160,7 +160,7 @@ def _note(data: pd.DataFrame) -> str:
 
 
 def current(table: Table) -> Table:
-    """The verdicts across recordings, without those of rules that others replaced."""
+    """The verdicts across recordings by rules that no others replaced."""
     data = table.data
     return replace(table, data=data[data.recording.isna() & (data.rules > 1)])
 

@@ -1,7 +1,7 @@
 """Drift and recalibration (Fig. 8): what new samples recover, and what of the old is forgotten.
 
 Models are trained on N_old samples of the first session (``stored``), updated with N_new of the
-second, and tested on both sessions. By ``method``, with labels:
+second, and tested on both sessions. Values of ``method`` with labels:
 
 - ``new``: trained on the new samples alone; of HDC, the paper's p = 1.
 - ``replace``, p: the paper's, for HDC; each bit of the stored prototype is replaced by the new
@@ -106,7 +106,7 @@ def _index_of(name: str, classes: Sequence[str]) -> int | None:
 
 
 class Choice(NamedTuple):
-    """Sample indices: N_old of the first session, those of the second that may recalibrate, and
+    """Sample indices: N_old of the first session, the pool of the second that may recalibrate, and
     test samples by session (``new``, ``old``)."""
 
     old: np.ndarray
@@ -115,7 +115,7 @@ class Choice(NamedTuple):
 
     @property
     def asked(self) -> np.ndarray:
-        """All test samples, those of the second session first."""
+        """All test samples, the second session first."""
         return np.concatenate([self.tests["new"], self.tests["old"]])
 
 
@@ -250,10 +250,8 @@ def recalibrated(
     """Recalibrations of HDC; those that its prototypes or read-out do not have are left out."""
     stored = library.trained_on(model, bank, old)
     readout = stored.readout_
-    updates: list[tuple[str, float | None, str]] = []
-    updates += [("replace", float(share), "replace") for share in p]
-    updates += [("balanced", None, "merge")]
-    for name, share, method in updates:
+    replaced = [("replace", float(share), "replace") for share in p]
+    for name, share, method in [*replaced, ("balanced", None, "merge")]:
         if method not in getattr(readout, "methods", (method,)):
             continue
         updated = copy.deepcopy(stored)

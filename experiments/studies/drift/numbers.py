@@ -110,10 +110,11 @@ def ratio(parts: pd.Series, wholes: pd.Series) -> Estimate:
 
 
 def best_updates(frame: pd.DataFrame) -> pd.DataFrame:
-    """Of :func:`regained`, every model's best update with at most :data:`N_NEW` labelled samples,
-    and its best without labels, by frames of all classes alike or of no touch.
+    """The rows of :func:`regained` with the best update of each model: with at most :data:`N_NEW`
+    labelled samples, and without labels, by equally many frames of all classes or by frames without
+    touch.
 
-    The best is the highest mean on the test samples: the choice favours models with many updates.
+    The best has the highest mean on the test samples: the choice favours models with many updates.
     """
     found = regained(frame)
     is_allowed = ~found.labels | (found.n_new <= N_NEW)
@@ -123,8 +124,8 @@ def best_updates(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """Of :func:`regained`, what is shown of labelled updates on the experiment's own scene, which
-    is the paper's; of the first scene without. None where HDC was not updated.
+    """Updates with labels, rows of :func:`regained`, on the experiment's own scene, which is the
+    paper's, or else on the first scene. None where HDC was not updated.
 
     Returns:
         DataFrame: ``panel`` is ``shares`` for HDC by the share p of its bits that are replaced, 1
@@ -146,8 +147,8 @@ def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 
 def unlabelled(frame: pd.DataFrame, n_frames: int = 30) -> pd.DataFrame:
-    """Of :func:`regained`, models that are re-referenced by so many frames without labels, and
-    what that is compared with.
+    """Rows of :func:`regained`: models re-referenced by so many frames without labels, and the
+    updates that these are compared with.
 
     Returns:
         DataFrame: ``way`` is ``stored`` before the update, ``alike`` with frames of all classes

@@ -2,7 +2,7 @@
 
 Frames are standardised and a reference frame is subtracted from each (:class:`hdc.encoders.
 Reference`): of the training, the mean of its frames. After the drift another reference is
-subtracted from the queries, and nothing else changes. By ``method``:
+subtracted from the queries, and nothing else changes. The ``method`` is one of:
 
 - ``zeroed``: the mean of N_new frames of the second session, with all classes alike, or with a
   ``share`` of them of one class.

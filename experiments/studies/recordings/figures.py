@@ -26,14 +26,19 @@ from experiments.reporting.resamples import place_of
 from experiments.reporting.study import RUN, Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED, kind_of
-from experiments.studies.recordings.accuracies import FEW, Accuracies, recordings
-from experiments.studies.recordings.tables import COSTS_OF, costs
+from experiments.studies.recordings.tables import (
+    COSTS_OF,
+    FEW,
+    Accuracies,
+    at_most_frames,
+    recordings,
+)
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
-SPLIT = "test frames of another time, session, group or position than those of training"
+SPLIT = "test and training frames of different times, sessions, groups or positions"
 WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
 MARGIN = 3  # points, within which two models count as equally good
 HEADINGS = (CAPTURED, COMPUTED, SIMULATED)
@@ -133,11 +138,9 @@ ACROSS = 3  # panels in a row
 def errors(frame: pd.DataFrame) -> pd.DataFrame | None:
     """Error and training time of each model at the most frames per class, on the first recording of
     each source."""
-    known = costs(frame)
-    if not len(known):
+    most = at_most_frames(frame)
+    if not len(most):
         return None
-    known = known.dropna(subset="error")
-    most = known[known.n == known.groupby("recording").n.transform("max")]
     first: dict[str, str] = {}
     for scene in sorted(most.recording.unique(), key=place_of):
         first.setdefault(configs.scene_display(scene)["family"], scene)
@@ -167,7 +170,7 @@ _OTHER: Any = {"ls": "", "marker": ".", "color": "0.7"}
 
 
 def _draw_models(axes: Axes, rows: pd.DataFrame) -> None:
-    """A marker per model; those of the Pareto front are joined."""
+    """A marker per model; a line joins the Pareto front."""
     front = rows[is_on_front(rows.fit_best_s, rows.error)].sort_values("fit_best_s")
     step: Any = {"where": "post", "color": "0.6", "lw": 1.0, "zorder": 0, "marker": ""}
     axes.step(front.fit_best_s, 100 * front.error, **step)

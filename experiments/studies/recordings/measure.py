@@ -10,12 +10,11 @@ Each recording is one sensor: draws vary the frames, not the sensor.
 from __future__ import annotations
 
 import copy
-import importlib.util
 import time
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, ClassVar
 
 import msgspec
 import numpy as np
@@ -25,52 +24,25 @@ from baselines import library
 from baselines.bank import Bank
 from baselines.chosen import Chosen
 from experiments.protocol.data import at_seed
-from experiments.protocol.evaluate import (
-    bank_of,
-    evaluate,
-    evaluate_until,
-    train_until,
-)
+from experiments.protocol.evaluate import bank_of, evaluate, train_until
 from experiments.protocol.model import Model, models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import nested, resample_split
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, Row, Task
 from experiments.records.rows import pack_labels
-from hdc.backends import compile_kernels
+from hdc.backends import ENOUGH, choose_backend
+from scenes.frames import Scene
 
 
 class Limits(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a model is asked; None stands for everything.
+    """A model that costs much is asked in fewer draws.
 
     Attributes:
-        scenes: names of recordings.
-        splits: names of splits.
-        draws: the first so many draws, of all seeds together.
-        n_per_class: training frames of each class.
-        stop: ends the training of a model that learns by steps.
+        draws: the first so many, of all seeds together.
     """
 
-    scenes: list[str] | None = None
-    splits: list[str] | None = None
-    draws: int | None = None
-    n_per_class: list[int] | None = None
-    stop: StopRule | None = None
-
-    def at(self, split: str, draw: int, sizes: Sequence[int]) -> list[int]:
-        """Those of the sizes at which the model is asked in a draw of a split."""
-        if self.draws is not None and draw >= self.draws:
-            return []
-        if self.splits is not None and split not in self.splits:
-            return []
-        return [n for n in sizes if self.n_per_class is None or n in self.n_per_class]
-
-
-class Asked(NamedTuple):
-    """A model, and where it is asked."""
-
-    model: Model
-    limits: Limits
+    draws: int
 
 
 class Recordings(Task, frozen=True):
@@ -80,9 +52,8 @@ class Recordings(Task, frozen=True):
     ``n`` and ``predicted`` are lists, the latter of texts of
     :func:`experiments.records.rows.pack_labels`; the first row of a draw has the true classes in
     ``labels`` and their number in ``n_classes``, and the numbers of their groups in ``groups``
-    where the split keeps groups together. A model that chooses its form has the names of
-    those that it ``chose``, one for each n; one that learns by steps has the reasons why it
-    ``stopped``, as :mod:`experiments.protocol.stop` names them.
+    where the split keeps groups together. A model that chooses its form has the names of the forms
+    that it ``chose``, one for each n.
     Arguments: configs/experiment/recordings.yaml.
 
     Raises:
@@ -102,46 +73,74 @@ class Recordings(Task, frozen=True):
     limits: Mapping[str, Limits] | None = None
 
     def rows(self, context: Context) -> Iterator[Row]:
-        asked = _asked(self.models, self.limits or {}, context.scene_name)
+        models, limits = models_of(at_seed(self.models, 0)), self.limits or {}
+        for name in limits:
+            if name not in models:
+                known = ", ".join(models)
+                raise ValueError(
+                    f"task.limits: expected models among {known}, found {name!r}"
+                )
+        _use_kernels(models)
         for count, (seed, recording) in enumerate(
             context.scenes(self.scene, self.seeds)
         ):
-            first = count * self.draws
             bank = bank_of(recording, group=_group(self.splits))
             for split, wanted in self.splits.items():
-                pool_of = partial(
-                    resample_split, recording, wanted, most_test=self.most_test
-                )
                 for k in range(self.draws):
-                    place = (split, first + k)
-                    draw = partial(_draw, bank, pool_of, asked, self.n_per_class, place)
+                    asked = {
+                        name: model
+                        for name, model in models.items()
+                        if name not in limits
+                        or count * self.draws + k < limits[name].draws
+                    }
                     drawn = {"seed": seed, "split": split, "draw": k}
-                    for row in context.part(drawn, partial(draw, (seed, k))):
+                    parts = recording, bank, wanted, (seed, k)
+                    compute = partial(self._draw, asked, *parts)
+                    for row in context.part(drawn, compute):
                         yield {"origin": recording.origin, **drawn, **row}
 
+    def _draw(
+        self,
+        models: Mapping[str, Model],
+        recording: Scene,
+        bank: Bank,
+        wanted: Split,
+        seed: tuple[int, int],
+    ) -> Iterator[Row]:
+        """The rows of one draw, a row per model."""
+        pool, test = resample_split(recording, wanted, seed, self.most_test)
+        order, sizes = nested(pool, bank.labels, self.n_per_class, seed)
+        if not sizes:
+            return
+        of_draw: Row = {
+            "labels": pack_labels(bank.labels[test]),
+            "n_classes": bank.n_classes,
+        }
+        if bank.groups is not None:
+            _, group = np.unique(bank.groups, return_inverse=True)
+            of_draw["groups"] = pack_labels(group[test])
+        for name, model in models.items():
+            predicted, chose = [], []
+            for n in sizes:
+                train = np.concatenate([rows[:n] for rows in order])
+                asked = model
+                if isinstance(model, Chosen):
+                    form, asked = model.choose(bank, train)
+                    chose.append(form)
+                predicted.append(pack_labels(evaluate(asked, bank, train, test)))
+            row: Row = {"model": name, "n_test": len(test), "n": sizes}
+            row["predicted"] = predicted
+            if chose:
+                row["chose"] = chose
+            yield {**row, **of_draw}
+            of_draw = {}  # the first row has it for all
 
-def _asked(
-    models: Mapping[str, Any], limits: Mapping[str, Limits], scene: str
-) -> dict[str, Asked]:
-    """The models that are asked on a recording, by name, with their limits.
 
-    Raises:
-        ValueError: naming a limit that is not of a model.
-    """
-    for name in limits:
-        if name not in models:
-            known = ", ".join(models)
-            raise ValueError(
-                f"task.limits: expected models among {known}, found {name!r}"
-            )
-    of = {name: limits.get(name, Limits()) for name in models}
-    here = {
-        name: part
-        for name, part in models.items()
-        if of[name].scenes is None or scene in (of[name].scenes or ())
-    }
-    made = models_of(at_seed(here, 0))
-    return {name: Asked(model, of[name]) for name, model in made.items()}
+def _use_kernels(models: Mapping[str, Any]) -> None:
+    """Have models compute by the compiled kernels, where they can: faster, and the same bits."""
+    for model in models.values():
+        if hasattr(model, "backend"):
+            model.backend = choose_backend("auto", model.device, ENOUGH)
 
 
 def _group(splits: Mapping[str, Split]) -> str | None:
@@ -150,66 +149,6 @@ def _group(splits: Mapping[str, Split]) -> str | None:
         if wanted.kind in ("grouped", "leave_group_out"):
             return wanted.group
     return None
-
-
-def _draw(
-    bank: Bank,
-    pool_of: Any,
-    models: Mapping[str, Asked],
-    n_per_class: Sequence[int],
-    place: tuple[str, int],
-    seed: tuple[int, int],
-) -> Iterator[Row]:
-    """The rows of one draw, a row per model; `place` is its split and its number."""
-    pool, test = pool_of(seed=seed)
-    order, sizes = nested(pool, bank.labels, n_per_class, seed)
-    of_draw: Row = {
-        "labels": pack_labels(bank.labels[test]),
-        "n_classes": bank.n_classes,
-    }
-    if bank.groups is not None:
-        _, group = np.unique(bank.groups, return_inverse=True)
-        of_draw["groups"] = pack_labels(group[test])
-    for name, asked in models.items():
-        chosen = asked.limits.at(*place, sizes)
-        if not chosen:
-            continue
-        answers = [
-            _answer(asked, bank, np.concatenate([rows[:n] for rows in order]), test)
-            for n in chosen
-        ]
-        row: Row = {
-            "model": name,
-            "n_test": len(test),
-            "n": chosen,
-            "predicted": [pack_labels(answer.labels) for answer in answers],
-        }
-        if isinstance(asked.model, Chosen):
-            row["chose"] = [answer.form for answer in answers]
-        if asked.limits.stop is not None:
-            row["stopped"] = [answer.stopped for answer in answers]
-        yield {**row, **of_draw}
-        of_draw = {}  # the first row has it for all
-
-
-class Answer(NamedTuple):
-    """Labels of test frames; which form a model chose, if it does; why its training stopped, if it
-    learns by steps."""
-
-    labels: np.ndarray
-    form: str = ""
-    stopped: str = ""
-
-
-def _answer(asked: Asked, bank: Bank, train: np.ndarray, test: np.ndarray) -> Answer:
-    model, stop = asked.model, asked.limits.stop
-    if isinstance(model, Chosen):
-        form, model = model.choose(bank, train)
-        return Answer(evaluate(model, bank, train, test), form)
-    if stop is None:
-        return Answer(evaluate(model, bank, train, test))
-    labels, stopped = evaluate_until(stop, model, bank, train, test)
-    return Answer(labels, stopped=stopped)
 
 
 # Costs --------------------------------------------------------------------------------------------
@@ -226,7 +165,7 @@ class Timed:
 
     @property
     def seconds(self) -> float:
-        """Of all trainings so far."""
+        """How long all trainings so far took."""
         return sum(self.fit_s)
 
     def repeat(self, frames: Tensor, labels: np.ndarray, asked: Tensor) -> None:
@@ -264,10 +203,9 @@ class RecordingCosts(Task, frozen=True):
     repeats: int = 3
     most_s: float | int = 20.0
     seed: int = 0
-    limits: Mapping[str, Limits] | None = None
 
     def rows(self, context: Context) -> Iterator[Row]:
-        asked = _asked(self.models, self.limits or {}, context.scene_name)
+        models = models_of(at_seed(self.models, 0))
         ((_, recording),) = context.scenes(self.scene, [self.seed])
         bank = bank_of(recording)
         pool, test = resample_split(recording, self.split, (self.seed, 0), self.queries)
@@ -277,9 +215,8 @@ class RecordingCosts(Task, frozen=True):
             frames, labels = bank.frames[train], bank.labels[train]
             every = [
                 (name, column, timed)
-                for name, each in asked.items()
-                if each.limits.at("", 0, [n])
-                for column, timed in _by_backend(each.model).items()
+                for name, model in models.items()
+                for column, timed in _by_backend(model).items()
             ]
             for _ in range(self.repeats):
                 for _, _, timed in every:
@@ -302,8 +239,7 @@ def _by_backend(model: Any) -> dict[str, Timed]:
     if not hasattr(model, "backend"):
         return {"": Timed(model)}
     backends = {"": "numpy"}
-    if importlib.util.find_spec("numba") is not None:
-        compile_kernels()  # before any of them is timed
+    if choose_backend("auto", "cpu", ENOUGH) == "compiled":
         backends["_compiled"] = "compiled"
     found = {}
     for column, backend in backends.items():

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -19,7 +18,7 @@ from experiments.reporting.plot import (
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.studies.recordings.figures import SPLIT
-from experiments.studies.recordings.tables import COSTS_OF, costs
+from experiments.studies.recordings.tables import COSTS_OF, at_most_frames
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -30,28 +29,22 @@ _OTHER: Any = {"marker": "", "color": "0.8", "lw": 0.8, "zorder": 1}
 def profile(frame: pd.DataFrame) -> pd.DataFrame | None:
     """A row for each model and recording at the most frames per class.
 
-    ``factor`` is its training time over that of the fastest model that errs no more, itself among
-    them; ``share`` that of the recordings on which its factor is at most this one (Dolan and Moré,
-    Math. Program. 91, 201 (2002)). Models that were not measured on all recordings are left out.
+    ``factor`` is its training time relative to the fastest model that errs no more, which may be
+    itself; ``share`` is the share of recordings on which its factor is at most this one (Dolan and
+    Moré, Math. Program. 91, 201 (2002)). Models that were not measured on all recordings are left
+    out.
     """
-    known = costs(frame)
-    if not len(known):
+    most = at_most_frames(frame)
+    if not len(most):
         return None
-    known = known.dropna(subset="error")
-    if not len(known):
-        return None
-    most = known[known.n == known.groupby("recording").n.transform("max")]
-    lines = pd.concat(map(_factors, _by_recording(most)))
+    lines = pd.concat(
+        [_factors(rows) for _, rows in most.groupby("recording", sort=False)]
+    )
     every = lines.recording.nunique()
     whole = lines.groupby("model").recording.transform("nunique") == every
     lines = lines[whole].sort_values(["model", "factor"], kind="stable")
     rank = lines.groupby("model").factor.rank("max")
     return lines.assign(share=rank / every)[["model", "factor", "share"]]
-
-
-def _by_recording(lines: pd.DataFrame) -> Iterator[pd.DataFrame]:
-    for _, rows in lines.groupby("recording", sort=False):
-        yield rows
 
 
 def _factors(rows: pd.DataFrame) -> pd.DataFrame:
@@ -72,7 +65,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
         shares = [0.0, *rows.share, rows.share.max()]
         axes.step(factors, shares, where="post", **look)
     axes.set(xscale="log", xlim=(0.95, end), ylim=(0, 1.03))
-    axes.set_xlabel("training time over that of the fastest that errs no more")
+    axes.set_xlabel("training time relative to the fastest that errs no more")
     axes.set_ylabel("share of recordings")
     plain_decades(axes)
     names = [handle(model) for model in FORMS if model in set(data.model)]

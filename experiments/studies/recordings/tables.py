@@ -1,9 +1,9 @@
-"""Accuracies on recordings, what each change of the model costs, and errors beside run times."""
+"""Accuracies on recordings, what each change of the model costs, and errors and run times."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -17,8 +17,15 @@ from experiments.reporting.columns import (
     milliseconds,
     scene_name,
 )
+from experiments.reporting.estimates import Estimate
 from experiments.reporting.forms import FORMS
-from experiments.reporting.resamples import RIVAL, models_of
+from experiments.reporting.resamples import (
+    RIVAL,
+    accuracies,
+    models_of,
+    over_units,
+    seeds_are_units,
+)
 from experiments.reporting.table import ENDS, Table
 from experiments.reporting.text import (
     kind_of,
@@ -28,7 +35,58 @@ from experiments.reporting.text import (
     size,
     two_digits,
 )
-from experiments.studies.recordings.accuracies import Accuracies, recordings
+
+FEW = 5  # frames per class
+
+
+def recordings(frame: pd.DataFrame) -> dict[str, pd.DataFrame]:
+    """The rows of each recording by its scene."""
+    return by_scene(of_experiment(frame, "recordings"))
+
+
+class Accuracies:
+    """Accuracies on one recording by the split that counts, a row per unit and a column per model.
+
+    Attributes:
+        sizes: frames per class at which some model was asked, increasing.
+        models: names, in the order of the rows.
+        seeds: whether units are seeds, not draws of one recording.
+        units: draws or seeds, in rising order.
+    """
+
+    def __init__(self, of_recording: pd.DataFrame) -> None:
+        rows = of_recording[of_recording.split == "counts"]
+        self.models = [str(model) for model in rows.model.unique()]
+        self.seeds = seeds_are_units(rows)
+        every = accuracies(rows)
+        self.sizes: list[int] = sorted(every.n.unique().tolist())
+        asked = ["model", "n"]
+        self._table = every.pivot(index="unit", columns=asked, values="accuracy")
+        self.units: list[Any] = self._table.index.tolist()
+
+    def by_unit(self, model: str, n: int) -> np.ndarray:
+        """Accuracy in each unit, [units]; NaN where the model was not asked."""
+        if (model, n) not in self._table:
+            return np.full(len(self.units), math.nan)
+        return self._table[model, n].to_numpy(float)
+
+    def mean(self, model: str, n: int) -> Estimate:
+        """Mean accuracy with its interval; NaN where the model was not asked."""
+        return self._estimate(self.by_unit(model, n))
+
+    def pair(self, first: str, second: str, n: int) -> np.ndarray:
+        """Accuracies of two models in the units in which both were asked, [2, units]."""
+        both = np.stack([self.by_unit(first, n), self.by_unit(second, n)])
+        return both[:, ~np.isnan(both).any(axis=0)]
+
+    def difference(self, first: str, second: str, n: int) -> Estimate:
+        """How much more accurate one model is than another in the same units."""
+        return self._estimate(self.by_unit(first, n) - self.by_unit(second, n))
+
+    def _estimate(self, by_unit: np.ndarray) -> Estimate:
+        values = by_unit[~np.isnan(by_unit)].tolist()
+        return over_units(values, self.seeds) if values else Estimate(math.nan)
+
 
 NOTE = (
     "Split by time, session, group or position, as each recording states, so that near "
@@ -98,29 +156,23 @@ def decomposition(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording and step whose two models were asked, at the most frames."""
     table: list[dict[str, Any]] = []
     for scene, rows in recordings(frame).items():
-        steps = _steps(Accuracies(rows))
-        table += ({"recording": scene, **line} for line in steps)
-    return pd.DataFrame(table)
-
-
-def _steps(every: Accuracies) -> Iterator[dict[str, Any]]:
-    for n in every.sizes[-1:]:
+        every = Accuracies(rows)
+        n = every.sizes[-1]
         for step in STEPS:
             # One of them may have been asked in fewer draws than the other.
             before, after = every.pair(step.before, step.after, n)
-            if len(before):
-                yield {
-                    "n": n,
-                    "step": step.name,
-                    "before": step.before,
-                    "after": step.after,
-                    "before_accuracy": float(before.mean()),
-                    "after_accuracy": float(after.mean()),
-                    **every.difference(step.after, step.before, n).columns("change"),
-                }
+            if not len(before):
+                continue
+            line = {"recording": scene, "n": n, "step": step.name}
+            line |= {"before": step.before, "after": step.after}
+            line |= {"before_accuracy": float(before.mean())}
+            line |= {"after_accuracy": float(after.mean())}
+            change = every.difference(step.after, step.before, n)
+            table.append(line | change.columns("change"))
+    return pd.DataFrame(table)
 
 
-# Errors beside run times --------------------------------------------------------------------------
+# Errors and run times -----------------------------------------------------------------------------
 
 COSTS_OF = ("recording_costs", "recordings")
 TIMES = ("fit", "predict_frame")
@@ -128,35 +180,40 @@ TIMES = ("fit", "predict_frame")
 
 def costs(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each recording, number of frames and model: error, stored bytes, seconds by NumPy
-    and by the compiled kernels, and by the faster of both relative to converged softmax."""
-    table = []
-    asked = {scene: Accuracies(rows) for scene, rows in recordings(frame).items()}
-    for scene, rows in by_scene(of_experiment(frame, "recording_costs")).items():
-        for row in rows.to_dict("records"):
-            model, n = row["model"], row["n"]
-            line = {"recording": scene, "n": n, "model": model, "bytes": row["bytes"]}
-            line["bits"] = 8 * row["bytes"] / row["n_pixels"] / row["n_classes"]
-            line["error"] = math.nan
-            if scene in asked:
-                line["error"] = 1 - asked[scene].mean(model, n).value
-            for time in TIMES:
-                by_numpy, compiled = row[f"{time}_s"], row.get(f"{time}_compiled_s")
-                line |= {f"{time}_s": by_numpy, f"{time}_compiled_s": compiled}
-                line[f"{time}_best_s"] = np.nanmin([by_numpy, compiled or math.nan])
-            table.append(line)
-    data = pd.DataFrame(table)
-    return _relative(data) if len(data) else data
-
-
-def _relative(data: pd.DataFrame) -> pd.DataFrame:
-    """The rows with run times relative to converged softmax on grey values of the same frames."""
-    at = ["recording", "n"]
-    pace = data[data.model == RIVAL].set_index(at)
+    and by the compiled kernels, and the smaller of both relative to converged softmax on grey
+    values of the same frames."""
+    parts = list(by_scene(of_experiment(frame, "recording_costs")).values())
+    if not parts:
+        return pd.DataFrame()
+    data = pd.concat(parts).rename(columns={"scene": "recording"})
+    known = {scene: Accuracies(rows) for scene, rows in recordings(frame).items()}
+    data["bits"] = 8 * data.bytes / data.n_pixels / data.n_classes
+    data["error"] = [
+        1 - known[scene].mean(model, n).value if scene in known else math.nan
+        for scene, model, n in zip(data.recording, data.model, data.n, strict=True)
+    ]
+    columns = ["recording", "n", "model", "bytes", "bits", "error"]
     for time in TIMES:
-        best = f"{time}_best_s"
-        of_rival = data[at].apply(tuple, axis="columns").map(pace[best])
-        data[f"{time}_relative"] = data[best] / of_rival
-    return data
+        both = [f"{time}_s", f"{time}_compiled_s"]
+        data = data.reindex(columns=[*data, *set(both) - set(data)])
+        data[f"{time}_best_s"] = data[both].min(axis="columns")
+        columns += [*both, f"{time}_best_s"]
+    at = ["recording", "n"]
+    of_rival = data[data.model == RIVAL].set_index(at)
+    for time in TIMES:
+        rival = data[at].apply(tuple, axis="columns").map(of_rival[f"{time}_best_s"])
+        data[f"{time}_relative"] = data[f"{time}_best_s"] / rival
+        columns.append(f"{time}_relative")
+    return data[columns]
+
+
+def at_most_frames(frame: pd.DataFrame) -> pd.DataFrame:
+    """The rows of :func:`costs` with an error at the most frames per class of a recording."""
+    known = costs(frame)
+    if not len(known):
+        return known
+    known = known.dropna(subset="error")
+    return known[known.n == known.groupby("recording").n.transform("max")]
 
 
 def _of_either(time: str, show: Any) -> Any:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,7 +14,7 @@ from experiments.reporting.facets import facets
 from experiments.reporting.plot import DASHED, handle, legend_below, look_of, wrapped
 from experiments.reporting.resamples import models_of
 from experiments.reporting.study import Figure, Study
-from experiments.reporting.table import Table
+from experiments.reporting.table import ENDS, Table
 from experiments.reporting.text import percent, points
 from experiments.reporting.trained import split_of
 
@@ -50,29 +49,32 @@ PANELS = {
 }
 
 
-def left(frame: pd.DataFrame) -> Iterator[tuple[Any, Estimate]]:
-    """The accuracy of each group of :data:`BY`, mean over seeds.
+def left(frame: pd.DataFrame) -> pd.DataFrame:
+    """The ``accuracy`` of each group of :data:`BY`, mean over seeds.
 
     Bounds are Student's interval. A flipped bit can ruin all predictions of a seed at once, so of
     flips they are the lowest and the highest seed.
     """
+    lines = []
     for key, same in frame.groupby(BY, sort=False):
         shares = same.right / same.n_test
+        found = mean_share(shares.tolist(), same.n_test.iloc[0])
         if same.disturbance.iloc[0] in FLIPS:
             worst, best = shares.min(), shares.max()
             # The mean of equal shares may differ from them in the last digit.
-            mean = float(np.clip(shares.mean(), worst, best))
-            yield key, Estimate(mean, worst, best)
-        else:
-            yield key, mean_share(shares.tolist(), same.n_test.iloc[0])
+            found = Estimate(float(np.clip(shares.mean(), worst, best)), worst, best)
+        lines.append(dict(zip(BY, key, strict=True)) | found.columns("accuracy"))
+    return pd.DataFrame(lines)
 
 
 def robustness(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per scene and model, a column per disturbance and level."""
     rows: dict[Any, dict[str, Any]] = {}
-    for (scene, model, name, level, _), estimate in left(frame):
-        row = rows.setdefault((scene, model), {"scene": scene, "model": model})
-        row |= estimate.columns(f"{name}_{level:g}")
+    for line in left(frame).to_dict("records"):
+        key = {name: line[name] for name in ("scene", "model")}
+        row = rows.setdefault(tuple(key.values()), key)
+        name = f"{line['disturbance']}_{line['level']:g}"
+        row |= {f"{name}{end}": line[f"accuracy{end}"] for end in ENDS}
     return pd.DataFrame(rows.values())
 
 
@@ -107,12 +109,8 @@ def _by_seed(lines: pd.DataFrame, disturbance: str, level: float) -> pd.Series:
 
 def levels(frame: pd.DataFrame) -> pd.DataFrame:
     """A row per panel, model and level; of weights stored in 32 and in 8 bits those in 8 bits."""
-    lines = []
-    for key, estimate in left(frame):
-        lines.append(dict(zip(BY, key, strict=True)) | estimate.columns("accuracy"))
     splits = {scene: split_of(rows) for scene, rows in frame.groupby("scene")}
-    every = pd.DataFrame(lines)
-    every["split"] = every.scene.map(splits)
+    every = left(frame).assign(split=lambda lines: lines.scene.map(splits))
     parts = []
     for name in PANELS:
         of_int8 = every[every.disturbance == f"{name}_int8"]
@@ -192,13 +190,8 @@ STUDY = Study(
                 "change": Column("Change, points", points),
             },
             shown=(
-                "scene",
-                "model",
-                "disturbance",
-                "before",
-                "after",
-                "change",
-                "seeds",
+                *("scene", "model", "disturbance"),
+                *("before", "after", "change", "seeds"),
             ),
             note="Models are trained on undisturbed frames. Weights of softmax have 8 bits where "
             "bits flip. In brackets: Student, 95 %, over seeds; the change is paired by seed.",

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from experiments.studies.recordings import profile
+from experiments.studies.recordings import profile, tables
 
 
 @pytest.fixture
@@ -22,7 +22,7 @@ def made(monkeypatch):
         ("b", 50, "unknown", None, 0.1),
     ]
     names = ["recording", "n", "model", "error", "fit_best_s"]
-    monkeypatch.setattr(profile, "costs", lambda _: pd.DataFrame(rows, columns=names))
+    monkeypatch.setattr(tables, "costs", lambda _: pd.DataFrame(rows, columns=names))
     return profile.profile(pd.DataFrame())
 
 

@@ -14,7 +14,7 @@ from experiments.reporting import forms
 from experiments.reporting.resamples import RIVAL
 from experiments.studies.recordings import figures as drawing
 from experiments.studies.recordings import measure, tables
-from experiments.studies.recordings.accuracies import Accuracies, recordings
+from experiments.studies.recordings.tables import Accuracies, recordings
 from experiments.studies.recordings.view import STUDY
 from tests.experiments import composed
 
@@ -39,52 +39,47 @@ def models(*names):
     return {name: composed.part("model", name) for name in names}
 
 
-def test_a_model_is_asked_within_its_limits(of_small):
-    ask = of_small(measure.Recordings)
-    named = models("hdc", "hdc_integer", "ridge", "greys_chosen", "softmax")
+def test_a_model_is_asked_in_its_first_draws_alone(of_small):
+    named = models("hdc", "ridge", "greys_chosen")
     splits = {"random": RANDOM, "counts": RANDOM}
-    stop = {"least_steps": 1, "most_steps": 3, "loss": 0.0}
-    limits = {
-        "ridge": {"draws": 3, "splits": ["counts"]},
-        "greys_chosen": {"n_per_class": [5], "scenes": ["here"]},
-        "softmax": {"draws": 1, "stop": stop},
-        "hdc_integer": {"scenes": ["elsewhere"]},
-    }
-    about = {"splits": splits, "models": named, "n_per_class": [1, 5]}
-    ask = partial(ask, **about, draws=2, seeds=[0, 1])
-    rows = pd.DataFrame(ask(limits=limits))
+    about = {"splits": splits, "models": named, "n_per_class": [1, 5, 999]}
+    ask = partial(of_small(measure.Recordings), **about, draws=2, seeds=[0, 1])
+    rows = pd.DataFrame(ask(limits={"ridge": {"draws": 3}}))
     draws = list(zip(rows.seed, rows.draw, strict=True))
     asked = rows.assign(at=draws).groupby(["split", "model"])["at"].agg(list)
     every = [(0, 0), (0, 1), (1, 0), (1, 1)]
     for split in splits:
         assert asked[split, "hdc"] == asked[split, "greys_chosen"] == every
-        assert asked[split, "softmax"] == [(0, 0)]
-    assert asked["counts", "ridge"] == [(0, 0), (0, 1), (1, 0)]
-    assert not {("random", "ridge"), ("counts", "hdc_integer")} & set(asked.index)
+        assert asked[split, "ridge"] == every[:3]
     assert rows.groupby(["split", "seed", "draw"]).labels.count().eq(1).all()
-    assert rows[rows.model == "hdc"].n.tolist() == [[1, 5]] * 8
-    chosen = rows[rows.model == "greys_chosen"]
-    assert chosen.n.tolist() == [[5]] * 8
-    known = ("raw", "standardised", "smoothed")
-    assert all(form in known for (form,) in chosen.chose)
-    assert rows[rows.model == "softmax"].stopped.tolist() == [["steps"] * 2] * 2
-    assert rows[rows.model == "hdc"].stopped.isna().all()
+    assert rows.n.tolist() == [[1, 5]] * len(rows)
+    chosen = rows[rows.model == "greys_chosen"].chose
+    assert all({*forms} <= {"raw", "standardised", "smoothed"} for forms in chosen)
+    assert rows[rows.model == "hdc"].chose.isna().all()
     for wrong, message in (
         ({"hcd": {"draws": 1}}, r"limits: expected models among .* 'hcd'"),
-        ({"hdc": {"draw": 1}}, r"task\.limits\.hdc\.draw: expected one of scenes"),
+        ({"hdc": {"draw": 1}}, r"task\.limits\.hdc\.draw: expected"),
     ):
         with pytest.raises(ValueError, match=message):
             ask(limits=wrong)
 
 
+def test_compiled_kernels_answer_as_numpy_does(of_small, monkeypatch):
+    named = models("hdc", "hdc_lda", "hdc_levels_lda", "hdc_deviation_lda")
+    about = {"splits": {"counts": RANDOM}, "models": named, "n_per_class": [1, 5]}
+    ask = partial(of_small(measure.Recordings), **about, draws=2)
+    rows = ask()
+    monkeypatch.setattr(measure, "_use_kernels", lambda models: None)
+    assert ask() == rows
+
+
 def test_bytes_of_a_model_are_those_of_its_bits(of_small):
     names = ("hdc", "hdc_levels_lda", "softmax_dual")
-    limits = {"hdc_levels_lda": {"n_per_class": [5]}}
     ask = of_small(measure.RecordingCosts)
     about = {"split": RANDOM, "models": models(*names), "n_per_class": [1, 5]}
-    rows = ask(**about, repeats=1, limits=limits)
+    rows = ask(**about, repeats=1)
     asked = [(row["model"], row["n"]) for row in rows]
-    assert asked == [("hdc", 1), ("softmax_dual", 1), *((name, 5) for name in names)]
+    assert asked == [(name, n) for n in (1, 5) for name in names]
     found = {row["model"]: row for row in rows}
     classes, pixels = found["hdc"]["n_classes"], found["hdc"]["n_pixels"]
     padded, planes = (8 * -(-bits // 64) for bits in (pixels, 7 * pixels))

@@ -1,8 +1,8 @@
 """Numbers instead of labels, and how often the library's guarantees hold.
 
-Sets of labels, intervals and probabilities are promised for frames that come as the training frames
-did: a random split of one session keeps that promise, a split by time, session or position breaks
-it.
+Sets of labels, intervals and probabilities are promised for frames recorded under the training
+conditions: a random split of one session keeps to them, a split by time, session or position does
+not.
 """
 
 from __future__ import annotations
@@ -79,11 +79,12 @@ class Values(Task, frozen=True):
 class Coverage(Task, frozen=True):
     """One row: a model in one draw of one split after ``n`` frames of every class.
 
-    Of ``n_test`` held-out frames, the share ``covered`` by the model's prediction set for
-    ``alpha``, the mean ``size`` of the set, the share ``refused`` (empty sets) and, of frames of no
-    class, ``unknown_refused`` (None without any). Lists over :data:`BINS` bins of the probability
-    of an answer: how many ``answers``, how many of them ``right``, the sum ``sure`` of their
-    probabilities p, and ``spread`` of p(1 − p); none after one frame, which fits no probability.
+    The share ``covered`` of ``n_test`` held-out frames by the model's prediction set for ``alpha``,
+    the mean ``size`` of the set, the share ``refused`` (empty sets) and ``unknown_refused``, the
+    same share of frames of no class (None without any). Lists over :data:`BINS` bins of the
+    probability of an answer: how many ``answers``, how many of them ``right``, the sum ``sure`` of
+    their probabilities p, and ``spread`` of p(1 − p); none after one frame, which fits no
+    probability.
     Arguments: configs/experiment/coverage.yaml.
 
     Raises:

@@ -69,8 +69,8 @@ BRACKETS = (
 def estimated(
     rows: pd.DataFrame, by: list[str], names: list[str]
 ) -> Iterator[dict[str, Any]]:
-    """Of groups of the rows of one scene, in their order, means of those columns that no row of a
-    group lacks: over seeds where there are several, else over draws."""
+    """Means over seeds, or over draws where there is one seed: a line for each group of the rows of
+    one scene, in their order, with the columns that every row of the group has."""
     several = seeds_are_units(rows)
     for key, group in rows.groupby(by, sort=False):
         line: dict[str, Any] = dict(zip(by, key, strict=True))
