@@ -50,7 +50,7 @@ def moments(images: Tensor) -> Moments:
 def cross_products(a: Tensor, b: Tensor) -> Tensor:
     """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D], float64 [n, m].
 
-    Pixels are uint8, uint16, or int32 for 16-bit ones, minus :func:`constant_of` their type; or int8.
+    Pixels are uint8, uint16 or int32 (for 16 bits), minus :func:`constant_of` their type; or int8.
     """
     products = torch.zeros(len(a), len(b), dtype=torch.float64, device=a.device)
     for start in range(0, a.shape[1], _PIXELS):

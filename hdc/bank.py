@@ -72,8 +72,8 @@ class Bank:
     ) -> Hypervectors:
         """Hypervectors of some frames, or of all.
 
-        An encoder that learns nothing encodes each frame once. One that learns encodes a frame again
-        only where other training frames give it another state.
+        An encoder that learns nothing encodes each frame once. One that learns encodes a frame
+        again only where other training frames give it another state.
 
         Args:
             rows: indices of the frames; by default all.
