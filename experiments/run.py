@@ -17,7 +17,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -216,7 +216,7 @@ def _asked(hydra_cfg: Any) -> Asked:
     words = (word.lstrip("+~").partition("=")[0] for word in hydra_cfg.overrides.task)
     keys = [word.rpartition("@")[2] for word in words]
     file = _experiment(choices.get("experiment"), hydra_cfg)
-    keys += _keys({part: file[part] for part in _PARTS if part in file})
+    keys += configs.flat({part: file[part] for part in _PARTS if part in file})
     chosen = {_SCENE: "touch"}  # as configs/config.yaml
     for entry in file.get("defaults", ()):
         chosen |= entry if isinstance(entry, dict) else {}
@@ -231,15 +231,6 @@ def _experiment(name: str | None, hydra_cfg: Any) -> dict[str, Any]:
             found: Any = OmegaConf.to_container(OmegaConf.load(path))
             return found  # type: ignore[no-any-return]
     return {}
-
-
-def _keys(node: Any, key: str = "") -> Iterator[str]:
-    """Dotted keys of everything in a config that is no mapping."""
-    if not isinstance(node, Mapping):
-        yield key
-        return
-    for name, value in node.items():
-        yield from _keys(value, f"{key}.{name}".lstrip("."))
 
 
 def _say(text: str, style: str = "dim") -> None:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from experiments.records import revision, sources
+from experiments.records import configs, revision, sources
 from scenes.source import DATA, Source
 
 
@@ -26,19 +26,12 @@ def needs(config: Any) -> str:
     for package in sorted(sources.packages_of(names) - own):
         if package not in sys.modules:
             here[package] = importlib.util.find_spec(package) is not None
-    for source in _repositories(config):
+    of_parts = (part.get("source") for part in configs.mappings(config))
+    for given in filter(lambda each: isinstance(each, Mapping), of_parts):
+        source = Source(**given)
         here[f"data of {source.repository} ({DATA})"] = source.find() is not None
     parts = []
     for word, is_here in (("needs", True), ("lacks", False)):
         found = [name for name, known in here.items() if known == is_here]
         parts += [f"{word} {', '.join(found)}"] if found else []
     return "; ".join(parts)
-
-
-def _repositories(node: Any) -> Iterator[Source]:
-    """Every ``source`` in a config, of a scene that reads public recordings."""
-    if isinstance(node, Mapping):
-        if isinstance(node.get("source"), Mapping):
-            yield Source(**node["source"])
-        for value in node.values():
-            yield from _repositories(value)

@@ -199,18 +199,10 @@ def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
 # Lines --------------------------------------------------------------------------------------------
 
 
-def _settings(config: Mapping[str, Any], above: str = "") -> Row:
+def _settings(config: Mapping[str, Any]) -> Row:
     """The values of a config by their dotted keys; a list as JSON."""
-    found: Row = {}
-    for key, value in config.items():
-        name = f"{above}{key}"
-        if isinstance(value, Mapping):
-            found |= _settings(value, f"{name}.")
-        elif isinstance(value, list | tuple):
-            found[name] = json.dumps(value)
-        else:
-            found[name] = value
-    return found
+    found = configs.flat(config).items()
+    return {name: _scalar(value) for name, value in found}
 
 
 def _of_record(record: Record) -> Row:
@@ -233,6 +225,8 @@ def _of_run(run: Record) -> Row:
     """The line of a training; one that never got to its target took infinitely long."""
     config, results = run.config, run.results
     seconds = results["training_time_s"]
+    parts = list(configs.mappings(config))
+    seeds = [part[key] for part in parts for key in configs.SEEDS if key in part]
     same = configs.without((*configs.SEEDS, "device"), config)
     if not results["iterative"]:  # it ends by itself, whatever the rule
         same.pop("stop")
@@ -249,25 +243,12 @@ def _of_run(run: Record) -> Row:
         "code": run.environment.short_commit,
         "seed": config["seed"]["run"],
         "seeds": json.dumps(config["seed"], sort_keys=True),
-        "repetition": json.dumps(list(_seeds(config))),
+        "repetition": json.dumps(seeds),
         "alike": json.dumps([same, run.revisions], sort_keys=True),
         "stop_rule": run.stop,
         **results,
         "training_time_s": math.inf if seconds is None else seconds,
     }
-
-
-def _seeds(config: Any) -> Iterator[Any]:
-    """Every seed in a config, in the order of the keys."""
-    if isinstance(config, Mapping):
-        for key in sorted(config):
-            if key in configs.SEEDS:
-                yield config[key]
-            else:
-                yield from _seeds(config[key])
-    elif isinstance(config, list | tuple):
-        for part in config:
-            yield from _seeds(part)
 
 
 def _counting(lines: pd.DataFrame) -> pd.DataFrame:
@@ -319,7 +300,7 @@ def _lines(rows: Iterable[Row]) -> Iterator[Row]:
 
 def _scalar(value: Any) -> Any:
     """A value of a list; one that is a list or a mapping itself as JSON."""
-    return json.dumps(value) if isinstance(value, list | dict) else value
+    return json.dumps(value) if isinstance(value, list | tuple | dict) else value
 
 
 def _answered(lines: Iterable[Row]) -> Iterator[Row]:
