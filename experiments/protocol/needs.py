@@ -26,9 +26,8 @@ def needs(config: Any) -> str:
     for package in sorted(sources.packages_of(names) - own):
         if package not in sys.modules:
             here[package] = importlib.util.find_spec(package) is not None
-    of_parts = (part.get("source") for part in configs.mappings(config))
-    for given in filter(lambda each: isinstance(each, Mapping), of_parts):
-        source = Source(**given)
+    of_scenes = [part.get("source") for part in configs.mappings(config)]
+    for source in (Source(**each) for each in of_scenes if isinstance(each, Mapping)):
         here[f"data of {source.repository} ({DATA})"] = source.find() is not None
     parts = []
     for word, is_here in (("needs", True), ("lacks", False)):
