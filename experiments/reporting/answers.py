@@ -77,8 +77,7 @@ class Answers:
 
     @functools.cached_property
     def comparison(self) -> Table | None:
-        """Every published number beside ours. Among one's own stands nothing that was not
-        measured."""
+        """Every published number that was measured, and ours."""
         every = [
             (study, numbers) for study in self.studies for numbers in study.numbers
         ]
@@ -87,7 +86,7 @@ class Answers:
             make = functools.partial(numbers.made, self.results.frame(*numbers.of))
             quantities += self._tried(study, "its numbers", make) or []
         experiments = [name for _, numbers in every for name in numbers.of]
-        table = comparison.compare(quantities, experiments, self.name != MINE)
+        table = comparison.compare(quantities, experiments)
         return table if len(table.data) else None
 
     @functools.cached_property
