@@ -22,6 +22,7 @@ from rich.console import Console
 
 from experiments import studies
 from experiments.records import configs
+from experiments.records.console import say
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.results import Results
 from experiments.reporting import compare, comparison, page
@@ -31,7 +32,6 @@ from experiments.reporting.study import Study, own_study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.terminal import (
     last_line,
-    say,
     show,
     show_scenes,
     show_table1,
@@ -123,9 +123,9 @@ def show_tables(
             found = ((answers.name, answers.table(name)) for answers in sets)
             of, table = next((each for each in found if each[1]), ("", None))
             if table is None:
-                say(console, [f"{name}: not measured yet"], "yellow")
+                say(console, f"{name}: not measured yet", "yellow")
             else:
-                say(console, [TITLES[of]], "bold")
+                say(console, TITLES[of], "bold")
                 show(console, table)
     print_problems(console, sets)
 
@@ -178,7 +178,7 @@ def write(
         _show(console, sets, numbers, brief)
     print_problems(console, sets)
     table1 = first.table("table1") if first.name == MINE else None
-    say(console, [last_line(table1, os.path.relpath(path))])
+    say(console, last_line(table1, os.path.relpath(path)))
     return path
 
 
@@ -191,13 +191,16 @@ def _show(
         show_table1(console, *every)
     if brief:
         differing = compare.differing(numbers)
-        say(console, differing.sentence[differing.table == "table1"], "yellow")
+        for sentence in differing.sentence[differing.table == "table1"]:
+            say(console, sentence, "yellow")
         return
     scenes = sets[0].table("all_scenes")
     if sets[0].name == MINE and scenes is not None:
         show_scenes(console, scenes)
-    say(console, compare.lines(numbers) if len(numbers) else ())
-    say(console, (f"{a.name}: {_about(a.results)}" for a in sets), "dim")
+    for line in compare.lines(numbers) if len(numbers) else ():
+        say(console, line)
+    for answers in sets:
+        say(console, f"{answers.name}: {_about(answers.results)}", "dim")
 
 
 def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
@@ -259,10 +262,10 @@ def _about(results: Results) -> str:
 def print_problems(console: Console, sets: Sequence[Answers]) -> None:
     """A line for each record that was left out and each study that failed."""
     for answers in sets:
-        name = answers.name
-        left_out = (f"left out of {name}: {text}" for text in answers.left_out)
-        say(console, left_out, "yellow")
-        say(console, (f"{name}: {failure}" for failure in answers.failures), "red")
+        for text in answers.left_out:
+            say(console, f"left out of {answers.name}: {text}", "yellow")
+        for failure in answers.failures:
+            say(console, f"{answers.name}: {failure}", "red")
 
 
 if __name__ == "__main__":

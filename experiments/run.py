@@ -43,11 +43,11 @@ from experiments.protocol.runner import Asked, carry_out, task_class
 from experiments.protocol.settings import resolved
 from experiments.protocol.validation import ACCURACY
 from experiments.records import configs, locks
+from experiments.records.console import printable, say
 from experiments.records.environment import COMMAND
 from experiments.records.files import results_dir
 from experiments.records.record import Record
 from experiments.reporting.summary import summarise
-from experiments.reporting.text import printable
 
 # Keys that say how any task is carried out.
 _OF_ANY = ("device", "threads", "exclusive", "cache", "force", "experiment")
@@ -235,7 +235,7 @@ def _experiment(name: str | None, hydra_cfg: Any) -> dict[str, Any]:
 
 def _say(text: str, style: str = "dim") -> None:
     """Print a line about the runs."""
-    Console().print(text, style=style, markup=False, soft_wrap=True)
+    say(Console(), text, style)
 
 
 def _tell(kind: str, text: str) -> None:

@@ -21,6 +21,7 @@ from experiments import report, run
 from experiments.protocol.load import Retries
 from experiments.protocol.sweep import span
 from experiments.records.configs import CONFIGS
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
@@ -50,7 +51,7 @@ def main() -> int:
         if status < SIGNALLED:
             report.write(results_dir(), console, brief=True)
     except (OSError, ValueError) as error:  # a full disk, a damaged file
-        console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        say(console, f"error: {error}", "red")
         return 1
     return status
 
@@ -71,14 +72,14 @@ def _carry_out(console: Console) -> int:
     What is left is said at the pace of the models before, where it is slower than that of
     configs/table1.yaml.
     """
-    console.print(f"Table I: {promise()}")
+    say(console, f"Table I: {promise()}")
     left, worst, retries = seconds(), 0, Retries(AGAIN, AGAIN_S)
     taken = expected = 0.0
     for number, model in enumerate(seconds()):
         # A quick machine, or a run found finished, does not promise that the others are quick.
         pace = max(1.0, taken / expected) if expected else 1.0
         text = f"{display_name(model)}; about {span(pace * sum(left.values()))} left"
-        console.print(text, soft_wrap=True)
+        say(console, text)
         start = time.perf_counter()
         status = _measured(console, model, retries)
         taken += time.perf_counter() - start
@@ -96,7 +97,7 @@ def _measured(console: Console, model: str, retries: Retries) -> int:
     def train(attempt: int) -> int:
         if attempt:
             text = f"{display_name(model)}: disturbed, {_disturbed(model)}; once more"
-            console.print(text, soft_wrap=True)
+            say(console, text)
         return _run(model, *(["force=true"] if attempt else []))
 
     def reason(status: int) -> str:

@@ -32,6 +32,7 @@ from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, Row, Task
 from experiments.protocol.trial import Report, Trial, train, warm_up
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.rows import pack_labels
 from hdc.accuracy import accuracy
@@ -339,5 +340,5 @@ def _size(model: Model, console: Console) -> int | None:
         return sum(t.numel() * t.element_size() for t in state.values())
     # Any model can be asked: an error costs its size, and not its training.
     except Exception as error:
-        console.print(f"model_bytes: not known, {error}", style="yellow", markup=False)
+        say(console, f"model_bytes: not known, {error}", "yellow")
         return None

@@ -20,6 +20,7 @@ from experiments.protocol.measure_run import Training
 from experiments.protocol.settings import Carried, check_device, checked
 from experiments.protocol.task import Context, Row, Task, named
 from experiments.records import configs, locks, store
+from experiments.records.console import say
 from experiments.records.environment import command, environment
 from experiments.records.files import results_dir
 from experiments.records.record import SCHEMA, Named, Record, labelled, name_of
@@ -198,7 +199,7 @@ def _alone(how: Carried, console: Console) -> AbstractContextManager[None]:
 
     def waiting() -> None:
         text = f"waiting for {n} free cores: another run is timed (exclusive=false runs beside it)"
-        console.print(text, style="yellow", soft_wrap=True)
+        say(console, text, "yellow")
 
     return machine.held(n, how.device, waiting)
 

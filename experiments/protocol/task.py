@@ -13,6 +13,7 @@ from rich.console import Console
 from experiments.protocol import data
 from experiments.protocol.model import instantiate
 from experiments.records import store
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.record import Record, name_of
 from experiments.records.rows import Row, Rows
@@ -45,8 +46,7 @@ class Context:
 
     def note(self, text: str) -> None:
         """Show a line of progress."""
-        line = f"{self.name}: {text}"
-        self.console.print(line, style="dim", markup=False, soft_wrap=True)
+        say(self.console, f"{self.name}: {text}", "dim")
 
     def scene(self, config: Mapping[str, Any], seed: int) -> Scene:
         """The scene of a resolved config at a seed."""

@@ -14,6 +14,7 @@ import msgspec
 from rich.console import Console
 
 from experiments.records import locks, names
+from experiments.records.console import say
 from experiments.records.record import SCHEMA, Record
 from experiments.records.revision import Revisions
 from hdc.io import write_atomically
@@ -139,5 +140,5 @@ def made_before(
         return known
     if console is not None:
         text = f"{name}: made again, finished otherwise: {', '.join(reasons)}"
-        console.print(text, style="yellow", markup=False, soft_wrap=True)
+        say(console, text, "yellow")
     return None

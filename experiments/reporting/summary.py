@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from rich.console import Console
-from rich.text import Text
 
+from experiments.records.console import say
 from experiments.records.record import Record
 from hdc.accuracy import wilson
 
@@ -12,10 +12,9 @@ from hdc.accuracy import wilson
 def summarise(console: Console, record: Record, repeated: bool = False) -> None:
     """What came of a call: of a training a few lines, accuracy with its interval and times; one
     line of another experiment, and of what was finished before."""
-    # Names go out as Text: no markup and no emoji codes are read in them.
-    console.print(
-        Text(_repeated(record) if repeated else _made(record)), soft_wrap=True
-    )
+    text = _repeated(record) if repeated else _made(record)
+    for line in text.splitlines():
+        say(console, line)
 
 
 def _repeated(record: Record) -> str:

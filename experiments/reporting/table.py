@@ -10,13 +10,13 @@ from typing import Any
 import pandas as pd
 
 from experiments.records import configs
+from experiments.records.console import printable
 from experiments.reporting.columns import COLUMNS, Column, display_name
 from experiments.reporting.text import (
     counted,
     frames_of,
     markdown_text,
     percent,
-    printable,
     tex_text,
 )
 

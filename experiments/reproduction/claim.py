@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from rich.console import Console
-from rich.text import Text
 
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.results import Results
 from experiments.reporting.columns import Row, scene_name
 from experiments.reporting.table import records
-from experiments.reporting.text import printable
 from experiments.studies.claims import view
 
 
@@ -23,7 +22,7 @@ def show(name: str, console: Console) -> None:
         ValueError: there is no such claim.
     """
     for line in lines(name):
-        console.print(Text(printable(line)), soft_wrap=True)
+        say(console, line)
 
 
 def lines(name: str) -> Iterator[str]:
