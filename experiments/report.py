@@ -231,7 +231,7 @@ def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
     """Tables and figures of each study besides those shown already, and those of no study."""
     for study in answers.studies:
         tables = [t for t in answers.tables(study) if t.name not in shown]
-        figures = [f for f, _ in answers.figures(study) if f.name not in shown]
+        figures = [f for f in answers.figures(study) if f.name not in shown]
         failures = [one.text for one in answers.failures if one.study == study.name]
         about = (study.name, study.title, study.question)
         yield Section(*about, tables, figures, failures)

@@ -12,7 +12,7 @@ from experiments.records.record import Record
 from experiments.records.results import RUNS, Results
 from experiments.reporting import comparison
 from experiments.reporting.study import Figure, Study
-from experiments.reporting.table import Table, frame, text_for
+from experiments.reporting.table import Table, frame
 from hdc.io import write_atomically
 
 MINE = "mine"
@@ -59,14 +59,10 @@ class Answers:
         made = (self._of(study, table) for table in study.tables)
         return [table for table in made if table is not None]
 
-    def figures(self, study: Study) -> Iterator[tuple[Figure, Table]]:
-        """The figures of a study that have something to draw, with their tables."""
-        for figure in study.figures:
-            made = self._of(study, figure.table)
-            if made is not None:
-                caption = text_for(figure.caption, made.data)
-                commands = tuple(figure.commands) or made.commands
-                yield replace(figure, caption=caption, commands=commands), made
+    def figures(self, study: Study) -> list[Figure]:
+        """The figures of a study that have something to draw, each with the table that is made."""
+        found = [(figure, self._of(study, figure.table)) for figure in study.figures]
+        return [replace(figure, table=made) for figure, made in found if made]
 
     def every_table(self) -> Iterator[Table]:
         """The tables of all studies, and the published numbers beside ours."""
@@ -138,14 +134,13 @@ class Answers:
         """Names and contents of the files of figures, with the CSV of what no table shows."""
         for study in self.studies:
             shown = {table.name for table in study.tables}
-            for figure, table in self.figures(study):
-                make = functools.partial(figure.file, table.data)
-                made = self._tried(study, f"figure {figure.name}", make)
+            for figure in self.figures(study):
+                made = self._tried(study, f"figure {figure.name}", figure.file)
                 if made is None:
                     continue
                 yield f"{figure.name}.{figure.kind}", made
-                if table.name not in shown and figure.kind != "webp":
-                    yield f"{figure.name}.csv", table.csv()
+                if figure.table.name not in shown and figure.kind != "webp":
+                    yield f"{figure.name}.csv", figure.table.csv()
 
     def _of(self, study: Study, table: Table) -> Table | None:
         """A table, made once; None where it has no rows, or fails."""

@@ -194,16 +194,15 @@ def results_page(answers: Answers, found: Mapping[str, str]) -> str:
     """
     parts = []
     for study in answers.studies:
-        figures = [figure for figure, _ in answers.figures(study)]
-        tables = list(answers.tables(study))
+        figures, tables = answers.figures(study), answers.tables(study)
         if not figures and not tables:
             continue
         parts.append(f"## {study.title}\n\n{found.get(study.name, study.question)}")
         parts += map(_figure, figures)
         links = [f"[{t.name}]({_RESULTS}/tables/{t.name}.csv)" for t in tables]
         parts.append(f"Tables: {', '.join(links)}." if links else "")
-        made = [command for figure in figures for command in figure.commands]
-        made += [command for table in tables for command in table.commands]
+        shown = [*(figure.table for figure in figures), *tables]
+        made = [command for table in shown for command in table.commands]
         known = filter(_can_run, dict.fromkeys(map(_bare, made)))
         parts.append("\n".join(f"    {command}" for command in known))
     return "\n\n".join(filter(None, parts))
@@ -226,7 +225,7 @@ def _can_run(command: str) -> bool:
 
 
 def _figure(figure: Figure) -> str:
-    caption = markdown_text(str(figure.caption))
+    caption = markdown_text(figure.caption)
     file = f"{_RESULTS}/figures/{figure.name}.{figure.kind}"
     return f"![{figure.name}]({file})\n\n{caption}"
 

@@ -78,22 +78,20 @@ class Figure:
             figure.
         draws: takes a matplotlib figure and the values.
         title: above the figure; or a function of the values.
-        caption: what it shows; also the alternative text; or a function of the values.
+        caption: what it shows; also the alternative text.
         details: below the title, what it is of; or a function of the values.
         size: width and height in inches.
         kind: ``svg``, or ``webp`` for pictures of frames, whose values are no table.
-        commands: what makes its results again; those of the table if there are none here.
     """
 
     name: str
     table: Table
     draws: Callable[[Canvas, pd.DataFrame], None]
-    caption: Text
+    caption: str
     title: Text = ""
     details: Text = about
     size: tuple[float, float] = (WIDTH, 2.6)
     kind: str = "svg"
-    commands: Sequence[str] = ()
 
     def draw(self, data: pd.DataFrame) -> Canvas:
         """The matplotlib figure of some values."""
@@ -109,9 +107,9 @@ class Figure:
                 head(figure, title, literal(details))
         return figure
 
-    def file(self, data: pd.DataFrame) -> bytes:
-        """The content of its file for some values."""
-        return save(self.draw(data), self.kind)
+    def file(self) -> bytes:
+        """The content of its file."""
+        return save(self.draw(self.table.data), self.kind)
 
 
 @dataclass(frozen=True)

@@ -23,8 +23,6 @@ from experiments.reporting.text import (
 MOST_COLUMNS = 8  # that are shown; a page has no room for more
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
 Text = str | Callable[[pd.DataFrame], str]  # a text, or what gives it from the values
-Columns = Mapping[str, Column] | Callable[[pd.DataFrame], Mapping[str, Column]]
-Names = Sequence[str] | Callable[[pd.DataFrame], Sequence[str]]
 
 
 @dataclass(frozen=True)
@@ -39,9 +37,8 @@ class Table:
         key: names of the columns that tell its rows apart, by which own results are compared with
             the reference; nothing is compared without.
         title, note: what it shows, and how to read it; may hold ``{frames}`` and ``{machine}``.
-        columns: how columns are shown, before :data:`COLUMNS`; or a function of the values.
-        shown: names of the columns that are shown, in their order; or a function of the values;
-            all but bounds, if empty.
+        columns: how columns are shown, before :data:`COLUMNS`.
+        shown: names of the columns that are shown, in their order; all but bounds, if empty.
         commands: what makes it again; those of the records if there are none here.
         data: the values, as the CSV has them.
     """
@@ -52,8 +49,8 @@ class Table:
     key: Sequence[str] = ()
     title: Text = ""
     note: Text = ""
-    columns: Columns = field(default_factory=dict)
-    shown: Names = ()
+    columns: Mapping[str, Column] = field(default_factory=dict)
+    shown: Sequence[str] = ()
     commands: Sequence[str] = ()
     data: pd.DataFrame = field(default_factory=pd.DataFrame)
 
@@ -79,15 +76,13 @@ class Table:
     @property
     def names(self) -> list[str]:
         """Names of the columns that are shown; the CSV has all of them."""
-        shown = self.shown(self.data) if callable(self.shown) else self.shown
-        every = map(str, shown or self.data.columns)
+        every = map(str, self.shown or self.data.columns)
         values = [name for name in every if not name.endswith(ENDS[1:])]
         return values[:MOST_COLUMNS]
 
     def column(self, name: str) -> Column:
         """How a column is shown; one named after a model has shares of right samples."""
-        columns = self.columns(self.data) if callable(self.columns) else self.columns
-        known = columns.get(name) or COLUMNS.get(name)
+        known = self.columns.get(name) or COLUMNS.get(name)
         if known:
             return known
         if configs.is_known("model", name):

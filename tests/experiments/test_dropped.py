@@ -76,8 +76,8 @@ def made_whole(results, touched):
         part = replace(study, tables=tables, figures=figures, numbers=numbers)
         answers = Answers("reference", results, [part])
         names += [table.name for table in answers.tables(part) if table.csv()]
-        for figure, table in answers.figures(part):
-            figure.draw(table.data)
+        for figure in answers.figures(part):
+            figure.draw(figure.table.data)
         assert answers.comparison is None or answers.comparison.csv()
         assert [str(failure) for failure in answers.failures] == []
         plt.close("all")
