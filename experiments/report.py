@@ -45,7 +45,7 @@ TITLES = {MINE: "Your results", "reference": "Reference results"}
 
 @dataclass(frozen=True)
 class Asked:
-    """What a report is of.
+    """The studies and rows of a report.
 
     Attributes:
         own: studies of the user.
@@ -142,7 +142,7 @@ def _sets(folder: Path, asked: Asked) -> list[Answers]:
 
 
 def _displays(sets: Sequence[Answers]) -> AbstractContextManager[None]:
-    """Models and scenes of records are shown as these say, those of one's own first."""
+    """Show models and scenes as their records say; own records take precedence."""
     every = [answers.results.displays for answers in reversed(sets)]
     return configs.shown_as({key: shown for of in every for key, shown in of.items()})
 
@@ -228,7 +228,7 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
 
 
 def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
-    """Tables and figures of each study besides those shown already, and those of no study."""
+    """Tables and figures of each study that were not shown before, and tables of no study."""
     for study in answers.studies:
         tables = [t for t in answers.tables(study) if t.name not in shown]
         figures = [f for f in answers.figures(study) if f.name not in shown]

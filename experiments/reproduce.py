@@ -1,6 +1,6 @@
 """Everything again, or what one claim needs: ``python -m experiments.reproduce``.
 
-The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. A step
+``configs/reproduce.yaml`` lists the steps; results go to the folder of own results. A step
 that is finished is not begun again, so that the same call resumes after an interruption; one that
 fails is named at the end, and the others run all the same. Timed steps run first, each alone; then
 the others, two at a time with one thread each. ``--list`` shows steps and claims with their times,

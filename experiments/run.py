@@ -211,7 +211,7 @@ def _command(words: Sequence[str]) -> str:
 
 
 def _asked(hydra_cfg: Any) -> Asked:
-    """What the command line, or the file of the experiment, chose and set."""
+    """Choices and settings of the command line and of the experiment's file."""
     choices = dict(hydra_cfg.runtime.choices)
     words = (word.lstrip("+~").partition("=")[0] for word in hydra_cfg.overrides.task)
     keys = [word.rpartition("@")[2] for word in words]

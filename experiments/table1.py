@@ -1,10 +1,10 @@
 """Table I with one seed, in minutes: ``python -m experiments.table1``, which ``make table1`` calls.
 
 Each run is that of ``python -m experiments.run experiment=table1 model=NAME``; what is finished is
-found finished. What something disturbed is trained again, as far as that takes a minute in all, and
-is marked where it is still disturbed. A row is shown when its run ends, and at last the whole
-table, by the code of ``python -m experiments.report``; a row that this command does not measure is
-that of the reference.
+found finished. A training that another process disturbed is repeated, for a minute in all; its row
+is marked if it is still disturbed. A row is shown when its run ends, and the whole table at the
+end, by the code of ``python -m experiments.report``; rows that this command does not measure are
+copied from the reference.
 """
 
 from __future__ import annotations
@@ -69,8 +69,8 @@ def promise() -> str:
 def _carry_out(console: Console) -> int:
     """Train the models one after another; the largest exit status, or that of a signal.
 
-    What is left is said at the pace of the models before, where it is slower than that of
-    configs/table1.yaml.
+    The time left is computed at the pace of the models before, if these were slower than the
+    seconds of configs/table1.yaml.
     """
     say(console, f"Table I: {promise()}")
     left, worst, retries = seconds(), 0, Retries(AGAIN, AGAIN_S)

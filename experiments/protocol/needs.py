@@ -1,4 +1,4 @@
-"""What a config needs besides what every run has, and what of that is not here."""
+"""Packages and data that a config needs and other configs do not, and which are missing."""
 
 from __future__ import annotations
 

@@ -44,7 +44,7 @@ _NO_CHANGE = ("device", "threads")
 
 @dataclass(frozen=True)
 class Asked:
-    """What the command line says besides the config.
+    """The choices and settings of the command line.
 
     Attributes:
         choices: name of the file that each group of ``configs/`` was composed from.
@@ -62,7 +62,7 @@ def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, b
 
     Args:
         config: the whole, resolved.
-        asked: what the command line says besides.
+        asked: choices and settings of the command line.
         console: shows the progress.
 
     Returns:
@@ -103,7 +103,7 @@ def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, b
 
 
 def task_class(config: Config) -> type[Task]:
-    """What a config asks for: its ``task``, or a training.
+    """The task of a config: its ``task``, or a training.
 
     Raises:
         ValueError: if there is no task of its name.
@@ -131,7 +131,7 @@ def _task(config: Config) -> tuple[Task, dict[str, Any]]:
 def _about(
     task: Task, own: dict[str, Any], config: Config, asked: Asked
 ) -> dict[str, Any]:
-    """What a record says that is known before anything is made."""
+    """The fields of a record that are known before anything is made."""
     is_training = isinstance(task, Training)
     scene, model, stop = (asked.choices.get(g) or "custom" for g in _GROUPS)
     experiment, kind = asked.choices.get("experiment"), type(task)
@@ -169,7 +169,7 @@ def _is_of_frames(key: str) -> bool:
 
 
 def _changed(own: Config, keys: Sequence[str]) -> dict[str, str]:
-    """Values by dotted key, as JSON, that were set: those of frames first, then of the model."""
+    """Values that were set, as JSON by dotted key: of frames first, then of the model."""
     found = {}
     for key in keys:
         key = key.removeprefix("task.")

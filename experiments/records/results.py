@@ -67,16 +67,16 @@ class Results:
         """A line per row of the records of some experiments; every cell is a scalar.
 
         A line has the columns of its row. Where a row has lists of equal length, it becomes a line
-        per place in them, with the column ``place``. A line has these columns of its record, too:
-        ``experiment``, ``scene``, ``record``, ``command``, ``device``, ``cpu``, ``threads``,
-        ``elsewhere`` (whether it was measured on other frames than those of the experiment's
-        config) and every setting of the config by its dotted key, lists as JSON. ``right`` counts
-        the right answers of a line with ``predicted``; ``labels``, the true classes, stand in each.
+        per place in them, with the column ``place``. From its record a line has ``experiment``,
+        ``scene``, ``record``, ``command``, ``device``, ``cpu``, ``threads``, ``elsewhere`` (whether
+        its frames are not the ones of the experiment's config) and every setting of the config by
+        its dotted key, lists as JSON. ``right`` counts the right answers of a line with
+        ``predicted``; ``labels``, the true classes, stand in each.
 
-        :data:`RUNS` stands for single trainings, a line each, with their results; of several
-        configurations of one row (:data:`ROW`) there is one (:func:`_counting`).
-        :data:`CHECKPOINTS` are the reports of these trainings, a line each. Of an experiment and
-        scene there is one measurement (:meth:`chosen`). Scenes are in their order.
+        :data:`RUNS` stands for single trainings, a line each, with their results; a row
+        (:data:`ROW`) has one of its configurations (:func:`_counting`). :data:`CHECKPOINTS` are the
+        reports of these trainings, a line each. An experiment has one measurement of each scene
+        (:meth:`chosen`). Scenes are in their order.
         """
         if experiments not in self._frames:
             parts = [self._part(name) for name in experiments]
@@ -91,8 +91,8 @@ class Results:
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
 
-        Of one scene the last one counts, of those on the experiment's own frames if there are any;
-        and beside it those of other models (:func:`_is_beside`).
+        The last one of each scene counts, first among measurements on the experiment's own frames;
+        and with it measurements of other models (:func:`_is_beside`).
         """
         counting: dict[str, list[Record]] = {}
         left_out = []
@@ -206,7 +206,7 @@ def _settings(config: Mapping[str, Any]) -> Row:
 
 
 def _of_record(record: Record) -> Row:
-    """What names a record, its settings and its machine."""
+    """The names of a record, its settings and its machine."""
     environment = record.environment
     return {
         **_settings(record.config),
@@ -252,11 +252,11 @@ def _of_run(run: Record) -> Row:
 
 
 def _counting(lines: pd.DataFrame) -> pd.DataFrame:
-    """Of the runs of each row those that count, with ``others``: how many are left out.
+    """The runs of each row that count, with ``others``, the number that is left out.
 
-    Runs of one row have one configuration, and code of one revision made them. Of several such, a
-    row has those timed alone on the machine, then those of the stopping rule that stands first in
-    :data:`STOPS`, then the newest. The same holds of several runs with the same seeds.
+    The runs of a row have one configuration and code of one revision. Where there are several
+    configurations, runs that were timed alone come first, then the stopping rule that is first in
+    :data:`STOPS`, then the newest. Runs with the same seeds are chosen in the same way.
     """
     if not len(lines):
         return lines

@@ -20,7 +20,7 @@ Made = TypeVar("Made")
 
 
 class Failure(NamedTuple):
-    """What could not be made of a study, and why, in one line."""
+    """A table or figure of a study that could not be made, and why, in one line."""
 
     study: str
     text: str
@@ -34,7 +34,7 @@ class Answers:
     """Answers of some studies from one set of results, ``reference`` or ``mine``.
 
     Tables keep the rows whose columns have one of the values that ``only`` names, or begin with it
-    as a name. What fails is kept in ``failures``; everything else is made.
+    as a name. Errors are kept in ``failures``; everything else is made.
     """
 
     name: str
@@ -87,7 +87,7 @@ class Answers:
 
     @functools.cached_property
     def left_out(self) -> list[str]:
-        """What a reader has to know of records that no table shows, a line each."""
+        """Records that no table shows, and why, a line each."""
         lines = [*self.results.problems, *self.results.left_out()]
         tables = (table for study in self.studies for table in study.tables)
         known = {name for table in tables for name in table.experiments}
@@ -111,7 +111,7 @@ class Answers:
         return sorted(t.name for t in found if not older.isdisjoint(t.experiments))
 
     def write(self, folder: Path, tex: bool = False) -> list[Path]:
-        """Write tables and figures as files, and remove those of an earlier report; the files."""
+        """Write tables and figures as files, and remove files of an earlier report; the files."""
         contents: dict[Path, str | bytes] = {}
         for table in self.every_table():
             path = folder / "tables" / table.name
@@ -160,7 +160,7 @@ class Answers:
         return replace(table, data=kept) if len(kept) else None
 
     def _tried(self, study: Study, what: str, make: Callable[[], Made]) -> Made | None:
-        """What is made; None, and one more failure, where that fails."""
+        """The result of a call; None, and one more failure, where it raises."""
         try:
             return make()
         except Exception as error:

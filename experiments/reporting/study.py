@@ -49,8 +49,7 @@ MOST_NAMES = 2  # of scenes below a title; with more, each panel has its own
 
 
 def about(data: pd.DataFrame) -> str:
-    """What the values of a table are of, as far as its columns say it: scenes, frames, split, and
-    how many seeds."""
+    """Scenes, frames, split and number of seeds of a table, as far as its columns have them."""
     parts: list[str] = []
     if "scene" in data:
         scenes = [str(scene) for scene in data.scene.unique()]

@@ -10,8 +10,8 @@ from hdc.accuracy import wilson
 
 
 def summarise(console: Console, record: Record, repeated: bool = False) -> None:
-    """What came of a call: of a training a few lines, accuracy with its interval and times; one
-    line of another experiment, and of what was finished before."""
+    """Print the result of a call: accuracy with its interval and times of a training, or one line
+    for another experiment and for a record that was finished before."""
     text = _repeated(record) if repeated else _made(record)
     for line in text.splitlines():
         say(console, line)

@@ -39,7 +39,7 @@ class Table:
         title, note: what it shows, and how to read it; may hold ``{frames}`` and ``{machine}``.
         columns: how columns are shown, before :data:`COLUMNS`.
         shown: names of the columns that are shown, in their order; all but bounds, if empty.
-        commands: what makes it again; those of the records if there are none here.
+        commands: make it again; the commands of its records if there are none here.
         data: the values, as the CSV has them.
     """
 
@@ -106,7 +106,7 @@ class Table:
 
     @property
     def notes(self) -> str:
-        """The note, after those of its columns."""
+        """The notes of its columns, then its own."""
         of_columns = dict.fromkeys(self.column(name).note for name in self.names)
         return " ".join(filter(None, [*of_columns, str(self.note)]))
 
@@ -174,8 +174,8 @@ def _machine(line: pd.Series) -> str:
 def frame(
     rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()
 ) -> pd.DataFrame:
-    """Rows as a data frame of objects: integers and texts stay what they are. Its columns are those
-    named, else those of the rows."""
+    """Rows as a data frame of objects, so that integers and texts stay what they are. It has the
+    named columns, or all columns of the rows."""
     rows = list(rows)
     names = list(columns) or list(dict.fromkeys(itertools.chain(*rows)))
     cells: dict[str, list[Any]] = {}

@@ -36,7 +36,7 @@ def show_scenes(console: Console, table: Table) -> None:
 def show_table1(console: Console, table: Table, reference: Table | None = None) -> None:
     """Table I of a set of results: the cells of its file, and the note below them.
 
-    Rows that were not measured are those of the reference, and are marked, if it has them.
+    Models that were not measured have the row of the reference, if there is one, which is marked.
     """
     shown = _cells(table)
     measured = _cells(table, measured=True)
@@ -85,5 +85,5 @@ def _grid(
 def last_line(table: Table | None, page: str) -> str:
     """The next command, and where the page is."""
     if table is not None and table.data.seeds.max() == 1:
-        return f"One seed decides nothing: make reproduce QUICK=1 · page: {page}"
+        return f"One seed gives no interval; more seeds: make reproduce QUICK=1 · page: {page}"
     return f"page: {page}"

@@ -163,8 +163,8 @@ def asked_for(table: pd.DataFrame, asked: Iterable[Sequence[Any]]) -> pd.DataFra
 
 
 def extra_models(runs: pd.DataFrame, scene: str) -> list[str]:
-    """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those of
-    which something was changed."""
+    """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and models with
+    changed settings."""
     found = set(runs.model[runs.scene == scene])
     return sorted(found.difference(configs.swept_models()))
 

@@ -1,4 +1,4 @@
-"""What ``--claim NAME`` says of a claim after its steps: its words and its verdicts."""
+"""Lines of ``--claim NAME`` after the steps of a claim: its words and its verdicts."""
 
 from __future__ import annotations
 
@@ -47,6 +47,6 @@ def lines(name: str) -> Iterator[str]:
 
 
 def _held_against(row: Row) -> str:
-    """The rival of a verdict, and the recording of one that is of a single recording."""
+    """The baseline of a verdict, and its recording if it is of a single one."""
     against = f"against {view.rival_name(row['rival'])}" if row["rival"] else "verdict"
     return f"{against}, {scene_name(row['recording'])}" if row["recording"] else against
