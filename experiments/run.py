@@ -165,13 +165,17 @@ class CommandLine:
 
 
 class Launch(Callback):
-    """Says of a sweep whose workers print into files where they lie."""
+    """Says where workers print, and at the end of a sweep where its records lie."""
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         """Called by Hydra before the first run."""
         folder = config.hydra.launcher.get("submitit_folder")
         if folder:
             _say(f"each run prints into {folder}/*.out")
+
+    def on_multirun_end(self, config: DictConfig, **_: Any) -> None:
+        """Called by Hydra after the last run."""
+        _say(f"records: {results_dir()}; tables of them: python -m experiments.report")
 
 
 def _made(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -22,6 +23,10 @@ from experiments.reporting.text import (
 
 MOST_COLUMNS = 8  # that are shown; a page has no room for more
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
+_NUMBER = re.compile(
+    r"[-+−±×>]? ?[\d,]*\.?\d+(e[-+]?\d+)?( [kM]?B)?( \[.*)?", re.IGNORECASE
+)
+_NOTHING = ("", "–")
 Text = str | Callable[[pd.DataFrame], str]  # a text, or what gives it from the values
 
 
@@ -104,6 +109,11 @@ class Table:
             rows.append(list(texts))
         return rows
 
+    def numeric(self) -> list[bool]:
+        """Whether each shown column holds numbers, which stand right."""
+        columns = zip(*self.cells(), strict=True)
+        return [all(map(_is_number, texts)) for texts in columns]
+
     @property
     def notes(self) -> str:
         """The notes of its columns, then its own."""
@@ -122,6 +132,9 @@ class Table:
         return escaped.to_latex(
             index=False,
             escape=False,
+            column_format="".join(
+                "r" if numbers else "l" for numbers in self.numeric()
+            ),
             caption=tex_text(str(self.title)),
             label=f"tab:{self.name}",
         )
@@ -187,6 +200,10 @@ def frame(
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows of a data frame as mappings; a missing value is None."""
     return data.astype(object).where(data.notna(), None).to_dict("records")
+
+
+def _is_number(text: str) -> bool:
+    return text in _NOTHING or bool(_NUMBER.fullmatch(text))
 
 
 def _lines(cell: str) -> str:
