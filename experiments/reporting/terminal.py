@@ -25,7 +25,7 @@ def show(console: Console, table: Table, most: int | None = None) -> None:
     if most is not None and len(cells) > most:
         say(console, f"{len(cells) - most} more: tables/{table.name}.csv")
     elif most is None:
-        say(console, table.notes, "dim")
+        console.print(Text(printable(table.notes), "dim"))
 
 
 def show_scenes(console: Console, table: Table) -> None:
@@ -46,7 +46,7 @@ def show_table1(console: Console, table: Table, reference: Table | None = None) 
             shown[model] = [f"{name} (reference)", *values]
     say(console, str(table.title))
     console.print(_grid(table, shown.values(), _WIDTHS))
-    say(console, str(table.note), "dim")
+    console.print(Text(printable(str(table.note)), "dim"))
 
 
 def show_row(console: Console, table: Table, model: str, heads: bool) -> None:
