@@ -26,7 +26,7 @@ from experiments.records.console import say
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.results import Results
 from experiments.reporting import compare, comparison, page
-from experiments.reporting.answers import MINE, Answers, runs_table
+from experiments.reporting.answers import MINE, Answers
 from experiments.reporting.page import Part, Section
 from experiments.reporting.study import Study, own_study
 from experiments.reporting.study import studies as studies_of
@@ -238,9 +238,8 @@ def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
     beside = answers.comparison
     if beside is not None and beside.name not in shown:
         yield Section(beside.name, "Every published number", "", [beside])
-    results = answers.results
-    if answers.name == MINE and (results.runs or results.unfinished):
-        yield Section("runs", "Every run", "", [runs_table(results)])
+    if answers.runs is not None:
+        yield Section("runs", "Every run", "", [answers.runs])
 
 
 def _about(results: Results) -> str:

@@ -83,10 +83,15 @@ class Results:
             self._frames[experiments] = _joined([part for part in parts if len(part)])
         return self._frames[experiments]
 
-    def trainings(self) -> pd.DataFrame:
-        """Every finished training, a line each with its settings and results."""
-        lines = pd.DataFrame(map(_of_run, self.runs))
-        return lines.drop(columns=["alike", "repetition"], errors="ignore")
+    def trainings(self, finished: bool = True) -> pd.DataFrame:
+        """Every training, or every finished one, a line each with its settings and results."""
+        if finished:
+            lines = pd.DataFrame(map(_of_finished, self.runs))
+            return lines.drop(columns=["alike", "repetition"], errors="ignore")
+        return pd.DataFrame(
+            _of_run(run) | {"status": ": ".join(filter(None, [run.status, run.error]))}
+            for run in (*self.runs, *self.unfinished)
+        )
 
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
@@ -120,7 +125,7 @@ class Results:
 
     def _part(self, name: str) -> pd.DataFrame:
         if name == RUNS:
-            return _counting(pd.DataFrame(map(_of_run, self.runs)))
+            return _counting(pd.DataFrame(map(_of_finished, self.runs)))
         if name == CHECKPOINTS:
             return self._checkpoints()
         parts = [_of_measurement(measured) for measured in self.chosen(name)[0]]
@@ -222,17 +227,8 @@ def _of_record(record: Record) -> Row:
 
 
 def _of_run(run: Record) -> Row:
-    """The line of a training; one that never got to its target took infinitely long."""
-    config, results = run.config, run.results
-    seconds = results["training_time_s"]
-    parts = list(configs.mappings(config))
-    seeds = [part[key] for part in parts for key in configs.SEEDS if key in part]
-    same = configs.without((*configs.SEEDS, "device"), config)
-    if not results["iterative"]:  # it ends by itself, whatever the rule
-        same.pop("stop")
-    for key in configs.COORDINATES:
-        group, name = key.split(".")
-        same[group].pop(name, None)
+    """The line of a training, as far as it came."""
+    config = run.config
     return {
         **_of_record(run),
         "sweep": run.experiment,
@@ -243,10 +239,26 @@ def _of_run(run: Record) -> Row:
         "code": run.environment.short_commit,
         "seed": config["seed"]["run"],
         "seeds": json.dumps(config["seed"], sort_keys=True),
+        "stop_rule": run.stop,
+        **run.results,
+    }
+
+
+def _of_finished(run: Record) -> Row:
+    """The line of a finished training, with what tells it from others of its row; one that never
+    got to its target took infinitely long."""
+    line, same = _of_run(run), configs.without((*configs.SEEDS, "device"), run.config)
+    parts = list(configs.mappings(run.config))
+    seeds = [part[key] for part in parts for key in configs.SEEDS if key in part]
+    if not line["iterative"]:  # it ends by itself, whatever the rule
+        same.pop("stop")
+    for key in configs.COORDINATES:
+        group, name = key.split(".")
+        same[group].pop(name, None)
+    seconds = line["training_time_s"]
+    return line | {
         "repetition": json.dumps(seeds),
         "alike": json.dumps([same, run.revisions], sort_keys=True),
-        "stop_rule": run.stop,
-        **results,
         "training_time_s": math.inf if seconds is None else seconds,
     }
 

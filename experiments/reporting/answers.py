@@ -6,13 +6,12 @@ import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
-from experiments.records.record import Record
 from experiments.records.results import RUNS, Results
 from experiments.reporting import comparison
 from experiments.reporting.study import Figure, Study
-from experiments.reporting.table import Table, frame
+from experiments.reporting.table import Table
 from hdc.io import write_atomically
 
 MINE = "mine"
@@ -86,6 +85,29 @@ class Answers:
         return table if len(table.data) else None
 
     @functools.cached_property
+    def runs(self) -> Table | None:
+        """A row per training of one's own, finished or not, with a column per setting; the
+        committed records.jsonl has the runs of the reference."""
+        rows = self.results.trainings(finished=False)
+        if self.name != MINE or not len(rows):
+            return None
+        unread = ["labels", "predicted", "test_indices"]
+        return Table(
+            "runs",
+            lambda _: None,
+            of=RUNS,
+            title="Every run",
+            note="tables/runs.csv has a column for every setting, processor and command.",
+            shown=(
+                *("record", "scene", "model", "seed", "status"),
+                *("test_accuracy_final", "total_time_s"),
+            ),
+            data=rows.drop(columns=unread, errors="ignore").sort_values(
+                ["scene", "model", "record"]
+            ),
+        )
+
+    @functools.cached_property
     def left_out(self) -> list[str]:
         """Records that no table shows, and why, a line each."""
         lines = [*self.results.problems, *self.results.left_out()]
@@ -119,8 +141,8 @@ class Answers:
             contents[path.with_suffix(".md")] = table.markdown()
             if tex:
                 contents[path.with_suffix(".tex")] = table.tex()
-        if self.name == MINE:  # records.jsonl has the runs of the reference
-            contents[folder / "tables" / "runs.csv"] = runs_table(self.results).csv()
+        if self.runs is not None:
+            contents[folder / "tables" / "runs.csv"] = self.runs.csv()
         for name, drawn in self._drawn():
             contents[folder / "figures" / name] = drawn
         for path, content in contents.items():
@@ -168,47 +190,3 @@ class Answers:
             text = f"study {study.name} failed at {what}: {why}"
             self.failures.append(Failure(study.name, text))
             return None
-
-
-def runs_table(results: Results) -> Table:
-    """One row per run, finished or not; each key that was changed of the configs has a column."""
-    records = [*results.runs, *results.unfinished]
-    rows = sorted(map(_row_of_run, records), key=lambda row: list(row.values())[:3])
-    return Table(
-        "runs",
-        lambda _: None,
-        of=RUNS,
-        title="Every run",
-        note="tables/runs.csv has a column for every key that was changed, processor and command.",
-        shown=(
-            *("id", "scene", "model", "overrides", "seed", "status"),
-            *("test_accuracy_final", "training_s"),
-        ),
-        data=frame(rows),
-    )
-
-
-def _row_of_run(run: Record) -> Mapping[str, Any]:
-    environment, config, results = run.environment, run.config, run.results
-    changed = run.changed.items()
-    last = run.curve[-1]["training_s"] if run.curve else None
-    return {
-        "scene": run.scene.name if run.scene else "",
-        "model": run.model.name if run.model else "",
-        "id": run.id,
-        "overrides": " ".join(f"{key}={value}" for key, value in changed),
-        "stop_rule": run.stop,
-        "n_train": results.get("n_train", config["split"]["n_train"]),
-        "pixels": config["data"]["pixels"],
-        "seed": config["seed"]["run"],
-        "status": ": ".join(filter(None, [run.status, run.error])),
-        "test_accuracy_final": results.get("test_accuracy_final"),
-        "training_s": results.get("total_time_s", last),
-        "origin": results.get("origin"),
-        "cpu": environment.cpu,
-        "threads": environment.threads,
-        "exclusive": environment.exclusive,
-        "code": ", ".join(run.outdated if run.is_finished else ()) or "current",
-        "command": run.command,
-        **run.changed,
-    }
