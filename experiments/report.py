@@ -25,8 +25,8 @@ from experiments.records import configs
 from experiments.records.console import say
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.results import Results
-from experiments.reporting import compare, comparison, page
-from experiments.reporting.answers import MINE, Answers
+from experiments.reporting import compare, page
+from experiments.reporting.answers import MINE, OF_NO_STUDY, Answers
 from experiments.reporting.page import Part, Section
 from experiments.reporting.study import Study, own_study
 from experiments.reporting.study import studies as studies_of
@@ -114,8 +114,8 @@ def show_tables(
         ValueError: no study has a table of this name.
     """
     sets = _sets(folder, asked)
-    known = [table.name for study in sets[0].studies for table in study.tables]
-    known.append(comparison.NAME)
+    of_studies = (study.tables for study in sets[0].studies)
+    known = [*(t.name for tables in of_studies for t in tables), *OF_NO_STUDY]
     for name in names:
         if name not in known:
             raise ValueError(f"expected one of {', '.join(known)}, found {name}")
@@ -235,11 +235,9 @@ def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
         failures = [one.text for one in answers.failures if one.study == study.name]
         about = (study.name, study.title, study.question)
         yield Section(*about, tables, figures, failures)
-    beside = answers.comparison
-    if beside is not None and beside.name not in shown:
-        yield Section(beside.name, "Every published number", "", [beside])
-    if answers.runs is not None:
-        yield Section("runs", "Every run", "", [answers.runs])
+    for table in answers.of_no_study:
+        if table.name not in shown:
+            yield Section(table.name, str(table.title), "", [table])
 
 
 def _about(results: Results) -> str:

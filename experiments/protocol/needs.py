@@ -26,11 +26,16 @@ def needs(config: Any) -> str:
     for package in sorted(sources.packages_of(names) - own):
         if package not in sys.modules:
             here[package] = importlib.util.find_spec(package) is not None
-    of_scenes = [part.get("source") for part in configs.mappings(config)]
-    for source in (Source(**each) for each in of_scenes if isinstance(each, Mapping)):
+    for source in sources_of(config):
         here[f"data of {source.repository} ({DATA})"] = source.find() is not None
     parts = []
     for word, is_here in (("needs", True), ("lacks", False)):
         found = [name for name, known in here.items() if known == is_here]
         parts += [f"{word} {', '.join(found)}"] if found else []
     return "; ".join(parts)
+
+
+def sources_of(config: Any) -> list[Source]:
+    """The public recordings that a config reads."""
+    given = (part.get("source") for part in configs.mappings(config))
+    return [Source(**each) for each in given if isinstance(each, Mapping)]

@@ -88,9 +88,10 @@ class Results:
         if finished:
             lines = pd.DataFrame(map(_of_finished, self.runs))
             return lines.drop(columns=["alike", "repetition"], errors="ignore")
+        ordered = sorted((*self.runs, *self.unfinished), key=lambda run: run.id)
         return pd.DataFrame(
             _of_run(run) | {"status": ": ".join(filter(None, [run.status, run.error]))}
-            for run in (*self.runs, *self.unfinished)
+            for run in ordered
         )
 
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:

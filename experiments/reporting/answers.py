@@ -14,7 +14,8 @@ from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table
 from hdc.io import write_atomically
 
-MINE = "mine"
+MINE, RUNS_TABLE = "mine", "runs"
+OF_NO_STUDY = (comparison.NAME, RUNS_TABLE)
 Made = TypeVar("Made")
 
 
@@ -45,13 +46,11 @@ class Answers:
 
     def table(self, name: str) -> Table | None:
         """The table of that name, if it has rows."""
-        if name == comparison.NAME:
-            return self.comparison
         for study in self.studies:
             for table in study.tables:
                 if table.name == name:
                     return self._of(study, table)
-        return None
+        return next((table for table in self.of_no_study if table.name == name), None)
 
     def tables(self, study: Study) -> list[Table]:
         """The tables of a study that have rows."""
@@ -64,14 +63,18 @@ class Answers:
         return [replace(figure, table=made) for figure, made in found if made]
 
     def every_table(self) -> Iterator[Table]:
-        """The tables of all studies, and the published numbers beside ours."""
+        """The tables of all studies, and of none."""
         for study in self.studies:
             yield from self.tables(study)
-        if self.comparison is not None:
-            yield self.comparison
+        yield from self.of_no_study
 
     @functools.cached_property
-    def comparison(self) -> Table | None:
+    def of_no_study(self) -> list[Table]:
+        """The published numbers and ours, and every run of one's own, if they have rows."""
+        found = [self._comparison(), *([self._runs()] if self.name == MINE else [])]
+        return [table for table in found if len(table.data)]
+
+    def _comparison(self) -> Table:
         """Every published number that was measured, and ours."""
         every = [
             (study, numbers) for study in self.studies for numbers in study.numbers
@@ -81,19 +84,14 @@ class Answers:
             make = functools.partial(numbers.made, self.results.frame(*numbers.of))
             quantities += self._tried(study, "its numbers", make) or []
         experiments = [name for _, numbers in every for name in numbers.of]
-        table = comparison.compare(quantities, experiments)
-        return table if len(table.data) else None
+        return comparison.compare(quantities, experiments)
 
-    @functools.cached_property
-    def runs(self) -> Table | None:
-        """A row per training of one's own, finished or not, with a column per setting; the
-        committed records.jsonl has the runs of the reference."""
+    def _runs(self) -> Table:
+        """A row per training, finished or not, with a column per setting."""
         rows = self.results.trainings(finished=False)
-        if self.name != MINE or not len(rows):
-            return None
         unread = ["labels", "predicted", "test_indices"]
         return Table(
-            "runs",
+            RUNS_TABLE,
             lambda _: None,
             of=RUNS,
             title="Every run",
@@ -102,9 +100,7 @@ class Answers:
                 *("record", "scene", "model", "seed", "status"),
                 *("test_accuracy_final", "total_time_s"),
             ),
-            data=rows.drop(columns=unread, errors="ignore").sort_values(
-                ["scene", "model", "record"]
-            ),
+            data=rows.drop(columns=unread, errors="ignore"),
         )
 
     @functools.cached_property
@@ -141,8 +137,6 @@ class Answers:
             contents[path.with_suffix(".md")] = table.markdown()
             if tex:
                 contents[path.with_suffix(".tex")] = table.tex()
-        if self.runs is not None:
-            contents[folder / "tables" / "runs.csv"] = self.runs.csv()
         for name, drawn in self._drawn():
             contents[folder / "figures" / name] = drawn
         for path, content in contents.items():

@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 from omegaconf import OmegaConf
 
+from experiments.protocol.needs import sources_of
 from experiments.records import configs
 from experiments.records.results import Results, by_scene
 from experiments.reporting.answers import Answers
@@ -31,7 +32,6 @@ from experiments.reporting.text import (
     percent,
 )
 from scenes.fibre import PRESSED
-from scenes.source import Source
 
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 NOT_MEASURED = "*not measured yet*"
@@ -319,7 +319,7 @@ def _scene(name: str, counts: str) -> str:
 
 def _from(kind: str, config: Mapping[str, Any]) -> str:
     """Where the frames of a scene are, under which licence, whom to cite; empty if simulated."""
-    source = _source(config)
+    source = next(iter(sources_of(config)), None)
     if source is None and kind == COMPUTED:
         source = PRESSED
     if source is None:
@@ -328,14 +328,6 @@ def _from(kind: str, config: Mapping[str, Any]) -> str:
         f"[{source.repository}](https://github.com/{source.repository}) at {source.commit[:7]}, "
         f"licence: {source.licence}. Cite: {source.cite}."
     )
-
-
-def _source(config: Mapping[str, Any]) -> Source | None:
-    """The repository of a scene, or of the first that it is made of."""
-    if config.get("source"):
-        return Source(**config["source"])
-    parts = [config.get("scene"), *config.get("scenes", {}).values()]
-    return next((found for part in parts if part and (found := _source(part))), None)
 
 
 def _comment(path: Path) -> str:
