@@ -10,7 +10,7 @@ REVISION = 2
 
 
 def __getattr__(name: str) -> Any:
-    """What a notebook asks for, imported when asked for."""
+    """Functions for notebooks, imported on first use."""
     if name in ("compare", "results"):
         return getattr(importlib.import_module("experiments.notebook"), name)
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

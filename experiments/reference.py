@@ -20,6 +20,7 @@ from rich.console import Console
 
 from experiments import report, studies
 from experiments.records import store
+from experiments.records.console import say
 from experiments.records.files import REFERENCE, ROOT, results_dir
 from experiments.records.results import Results
 from experiments.reporting import documents
@@ -59,25 +60,23 @@ def main(arguments: list[str] | None = None) -> int:
         try:
             entered, left_out = adopt(results_dir(), REFERENCE, chosen.whole)
         except ValueError as error:
-            console.print(f"error: {error}", markup=False, soft_wrap=True)
+            say(console, f"error: {error}")
             return 2
         text = f"{entered} records taken over"
         if left_out:
             text += f"; {left_out} left out: of other revisions, or in no commit"
-        console.print(text, soft_wrap=True)
+        say(console, text)
     answers = Answers("reference", Results(REFERENCE), studies_of(studies))
     written = answers.write(REFERENCE)
     report.print_problems(console, [answers])
-    console.print(
-        f"{len(written)} files in {os.path.relpath(REFERENCE)}", soft_wrap=True
-    )
+    say(console, f"{len(written)} files in {os.path.relpath(REFERENCE)}")
     contents = parts(answers)
     for page in (README, *sorted(DOCS.glob("*.md"))):
         text = page.read_text(encoding="utf-8")
         filled = documents.fill(text, contents)
         if filled != text:
             write_atomically(page, filled)
-            console.print(f"parts of {os.path.relpath(page)}")
+            say(console, f"parts of {os.path.relpath(page)}")
     return _tell_older(answers, console)
 
 
@@ -112,11 +111,11 @@ def _tell_older(answers: Answers, console: Console) -> int:
     for record in answers.results.finished:
         changed.update(record.outdated)
     for name, n in sorted(changed.items()):
-        console.print(f"{name}: {n} records are of another", soft_wrap=True)
+        say(console, f"{name}: {n} records are of another")
     older = answers.older_tables()
     if older:
         text = f"tables with records of older code: {', '.join(older)}"
-        console.print(text, soft_wrap=True)
+        say(console, text)
     return 1 if changed else 0
 
 

@@ -22,16 +22,16 @@ from rich.console import Console
 
 from experiments import studies
 from experiments.records import configs
+from experiments.records.console import say
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.results import Results
-from experiments.reporting import compare, comparison, page
-from experiments.reporting.answers import MINE, Answers, runs_table
+from experiments.reporting import compare, page
+from experiments.reporting.answers import MINE, OF_NO_STUDY, Answers
 from experiments.reporting.page import Part, Section
 from experiments.reporting.study import Study, own_study
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.terminal import (
     last_line,
-    say,
     show,
     show_scenes,
     show_table1,
@@ -45,7 +45,7 @@ TITLES = {MINE: "Your results", "reference": "Reference results"}
 
 @dataclass(frozen=True)
 class Asked:
-    """What a report is of.
+    """The studies and rows of a report.
 
     Attributes:
         own: studies of the user.
@@ -114,8 +114,8 @@ def show_tables(
         ValueError: no study has a table of this name.
     """
     sets = _sets(folder, asked)
-    known = [table.name for study in sets[0].studies for table in study.tables]
-    known.append(comparison.NAME)
+    of_studies = (study.tables for study in sets[0].studies)
+    known = [*(t.name for tables in of_studies for t in tables), *OF_NO_STUDY]
     for name in names:
         if name not in known:
             raise ValueError(f"expected one of {', '.join(known)}, found {name}")
@@ -123,9 +123,9 @@ def show_tables(
             found = ((answers.name, answers.table(name)) for answers in sets)
             of, table = next((each for each in found if each[1]), ("", None))
             if table is None:
-                say(console, [f"{name}: not measured yet"], "yellow")
+                say(console, f"{name}: not measured yet", "yellow")
             else:
-                say(console, [TITLES[of]], "bold")
+                say(console, TITLES[of], "bold")
                 show(console, table)
     print_problems(console, sets)
 
@@ -142,7 +142,7 @@ def _sets(folder: Path, asked: Asked) -> list[Answers]:
 
 
 def _displays(sets: Sequence[Answers]) -> AbstractContextManager[None]:
-    """Models and scenes of records are shown as these say, those of one's own first."""
+    """Show models and scenes as their records say; own records take precedence."""
     every = [answers.results.displays for answers in reversed(sets)]
     return configs.shown_as({key: shown for of in every for key, shown in of.items()})
 
@@ -178,7 +178,7 @@ def write(
         _show(console, sets, numbers, brief)
     print_problems(console, sets)
     table1 = first.table("table1") if first.name == MINE else None
-    say(console, [last_line(table1, os.path.relpath(path))])
+    say(console, last_line(table1, os.path.relpath(path)))
     return path
 
 
@@ -191,13 +191,16 @@ def _show(
         show_table1(console, *every)
     if brief:
         differing = compare.differing(numbers)
-        say(console, differing.sentence[differing.table == "table1"], "yellow")
+        for sentence in differing.sentence[differing.table == "table1"]:
+            say(console, sentence, "yellow")
         return
     scenes = sets[0].table("all_scenes")
     if sets[0].name == MINE and scenes is not None:
         show_scenes(console, scenes)
-    say(console, compare.lines(numbers) if len(numbers) else ())
-    say(console, (f"{a.name}: {_about(a.results)}" for a in sets), "dim")
+    for line in compare.lines(numbers) if len(numbers) else ():
+        say(console, line)
+    for answers in sets:
+        say(console, f"{answers.name}: {_about(answers.results)}", "dim")
 
 
 def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
@@ -225,19 +228,16 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
 
 
 def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
-    """Tables and figures of each study besides those shown already, and those of no study."""
+    """Tables and figures of each study that were not shown before, and tables of no study."""
     for study in answers.studies:
         tables = [t for t in answers.tables(study) if t.name not in shown]
-        figures = [f for f, _ in answers.figures(study) if f.name not in shown]
+        figures = [f for f in answers.figures(study) if f.name not in shown]
         failures = [one.text for one in answers.failures if one.study == study.name]
         about = (study.name, study.title, study.question)
         yield Section(*about, tables, figures, failures)
-    beside = answers.comparison
-    if beside is not None and beside.name not in shown:
-        yield Section(beside.name, "Every published number", "", [beside])
-    results = answers.results
-    if answers.name == MINE and (results.runs or results.unfinished):
-        yield Section("runs", "Every run", "", [runs_table(results)])
+    for table in answers.of_no_study:
+        if table.name not in shown:
+            yield Section(table.name, str(table.title), "", [table])
 
 
 def _about(results: Results) -> str:
@@ -259,10 +259,10 @@ def _about(results: Results) -> str:
 def print_problems(console: Console, sets: Sequence[Answers]) -> None:
     """A line for each record that was left out and each study that failed."""
     for answers in sets:
-        name = answers.name
-        left_out = (f"left out of {name}: {text}" for text in answers.left_out)
-        say(console, left_out, "yellow")
-        say(console, (f"{name}: {failure}" for failure in answers.failures), "red")
+        for text in answers.left_out:
+            say(console, f"left out of {answers.name}: {text}", "yellow")
+        for failure in answers.failures:
+            say(console, f"{answers.name}: {failure}", "red")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 """Everything again, or what one claim needs: ``python -m experiments.reproduce``.
 
-The steps are those of ``configs/reproduce.yaml``; results go to the folder of own results. A step
+``configs/reproduce.yaml`` lists the steps; results go to the folder of own results. A step
 that is finished is not begun again, so that the same call resumes after an interruption; one that
 fails is named at the end, and the others run all the same. Timed steps run first, each alone; then
 the others, two at a time with one thread each. ``--list`` shows steps and claims with their times,
@@ -18,6 +18,7 @@ from rich.console import Console
 
 from experiments.protocol.sweep import span
 from experiments.records import locks
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.reproduction import claim, make
 from experiments.reproduction.steps import (
@@ -39,7 +40,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         found = _steps(chosen)
     except ValueError as error:
-        console.print(f"error: {error}", markup=False, soft_wrap=True)
+        say(console, f"error: {error}")
         return 2
     mode = chosen.mode or "full"
     _tell(found, mode, chosen.claim, console)
@@ -51,14 +52,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         reasons = "; ".join(dict.fromkeys(step.skipped for step in found))
         text = f"error: nothing is measured: every step is {reasons}"
         how = "python -m scenes.measured says how to get it"
-        console.print(f"{text}; {how}", markup=False, soft_wrap=True)
+        say(console, f"{text}; {how}")
         return 2
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(128 + signal.SIGTERM))
     results = results_dir()
     try:
         status = make.run(found, mode, results, console)
     except locks.Held as error:
-        console.print(str(error), style="yellow", markup=False)
+        say(console, str(error), "yellow")
         return locks.LEFT
     if chosen.claim is not None and status < 128:
         claim.show(chosen.claim, console)
@@ -133,22 +134,21 @@ def _tell(
     """Which steps there are and how long they take."""
     what = WHAT[mode] if name is None else f"what the claim {name} needs"
     text = f"{mode}: {what}; about {cost_text(found)} from nothing on 2 cores"
-    console.print(text, markup=False, soft_wrap=True)
+    say(console, text)
     for step in found:
         time = span(60 * step.minutes)
-        about = f"{step.name}, {time}: {step.skipped or step.command}"
-        console.print(about, markup=False, soft_wrap=True)
+        say(console, f"{step.name}, {time}: {step.skipped or step.command}")
 
 
 def _tell_claims(console: Console) -> None:
     """Each claim with the time that it takes in full and quickly."""
-    console.print("claims, for --claim NAME:")
+    say(console, "claims, for --claim NAME:")
     for name in claims():
         full, quick = steps("full", name), steps("quick", name)
         text = f"{name}: {cost_text(full)}"
         if quick:
             text += f"; --quick {cost_text(quick)}"
-        console.print(text, markup=False)
+        say(console, text)
 
 
 if __name__ == "__main__":

@@ -17,7 +17,7 @@ import sys
 import time
 import traceback
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -43,11 +43,11 @@ from experiments.protocol.runner import Asked, carry_out, task_class
 from experiments.protocol.settings import resolved
 from experiments.protocol.validation import ACCURACY
 from experiments.records import configs, locks
+from experiments.records.console import printable, say
 from experiments.records.environment import COMMAND
 from experiments.records.files import results_dir
 from experiments.records.record import Record
 from experiments.reporting.summary import summarise
-from experiments.reporting.text import printable
 
 # Keys that say how any task is carried out.
 _OF_ANY = ("device", "threads", "exclusive", "cache", "force", "experiment")
@@ -165,13 +165,17 @@ class CommandLine:
 
 
 class Launch(Callback):
-    """Says of a sweep whose workers print into files where they lie."""
+    """Says where workers print, and at the end of a sweep where its records lie."""
 
     def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
         """Called by Hydra before the first run."""
         folder = config.hydra.launcher.get("submitit_folder")
         if folder:
             _say(f"each run prints into {folder}/*.out")
+
+    def on_multirun_end(self, config: DictConfig, **_: Any) -> None:
+        """Called by Hydra after the last run."""
+        _say(f"records: {results_dir()}; tables of them: python -m experiments.report")
 
 
 def _made(
@@ -211,12 +215,12 @@ def _command(words: Sequence[str]) -> str:
 
 
 def _asked(hydra_cfg: Any) -> Asked:
-    """What the command line, or the file of the experiment, chose and set."""
+    """Choices and settings of the command line and of the experiment's file."""
     choices = dict(hydra_cfg.runtime.choices)
     words = (word.lstrip("+~").partition("=")[0] for word in hydra_cfg.overrides.task)
     keys = [word.rpartition("@")[2] for word in words]
     file = _experiment(choices.get("experiment"), hydra_cfg)
-    keys += _keys({part: file[part] for part in _PARTS if part in file})
+    keys += configs.flat({part: file[part] for part in _PARTS if part in file})
     chosen = {_SCENE: "touch"}  # as configs/config.yaml
     for entry in file.get("defaults", ()):
         chosen |= entry if isinstance(entry, dict) else {}
@@ -233,18 +237,9 @@ def _experiment(name: str | None, hydra_cfg: Any) -> dict[str, Any]:
     return {}
 
 
-def _keys(node: Any, key: str = "") -> Iterator[str]:
-    """Dotted keys of everything in a config that is no mapping."""
-    if not isinstance(node, Mapping):
-        yield key
-        return
-    for name, value in node.items():
-        yield from _keys(value, f"{key}.{name}".lstrip("."))
-
-
 def _say(text: str, style: str = "dim") -> None:
     """Print a line about the runs."""
-    Console().print(text, style=style, markup=False, soft_wrap=True)
+    say(Console(), text, style)
 
 
 def _tell(kind: str, text: str) -> None:

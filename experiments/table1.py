@@ -1,10 +1,10 @@
 """Table I with one seed, in minutes: ``python -m experiments.table1``, which ``make table1`` calls.
 
 Each run is that of ``python -m experiments.run experiment=table1 model=NAME``; what is finished is
-found finished. What something disturbed is trained again, as far as that takes a minute in all, and
-is marked where it is still disturbed. A row is shown when its run ends, and at last the whole
-table, by the code of ``python -m experiments.report``; a row that this command does not measure is
-that of the reference.
+found finished. A training that another process disturbed is repeated, for a minute in all; its row
+is marked if it is still disturbed. A row is shown when its run ends, and the whole table at the
+end, by the code of ``python -m experiments.report``; rows that this command does not measure are
+copied from the reference.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ from experiments import report, run
 from experiments.protocol.load import Retries
 from experiments.protocol.sweep import span
 from experiments.records.configs import CONFIGS
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.results import Results
 from experiments.reporting.columns import display_name
@@ -50,7 +51,7 @@ def main() -> int:
         if status < SIGNALLED:
             report.write(results_dir(), console, brief=True)
     except (OSError, ValueError) as error:  # a full disk, a damaged file
-        console.print(f"error: {error}", style="red", markup=False, soft_wrap=True)
+        say(console, f"error: {error}", "red")
         return 1
     return status
 
@@ -68,17 +69,17 @@ def promise() -> str:
 def _carry_out(console: Console) -> int:
     """Train the models one after another; the largest exit status, or that of a signal.
 
-    What is left is said at the pace of the models before, where it is slower than that of
-    configs/table1.yaml.
+    The time left is computed at the pace of the models before, if these were slower than the
+    seconds of configs/table1.yaml.
     """
-    console.print(f"Table I: {promise()}")
+    say(console, f"Table I: {promise()}")
     left, worst, retries = seconds(), 0, Retries(AGAIN, AGAIN_S)
     taken = expected = 0.0
     for number, model in enumerate(seconds()):
         # A quick machine, or a run found finished, does not promise that the others are quick.
         pace = max(1.0, taken / expected) if expected else 1.0
         text = f"{display_name(model)}; about {span(pace * sum(left.values()))} left"
-        console.print(text, soft_wrap=True)
+        say(console, text)
         start = time.perf_counter()
         status = _measured(console, model, retries)
         taken += time.perf_counter() - start
@@ -96,7 +97,7 @@ def _measured(console: Console, model: str, retries: Retries) -> int:
     def train(attempt: int) -> int:
         if attempt:
             text = f"{display_name(model)}: disturbed, {_disturbed(model)}; once more"
-            console.print(text, soft_wrap=True)
+            say(console, text)
         return _run(model, *(["force=true"] if attempt else []))
 
     def reason(status: int) -> str:

@@ -21,6 +21,7 @@ from experiments.protocol.clock import Clock
 from experiments.protocol.model import instantiate
 from experiments.records import revision
 from experiments.records.configs import SEEDS
+from experiments.records.console import say
 from experiments.records.environment import changes
 from experiments.records.files import results_dir
 from scenes.frames import Scene
@@ -158,6 +159,12 @@ def cached(
                 _make(scene, path, console)
             except OSError as error:
                 raise OSError(error.errno, error.strerror, str(path)) from error
+            size = path.stat().st_size / 1e6
+            say(
+                console,
+                f"kept {size:.0f} MB of frames in {folder} (cache=false keeps none)",
+                "dim",
+            )
     return CachedScene(scene, path)
 
 

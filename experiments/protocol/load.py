@@ -1,8 +1,8 @@
-"""What else the machine did while something was timed, and whether its times can be trusted.
+"""The load of the machine while something is timed, and whether the times can be trusted.
 
-Two measurements stand beside a group of repetitions of a few seconds. The share of the processor
-time that other processes took comes from the system's counters. It does not see a neighbour on the
-same physical processor, so a fixed piece of work, the yardstick, is timed before and after as well.
+Two measurements accompany a group of repetitions of a few seconds. The share of the processor time
+that other processes took comes from the system's counters. It does not see a neighbour on the same
+physical processor, so a fixed piece of work, the yardstick, is timed before and after as well.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ _WARM_UP = 10
 
 
 class Load(msgspec.Struct, frozen=True):
-    """What stood beside a group of repetitions.
+    """The load of the machine during a group of repetitions.
 
     Attributes:
         others: share of the machine's processor time that other processes took, with time stolen
@@ -85,9 +85,9 @@ class Retries:
         reason: Callable[[T], str],
         expected_s: float = 0.0,
     ) -> Iterator[T]:
-        """What each attempt gives, the last of which stands.
+        """The result of each attempt; the last one counts.
 
-        Another follows one that was disturbed if the budget has room for as long as that took.
+        A disturbed attempt is repeated if the budget has room for as long as it took.
 
         Args:
             measure: called with the number of the attempt, from 0.
@@ -123,7 +123,7 @@ class Watch:
 
     @contextmanager
     def watching(self) -> Iterator[None]:
-        """Watch what is done inside; afterwards ``load`` says what stood beside it."""
+        """Measure the load of the machine during the block; it is in ``load`` afterwards."""
         before = self._yardsticks()
         counters, own, start = _counters(), _own_seconds(), time.perf_counter()
         yield

@@ -38,8 +38,9 @@ _MALLOPT = {
 def keep_memory() -> bool:
     """Let glibc keep freed memory for the next allocation; False where the C library is another.
 
-    By default the system clears the pages of every large block that is allocated: a third of the
-    processor time of a network's training. The process keeps its peak of memory until it ends.
+    Otherwise the system clears the pages of every large block that is allocated, which takes a
+    third of the processor time of a network's training. The process keeps its peak of memory until
+    it ends.
     """
     if sys.platform != "linux":
         return False

@@ -32,6 +32,7 @@ from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, Row, Task
 from experiments.protocol.trial import Report, Trial, train, warm_up
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.rows import pack_labels
 from hdc.accuracy import accuracy
@@ -60,7 +61,7 @@ class Samples:
 class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields=False):
     """Trains one model on the frames of a scene. A row is a checkpoint of the training: what the
     model reported, ``training_s`` and the accuracies, as far as it was tested there. The last row
-    is what came of it.
+    has the results.
 
     ============================ ===================================================================
     ``stop``                     why it ended, one of :data:`experiments.protocol.stop.NAMES`
@@ -113,7 +114,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
             ValueError: naming the key of a wrong value, or what is wrong with a model's reports.
         """
         name, target = context.name, self.stop.target
-        # Errors of these are found before any frame is made.
+        # A wrong model is found before any frame is made.
         unused: Model = instantiate(self.model, "model")
         check_model(unused)
         clock = Clock(self.device)
@@ -163,7 +164,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         yield {**results, "model_bytes": _size(model, context.console)}
 
     def _load(self, watch: Watch | None) -> Row:
-        """The load beside the training, if it was watched."""
+        """The load of the machine during the training, if it was watched."""
         if self.disturbed is None or watch is None:
             return {}
         cells = self.disturbed.columns(watch.load)
@@ -211,7 +212,8 @@ class _Beside:
         if self._models and isinstance(trained.frames, data.LazyFrames):
             found = f"{len(trained.labels)} of {shape[0]} × {shape[1]} pixels"
             raise ValueError(
-                f"beside: expected frames that fit in memory, found {found}"
+                f"beside={{NAME: …}} needs frames that fit in memory, found {found}; "
+                "set beside={}"
             )
         for config in self._models.values():
             warm_up(instantiate(config, "model"), shape, len(trained.labels))
@@ -282,8 +284,8 @@ def _progress(row: Report) -> str:
 
 
 def _of_trial(trial: Trial, target: float) -> Row:
-    """What follows from the curve of a trial: when an accuracy first exceeded the target, and the
-    largest accuracies."""
+    """Results of the curve of a trial: when an accuracy first exceeded the target, and the largest
+    accuracies."""
 
     def first(key: str, value: str) -> float | None:
         reached = (row[value] for row in trial.curve if row.get(key, 0.0) > target)
@@ -339,5 +341,5 @@ def _size(model: Model, console: Console) -> int | None:
         return sum(t.numel() * t.element_size() for t in state.values())
     # Any model can be asked: an error costs its size, and not its training.
     except Exception as error:
-        console.print(f"model_bytes: not known, {error}", style="yellow", markup=False)
+        say(console, f"model_bytes: not known, {error}", "yellow")
         return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import shlex
 import traceback
 from collections.abc import Sequence
@@ -40,7 +41,9 @@ def message(error: BaseException, words: Sequence[str] = ()) -> str:
     """
     if isinstance(error, MissingConfigException) and error.options:
         group, _, name = str(error.missing_cfg_file).rpartition("/")
-        return f"{group}: expected one of {', '.join(error.options)}, found {name}"
+        text = f"{group}: expected one of {', '.join(error.options)}, found {name}"
+        meant = difflib.get_close_matches(name, error.options, 1)
+        return f"{text}; did you mean {meant[0]}?" if meant else text
     if isinstance(error, InstantiationException):
         return _of_target(error)
     if isinstance(error, OverrideParseException) and "=" in error.override:
@@ -49,8 +52,8 @@ def message(error: BaseException, words: Sequence[str] = ()) -> str:
         return str(error).strip()
     lines = (line.strip() for line in str(error).splitlines())
     shown = [line for line in lines if line and not line.startswith(_SKIPPED)]
-    swept = _of_sweep(shown[0], words)
-    return swept or ", ".join(shown)
+    _, _, lacking = shown[0].partition("Could not override '")
+    return _of_key(lacking.partition("'")[0], words) if lacking else ", ".join(shown)
 
 
 def _of_target(error: InstantiationException) -> str:
@@ -74,13 +77,12 @@ def _of_value(override: str) -> str:
     return f"{key}: expected a value, in quotes of its own where it has = , ( or spaces: {quoted}"
 
 
-def _of_sweep(problem: str, words: Sequence[str]) -> str:
-    """How to set a key that not every config of a sweep has; empty for another problem."""
-    _, _, rest = problem.partition("Could not override '")
-    key = rest.partition("'")[0]
-    given = [word for word in words if key and word.startswith(f"{key}=")]
+def _of_key(key: str, words: Sequence[str]) -> str:
+    """How to set a key that a config, or one of those in a sweep, does not have."""
+    keys = "--cfg job prints its keys"
+    given = [word for word in words if word.startswith(f"{key}=")]
     if not given or not {"-m", "--multirun"} & set(words):
-        return ""
+        return f"{key}: expected a key of this config; {keys}, +{key}=… adds a new one"
     group, value = key.partition(".")[0], given[-1].partition("=")[2]
     if value.startswith("choice("):
         return f"{key}: expected a {group} that has it; leave the others to a call of their own"

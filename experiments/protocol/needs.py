@@ -1,13 +1,13 @@
-"""What a config needs besides what every run has, and what of that is not here."""
+"""Packages and data that a config needs and other configs do not, and which are missing."""
 
 from __future__ import annotations
 
 import importlib.util
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Any
 
-from experiments.records import revision, sources
+from experiments.records import configs, revision, sources
 from scenes.source import DATA, Source
 
 
@@ -26,7 +26,7 @@ def needs(config: Any) -> str:
     for package in sorted(sources.packages_of(names) - own):
         if package not in sys.modules:
             here[package] = importlib.util.find_spec(package) is not None
-    for source in _repositories(config):
+    for source in sources_of(config):
         here[f"data of {source.repository} ({DATA})"] = source.find() is not None
     parts = []
     for word, is_here in (("needs", True), ("lacks", False)):
@@ -35,10 +35,7 @@ def needs(config: Any) -> str:
     return "; ".join(parts)
 
 
-def _repositories(node: Any) -> Iterator[Source]:
-    """Every ``source`` in a config, of a scene that reads public recordings."""
-    if isinstance(node, Mapping):
-        if isinstance(node.get("source"), Mapping):
-            yield Source(**node["source"])
-        for value in node.values():
-            yield from _repositories(value)
+def sources_of(config: Any) -> list[Source]:
+    """The public recordings that a config reads."""
+    given = (part.get("source") for part in configs.mappings(config))
+    return [Source(**each) for each in given if isinstance(each, Mapping)]

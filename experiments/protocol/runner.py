@@ -20,6 +20,7 @@ from experiments.protocol.measure_run import Training
 from experiments.protocol.settings import Carried, check_device, checked
 from experiments.protocol.task import Context, Row, Task, named
 from experiments.records import configs, locks, store
+from experiments.records.console import say
 from experiments.records.environment import command, environment
 from experiments.records.files import results_dir
 from experiments.records.record import SCHEMA, Named, Record, labelled, name_of
@@ -43,7 +44,7 @@ _NO_CHANGE = ("device", "threads")
 
 @dataclass(frozen=True)
 class Asked:
-    """What the command line says besides the config.
+    """The choices and settings of the command line.
 
     Attributes:
         choices: name of the file that each group of ``configs/`` was composed from.
@@ -61,7 +62,7 @@ def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, b
 
     Args:
         config: the whole, resolved.
-        asked: what the command line says besides.
+        asked: choices and settings of the command line.
         console: shows the progress.
 
     Returns:
@@ -102,7 +103,7 @@ def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, b
 
 
 def task_class(config: Config) -> type[Task]:
-    """What a config asks for: its ``task``, or a training.
+    """The task of a config: its ``task``, or a training.
 
     Raises:
         ValueError: if there is no task of its name.
@@ -130,7 +131,7 @@ def _task(config: Config) -> tuple[Task, dict[str, Any]]:
 def _about(
     task: Task, own: dict[str, Any], config: Config, asked: Asked
 ) -> dict[str, Any]:
-    """What a record says that is known before anything is made."""
+    """The fields of a record that are known before anything is made."""
     is_training = isinstance(task, Training)
     scene, model, stop = (asked.choices.get(g) or "custom" for g in _GROUPS)
     experiment, kind = asked.choices.get("experiment"), type(task)
@@ -168,7 +169,7 @@ def _is_of_frames(key: str) -> bool:
 
 
 def _changed(own: Config, keys: Sequence[str]) -> dict[str, str]:
-    """Values by dotted key, as JSON, that were set: those of frames first, then of the model."""
+    """Values that were set, as JSON by dotted key: of frames first, then of the model."""
     found = {}
     for key in keys:
         key = key.removeprefix("task.")
@@ -198,7 +199,7 @@ def _alone(how: Carried, console: Console) -> AbstractContextManager[None]:
 
     def waiting() -> None:
         text = f"waiting for {n} free cores: another run is timed (exclusive=false runs beside it)"
-        console.print(text, style="yellow", soft_wrap=True)
+        say(console, text, "yellow")
 
     return machine.held(n, how.device, waiting)
 

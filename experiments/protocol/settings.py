@@ -5,9 +5,9 @@ from __future__ import annotations
 import inspect
 import math
 import pkgutil
-import types
+import re
 import typing
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -15,7 +15,10 @@ import torch
 from msgspec import Meta
 from omegaconf import DictConfig, OmegaConf
 
+from experiments.records import configs
+
 _T = TypeVar("_T")
+# How messages call the types of msgspec.
 _WORDS = {
     "int": "an integer",
     "float": "a number",
@@ -25,7 +28,7 @@ _WORDS = {
     "object": "a mapping",
 }
 
-Seed = Annotated[int, Meta(ge=0, le=2**53, description="an integer from 0 to 2^53")]
+Seed = Annotated[int, Meta(ge=0, le=2**53)]
 
 
 class Seeds(msgspec.Struct, frozen=True):
@@ -82,13 +85,13 @@ def checked(values: Any, kind: type[_T], key: str = "") -> _T:
 
     Args:
         values: mapping of a resolved config.
-        kind: a struct; what a ``Meta`` of a field describes is what the message expects.
+        kind: a struct.
         key: where in the config they stand.
 
     Raises:
         ValueError: naming the key that is wrong, what was expected and what was found.
     """
-    for name, value in _leaves(values, key):
+    for name, value in configs.flat(values, key).items():
         if isinstance(value, float) and math.isnan(value):
             raise ValueError(f"{name}: expected a number, found nan")
     try:
@@ -100,45 +103,28 @@ def checked(values: Any, kind: type[_T], key: str = "") -> _T:
 def _message(text: str, values: Any, kind: Any, key: str) -> str:
     """An error of msgspec, ``Expected `int` >= 0 - at `$.run```, in our words."""
     problem, _, path = text.partition(" - at `$")
-    path, is_inside, _ = path.partition("[")  # of a mapping or a list
-    for name in path.strip(".`").split("."):
-        if not name:
-            continue
+    for name in re.findall(r"\w+", path):  # a place in a mapping is not named
         key = f"{key}.{name}".lstrip(".")
-        values = values[name]
-        kind = typing.get_type_hints(kind, include_extras=True)[name]
-    if is_inside:
-        _look_inside(values, kind, key)
-    quoted = problem.split("`")
-    if problem.startswith("Object missing"):
-        return f"{key}.{quoted[1]}: expected a value, found none".lstrip(".")
-    if problem.startswith("Object contains unknown"):
+        values = values[int(name) if isinstance(values, list) else name]
+        hints = typing.get_type_hints(kind) if isinstance(kind, type) else {}
+        kind = hints.get(name)
+    start, _, named = problem.partition(" field ")
+    named = f"{key}.{named.strip('`')}".lstrip(".")
+    if start == "Object missing required":
+        return f"{named}: expected a value, found none"
+    if start == "Object contains unknown":
         names = ", ".join(getattr(kind, "__struct_fields__", ()))
-        expected = f"one of {names}" if names else "no such key"
-        return f"{key}.{quoted[1]}: expected {expected}".lstrip(".")
+        return f"{named}: expected {f'one of {names}' if names else 'no such key'}"
     if not problem.startswith("Expected"):
         return problem  # of a struct itself
-    expected = _described(kind, quoted[1])
     found = "null" if values is None else repr(values)
-    return f"{key}: expected {expected}, found {found}"
+    return f"{key}: {_expected(problem)}, found {found}"
 
 
-def _look_inside(values: Any, kind: Any, key: str) -> None:
-    """Find the wrong value of a mapping or a list, and raise what is said of it."""
-    if isinstance(kind, types.UnionType):  # with None
-        kind = next(each for each in typing.get_args(kind) if typing.get_args(each))
-    of_values = typing.get_args(kind)[-1]
-    parts = values.items() if isinstance(values, Mapping) else enumerate(values)
-    for name, value in parts:
-        checked(value, of_values, f"{key}.{name}")
-
-
-def _described(kind: Any, names: str) -> str:
-    for choice in (kind, *typing.get_args(kind)):  # itself, or one of a union
-        for each in getattr(choice, "__metadata__", ()):
-            if isinstance(each, Meta) and each.description:
-                return each.description
-    return " or ".join(_WORDS.get(name, name) for name in names.split(" | "))
+def _expected(problem: str) -> str:
+    """``expected an integer >= 0`` of msgspec's ``Expected `int` >= 0, got `str```."""
+    words = problem.partition(", got")[0].replace("`", "").replace("|", "or").split()
+    return " ".join(_WORDS.get(word, word) for word in ["expected", *words[1:]])
 
 
 def check_device(key: str, name: Any) -> None:
@@ -185,16 +171,7 @@ def _check_text(value: str, kind: Any, key: str) -> None:
     try:
         msgspec.convert(value, kind)
     except msgspec.ValidationError as error:
-        expected = _described(kind, str(error).split("`")[1])
-        raise ValueError(f"{key}: expected {expected}, found {value!r}") from error
+        text = f"{key}: {_expected(str(error))}, found {value!r}"
+        raise ValueError(text) from error
     except TypeError:  # a type that texts are not compared with
         return
-
-
-def _leaves(node: Any, key: str = "") -> Iterator[tuple[str, Any]]:
-    """(dotted key, value) of everything in a resolved config that is no mapping."""
-    if not isinstance(node, Mapping):
-        yield key, node
-        return
-    for name, value in node.items():
-        yield from _leaves(value, f"{key}.{name}".lstrip("."))

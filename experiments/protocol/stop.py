@@ -40,21 +40,12 @@ class StopRule(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         ValueError: for fewer `most_steps` than `least_steps`.
     """
 
-    target: Annotated[
-        float,
-        Meta(
-            gt=0,
-            lt=1,
-            description="a number in (0, 1)",
-        ),
-    ] = 0.9
-    reached_after_s: (
-        Annotated[float, Meta(ge=0, description="null or at least 0 s")] | None
-    ) = None
-    loss: Annotated[float, Meta(ge=0, description="at least 0")] = 0.01
-    least_steps: Annotated[int, Meta(ge=0, description="an integer, at least 0")] = 200
+    target: Annotated[float, Meta(gt=0, lt=1)] = 0.9
+    reached_after_s: Annotated[float, Meta(ge=0)] | None = None
+    loss: Annotated[float, Meta(ge=0)] = 0.01
+    least_steps: Annotated[int, Meta(ge=0)] = 200
     most_steps: int = 2000
-    budget_s: Annotated[float, Meta(gt=0, description="more than 0 s")] = 1800.0
+    budget_s: Annotated[float, Meta(gt=0)] = 1800.0
 
     def __post_init__(self) -> None:
         least = max(1, self.least_steps)

@@ -13,6 +13,7 @@ from rich.console import Console
 from experiments.protocol import data
 from experiments.protocol.model import instantiate
 from experiments.records import store
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.record import Record, name_of
 from experiments.records.rows import Row, Rows
@@ -25,7 +26,7 @@ __all__ = ["Context", "Row", "Task", "named"]
 
 @dataclass(frozen=True, eq=False)
 class Context:
-    """What a task computes with; no row depends on it.
+    """Console, cache and name for a task; no row depends on them.
 
     Attributes:
         name: of the experiment, or of the model that is trained.
@@ -45,8 +46,7 @@ class Context:
 
     def note(self, text: str) -> None:
         """Show a line of progress."""
-        line = f"{self.name}: {text}"
-        self.console.print(line, style="dim", markup=False, soft_wrap=True)
+        say(self.console, f"{self.name}: {text}", "dim")
 
     def scene(self, config: Mapping[str, Any], seed: int) -> Scene:
         """The scene of a resolved config at a seed."""
@@ -94,14 +94,14 @@ class Context:
 
 
 class Task(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):
-    """What ``task._target_`` of a config names: its fields are the keys beside it, checked.
+    """Base class of tasks. ``task._target_`` of a config names one; the other keys are its fields.
 
     A field that is a scene is built to know its frames; typed parts of a config are in
     :mod:`experiments.protocol.settings`.
 
     Attributes:
         revision: raised when its rows change.
-        uses: dotted names of what its rows depend on, and its config does not name.
+        uses: dotted names of code that its rows depend on and its config does not name.
         timed: whether its rows have times: such a one runs alone on its cores.
     """
 
@@ -111,7 +111,7 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
 
     @classmethod
     def components(cls, **_: Any) -> Sequence[str]:
-        """What its revision depends on (:mod:`experiments.records.revision`)."""
+        """Names of the code that its revision depends on (:mod:`experiments.records.revision`)."""
         return cls.uses
 
     def fingerprint(self) -> str:
@@ -128,7 +128,7 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True
         return " ".join(digests)
 
     def rows(self, context: Context) -> Iterator[Row]:
-        """What is measured."""
+        """Measure, and yield a row at a time."""
         raise NotImplementedError
 
 

@@ -33,7 +33,7 @@ class Validation(Task, frozen=True):
     model: Mapping[str, Any]
     stop: StopRule
     seed: Seed
-    folds: Annotated[int, Meta(ge=2, description="an integer from 2")]
+    folds: Annotated[int, Meta(ge=2)]
 
     def rows(self, context: Context) -> Iterator[Row]:
         scene = context.scene(self.scene, self.seed)

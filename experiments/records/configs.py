@@ -170,3 +170,29 @@ def without(keys: Iterable[str], node: Any) -> Any:
     if isinstance(node, list | tuple):
         return [without(keys, value) for value in node]
     return node
+
+
+def flat(node: Any, key: str = "") -> dict[str, Any]:
+    """The values of a config that are no mappings, by their dotted keys.
+
+    Args:
+        node: of a resolved config.
+        key: of the node itself.
+    """
+    if not isinstance(node, Mapping):
+        return {key: node}
+    found: dict[str, Any] = {}
+    for name, value in node.items():
+        found |= flat(value, f"{key}.{name}".lstrip("."))
+    return found
+
+
+def mappings(node: Any) -> Iterator[Mapping[str, Any]]:
+    """Every mapping in a config, at any depth, each before the ones within it, which follow in
+    the order of their keys."""
+    if isinstance(node, Mapping):
+        yield node
+        node = [node[key] for key in sorted(node, key=str)]
+    if isinstance(node, list | tuple):
+        for value in node:
+            yield from mappings(value)

@@ -48,7 +48,7 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
         device: as torch names it, a GPU with its model.
         packages: versions of the libraries.
         commit: of the checkout; None where it is no checkout.
-        dirty: whether code or configs were not those of the commit.
+        dirty: whether code or configs differed from the commit.
         changes: digest of what differed in the code; None where nothing did.
         exclusive: whether it was timed alone.
         libraries: that compute with threads of their own, each with their number.
@@ -71,8 +71,8 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
 
     @property
     def machine(self) -> str:
-        """What times of one machine have in common: the processor and its kernels, as far as they
-        are known."""
+        """The processor and its kernels, as far as they are known: times compare where these are
+        equal."""
         kernels = (f"{kernel} by {name}" for name, kernel in self.blas.items())
         about = ", ".join(filter(None, [self.processor, *kernels]))
         return f"{self.cpu} ({about})" if about else self.cpu
@@ -159,7 +159,7 @@ def blas() -> dict[str, str]:
 
 @functools.cache
 def _cpuinfo() -> dict[str, str]:
-    """What Linux says of the first processor; empty elsewhere."""
+    """Fields of the first processor in Linux's ``/proc/cpuinfo``; empty elsewhere."""
     try:
         first = _CPUINFO.read_text().partition("\n\n")[0]
     except OSError:

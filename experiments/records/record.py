@@ -1,10 +1,9 @@
-"""A record: what was carried out, the rows that came of it, by which code and on which machine.
+"""A record: what was carried out, the rows that it gave, by which code and on which machine.
 
-An experiment's rows are all that it yields. Those of a training, which is an experiment as well,
-are its checkpoints and at last its results (:class:`experiments.protocol.measure_run.Training`).
-What names a record is written when it is made: whoever reads it needs neither configs nor Hydra. It
-is named after its config and a digest of its data; made again by other code it takes the place of
-the one before.
+An experiment's rows are all that it yields. A training is an experiment, too; its rows are its
+checkpoints, and its results are the last row (:class:`experiments.protocol.measure_run.Training`).
+The name of a record is written when it is made, so reading it needs neither configs nor Hydra. The
+name has a hash of config and data; a record that other code makes again replaces the earlier one.
 """
 
 from __future__ import annotations
@@ -132,7 +131,7 @@ class Record(msgspec.Struct, kw_only=True, omit_defaults=True):
         return self.differs_from(revision.of_today(self.revisions))
 
     def differs_from(self, now: Revisions) -> list[str]:
-        """What of the code differs from these revisions, or lies in no commit."""
+        """Parts of the code that differ from these revisions, or lie in no commit."""
         others = revision.outdated(self.revisions, now)
         made_with = self.environment.changes
         if made_with is not None and made_with != changes():

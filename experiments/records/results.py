@@ -67,32 +67,38 @@ class Results:
         """A line per row of the records of some experiments; every cell is a scalar.
 
         A line has the columns of its row. Where a row has lists of equal length, it becomes a line
-        per place in them, with the column ``place``. A line has these columns of its record, too:
-        ``experiment``, ``scene``, ``record``, ``command``, ``device``, ``cpu``, ``threads``,
-        ``elsewhere`` (whether it was measured on other frames than those of the experiment's
-        config) and every setting of the config by its dotted key, lists as JSON. ``right`` counts
-        the right answers of a line with ``predicted``; ``labels``, the true classes, stand in each.
+        per place in them, with the column ``place``. From its record a line has ``experiment``,
+        ``scene``, ``record``, ``command``, ``device``, ``cpu``, ``threads``, ``elsewhere`` (whether
+        its frames are not the ones of the experiment's config) and every setting of the config by
+        its dotted key, lists as JSON. ``right`` counts the right answers of a line with
+        ``predicted``; ``labels``, the true classes, stand in each.
 
-        :data:`RUNS` stands for single trainings, a line each, with their results; of several
-        configurations of one row (:data:`ROW`) there is one (:func:`_counting`).
-        :data:`CHECKPOINTS` are the reports of these trainings, a line each. Of an experiment and
-        scene there is one measurement (:meth:`chosen`). Scenes are in their order.
+        :data:`RUNS` stands for single trainings, a line each, with their results; a row
+        (:data:`ROW`) has one of its configurations (:func:`_counting`). :data:`CHECKPOINTS` are the
+        reports of these trainings, a line each. An experiment has one measurement of each scene
+        (:meth:`chosen`). Scenes are in their order.
         """
         if experiments not in self._frames:
             parts = [self._part(name) for name in experiments]
             self._frames[experiments] = _joined([part for part in parts if len(part)])
         return self._frames[experiments]
 
-    def trainings(self) -> pd.DataFrame:
-        """Every finished training, a line each with its settings and results."""
-        lines = pd.DataFrame(map(_of_run, self.runs))
-        return lines.drop(columns=["alike", "repetition"], errors="ignore")
+    def trainings(self, finished: bool = True) -> pd.DataFrame:
+        """Every training, or every finished one, a line each with its settings and results."""
+        if finished:
+            lines = pd.DataFrame(map(_of_finished, self.runs))
+            return lines.drop(columns=["alike", "repetition"], errors="ignore")
+        ordered = sorted((*self.runs, *self.unfinished), key=lambda run: run.id)
+        return pd.DataFrame(
+            _of_run(run) | {"status": ": ".join(filter(None, [run.status, run.error]))}
+            for run in ordered
+        )
 
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
 
-        Of one scene the last one counts, of those on the experiment's own frames if there are any;
-        and beside it those of other models (:func:`_is_beside`).
+        The last one of each scene counts, first among measurements on the experiment's own frames;
+        and with it measurements of other models (:func:`_is_beside`).
         """
         counting: dict[str, list[Record]] = {}
         left_out = []
@@ -120,7 +126,7 @@ class Results:
 
     def _part(self, name: str) -> pd.DataFrame:
         if name == RUNS:
-            return _counting(pd.DataFrame(map(_of_run, self.runs)))
+            return _counting(pd.DataFrame(map(_of_finished, self.runs)))
         if name == CHECKPOINTS:
             return self._checkpoints()
         parts = [_of_measurement(measured) for measured in self.chosen(name)[0]]
@@ -199,22 +205,14 @@ def _joined(parts: list[pd.DataFrame]) -> pd.DataFrame:
 # Lines --------------------------------------------------------------------------------------------
 
 
-def _settings(config: Mapping[str, Any], above: str = "") -> Row:
+def _settings(config: Mapping[str, Any]) -> Row:
     """The values of a config by their dotted keys; a list as JSON."""
-    found: Row = {}
-    for key, value in config.items():
-        name = f"{above}{key}"
-        if isinstance(value, Mapping):
-            found |= _settings(value, f"{name}.")
-        elif isinstance(value, list | tuple):
-            found[name] = json.dumps(value)
-        else:
-            found[name] = value
-    return found
+    found = configs.flat(config).items()
+    return {name: _scalar(value) for name, value in found}
 
 
 def _of_record(record: Record) -> Row:
-    """What names a record, its settings and its machine."""
+    """The names of a record, its settings and its machine."""
     environment = record.environment
     return {
         **_settings(record.config),
@@ -230,15 +228,8 @@ def _of_record(record: Record) -> Row:
 
 
 def _of_run(run: Record) -> Row:
-    """The line of a training; one that never got to its target took infinitely long."""
-    config, results = run.config, run.results
-    seconds = results["training_time_s"]
-    same = configs.without((*configs.SEEDS, "device"), config)
-    if not results["iterative"]:  # it ends by itself, whatever the rule
-        same.pop("stop")
-    for key in configs.COORDINATES:
-        group, name = key.split(".")
-        same[group].pop(name, None)
+    """The line of a training, as far as it came."""
+    config = run.config
     return {
         **_of_record(run),
         "sweep": run.experiment,
@@ -249,33 +240,36 @@ def _of_run(run: Record) -> Row:
         "code": run.environment.short_commit,
         "seed": config["seed"]["run"],
         "seeds": json.dumps(config["seed"], sort_keys=True),
-        "repetition": json.dumps(list(_seeds(config))),
-        "alike": json.dumps([same, run.revisions], sort_keys=True),
         "stop_rule": run.stop,
-        **results,
+        **run.results,
+    }
+
+
+def _of_finished(run: Record) -> Row:
+    """The line of a finished training, with what tells it from others of its row; one that never
+    got to its target took infinitely long."""
+    line, same = _of_run(run), configs.without((*configs.SEEDS, "device"), run.config)
+    parts = list(configs.mappings(run.config))
+    seeds = [part[key] for part in parts for key in configs.SEEDS if key in part]
+    if not line["iterative"]:  # it ends by itself, whatever the rule
+        same.pop("stop")
+    for key in configs.COORDINATES:
+        group, name = key.split(".")
+        same[group].pop(name, None)
+    seconds = line["training_time_s"]
+    return line | {
+        "repetition": json.dumps(seeds),
+        "alike": json.dumps([same, run.revisions], sort_keys=True),
         "training_time_s": math.inf if seconds is None else seconds,
     }
 
 
-def _seeds(config: Any) -> Iterator[Any]:
-    """Every seed in a config, in the order of the keys."""
-    if isinstance(config, Mapping):
-        for key in sorted(config):
-            if key in configs.SEEDS:
-                yield config[key]
-            else:
-                yield from _seeds(config[key])
-    elif isinstance(config, list | tuple):
-        for part in config:
-            yield from _seeds(part)
-
-
 def _counting(lines: pd.DataFrame) -> pd.DataFrame:
-    """Of the runs of each row those that count, with ``others``: how many are left out.
+    """The runs of each row that count, with ``others``, the number that is left out.
 
-    Runs of one row have one configuration, and code of one revision made them. Of several such, a
-    row has those timed alone on the machine, then those of the stopping rule that stands first in
-    :data:`STOPS`, then the newest. The same holds of several runs with the same seeds.
+    The runs of a row have one configuration and code of one revision. Where there are several
+    configurations, runs that were timed alone come first, then the stopping rule that is first in
+    :data:`STOPS`, then the newest. Runs with the same seeds are chosen in the same way.
     """
     if not len(lines):
         return lines
@@ -319,7 +313,7 @@ def _lines(rows: Iterable[Row]) -> Iterator[Row]:
 
 def _scalar(value: Any) -> Any:
     """A value of a list; one that is a list or a mapping itself as JSON."""
-    return json.dumps(value) if isinstance(value, list | dict) else value
+    return json.dumps(value) if isinstance(value, list | tuple | dict) else value
 
 
 def _answered(lines: Iterable[Row]) -> Iterator[Row]:

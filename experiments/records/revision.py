@@ -21,11 +21,11 @@ import json
 import os
 import pkgutil
 import sysconfig
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from experiments.records import sources
+from experiments.records import configs, sources
 from experiments.records.sources import PACKAGES
 
 _INSTALLED = ("stdlib", "purelib", "platlib")
@@ -90,17 +90,12 @@ def of_own(config: Any) -> Revisions:
     return found
 
 
-def targets(node: Any) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Each ``_target_`` below a part of a config, with the parameters beside it."""
-    if isinstance(node, Mapping):
+def targets(config: Any) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Each ``_target_`` in a part of a config, with the parameters next to it."""
+    for node in configs.mappings(config):
         if "_target_" in node:
             parameters = {k: v for k, v in node.items() if not k.startswith("_")}
             yield str(node["_target_"]), parameters
-        for value in node.values():
-            yield from targets(value)
-    elif isinstance(node, list | tuple):
-        for value in node:
-            yield from targets(value)
 
 
 def _said(revision: int | str | None) -> str:

@@ -14,6 +14,7 @@ import msgspec
 from rich.console import Console
 
 from experiments.records import locks, names
+from experiments.records.console import say
 from experiments.records.record import SCHEMA, Record
 from experiments.records.revision import Revisions
 from hdc.io import write_atomically
@@ -37,7 +38,7 @@ def to_line(record: Record) -> str:
 
 
 def append(folder: Path, record: Record) -> None:
-    """Add a record to those of a folder."""
+    """Add a record to the file of a folder."""
     line = to_line(record)
     lock = locks.held(folder / _LOCKS / FILE, timeout_s=-1)
     with lock, (folder / FILE).open("a+b") as file:
@@ -52,8 +53,8 @@ def append(folder: Path, record: Record) -> None:
 
 def read(folder: Path, name: str = "") -> Iterator[Record | ValueError]:
     """Every record of a folder whose line has the name in it, in their order: the last finished
-    one of each id, else its last. A line that is no record gives an error that names it; those of
-    earlier versions give one together."""
+    one of each id, else its last. A line that is no record gives an error that names it; lines of
+    earlier versions give one error together."""
     path, earlier = folder / FILE, 0
     records: dict[str, Record] = {}
     lines = path.read_bytes().splitlines() if path.is_file() else []
@@ -123,7 +124,7 @@ def made_before(
         name: the id.
         now: revisions of today's code for the config of this id.
         console: prints why one does not count.
-        threads: of torch, where times are made: those of another number are made again.
+        threads: of torch; a record of times with another number does not count.
         columns: that its rows need to have.
     """
     known = find(folder, name)
@@ -139,5 +140,5 @@ def made_before(
         return known
     if console is not None:
         text = f"{name}: made again, finished otherwise: {', '.join(reasons)}"
-        console.print(text, style="yellow", markup=False, soft_wrap=True)
+        say(console, text, "yellow")
     return None

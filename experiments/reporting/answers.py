@@ -6,21 +6,21 @@ import functools
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
-from experiments.records.record import Record
 from experiments.records.results import RUNS, Results
 from experiments.reporting import comparison
 from experiments.reporting.study import Figure, Study
-from experiments.reporting.table import Table, frame, text_for
+from experiments.reporting.table import Table
 from hdc.io import write_atomically
 
-MINE = "mine"
+MINE, RUNS_TABLE = "mine", "runs"
+OF_NO_STUDY = (comparison.NAME, RUNS_TABLE)
 Made = TypeVar("Made")
 
 
 class Failure(NamedTuple):
-    """What could not be made of a study, and why, in one line."""
+    """A table or figure of a study that could not be made, and why, in one line."""
 
     study: str
     text: str
@@ -34,7 +34,7 @@ class Answers:
     """Answers of some studies from one set of results, ``reference`` or ``mine``.
 
     Tables keep the rows whose columns have one of the values that ``only`` names, or begin with it
-    as a name. What fails is kept in ``failures``; everything else is made.
+    as a name. Errors are kept in ``failures``; everything else is made.
     """
 
     name: str
@@ -46,39 +46,36 @@ class Answers:
 
     def table(self, name: str) -> Table | None:
         """The table of that name, if it has rows."""
-        if name == comparison.NAME:
-            return self.comparison
         for study in self.studies:
             for table in study.tables:
                 if table.name == name:
                     return self._of(study, table)
-        return None
+        return next((table for table in self.of_no_study if table.name == name), None)
 
     def tables(self, study: Study) -> list[Table]:
         """The tables of a study that have rows."""
         made = (self._of(study, table) for table in study.tables)
         return [table for table in made if table is not None]
 
-    def figures(self, study: Study) -> Iterator[tuple[Figure, Table]]:
-        """The figures of a study that have something to draw, with their tables."""
-        for figure in study.figures:
-            made = self._of(study, figure.table)
-            if made is not None:
-                caption = text_for(figure.caption, made.data)
-                commands = tuple(figure.commands) or made.commands
-                yield replace(figure, caption=caption, commands=commands), made
+    def figures(self, study: Study) -> list[Figure]:
+        """The figures of a study that have something to draw, each with the table that is made."""
+        found = [(figure, self._of(study, figure.table)) for figure in study.figures]
+        return [replace(figure, table=made) for figure, made in found if made]
 
     def every_table(self) -> Iterator[Table]:
-        """The tables of all studies, and the published numbers beside ours."""
+        """The tables of all studies, and of none."""
         for study in self.studies:
             yield from self.tables(study)
-        if self.comparison is not None:
-            yield self.comparison
+        yield from self.of_no_study
 
     @functools.cached_property
-    def comparison(self) -> Table | None:
-        """Every published number beside ours. Among one's own stands nothing that was not
-        measured."""
+    def of_no_study(self) -> list[Table]:
+        """The published numbers and ours, and every run of one's own, if they have rows."""
+        found = [self._comparison(), *([self._runs()] if self.name == MINE else [])]
+        return [table for table in found if len(table.data)]
+
+    def _comparison(self) -> Table:
+        """Every published number that was measured, and ours."""
         every = [
             (study, numbers) for study in self.studies for numbers in study.numbers
         ]
@@ -87,12 +84,28 @@ class Answers:
             make = functools.partial(numbers.made, self.results.frame(*numbers.of))
             quantities += self._tried(study, "its numbers", make) or []
         experiments = [name for _, numbers in every for name in numbers.of]
-        table = comparison.compare(quantities, experiments, self.name != MINE)
-        return table if len(table.data) else None
+        return comparison.compare(quantities, experiments)
+
+    def _runs(self) -> Table:
+        """A row per training, finished or not, with a column per setting."""
+        rows = self.results.trainings(finished=False)
+        unread = ["labels", "predicted", "test_indices"]
+        return Table(
+            RUNS_TABLE,
+            lambda _: None,
+            of=RUNS,
+            title="Every run",
+            note="tables/runs.csv has a column for every setting, processor and command.",
+            shown=(
+                *("record", "scene", "model", "seed", "status"),
+                *("test_accuracy_final", "total_time_s"),
+            ),
+            data=rows.drop(columns=unread, errors="ignore"),
+        )
 
     @functools.cached_property
     def left_out(self) -> list[str]:
-        """What a reader has to know of records that no table shows, a line each."""
+        """Records that no table shows, and why, a line each."""
         lines = [*self.results.problems, *self.results.left_out()]
         tables = (table for study in self.studies for table in study.tables)
         known = {name for table in tables for name in table.experiments}
@@ -116,7 +129,7 @@ class Answers:
         return sorted(t.name for t in found if not older.isdisjoint(t.experiments))
 
     def write(self, folder: Path, tex: bool = False) -> list[Path]:
-        """Write tables and figures as files, and remove those of an earlier report; the files."""
+        """Write tables and figures as files, and remove files of an earlier report; the files."""
         contents: dict[Path, str | bytes] = {}
         for table in self.every_table():
             path = folder / "tables" / table.name
@@ -124,8 +137,6 @@ class Answers:
             contents[path.with_suffix(".md")] = table.markdown()
             if tex:
                 contents[path.with_suffix(".tex")] = table.tex()
-        if self.name == MINE:  # records.jsonl has the runs of the reference
-            contents[folder / "tables" / "runs.csv"] = runs_table(self.results).csv()
         for name, drawn in self._drawn():
             contents[folder / "figures" / name] = drawn
         for path, content in contents.items():
@@ -139,14 +150,13 @@ class Answers:
         """Names and contents of the files of figures, with the CSV of what no table shows."""
         for study in self.studies:
             shown = {table.name for table in study.tables}
-            for figure, table in self.figures(study):
-                make = functools.partial(figure.file, table.data)
-                made = self._tried(study, f"figure {figure.name}", make)
+            for figure in self.figures(study):
+                made = self._tried(study, f"figure {figure.name}", figure.file)
                 if made is None:
                     continue
                 yield f"{figure.name}.{figure.kind}", made
-                if table.name not in shown and figure.kind != "webp":
-                    yield f"{figure.name}.csv", table.csv()
+                if figure.table.name not in shown and figure.kind != "webp":
+                    yield f"{figure.name}.csv", figure.table.csv()
 
     def _of(self, study: Study, table: Table) -> Table | None:
         """A table, made once; None where it has no rows, or fails."""
@@ -166,7 +176,7 @@ class Answers:
         return replace(table, data=kept) if len(kept) else None
 
     def _tried(self, study: Study, what: str, make: Callable[[], Made]) -> Made | None:
-        """What is made; None, and one more failure, where that fails."""
+        """The result of a call; None, and one more failure, where it raises."""
         try:
             return make()
         except Exception as error:
@@ -174,47 +184,3 @@ class Answers:
             text = f"study {study.name} failed at {what}: {why}"
             self.failures.append(Failure(study.name, text))
             return None
-
-
-def runs_table(results: Results) -> Table:
-    """One row per run, finished or not; each key that was changed of the configs has a column."""
-    records = [*results.runs, *results.unfinished]
-    rows = sorted(map(_row_of_run, records), key=lambda row: list(row.values())[:3])
-    return Table(
-        "runs",
-        lambda _: None,
-        of=RUNS,
-        title="Every run",
-        note="tables/runs.csv has a column for every key that was changed, processor and command.",
-        shown=(
-            *("id", "scene", "model", "overrides", "seed", "status"),
-            *("test_accuracy_final", "training_s"),
-        ),
-        data=frame(rows),
-    )
-
-
-def _row_of_run(run: Record) -> Mapping[str, Any]:
-    environment, config, results = run.environment, run.config, run.results
-    changed = run.changed.items()
-    last = run.curve[-1]["training_s"] if run.curve else None
-    return {
-        "scene": run.scene.name if run.scene else "",
-        "model": run.model.name if run.model else "",
-        "id": run.id,
-        "overrides": " ".join(f"{key}={value}" for key, value in changed),
-        "stop_rule": run.stop,
-        "n_train": results.get("n_train", config["split"]["n_train"]),
-        "pixels": config["data"]["pixels"],
-        "seed": config["seed"]["run"],
-        "status": ": ".join(filter(None, [run.status, run.error])),
-        "test_accuracy_final": results.get("test_accuracy_final"),
-        "training_s": results.get("total_time_s", last),
-        "origin": results.get("origin"),
-        "cpu": environment.cpu,
-        "threads": environment.threads,
-        "exclusive": environment.exclusive,
-        "code": ", ".join(run.outdated if run.is_finished else ()) or "current",
-        "command": run.command,
-        **run.changed,
-    }

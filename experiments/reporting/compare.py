@@ -1,8 +1,8 @@
 """Own results beside the reference: tables of one name, joined by the key of their rows.
 
 A number differs where its interval, or the number itself if it has none, lies outside the interval
-of the reference. What a training ends with is compared under one stopping rule alone, and what
-belongs to a machine, as seconds do, is not compared at all.
+of the reference. Results at the end of training are compared under the same stopping rule only, and
+quantities of a machine, such as seconds, are not compared at all.
 """
 
 from __future__ import annotations

@@ -36,7 +36,6 @@ COLUMNS = (
     *("published_high", "measured", "low", "high", "margin", "n", "seeds", "verdict"),
     *("made_by", "note"),
 )
-MISSING = "missing"  # verdict on a number that was not measured
 _SETTINGS = ("table1/learning_rate", "touch/labels")
 # What makes an experiment of published.csv where that is not the one of its name.
 _MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {
@@ -44,28 +43,20 @@ _MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {
 }
 
 
-def compare(
-    quantities: Iterable[Quantity],
-    experiments: Sequence[str] = (),
-    with_missing: bool = True,
-) -> Table:
+def compare(quantities: Iterable[Quantity], experiments: Sequence[str] = ()) -> Table:
     """The table, in the order of published.csv.
 
     Args:
         quantities: what was measured of it.
         experiments: that measured it.
-        with_missing: whether numbers that were not measured have a row, which says so.
     """
-    found: dict[str, list[Quantity | None]] = {}
-    for quantity in quantities:
-        found.setdefault(quantity.name, []).append(quantity)
+    measured = [one for one in quantities if one.value is not None]
     rows = [
         _row(known, ours)
         for name, known in published.numbers().items()
-        for ours in found.get(name, [None])
+        for ours in measured
+        if ours.name == name
     ]
-    if not with_missing:
-        rows = [row for row in rows if row["verdict"] != MISSING]
     data = frame(rows, COLUMNS)
     return Table(
         NAME,
@@ -79,10 +70,8 @@ def compare(
     )
 
 
-def verdict(known: Published, ours: Quantity | None) -> str:
+def verdict(known: Published, ours: Quantity) -> str:
     """Judgement of a number: the first that applies."""
-    if ours is None or ours.value is None:
-        return MISSING
     if known.name in _SETTINGS:
         same = isinstance(ours.value, int | float) and math.isclose(
             ours.value, known.value
@@ -117,9 +106,15 @@ def _agreement(known: Published, ours: Quantity) -> str:
     return "uninformative" if max(high - value, value - low) > margin else "agrees"
 
 
-def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
+def _row(known: Published, ours: Quantity) -> dict[str, Any]:
     experiment, quantity = known.name.split("/")
-    row: dict[str, Any] = {
+    notes = [
+        known.not_comparable,
+        ours.interval and f"interval: {ours.interval}",
+        ours.note,
+        known.note and f"calibration: {known.note}",
+    ]
+    return {
         "experiment": experiment,
         "quantity": quantity,
         "unit": known.unit,
@@ -128,24 +123,13 @@ def _row(known: Published, ours: Quantity | None) -> dict[str, Any]:
         "published_high": known.high,
         "margin": known.margin,
         "verdict": verdict(known, ours),
-        "made_by": f"{RUN}{_MAKES.get(experiment, experiment)}",
-    }
-    if ours is None:
-        return row
-    notes = [
-        known.not_comparable,
-        ours.interval and f"interval: {ours.interval}",
-        ours.note,
-        known.note and f"calibration: {known.note}",
-    ]
-    return row | {
         "condition": ours.condition,
         "measured": ours.value,
         "low": ours.low,
         "high": ours.high,
         "n": ours.n,
         "seeds": ours.seeds,
-        "made_by": ours.made_by or row["made_by"],
+        "made_by": ours.made_by or f"{RUN}{_MAKES.get(experiment, experiment)}",
         "note": "; ".join(filter(None, notes)),
     }
 

@@ -15,6 +15,7 @@ from typing import Any
 import pandas as pd
 from omegaconf import OmegaConf
 
+from experiments.protocol.needs import sources_of
 from experiments.records import configs
 from experiments.records.results import Results, by_scene
 from experiments.reporting.answers import Answers
@@ -31,7 +32,6 @@ from experiments.reporting.text import (
     percent,
 )
 from scenes.fibre import PRESSED
-from scenes.source import Source
 
 _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 NOT_MEASURED = "*not measured yet*"
@@ -194,16 +194,15 @@ def results_page(answers: Answers, found: Mapping[str, str]) -> str:
     """
     parts = []
     for study in answers.studies:
-        figures = [figure for figure, _ in answers.figures(study)]
-        tables = list(answers.tables(study))
+        figures, tables = answers.figures(study), answers.tables(study)
         if not figures and not tables:
             continue
         parts.append(f"## {study.title}\n\n{found.get(study.name, study.question)}")
         parts += map(_figure, figures)
         links = [f"[{t.name}]({_RESULTS}/tables/{t.name}.csv)" for t in tables]
         parts.append(f"Tables: {', '.join(links)}." if links else "")
-        made = [command for figure in figures for command in figure.commands]
-        made += [command for table in tables for command in table.commands]
+        shown = [*(figure.table for figure in figures), *tables]
+        made = [command for table in shown for command in table.commands]
         known = filter(_can_run, dict.fromkeys(map(_bare, made)))
         parts.append("\n".join(f"    {command}" for command in known))
     return "\n\n".join(filter(None, parts))
@@ -226,7 +225,7 @@ def _can_run(command: str) -> bool:
 
 
 def _figure(figure: Figure) -> str:
-    caption = markdown_text(str(figure.caption))
+    caption = markdown_text(figure.caption)
     file = f"{_RESULTS}/figures/{figure.name}.{figure.kind}"
     return f"![{figure.name}]({file})\n\n{caption}"
 
@@ -320,7 +319,7 @@ def _scene(name: str, counts: str) -> str:
 
 def _from(kind: str, config: Mapping[str, Any]) -> str:
     """Where the frames of a scene are, under which licence, whom to cite; empty if simulated."""
-    source = _source(config)
+    source = next(iter(sources_of(config)), None)
     if source is None and kind == COMPUTED:
         source = PRESSED
     if source is None:
@@ -329,14 +328,6 @@ def _from(kind: str, config: Mapping[str, Any]) -> str:
         f"[{source.repository}](https://github.com/{source.repository}) at {source.commit[:7]}, "
         f"licence: {source.licence}. Cite: {source.cite}."
     )
-
-
-def _source(config: Mapping[str, Any]) -> Source | None:
-    """The repository of a scene, or of the first that it is made of."""
-    if config.get("source"):
-        return Source(**config["source"])
-    parts = [config.get("scene"), *config.get("scenes", {}).values()]
-    return next((found for part in parts if part and (found := _source(part))), None)
 
 
 def _comment(path: Path) -> str:

@@ -1,7 +1,7 @@
 """Two ways to draw a table: lines with intervals in panels, and intervals side by side.
 
-The table is tidy: a column ``y`` with its bounds ``y_low`` and ``y_high``, and columns that say
-which panel and which line a row belongs to.
+The table is tidy: it has a column ``y`` with its bounds ``y_low`` and ``y_high``, and the columns
+that name the panel and the line of each row.
 """
 
 from __future__ import annotations
@@ -191,7 +191,7 @@ def matrix(
         values: rows from top to bottom; index and columns are the names of classes.
         cell: the text of a value, where there is room for it.
         colours: a map, from the one to the other of `limits`.
-        gamma: colour goes as value**gamma: below 1 small values are told apart.
+        gamma: colour goes as value**gamma: below 1 small values can be distinguished.
     """
     from matplotlib.colors import PowerNorm
 

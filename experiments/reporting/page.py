@@ -5,7 +5,6 @@ It needs no network. Figures and tables lie as files beside it, and it links to 
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,10 +17,6 @@ from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 
 ROWS = 30  # of a table that is not folded away
-_NUMBER = re.compile(
-    r"[-+−±×>]? ?[\d,]*\.?\d+(e[-+]?\d+)?( [kM]?B)?( \[.*)?", re.IGNORECASE
-)
-_NOTHING = ("", "–")
 
 
 @dataclass(frozen=True)
@@ -83,7 +78,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters |= {"numeric": _numeric, "quote": quote}
+    environment.filters["quote"] = quote
     place = differing[["table", "row", "column"]].itertuples(index=False, name=None)
     return environment.get_template("page.html").render(
         parts=parts,
@@ -92,13 +87,3 @@ def render(
         beside=dict(zip(place, differing.bounds, strict=True)),
         most_rows=ROWS,
     )
-
-
-def _numeric(table: Table) -> list[bool]:
-    """Whether each column holds numbers, which stand right."""
-    columns = zip(*table.cells(), strict=True)
-    return [all(map(_is_number, texts)) for texts in columns]
-
-
-def _is_number(text: str) -> bool:
-    return text in _NOTHING or bool(_NUMBER.fullmatch(text))

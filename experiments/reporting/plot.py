@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from experiments.records import configs
+from experiments.records.console import printable
 from experiments.reporting.columns import display_name
-from experiments.reporting.text import printable
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -20,7 +20,7 @@ LEAST_RESAMPLES = 10  # of one recording; the ends of fewer are no interval
 
 
 def place_of(scene: str) -> tuple[float, str]:
-    """What scenes are sorted by: their place among the others, then their name."""
+    """Key for sorting scenes: their place among the others, then their name."""
     return float(configs.scene_display(scene)["order"]), scene
 
 
@@ -39,8 +39,8 @@ def models_of(rows: pd.DataFrame) -> list[str]:
 
 
 def seeds_are_units(rows: pd.DataFrame) -> bool:
-    """Whether there are several seeds, each of another sensor, input field or fibre. Those of one
-    camera's recording draw other frames of it, as more resamples do."""
+    """Whether there are several seeds, each of another sensor, input field or fibre. Seeds of one
+    camera's recording only draw other frames of it, as more resamples do."""
     several = rows.seed.nunique() > 1
     return bool(several and not ("origin" in rows and are_of_one_recording(rows)))
 

@@ -49,8 +49,7 @@ MOST_NAMES = 2  # of scenes below a title; with more, each panel has its own
 
 
 def about(data: pd.DataFrame) -> str:
-    """What the values of a table are of, as far as its columns say it: scenes, frames, split, and
-    how many seeds."""
+    """Scenes, frames, split and number of seeds of a table, as far as its columns have them."""
     parts: list[str] = []
     if "scene" in data:
         scenes = [str(scene) for scene in data.scene.unique()]
@@ -78,22 +77,20 @@ class Figure:
             figure.
         draws: takes a matplotlib figure and the values.
         title: above the figure; or a function of the values.
-        caption: what it shows; also the alternative text; or a function of the values.
+        caption: what it shows; also the alternative text.
         details: below the title, what it is of; or a function of the values.
         size: width and height in inches.
         kind: ``svg``, or ``webp`` for pictures of frames, whose values are no table.
-        commands: what makes its results again; those of the table if there are none here.
     """
 
     name: str
     table: Table
     draws: Callable[[Canvas, pd.DataFrame], None]
-    caption: Text
+    caption: str
     title: Text = ""
     details: Text = about
     size: tuple[float, float] = (WIDTH, 2.6)
     kind: str = "svg"
-    commands: Sequence[str] = ()
 
     def draw(self, data: pd.DataFrame) -> Canvas:
         """The matplotlib figure of some values."""
@@ -109,9 +106,9 @@ class Figure:
                 head(figure, title, literal(details))
         return figure
 
-    def file(self, data: pd.DataFrame) -> bytes:
-        """The content of its file for some values."""
-        return save(self.draw(data), self.kind)
+    def file(self) -> bytes:
+        """The content of its file."""
+        return save(self.draw(self.table.data), self.kind)
 
 
 @dataclass(frozen=True)

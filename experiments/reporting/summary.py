@@ -3,19 +3,18 @@
 from __future__ import annotations
 
 from rich.console import Console
-from rich.text import Text
 
+from experiments.records.console import say
 from experiments.records.record import Record
 from hdc.accuracy import wilson
 
 
 def summarise(console: Console, record: Record, repeated: bool = False) -> None:
-    """What came of a call: of a training a few lines, accuracy with its interval and times; one
-    line of another experiment, and of what was finished before."""
-    # Names go out as Text: no markup and no emoji codes are read in them.
-    console.print(
-        Text(_repeated(record) if repeated else _made(record)), soft_wrap=True
-    )
+    """Print the result of a call: accuracy with its interval and times of a training, or one line
+    for another experiment and for a record that was finished before."""
+    text = _repeated(record) if repeated else _made(record)
+    for line in text.splitlines():
+        say(console, line)
 
 
 def _repeated(record: Record) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -10,21 +11,23 @@ from typing import Any
 import pandas as pd
 
 from experiments.records import configs
+from experiments.records.console import printable
 from experiments.reporting.columns import COLUMNS, Column, display_name
 from experiments.reporting.text import (
     counted,
     frames_of,
     markdown_text,
     percent,
-    printable,
     tex_text,
 )
 
 MOST_COLUMNS = 8  # that are shown; a page has no room for more
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
+_NUMBER = re.compile(
+    r"[-+−±×>]? ?[\d,]*\.?\d+(e[-+]?\d+)?( [kM]?B)?( \[.*)?", re.IGNORECASE
+)
+_NOTHING = ("", "–")
 Text = str | Callable[[pd.DataFrame], str]  # a text, or what gives it from the values
-Columns = Mapping[str, Column] | Callable[[pd.DataFrame], Mapping[str, Column]]
-Names = Sequence[str] | Callable[[pd.DataFrame], Sequence[str]]
 
 
 @dataclass(frozen=True)
@@ -39,10 +42,9 @@ class Table:
         key: names of the columns that tell its rows apart, by which own results are compared with
             the reference; nothing is compared without.
         title, note: what it shows, and how to read it; may hold ``{frames}`` and ``{machine}``.
-        columns: how columns are shown, before :data:`COLUMNS`; or a function of the values.
-        shown: names of the columns that are shown, in their order; or a function of the values;
-            all but bounds, if empty.
-        commands: what makes it again; those of the records if there are none here.
+        columns: how columns are shown, before :data:`COLUMNS`.
+        shown: names of the columns that are shown, in their order; all but bounds, if empty.
+        commands: make it again; the commands of its records if there are none here.
         data: the values, as the CSV has them.
     """
 
@@ -52,8 +54,8 @@ class Table:
     key: Sequence[str] = ()
     title: Text = ""
     note: Text = ""
-    columns: Columns = field(default_factory=dict)
-    shown: Names = ()
+    columns: Mapping[str, Column] = field(default_factory=dict)
+    shown: Sequence[str] = ()
     commands: Sequence[str] = ()
     data: pd.DataFrame = field(default_factory=pd.DataFrame)
 
@@ -79,15 +81,13 @@ class Table:
     @property
     def names(self) -> list[str]:
         """Names of the columns that are shown; the CSV has all of them."""
-        shown = self.shown(self.data) if callable(self.shown) else self.shown
-        every = map(str, shown or self.data.columns)
+        every = map(str, self.shown or self.data.columns)
         values = [name for name in every if not name.endswith(ENDS[1:])]
         return values[:MOST_COLUMNS]
 
     def column(self, name: str) -> Column:
         """How a column is shown; one named after a model has shares of right samples."""
-        columns = self.columns(self.data) if callable(self.columns) else self.columns
-        known = columns.get(name) or COLUMNS.get(name)
+        known = self.columns.get(name) or COLUMNS.get(name)
         if known:
             return known
         if configs.is_known("model", name):
@@ -109,9 +109,14 @@ class Table:
             rows.append(list(texts))
         return rows
 
+    def numeric(self) -> list[bool]:
+        """Whether each shown column holds numbers, which stand right."""
+        columns = zip(*self.cells(), strict=True)
+        return [all(map(_is_number, texts)) for texts in columns]
+
     @property
     def notes(self) -> str:
-        """The note, after those of its columns."""
+        """The notes of its columns, then its own."""
         of_columns = dict.fromkeys(self.column(name).note for name in self.names)
         return " ".join(filter(None, [*of_columns, str(self.note)]))
 
@@ -127,6 +132,9 @@ class Table:
         return escaped.to_latex(
             index=False,
             escape=False,
+            column_format="".join(
+                "r" if numbers else "l" for numbers in self.numeric()
+            ),
             caption=tex_text(str(self.title)),
             label=f"tab:{self.name}",
         )
@@ -179,8 +187,8 @@ def _machine(line: pd.Series) -> str:
 def frame(
     rows: Iterable[Mapping[str, Any]], columns: Sequence[str] = ()
 ) -> pd.DataFrame:
-    """Rows as a data frame of objects: integers and texts stay what they are. Its columns are those
-    named, else those of the rows."""
+    """Rows as a data frame of objects, so that integers and texts stay what they are. It has the
+    named columns, or all columns of the rows."""
     rows = list(rows)
     names = list(columns) or list(dict.fromkeys(itertools.chain(*rows)))
     cells: dict[str, list[Any]] = {}
@@ -192,6 +200,10 @@ def frame(
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows of a data frame as mappings; a missing value is None."""
     return data.astype(object).where(data.notna(), None).to_dict("records")
+
+
+def _is_number(text: str) -> bool:
+    return text in _NOTHING or bool(_NUMBER.fullmatch(text))
 
 
 def _lines(cell: str) -> str:

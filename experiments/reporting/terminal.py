@@ -9,27 +9,21 @@ from rich.console import Console
 from rich.table import Table as Grid
 from rich.text import Text
 
+from experiments.records.console import printable, say
 from experiments.reporting.table import Table, records
-from experiments.reporting.text import printable
 
 _OF_SCENES = ("scene", "model", "seeds", "test_accuracy_final", "training_time_s")
 _MOST = 20  # rows
 _WIDTHS = (23, 13, 12, 10, 13, 10, 9)  # of the columns of Table I: less than 100 signs
 
 
-def say(console: Console, lines: Iterable[str], style: str = "") -> None:
-    """Print lines as they are, whatever signs they have."""
-    for line in lines:
-        console.print(Text(printable(line), style), soft_wrap=True)
-
-
 def show(console: Console, table: Table, most: int | None = None) -> None:
     """A table with its title and its note, or the first lines of it."""
     cells = table.cells()
-    say(console, [str(table.title)])
+    say(console, str(table.title))
     console.print(_grid(table, cells[:most]))
     if most is not None and len(cells) > most:
-        say(console, [f"{len(cells) - most} more: tables/{table.name}.csv"])
+        say(console, f"{len(cells) - most} more: tables/{table.name}.csv")
     elif most is None:
         console.print(Text(printable(table.notes), "dim"))
 
@@ -42,7 +36,7 @@ def show_scenes(console: Console, table: Table) -> None:
 def show_table1(console: Console, table: Table, reference: Table | None = None) -> None:
     """Table I of a set of results: the cells of its file, and the note below them.
 
-    Rows that were not measured are those of the reference, and are marked, if it has them.
+    Models that were not measured have the row of the reference, if there is one, which is marked.
     """
     shown = _cells(table)
     measured = _cells(table, measured=True)
@@ -50,7 +44,7 @@ def show_table1(console: Console, table: Table, reference: Table | None = None) 
     for model, (name, *values) in theirs.items():
         if model not in measured:
             shown[model] = [f"{name} (reference)", *values]
-    say(console, [str(table.title)])
+    say(console, str(table.title))
     console.print(_grid(table, shown.values(), _WIDTHS))
     console.print(Text(printable(str(table.note)), "dim"))
 
@@ -91,5 +85,5 @@ def _grid(
 def last_line(table: Table | None, page: str) -> str:
     """The next command, and where the page is."""
     if table is not None and table.data.seeds.max() == 1:
-        return f"One seed decides nothing: make reproduce QUICK=1 · page: {page}"
+        return f"One seed gives no interval; more seeds: make reproduce QUICK=1 · page: {page}"
     return f"page: {page}"

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from experiments.records.console import printable
+
 
 def number(value: Any, digits: int = 3) -> str:
     """A number to that many significant digits, a text as it is, nothing as a dash."""
@@ -82,12 +84,6 @@ def size(value: Any) -> str:
 def counted(count: int, name: str) -> str:
     """``1 thread``, ``2 threads``: so many of what takes an s."""
     return f"{count} {name}" if count == 1 else f"{count} {name}s"
-
-
-def printable(text: str) -> str:
-    """Text with its control characters shown, as Python would write them."""
-    shown = [sign if sign.isprintable() else ascii(sign)[1:-1] for sign in text]
-    return "".join(shown)
 
 
 def markdown_text(text: str) -> str:

@@ -140,7 +140,7 @@ def _status(row: Any) -> str:
 
 
 def swept(runs: pd.DataFrame, experiment: str) -> pd.DataFrame:
-    """A row for each scene, model, N and D that an experiment sweeps over, measured or not."""
+    """A row for each scene, model, N and D that an experiment sweeps over and that was measured."""
     params = configs.sweep(experiment)
     sizes = (
         configs.numbers(params.get(name, ["null"]))
@@ -149,7 +149,7 @@ def swept(runs: pd.DataFrame, experiment: str) -> pd.DataFrame:
     asked = itertools.product(params["scene"], params["model"], *sizes)
     models = {"hdc", *params["model"]}
     own = runs[runs.scene.isin(params["scene"]) & runs.model.isin(models)]
-    return asked_for(of_runs(own), asked)
+    return asked_for(of_runs(own), asked)[lambda rows: rows.seeds > 0]
 
 
 def asked_for(table: pd.DataFrame, asked: Iterable[Sequence[Any]]) -> pd.DataFrame:
@@ -157,18 +157,14 @@ def asked_for(table: pd.DataFrame, asked: Iterable[Sequence[Any]]) -> pd.DataFra
     wanted = pd.DataFrame(list(asked), columns=ROW)
     found = wanted.merge(table.astype(dict.fromkeys(ROW[2:], int)), "left", ROW)
     missing = found.seeds.isna()
-    unknown = {"n_train": found.asked_n, "pixels": found.asked_d}
-    for name, asked_of_it in unknown.items():
-        known = asked_of_it.astype(object).where(asked_of_it > 0, None)
-        found[name] = found[name].mask(missing, known)
     return found.assign(
         seeds=found.seeds.mask(missing, 0), status=found.status.mask(missing, "missing")
     )[[*COLUMNS, *ROW[2:]]]
 
 
 def extra_models(runs: pd.DataFrame, scene: str) -> list[str]:
-    """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and those of
-    which something was changed."""
+    """Models on a scene that no experiment of ``configs/`` sweeps over: one's own, and models with
+    changed settings."""
     found = set(runs.model[runs.scene == scene])
     return sorted(found.difference(configs.swept_models()))
 

@@ -1,17 +1,16 @@
-"""What ``--claim NAME`` says of a claim after its steps: its words and its verdicts."""
+"""Lines of ``--claim NAME`` after the steps of a claim: its words and its verdicts."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 
 from rich.console import Console
-from rich.text import Text
 
+from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.results import Results
 from experiments.reporting.columns import Row, scene_name
 from experiments.reporting.table import records
-from experiments.reporting.text import printable
 from experiments.studies.claims import view
 
 
@@ -23,7 +22,7 @@ def show(name: str, console: Console) -> None:
         ValueError: there is no such claim.
     """
     for line in lines(name):
-        console.print(Text(printable(line)), soft_wrap=True)
+        say(console, line)
 
 
 def lines(name: str) -> Iterator[str]:
@@ -48,6 +47,6 @@ def lines(name: str) -> Iterator[str]:
 
 
 def _held_against(row: Row) -> str:
-    """The rival of a verdict, and the recording of one that is of a single recording."""
+    """The baseline of a verdict, and its recording if it is of a single one."""
     against = f"against {view.rival_name(row['rival'])}" if row["rival"] else "verdict"
     return f"{against}, {scene_name(row['recording'])}" if row["recording"] else against

@@ -18,6 +18,7 @@ from pathlib import Path
 from rich.console import Console
 
 from experiments.records import locks
+from experiments.records.console import say
 from experiments.records.files import ROOT
 from experiments.records.revision import PACKAGES
 from experiments.reproduction.steps import LANES, Step, cost_text
@@ -43,7 +44,7 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
     with locks.held(results / "cache" / "locks" / FOLDER, "the reproduction"):
         for step in found:
             if step.skipped:
-                console.print(f"{step.name}: {step.skipped}", style="yellow")
+                say(console, f"{step.name}: {step.skipped}", "yellow")
         able = [step for step in found if not step.skipped]
         left = [step for step in able if not (stamps / step.name).exists()]
         stamps.mkdir(parents=True, exist_ok=True)
@@ -51,11 +52,11 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
         for goal, lanes in (("timed", 1), ("untimed", LANES)):
             status = _make(makefile, goal, lanes)
             if status:
-                console.print("interrupted; the same command resumes")
+                say(console, "interrupted; the same command resumes")
                 return status
     failed = [step.name for step in left if not (stamps / step.name).exists()]
     for name in failed:
-        console.print(f"[red]failed:[/red] {name}; the same command tries it again")
+        say(console, f"failed: {name}; the same command tries it again", "red")
     return int(bool(failed))
 
 

@@ -76,9 +76,9 @@ def made_whole(results, touched):
         part = replace(study, tables=tables, figures=figures, numbers=numbers)
         answers = Answers("reference", results, [part])
         names += [table.name for table in answers.tables(part) if table.csv()]
-        for figure, table in answers.figures(part):
-            figure.draw(table.data)
-        assert answers.comparison is None or answers.comparison.csv()
+        for figure in answers.figures(part):
+            figure.draw(figure.table.data)
+        assert all(table.csv() for table in answers.of_no_study)
         assert [str(failure) for failure in answers.failures] == []
         plt.close("all")
     return names

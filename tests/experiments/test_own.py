@@ -108,7 +108,8 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     assert read.problems == []
     runs = table(results, "runs")
     assert len(runs) == 15
-    assert [row["overrides"] for row in runs if row["overrides"]] == ["model.power=1.0"]
+    changed = [row["model"] for row in runs if "power=" in row["model"]]
+    assert changed == ["nearest_mean (power=1.0)"]
     assert {row["origin"] for row in runs} == {"simulated", "recorded"}
     # The table of all scenes has both, of all samples, by the numbers of their records.
     lines = read.frame(RUNS)

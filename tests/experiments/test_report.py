@@ -59,12 +59,12 @@ def test_the_committed_numbers_are_those_of_the_committed_records(committed, fol
     made = {table.name: table.csv() for table in committed.every_table()}
     if folder == "figures":
         drawn = [
-            pair for study in committed.studies for pair in committed.figures(study)
+            figure for study in committed.studies for figure in committed.figures(study)
         ]
         made = {
-            figure.name: table.csv()
-            for figure, table in drawn
-            if table.name not in made and figure.kind != "webp"
+            figure.name: figure.table.csv()
+            for figure in drawn
+            if figure.table.name not in made and figure.kind != "webp"
         }
     paths = (REFERENCE / folder).glob("*.csv")
     expected = {path.stem: path.read_text(encoding="utf-8") for path in paths}

@@ -255,7 +255,7 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
     [
         (
             ["model=hcd"],
-            r"error: model: expected one of .*hdc, .*, found hcd",
+            r"error: model: expected one of .*hdc, .*, found hcd; did you mean hdc\?",
         ),
         (
             ["model.lr=abc", "model=softmax"],

@@ -100,7 +100,7 @@ def test_a_brief_report_shows_the_table_once_and_no_reference(
     lines = shown(lambda console: report.write(tmp_path, console, brief=True))
     assert [line.startswith("Table I,") for line in lines].count(True) == 1
     assert lines[0].startswith("Table I,")
-    assert lines[-1].startswith("One seed decides nothing")
+    assert lines[-1].startswith("One seed gives no interval")
     (differs,) = (line for line in lines if line.startswith("Softmax: relative"))
     assert re.fullmatch(
         r"Softmax: relative to HDC: 7\.5 \(reference: \S+ to \S+\); one seed on a busy machine "

@@ -37,7 +37,7 @@ def a_table(name, text):
 def built(name="some", figure="a_figure", text="f"):
     """The page of one part with a table and a figure."""
     own = a_table(name, text)
-    shown = Figure(figure, own, lambda *_: None, caption=text, commands=[text])
+    shown = Figure(figure, own, lambda *_: None, caption=text)
     made = Section("question", text, text, [own], [shown], failures=[text])
     part = Part("mine", text, text, "../mine", [made])
     return Page(page.render([part], differing(compare(own, own)), [text]))

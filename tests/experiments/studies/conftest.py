@@ -46,7 +46,7 @@ def figures(answers):
 
     def draw(study):
         made = answers(study).figures(study)
-        return {figure.name: figure.draw(table.data) for figure, table in made}
+        return {figure.name: figure.draw(figure.table.data) for figure in made}
 
     return draw
 

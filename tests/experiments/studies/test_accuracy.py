@@ -12,7 +12,7 @@ pytestmark = pytest.mark.filterwarnings("error")
 SCENE_FIGURES = {"confusions", "fig7_spatial", "own_error_vs_time"}
 
 
-def test_a_table_has_a_row_for_all_that_its_experiments_ask_for(answers, a_full_set):
+def test_a_table_has_a_row_for_what_was_measured_of_its_experiment(answers, a_full_set):
     made = answers(STUDY)
     for name, size in (
         ("accuracy_vs_n", "split.n_train"),
@@ -20,13 +20,12 @@ def test_a_table_has_a_row_for_all_that_its_experiments_ask_for(answers, a_full_
     ):
         params = configs.sweep(name)
         data = made.table(name).data
-        assert len(data) == len(params["model"]) * len(params[size]), name
-        assert set(data.status[data.seeds == 0]) == {"missing"}
+        assert 0 < len(data) < len(params["model"]) * len(params[size]), name
+        assert (data.seeds > 0).all()
     rows = made.table("accuracy_vs_n").data.set_index(["model", "n_train"])
     line = rows.loc["hdc", 20]
     assert (line.seeds, line.test_accuracy_final) == (2, 0.9)
     assert rows.loc["ridge", 100].seeds == 2
-    assert rows.loc["softmax_dual", 20].seeds == 0
 
 
 def test_a_curve_has_more_than_one_place(write_run, figures):

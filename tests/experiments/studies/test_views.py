@@ -64,12 +64,12 @@ def missing(name, figure, data):
 def test_a_figure_draws_its_csv_alone_and_has_scene_and_split_in_its_title(committed):
     seen, problems = set(), []
     for study in committed.studies:
-        for figure, table in committed.figures(study):
+        for figure in committed.figures(study):
             seen.add(figure.name)
             if figure.kind == "webp":  # pictures are no values
                 continue
-            data = read_back(table)
-            first, second = figure.draw(table.data), figure.draw(data)
+            data = read_back(figure.table)
+            first, second = figure.draw(figure.table.data), figure.draw(data)
             for one, other in zip(drawn(first), drawn(second), strict=True):
                 found = [np.asarray(part, float) for part in (one, other)]
                 np.testing.assert_allclose(*found, 2e-5, 1e-6, err_msg=figure.name)
