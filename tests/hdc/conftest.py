@@ -11,31 +11,6 @@ from hdc.encoders import Deviation
 from hdc.encoders.standardised import standardised
 
 
-def camera_frames(n, side=500, seed=0, dtype="uint8"):
-    """Speckle of six scenes in random order, [n, side, side], with medians of 33 to 132 of 255.
-
-    Each scene has its own exposure; from frame to frame the light flickers by some per cent, the
-    illumination leans to one side, and read noise of two grey levels is added. Bright speckles are
-    saturated. Types of more than 8 bits have levels between those of 8 bits.
-    """
-    rng = np.random.default_rng(seed)
-    exposures = np.linspace(33, 132, 6)
-    across = np.linspace(0.7, 1.3, side)
-    frames = np.empty((n, side, side), dtype)
-    scale = 256 if np.dtype(dtype).itemsize > 1 else 1
-    for frame in frames:
-        pupil = np.zeros((side, side), np.complex64)
-        cut = max(2, side // 8)  # speckles of some eight pixels
-        pupil[:cut, :cut] = rng.normal(size=(cut, cut)) + 1j * rng.normal(
-            size=(cut, cut)
-        )
-        light = np.abs(np.fft.ifft2(pupil)) ** 2 * across
-        light *= rng.choice(exposures) * rng.uniform(0.95, 1.05) / np.median(light)
-        light = (light + rng.normal(0, 2, light.shape)) * scale
-        frame[:] = np.clip(light, 0, 255 * scale)
-    return frames
-
-
 def kinds_of_frames(d, dtype="uint8", seed=0):
     """One frame [D] of each kind that a camera or a program gives, in random order.
 
@@ -105,11 +80,6 @@ def brightest(frames, quantile="1/2", ties="spread"):
         ):
             row[:] = frame > frame[falling[n_ones]]
     return mask
-
-
-@pytest.fixture(name="camera_frames")
-def _camera_frames():
-    return camera_frames
 
 
 @pytest.fixture(name="kinds_of_frames")

@@ -73,12 +73,6 @@ def test_a_wrapped_angle_is_predicted_where_it_was_not(tmp_path):
     assert moved.max() < 15
 
 
-@pytest.mark.parametrize("period", [0, -1, "a", True])
-def test_a_period_is_above_zero(period):
-    with pytest.raises(ValueError, match="period: expected a number above zero or"):
-        HDCRegressor(period=period).fit(turned(DEGREES), DEGREES)
-
-
 def test_the_command_declares_advises_and_measures_on_the_circle(
     hdc, archive, tmp_path
 ):

@@ -56,15 +56,6 @@ def test_a_parameter_that_is_set_after_training_is_refused(model, change, advice
     assert model.predict(X).shape == (12,)
 
 
-@pytest.mark.parametrize("device", ["gpu", "cuda:99", "meta", "", 1.5, None])
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_device_that_is_none_is_named_in_one_line(kind, device):
-    with pytest.raises(
-        ValueError, match=r"^device: expected 'cpu'[^\n]*, found[^\n]*$"
-    ):
-        kind(device=device).fit(X, Y)
-
-
 def test_a_period_of_numpy_is_saved(tmp_path):
     model = HDCRegressor(period=np.float32(360)).fit(X, np.arange(12.0))
     model.save(tmp_path / "m")

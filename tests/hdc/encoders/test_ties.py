@@ -49,18 +49,3 @@ def test_the_key_of_a_pixel_is_as_stated(order_of_pixels):
     assert order[64 + 25] == 1  # (25 + 39) mod 64 = 0
     assert order[64 + 26] == 3
     assert order_of_pixels(128, "raster").tolist() == list(range(128))
-
-
-@pytest.mark.parametrize("shape", [(64, 64), (100, 150), (500, 500)])
-def test_the_spread_is_even_over_rows_and_columns(shape):
-    """Shares of rows and columns differ less than twice those of a random choice do; in raster
-    order they differ by half."""
-    d = shape[0] * shape[1]
-    equal = bits.pack(torch.ones(d, dtype=torch.bool)).numpy()
-    for share in (0.1, 0.25, 0.5, 0.8):
-        words = torch.from_numpy(first_ties(equal, d, int(share * d), "spread"))
-        chosen = bits.unpack(words, d).view(shape).double()
-        for axis in (0, 1):
-            random = (share * (1 - share) / shape[axis]) ** 0.5
-            differences = chosen.mean(axis) - share
-            assert float(differences.square().mean().sqrt()) < 2 * random, axis

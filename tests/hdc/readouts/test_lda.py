@@ -11,7 +11,7 @@ from sklearn.covariance import OAS, LedoitWolf
 
 from hdc import backends, bits
 from hdc.hypervectors import Hypervectors
-from hdc.readouts import LDA, arithmetic, lda
+from hdc.readouts import LDA, arithmetic
 from hdc.readouts.arithmetic import combinations, gram, scatter
 from hdc.readouts.discriminant import Primal, Problem
 from hdc.readouts.lda import shrunken
@@ -57,23 +57,6 @@ def test_the_dual_form_is_the_primal_one(n, d, alpha):
     found = asked @ (x.T @ learned.dual.numpy()) + learned.offsets.numpy()
     expected = by_definition(x, rows.numpy(), asked, alpha)
     np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
-
-
-@pytest.mark.parametrize("alpha", [0.3, 0.9])
-def test_scores_are_whole_and_those_of_floats_but_for_four_bits(alpha):
-    x, words, rows = problem(60, 2000, 4, 2)
-    model = fitted(LDA(alpha), words, rows, 4, 2000)
-    asked = problem(300, 2000, 4, 2)
-    expected = by_definition(x, rows.numpy(), asked[0], alpha)
-    scores = model.scores(asked[1])
-    assert scores.dtype == torch.int64
-    found = scores.numpy().astype(float)
-    correlations = [np.corrcoef(found[:, c], expected[:, c])[0, 1] for c in range(4)]
-    assert min(correlations) > 0.98
-    first, second = np.sort(expected, 1)[:, :-3:-1].T
-    clear = first - second > np.median(first - second)
-    assert clear.sum() >= 140
-    assert (found.argmax(1) == expected.argmax(1))[clear].all()
 
 
 def test_scores_are_the_stated_function_of_the_stored_integers():
@@ -133,25 +116,6 @@ def test_among_frames_and_among_bits_it_is_the_same_up_to_the_condition(
     assert float((found - without).norm()) <= bound * float(without.norm())
 
 
-def test_a_model_is_the_same_among_frames_and_among_bits(monkeypatch):
-    """To a step of its weights; of classes without frames and with one, too."""
-    _, words, rows = problem(300, 65, 4, 3)
-    rows[rows == 3] = 5
-    primal = fitted(LDA(), words, rows, 6, 65)
-
-    def by_pairs(words, rows):
-        return Problem.of(gram(words.packed, words.packed, 65), rows)
-
-    monkeypatch.setattr(lda, "problem_of", by_pairs)
-    expected = fitted(LDA(), words, rows, 6, 65)
-    planes = [bits.unpack(model.weights_, 65).long() for model in (primal, expected)]
-    q, other = ((2 ** torch.arange(4)[:, None] * one).sum(1) for one in planes)
-    assert (q - other).abs().max() <= 1
-    torch.testing.assert_close(primal.scales_, expected.scales_, rtol=1e-3, atol=2)
-    assert (primal.offsets_[3:5] == expected.offsets_[3:5]).all()
-    assert torch.equal(primal.scores(words).argmax(1), expected.scores(words).argmax(1))
-
-
 def test_scatter_is_exact(monkeypatch):
     """That of frames which differ from their class in one bit, too, and of one frame a class."""
     monkeypatch.setattr(arithmetic, "_SIGNS", 3 * 40)
@@ -201,18 +165,6 @@ def test_ledoit_and_wolf_of_few_frames_by_their_definition(n, d):
     spread = (covariance**2).sum() - np.trace(covariance) ** 2 / d
     assert alpha == pytest.approx(min(1.0, max(0.0, chance / spread)))
     assert 0 < alpha < 1
-
-
-def test_the_shrinkage_is_kept_and_set():
-    _, words, rows = problem(60, 130, 4, 6)
-    for given in (0, 0.25, 1, np.float32(0.5)):
-        assert float(fitted(LDA(given), words, rows, 4, 130).shrinkage_) == float(given)
-    alpha, _ = dual(words, rows, 130, "oas")
-    assert float(fitted(LDA("oas"), words, rows, 4, 130).shrinkage_) == alpha
-    for given in (-0.1, 1.1, "x", None, True, float("nan")):
-        message = r"shrinkage: expected one of ledoit_wolf, oas, or a share in \[0, 1\], found"
-        with pytest.raises(ValueError, match=message):
-            LDA(given).check()
 
 
 # Edges --------------------------------------------------------------------------------------------

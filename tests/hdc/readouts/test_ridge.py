@@ -9,7 +9,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sklearn.linear_model import Ridge as PlainRidge
 
-from hdc import HDCClassifier, bits
+from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import Ridge, RidgeValues, arithmetic, linear, ridge
 from hdc.readouts.arithmetic import gram
@@ -177,12 +177,3 @@ def test_recalibrated_classes_are_held_out_as_by_retraining():
 
 
 # Classifier ---------------------------------------------------------------------------------------
-
-
-def test_a_penalty_is_none_or_a_number_above_zero():
-    train = np.random.default_rng(0).normal(size=(80, 300)), np.arange(80) % 4
-    HDCClassifier(readout=Ridge(np.float32(10))).fit(*train)
-    for penalty in (0, -1, "x", float("nan"), float("inf"), True):
-        message = "penalty: expected a number above zero or None, found"
-        with pytest.raises(ValueError, match=message):
-            HDCClassifier(readout=Ridge(penalty)).fit(*train)
