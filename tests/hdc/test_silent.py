@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from hdc import HDCClassifier, HDCRegressor, accuracy
+from hdc import HDCClassifier, HDCRegressor
 from hdc.encoders import Median, Quantile, Reference
 from hdc.readouts import Majority, RidgeValues
 from hdc.readouts.values import NeighbourValues
@@ -105,14 +105,6 @@ def test_frames_of_a_class_without_any_are_not_lost_by_replacing_bits():
     assert (model.predict(X[10:]) == 2).all()
 
 
-def test_integer_prototypes_are_recalibrated_by_votes_unless_told_otherwise():
-    models = [HDCClassifier(readout="counts").fit(X[:8], Y[:8]) for _ in range(2)]
-    models[0].recalibrate(X[8:], Y[8:])
-    models[1].recalibrate(X[8:], Y[8:], method="merge")
-    scores = [model.decision_function(X) for model in models]
-    assert (scores[0] == scores[1]).all()
-
-
 @pytest.mark.parametrize("readout", ["lda", "kernel"])
 def test_new_frames_of_one_class_do_not_take_the_place_of_all(readout):
     model = HDCClassifier(readout=readout).fit(X, [0, 1, 2] * 4)
@@ -176,10 +168,3 @@ def test_a_name_that_is_much_like_another_is_answered_with_it(parameters, meant)
         HDCClassifier().set_params(**parameters).fit(X, Y)
     with pytest.raises(ValueError, match=r"expected one of .*, found 'xyz'$"):
         HDCClassifier("xyz").fit(X, Y)
-
-
-@pytest.mark.parametrize("kind", [np.uint8, np.int8, np.int64])
-def test_classes_of_one_byte_are_counted_in_their_own_cell(kind):
-    classes = np.array([0, 19, 19], kind)
-    counts = accuracy.confusion(classes, classes, 20)
-    assert (counts.sum(), counts[0, 0], counts[19, 19]) == (3, 1, 2)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, bits
+from hdc import bits
 from hdc.readouts import Kernel
 from hdc.readouts.kernel import median_of_pairs
 from tests.hdc import own
@@ -127,20 +127,6 @@ def test_one_frame_a_class_is_the_nearest_mean(d):
     expected = scores_of(masks, np.arange(4), asked, median(masks) or 1, None)
     np.testing.assert_allclose(found, expected, atol=1e-8)
     assert len(model.held_out().rows) == 0
-
-
-@SINGLE
-@pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
-@pytest.mark.parametrize("encoder", ["median", "levels", "deviation"])
-def test_constant_and_two_valued_and_equal_frames(encoder):
-    rng = np.random.default_rng(0)
-    two = np.where(rng.random((12, 8, 9)) < 0.4, 200, 3)
-    for frames in (two, np.full((12, 8, 9), 7), np.repeat(two[:2], 6, axis=0)):
-        frames = frames.astype(np.uint8)
-        model = HDCClassifier(encoder, "kernel").fit(frames, np.arange(12) // 6)
-        assert np.isfinite(model.decision_function(frames)).all()
-        assert set(model.predict(frames)) <= {0, 1}
-    assert model.score(frames, np.arange(12) // 6) == 1
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
