@@ -10,17 +10,10 @@ import sys
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
-from hypothesis.extra.numpy import array_shapes, arrays
 
 import hdc
 from hdc import HDCClassifier, backends, bits
-from hdc.encoders import Levels, Median
 from hdc.encoders.ties import TIES
-from hdc.prototypes import Counters
-from hdc.readouts import Majority
-from tests.hdc.own import by
 
 needs_numba = pytest.mark.usefixtures("numba")
 
@@ -73,33 +66,6 @@ def test_any_sample_gives_the_same(said, dtype, kinds_of_frames, brightest):
         assert split[:, 0].tolist() == (falling[:, d // 2] == threshold).tolist()
         n_equal = (frames == threshold[:, None]).sum(1)
         assert equal[:, 0].tolist() == n_equal.tolist()
-
-
-def prototypes(words, labels, n_classes: int, d: int, backend: str) -> torch.Tensor:
-    counters = Counters(n_classes, d)
-    by(backend, counters.add, words, labels)
-    return counters.planes
-
-
-@needs_numba
-@pytest.mark.filterwarnings("ignore:.*constant frame|.*of the pixels of a frame")
-@settings(max_examples=200, deadline=None)
-@given(
-    st.sampled_from(["uint8", "uint16", "int32"]).flatmap(
-        lambda kind: arrays(kind, array_shapes(min_dims=2, max_dims=2, max_side=200))
-    ),
-    st.integers(1, 6),
-)
-def test_same_words_and_same_counts_of_any_frames(frames, n_classes):
-    images = torch.from_numpy(frames)
-    expected, found = (by(b, Median().encode, images) for b in backends.BACKENDS)
-    assert torch.equal(found, expected)
-    labels = torch.from_numpy(frames[:, 0].astype(np.int64) % n_classes)
-    counts = [
-        prototypes(expected, labels, n_classes, frames.shape[1], b)
-        for b in backends.BACKENDS
-    ]
-    assert torch.equal(*counts)
 
 
 def test_other_backends_and_devices_are_refused():
@@ -180,16 +146,3 @@ def test_no_backend_changes_between_fit_and_load(fresh, tmp_path):
     small.backend = "compiled"
     small.predict(frames)
     assert small.backend_ == "compiled"
-
-
-@needs_numba
-@pytest.mark.parametrize("weight", [None, "balanced"])
-def test_a_model_is_the_same_file_by_both(weight, tmp_path):
-    frames, labels = frames_of(400, 70), np.arange(400) % 7 % 3
-    files = []
-    for backend in backends.BACKENDS:
-        readout = Majority(class_weight=weight)
-        model = HDCClassifier(Levels(3), readout, backend=backend).fit(frames, labels)
-        model.save(tmp_path / backend)
-        files.append((tmp_path / backend).read_bytes())
-    assert files[0] == files[1]

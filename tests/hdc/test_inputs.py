@@ -283,25 +283,3 @@ def test_columns_of_a_data_frame_are_pixels_in_their_order(tmp_path):
     with pytest.raises(ValueError, match=message):
         model.merge(HDCClassifier().fit(other, LABELS))
     assert model.fit(other, LABELS).score(other, LABELS) == 1
-
-
-@pytest.mark.parametrize("model", [HDCClassifier(), HDCRegressor()])
-def test_names_of_columns_are_those_of_what_was_learnt_last(model):
-    pandas = pytest.importorskip("pandas")
-    numbered = pandas.DataFrame(FRAMES.reshape(60, -1))
-    named = numbered.add_prefix("pixel ")
-    for frames in (named, FRAMES, named, numbered):
-        model.fit(frames, LABELS)
-        assert hasattr(model, "feature_names_in_") == (frames is named)
-
-
-def test_a_failed_first_batch_leaves_no_names_of_columns():
-    pandas = pytest.importorskip("pandas")
-    table = pandas.DataFrame(FRAMES.reshape(60, -1)).add_prefix("pixel ")
-    model = HDCClassifier()
-    before = vars(model).copy()
-    with pytest.raises(ValueError, match="labels: expected 60"):
-        model.partial_fit(table, LABELS[:3])
-    assert vars(model) == before
-    other = table.rename(columns=str.upper)
-    assert model.partial_fit(other, LABELS).feature_names_in_[0] == "PIXEL 0"

@@ -6,7 +6,6 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from sklearn.base import clone
 
 from hdc import HDCClassifier, HDCRegressor
 from hdc.availability import UnavailableError
@@ -149,19 +148,6 @@ def test_numbers_of_numpy_and_the_ends_of_a_share_fit(readout):
     frames = np.random.default_rng(0).normal(size=(80, 30))
     model = HDCClassifier(readout=readout).fit(frames, np.arange(80) % 4)
     assert (model.predict(frames) == np.arange(80) % 4).mean() > 0.4
-
-
-def test_clones_share_nothing_and_have_learned_nothing():
-    frames = np.random.default_rng(0).integers(0, 255, (12, 30)).astype(np.uint8)
-    model = HDCClassifier(Reference(Levels(3)), LDA(0.3)).fit(frames, np.arange(12) % 2)
-    copied = clone(model)
-    assert repr(copied) == repr(model)
-    assert copied.encoder is not model.encoder
-    assert copied.encoder.base is not model.encoder.base
-    assert not hasattr(copied, "encoder_")
-    assert not hasattr(
-        model.encoder, "reference_"
-    )  # the one that was given learns nothing
 
 
 def test_descriptions_rebuild_the_part():

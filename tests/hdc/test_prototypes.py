@@ -98,15 +98,6 @@ def test_recalibrated_bits_come_from_either_side():
     assert torch.equal(whole, fresh)
 
 
-@pytest.mark.parametrize("ties", ["zero", "one", "random"])
-def test_prototypes_of_a_size_are_those_of_thinned_counters(ties):
-    counters = counted(3, vectors(16, 200), [0] * 9 + [1] * 4 + [2] * 3)
-    made, whole = counters.majority(ties, 5, 4), counters.majority(ties, 5)
-    assert torch.equal(made, counters.thinned(4, 5).majority(ties, 5))
-    assert not torch.equal(made[0], whole[0])
-    assert torch.equal(made[1:], whole[1:])
-
-
 def test_what_is_drawn_from_one_seed_is_drawn_apart():
     """Seed 0 broke the ties of class 1,000,003 as seed 1 those of class 0, and so on."""
     d = 64 * 40

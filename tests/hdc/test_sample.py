@@ -41,17 +41,6 @@ def drawn(numbers: torch.Tensor) -> Sample:
     return reservoir.sample()
 
 
-@pytest.mark.parametrize("n", [40, 3000])
-def test_every_frame_is_kept_with_the_same_chance(n, monkeypatch):
-    """No frame after the 108th used to be."""
-    kept = []
-    for seed in range(600 if n == 40 else 100):
-        monkeypatch.setattr(sampling, "_SEED", seed)
-        kept += drawn(torch.arange(n)).kept["a"][:, 0].tolist()
-    assert chi_square(kept, n, bins=20) < 2
-    assert max(kept) > 0.99 * (n - 1)
-
-
 @pytest.mark.parametrize("sizes", [(300, 300), (30, 400), (5, 40)])
 def test_every_frame_of_merged_samples_is_kept_with_the_same_chance(sizes, monkeypatch):
     n = sum(sizes)

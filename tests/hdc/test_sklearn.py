@@ -5,7 +5,6 @@ from __future__ import annotations
 import joblib
 import numpy as np
 import pytest
-from sklearn.base import clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.ensemble import StackingClassifier
 from sklearn.linear_model import LogisticRegression
@@ -35,22 +34,6 @@ def frames():
     noise = rng.integers(0, 40, (N, SIDE, SIDE))
     pressed = (DEPTH[:, None, None] * 90).astype(int) * (np.arange(SIDE) < SIDE // 2)
     return (base + noise + pressed).astype(np.uint8).reshape(N, -1)
-
-
-@pytest.mark.parametrize("model", CLASSIFIERS, ids=repr)
-@pytest.mark.parametrize("wrapped", ["pipeline", "copy", "joblib"])
-def test_a_wrapped_classifier_says_the_same(model, wrapped, frames, tmp_path):
-    expected = clone(model).fit(frames, LABELS)
-    if wrapped == "pipeline":
-        found = make_pipeline(FunctionTransformer(), model).fit(frames, LABELS)
-    elif wrapped == "copy":
-        found = clone(expected).fit(frames, LABELS)
-    else:
-        joblib.dump(expected, tmp_path / "model")
-        found = joblib.load(tmp_path / "model")
-    for method in ("predict", "predict_proba", "decision_function"):
-        said = getattr(found, method)(frames)
-        np.testing.assert_array_equal(said, getattr(expected, method)(frames))
 
 
 def test_folds_are_those_of_single_fits(frames):

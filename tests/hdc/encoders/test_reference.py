@@ -183,12 +183,3 @@ def test_zero_takes_new_frames_and_names_what_does_not_fit():
         Reference(Levels(lit=0.5)).check()
     with pytest.raises(ValueError, match="base: expected one of median, "):
         Reference("x").check()
-
-
-def test_a_base_that_is_set_after_use_is_the_one_that_is_asked():
-    frames = np.random.default_rng(0).integers(0, 256, (5, 9, 7), np.uint8)
-    encoder = Reference().fit(torch.from_numpy(frames))
-    encoder.encode(torch.from_numpy(frames))
-    encoder.set_params(base="levels")
-    assert repr(encoder.base_) == repr(Levels())
-    assert encoder.dimension(63) == 7 * 63
