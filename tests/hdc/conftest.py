@@ -4,11 +4,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-import torch
 
 from hdc.command import main
-from hdc.encoders import Deviation
-from hdc.encoders.standardised import standardised
 
 
 def kinds_of_frames(d, dtype="uint8", seed=0):
@@ -118,14 +115,3 @@ def hdc(typed):
         return status, out.splitlines(), err.splitlines()
 
     return run
-
-
-@pytest.fixture
-def variance_below_one():
-    """An encoder, and a frame of three pixels that differ by 1, 1 and −1 from its reference: their
-    variance is 8/9, so that σ is 0."""
-    frame = torch.tensor([[0, 50, 200]], dtype=torch.uint8)
-    encoder = Deviation([-1, 1]).fit(frame)
-    away = torch.tensor([1, 1, -1], dtype=torch.int32)
-    encoder.reference_ = standardised(frame)[0] - away
-    return encoder, frame

@@ -127,59 +127,40 @@ def test_a_given_frame_is_the_reference(tmp_path):
     given = rng.integers(0, 256, (6, 9)).astype(np.uint8)
     model = HDCClassifier(Reference(frame=given)).fit(frames, labels)
     assert model.encoder_.reference_.tolist() == plainly(given)
-    assert "\n" not in repr(model)
     model.save(tmp_path / "m")
     loaded = HDCClassifier.load(tmp_path / "m")
-    assert np.array_equal(loaded.distances(frames), model.distances(frames))
-    before = loaded.predict(frames).tolist()
+    before = loaded.distances(frames)
+    assert np.array_equal(before, model.distances(frames))
     with pytest.raises(ValueError, match="frame: expected the reference frame that"):
         loaded.fit(frames, labels)
-    assert loaded.predict(frames).tolist() == before
+    assert np.array_equal(loaded.distances(frames), before)
     loaded.save(tmp_path / "again")
     assert (tmp_path / "again").read_bytes() == (tmp_path / "m").read_bytes()
-    renewed = HDCClassifier.load(tmp_path / "m").set_params(encoder__frame=given)
-    renewed.fit(frames, labels)
-    assert renewed.encoder_.reference_.tolist() == plainly(given)
     merged = HDCClassifier(Reference(frame=given)).fit(frames[::-1], labels)
-    merged.merge(loaded)
-    assert merged.counts_.tolist() == [20, 20]
-    for other in (given.T, given[:5], given[None, :5], given[None][:0], given[0, 0]):
-        with pytest.raises(
-            ValueError,
-            match=r"frame: expected a reference of shape \(6, 9\), or several, found \(",
-        ):
+    assert merged.merge(loaded).counts_.tolist() == [20, 20]
+    for other in (given.T, given[None, :5], given[None][:0], given[0, 0]):
+        message = r"frame: expected a reference of shape \(6, 9\), or several, found \("
+        with pytest.raises(ValueError, match=message):
             HDCClassifier(Reference(frame=other)).fit(frames, labels)
 
 
-@pytest.mark.parametrize("shape", [(6, 9), (54,)])
-def test_of_several_given_frames_the_standardised_mean_is_the_reference(shape):
+def test_of_several_given_frames_the_standardised_mean_is_the_reference():
     """Frames of very different brightness and contrast count alike; one as it counts alone."""
     rng = np.random.default_rng(5)
-    frames = rng.integers(0, 256, (20, *shape)).astype(np.uint8)
-    dimmed = np.array([1, 8, 64]).reshape(3, *(1 for _ in shape))
-    given = (rng.integers(0, 256, (3, *shape)) // dimmed).astype(np.uint8)
-    found = Reference(frame=given).fit(frames).reference_.tolist()
+    frames = rng.integers(0, 256, (20, 6, 9)).astype(np.uint8)
+    dimmed = np.array([1, 8, 64])[:, None, None]
+    given = (rng.integers(0, 256, (3, 6, 9)) // dimmed).astype(np.uint8)
     rows = [plainly(frame) for frame in given]
-    assert found == [sum(column) // 3 for column in zip(*rows, strict=True)]
-    assert found != plainly(given.astype(float).mean(0))
-    one = Reference(frame=given[:1]).fit(frames).reference_.tolist()
-    assert one == Reference(frame=given[0]).fit(frames).reference_.tolist() == rows[0]
+    for n, expected in ((3, [sum(column) // 3 for column in zip(*rows, strict=True)]),
+                        (1, rows[0])):  # fmt: skip
+        found = Reference(frame=given[:n]).fit(frames)
+        assert found.reference_.tolist() == expected
+        assert found.zero(given[:n]).reference_.tolist() == expected
 
 
-def test_zero_takes_new_frames_and_names_what_does_not_fit():
-    rng = np.random.default_rng(4)
-    frames = rng.integers(0, 256, (20, 50)).astype(np.uint8)
+def test_a_frame_that_cannot_be_a_reference_is_numbered():
+    frames = np.random.default_rng(4).integers(0, 256, (20, 50)).astype(float)
     encoder = Reference().fit(frames)
-    encoder.zero(frames[:3])
-    rows = [plainly(frame) for frame in frames[:3]]
-    assert encoder.reference_.tolist() == [sum(c) // 3 for c in zip(*rows, strict=True)]
-    with pytest.raises(ValueError, match="frames: expected at least one frame"):
-        encoder.zero(frames[:0])
+    frames[17, 3] = np.nan
     with pytest.raises(ValueError, match=r"frames\[17\]: expected finite pixels"):
-        encoder.zero(np.where(np.arange(20)[:, None] == 17, np.nan, frames))
-    with pytest.raises(
-        ValueError, match="base: expected an encoder that learns nothing"
-    ):
-        Reference(Levels(lit=0.5)).check()
-    with pytest.raises(ValueError, match="base: expected one of median, "):
-        Reference("x").check()
+        encoder.zero(frames)

@@ -79,17 +79,13 @@ def test_what_is_added_merged_and_arranged_before_settling_is_all_learnt(readout
     rng = np.random.default_rng(0)
     words = bits.pack(torch.from_numpy(rng.random((24, 130)) < 0.5))
     rows = torch.arange(24) % 3
-    whole = fitted(readout("random", random_state=4), words, rows, 3, 130)
-    first, last = rows == 0, rows == 2
     part = readout("random", random_state=4)
-    model = Learned(part, part.empty(1, 130, "cpu"), 130)
-    model = model.added(words[first][:2], rows[first][:2]).arranged([0], 2)
-    other = fitted(
-        readout("random", random_state=4), words[last], rows[last] - 2, 1, 130
-    )
-    model = model.added(words[first][2:5], rows[first][2:5]).merged(other, [1])
-    model = model.added(words[first][5:], rows[first][5:])
+    whole = fitted(part, words, rows, 3, 130)
+    first, last = rows == 0, rows == 2
     of_no_samples = Learned(part, part.empty(1, 130, "cpu"), 130)
+    other = fitted(part, words[last], rows[last] - 2, 1, 130)
+    model = of_no_samples.added(words[first][:2], rows[first][:2]).arranged([0], 2)
+    model = model.added(words[first][2:], rows[first][2:]).merged(other, [1])
     model = model.merged(of_no_samples, [1]).arranged([0, 2], 3)
     model = model.added(words[rows == 1], rows[rows == 1])
     assert torch.equal(model.counters().counts(), whole.counters().counts())
