@@ -74,18 +74,6 @@ def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(alpha):
         )
 
 
-def test_too_small_a_share_is_named():
-    words = torch.arange(39).reshape(-1, 1)
-    model, peers = learned([words])
-    peers, prototypes = [None, *peers], model.prototypes.repeat(2, 1)
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        p_values(peers, prototypes, words, 1 / 40)
-    text = "alpha=0.0244 needs at least 40 stored frames, found 39; no frame is refused"
-    with pytest.warns(UserWarning, match=f"^{text}"):
-        p_values(peers, prototypes, words, 0.0244)
-
-
 # Coverage -----------------------------------------------------------------------------------------
 
 

@@ -19,7 +19,7 @@ from hdc.encoders import (
     Reference,
     Smoothed,
 )
-from hdc.parameters import Named, Parametrised, make_part
+from hdc.parameters import Named
 from hdc.readouts import (
     LDA,
     Counts,
@@ -170,15 +170,6 @@ def test_arrays_are_shown_by_their_shape():
     assert repr(Reference(frame=np.zeros((40, 50)))) == (
         "Reference(base='median', frame=<ndarray of shape (40, 50)>)"
     )
-
-
-def test_a_class_without_a_constructor_has_no_parameters():
-    class Plain(Parametrised):
-        pass
-
-    assert Plain().get_params() == {}
-    assert repr(Plain().unlearned()) == "Plain()"
-    assert make_part(Plain(), "part", {}, Plain).get_params() == {}
 
 
 def test_methods_that_are_there_for_some():

@@ -190,17 +190,6 @@ def test_probabilities_are_as_often_right_as_they_say(readout):
     assert found.max(1).mean() == pytest.approx(share, abs=0.1)
 
 
-def test_batches_and_merging_are_calibrated_as_all_at_once():
-    frames, labels = noisy(60, 0)
-    first, second = (frames[:30], labels[:30]), (frames[30:], labels[30:])
-    whole = HDCClassifier().fit(frames, labels).predict_proba(frames)
-    model, merged = HDCClassifier().fit(*first), HDCClassifier().fit(*first)
-    assert not np.array_equal(model.predict_proba(frames), whole)
-    merged.merge(HDCClassifier().fit(*second))
-    for found in (model.partial_fit(*second), merged):
-        np.testing.assert_array_equal(found.predict_proba(frames), whole)
-
-
 def test_recalibrated_counts_say_fit_anew():
     frames, labels = noisy(40, 0)
     model = HDCClassifier(readout="counts").fit(frames, labels)

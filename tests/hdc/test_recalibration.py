@@ -109,20 +109,6 @@ def test_balanced_votes_are_of_as_many_as_the_smallest_class(ties, weight):
     assert torch.equal(model.prototypes_, votes.majority(ties, 11))
 
 
-def test_votes_of_a_class_without_new_frames_stay_as_they_are():
-    """However large those of another class grow."""
-    rng = np.random.default_rng(0)
-    n_old, n_new = torch.tensor([5, 101]), torch.tensor([0, 127])
-    counts = torch.from_numpy(rng.integers(0, n_old[:, None].numpy() + 1, (2, 90)))
-    more = torch.from_numpy(rng.integers(0, n_new[:, None].numpy() + 1, (2, 90)))
-    votes, new = counters_of(counts, n_old), counters_of(more, n_new)
-    for _ in range(4):
-        votes, _ = merged(votes, new, 0.333)
-    assert 2**23 <= votes.n[1] < 2**24
-    assert votes.n[0] == 5
-    assert torch.equal(votes.counts([0])[0], counts[0])
-
-
 # Without labels -----------------------------------------------------------------------------------
 
 

@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pytest
 
-from hdc import HDCClassifier, HDCRegressor
+from hdc import HDCClassifier
 from hdc.command import splits
 from hdc.encoders import Median
 from hdc.readers import open_recording
@@ -163,19 +163,6 @@ def test_recalibration_is_that_of_the_classifier(
     assert model.read_bytes() == before
 
 
-def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
-    depth = np.arange(12.0)
-    for name, of in (("old", 0), ("new", 1)):
-        np.savez(tmp_path / f"{name}.npz", frames=frames[of], values=depth)
-    path, new = tmp_path / "m", tmp_path / "n"
-    assert hdc("train", tmp_path / "old.npz", "-o", path)[0] == 0
-    words = ("recalibrate", path, tmp_path / "new.npz", "-o", new)
-    assert hdc(*words)[1:] == ([f"{new}: 12 new frames, values of value"], [])
-    expected = HDCRegressor.load(path).recalibrate(frames[1], depth[:, None])
-    found = HDCRegressor.load(new)
-    assert np.array_equal(found.predict(frames[2]), expected.predict(frames[2]))
-
-
 @pytest.mark.parametrize(
     ("readout", "words", "status", "said"),
     [
@@ -216,7 +203,7 @@ def test_a_model_with_a_reference_is_zeroed_without_labels(
 
 
 def test_models_made_in_python_are_taken_as_well(hdc, frames, write, tmp_path):
-    """Of other labels than strings, of flattened frames, and without a crop."""
+    """Of other labels than strings, and of flattened frames."""
     path = tmp_path / "m"
     labels = np.repeat([7, 10], 12)
     HDCClassifier().fit(frames[:2].reshape(24, -1), labels).save(path)
@@ -224,10 +211,7 @@ def test_models_made_in_python_are_taken_as_well(hdc, frames, write, tmp_path):
     assert "24 of 24" in hdc("evaluate", path, folder)[1][0]
     out = hdc("predict", path, folder / "10" / "1.png", "--json")[1]
     assert json.loads(out[0])["label"] == 10
-    assert hdc("recalibrate", path, folder, "-o", tmp_path / "n")[0] == 0
-    found = json.loads("".join(hdc("info", path)[1]))
-    assert found["frames"] == f"{SIDE**2} pixels"
-    assert found["classes"] == {"7": 12, "10": 12}
+    assert json.loads("".join(hdc("info", path)[1]))["classes"] == {"7": 12, "10": 12}
 
 
 def test_a_class_of_ones_own_is_imported_where_the_command_line_names_it(

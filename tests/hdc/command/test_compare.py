@@ -285,9 +285,8 @@ def test_the_other_recording_has_a_table_of_its_own(hdc, tmp_path, monkeypatch):
             assert cv2.imwrite(f"{name}/{name}_{k}.png", frame)
         (tmp_path / name / "t.csv").write_text("\n".join(["image,z", *rows]))
     words = ("compare", "pins", "--test", "pins2", "--json", "--readout", "neighbours")
-    for table in ("pins/t.csv", "t.csv"):
-        (line,) = hdc(*words, "--values", table)[1]
-        assert json.loads(line)["tests"]["pins2"] == 5
+    (line,) = hdc(*words, "--values", "pins/t.csv")[1]
+    assert json.loads(line)["tests"]["pins2"] == 5
     (tmp_path / "pins" / "t.csv").rename("t.csv")
     (line,) = hdc(*words, "--values", "t.csv")[2]
     assert "--test: expected labels and numbers in or beside pins2, found t.csv" in line

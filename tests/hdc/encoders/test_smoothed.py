@@ -7,10 +7,8 @@ from math import exp, floor
 import numpy as np
 import pytest
 import torch
-from scipy.ndimage import gaussian_filter
 
 from hdc import HDCClassifier
-from hdc.bank import Bank
 from hdc.encoders import Deviation, Levels, Median, Reference, Smoothed
 
 pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
@@ -65,22 +63,8 @@ def test_sums_by_their_definition(shape, deviation, dtype, bits):
     assert found.tolist() == [plainly(image, deviation) for image in images]
 
 
-@pytest.mark.parametrize("deviation", [1, 4, 16])
-def test_floats_are_centred_and_of_18_bits(deviation):
-    """A Gaussian mirrored at the edges, but for its whole weights."""
-    images = np.random.default_rng(1).uniform(-100, 200, (4, 23, 30))
-    found = Smoothed(smooth=deviation).fit(images).images(torch.from_numpy(images))
-    centred = images - (images.min((1, 2)) + images.max((1, 2)))[:, None, None] / 2
-    for image, steps in zip(centred, found.numpy(), strict=True):
-        expected = gaussian_filter(image, deviation, mode="mirror", truncate=3)
-        _, exponent = np.frexp(np.abs(image).max())
-        difference = np.abs(steps / 2.0 ** (18 - exponent) - expected)
-        assert difference.max() < 0.01 * image.std()
-
-
 @pytest.mark.parametrize("base", BASES, ids=repr)
 def test_words_are_those_of_the_base(base, kinds_of_frames):
-    """On every route: flat frames, several at a time, from a bank, and into given room."""
     flat = kinds_of_frames(21 * 13)
     frames = torch.from_numpy(flat.reshape(-1, 21, 13))
     encoder = Smoothed(base, 2).fit(frames)
@@ -90,10 +74,6 @@ def test_words_are_those_of_the_base(base, kinds_of_frames):
     assert encoder.dimension(273) == other.dimension(273)
     assert torch.equal(words, other.encode(images))
     assert torch.equal(encoder.encode(torch.from_numpy(flat)), words)
-    bank = Bank(frames, np.zeros(len(frames), int), 1)
-    every = np.arange(len(frames))
-    assert torch.equal(bank.words(every, Smoothed(base, 2), every).packed, words)
-    assert not torch.equal(words, base.unlearned().fit(frames).encode(frames))
 
 
 @pytest.mark.parametrize("base", BASES, ids=repr)

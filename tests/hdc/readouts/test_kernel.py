@@ -14,8 +14,6 @@ from hdc.readouts.kernel import median_of_pairs
 from tests.hdc import own
 from tests.hdc.definition import discriminants, scatter
 
-SINGLE = pytest.mark.filterwarnings("ignore:kernel. no class has two different")
-
 
 def problem(n: int, d: int, n_classes: int, seed: int = 0):
     """Bits bool [n, d] of classes of unequal size, and the classes [n]."""
@@ -115,16 +113,13 @@ def test_the_median_is_that_of_pairs(n):
     assert median_of_pairs(torch.zeros(n, n, dtype=torch.int64)) == 1
 
 
-@SINGLE
-@pytest.mark.parametrize("d", [1, 65])
-def test_one_frame_a_class_is_the_nearest_mean(d):
-    masks = np.random.default_rng(0).random((4, d)) < 0.5
-    masks[1] = ~masks[0]
+def test_one_frame_a_class_is_the_nearest_mean():
+    masks = np.random.default_rng(0).random((4, 65)) < 0.5
     with pytest.warns(UserWarning, match="kernel: no class has two different frames"):
         model = fitted(masks, np.arange(4))
-    asked, _ = problem(9, d, 4, seed=1)
+    asked, _ = problem(9, 65, 4, seed=1)
     found = model.scores(bits.pack(torch.from_numpy(asked))).numpy()
-    expected = scores_of(masks, np.arange(4), asked, median(masks) or 1, None)
+    expected = scores_of(masks, np.arange(4), asked, median(masks), None)
     np.testing.assert_allclose(found, expected, atol=1e-8)
     assert len(model.held_out().rows) == 0
 

@@ -11,7 +11,7 @@ from sklearn.linear_model import Ridge as PlainRidge
 
 from hdc import bits
 from hdc.hypervectors import Hypervectors
-from hdc.readouts import Ridge, RidgeValues, arithmetic, linear, ridge
+from hdc.readouts import RidgeValues, arithmetic, linear, ridge
 from hdc.readouts.arithmetic import gram
 from hdc.readouts.linear import Linear
 from hdc.readouts.ridge import PENALTIES, smoother_of, solve
@@ -153,21 +153,6 @@ def test_recalibrated_numbers_are_held_out_as_by_retraining():
         np.testing.assert_allclose(readout.residuals_[i], error, atol=1e-6)
         change = (centre[:, None] - without)[:, i]
         np.testing.assert_allclose(change, whole - expected, atol=1e-6)
-
-
-def test_recalibrated_classes_are_held_out_as_by_retraining():
-    """Targets are 1 for the class of a frame and −1 for the others, of one without frames, too."""
-    _, words, _ = problem(30, 200, 1, 0)
-    x, new, _ = problem(8, 200, 1, 1)
-    readout = fitted(Ridge(0.1), words, torch.arange(30) % 3, 3, 200)
-    old = readout.state
-    rows = torch.tensor([0, 2, 2, 0, 2, 0, 0, 2])
-    readout = readout.adapted(new, rows)
-    found, of = readout.held_out(words, torch.arange(30) % 3)
-    assert torch.equal(of, rows)
-    targets = np.where(rows.numpy()[:, None] == np.arange(3), 1.0, -1.0)
-    expected = [adapted_without(old, x, new, targets, i)[i] for i in range(8)]
-    np.testing.assert_allclose(found, expected, atol=1e-6)
 
 
 # Classifier ---------------------------------------------------------------------------------------
