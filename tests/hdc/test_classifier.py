@@ -61,8 +61,10 @@ def test_errors_and_warnings_number_frames_from_the_first_of_all():
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-def test_same_bits_on_an_accelerator():
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "float32"])
+def test_same_bits_on_an_accelerator(dtype):
     frames, labels = touches()
+    frames = frames.astype(dtype)
     here = HDCClassifier().fit(frames, labels)
     there = HDCClassifier(device="cuda").fit(frames, labels)
     assert torch.equal(here.prototypes_, there.prototypes_.cpu())

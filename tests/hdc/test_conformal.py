@@ -9,7 +9,7 @@ import pytest
 import torch
 
 from hdc import HDCClassifier, bits, planes
-from hdc.conformal import FEWEST, Conformal, Peers
+from hdc.conformal import FEWEST, Conformal, Peers, _p_values
 from hdc.encoders import Median
 from hdc.prototypes import tie_breaker
 from hdc.readouts import Majority
@@ -72,6 +72,12 @@ def test_p_values_are_shares_of_kept_frames_as_unlike_as_the_query(alpha):
             p_values(known, prototypes, queries, alpha),
             plain_p(known, prototypes, queries, alpha),
         )
+
+
+def test_a_frame_that_is_just_as_far_out_counts():
+    """d of 2 is that of the mean of 1, 3 and itself, as the one of the other class is."""
+    found = _p_values(np.array([2.0]), np.array([[1.0, 3.0]]), np.array([0.0]))
+    assert found == [(1 + 1 + 1) / (1 + 2 + 1)]
 
 
 # Coverage -----------------------------------------------------------------------------------------

@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from hdc import bits
 from hdc.prototypes import Counters, replaced_bits, tie_breaker
@@ -20,25 +18,6 @@ def counted(n_classes, mask, labels):
     counters = Counters(n_classes, mask.shape[1])
     counters.add(bits.pack(mask), torch.as_tensor(labels))
     return counters
-
-
-@given(
-    st.lists(st.integers(0, 4), min_size=1, max_size=120),
-    st.randoms(use_true_random=False),
-)
-@settings(max_examples=40, deadline=None)
-def test_any_split_order_and_merge_count_alike(labels, random):
-    mask, index = vectors(len(labels), 65), torch.tensor(labels)
-    shards = [Counters(5, 65) for _ in range(3)]
-    for i in random.sample(range(len(labels)), len(labels)):
-        random.choice(shards).add(bits.pack(mask[[i]]), index[[i]])
-    merged = shards[0]
-    for other in shards[1:]:
-        merged.merge(other)
-    expected = torch.stack([mask[index == c].sum(0) for c in range(5)])
-    for found in (merged, counted(5, mask, index)):
-        assert torch.equal(found.counts(), expected)
-        assert found.n.tolist() == np.bincount(labels, minlength=5).tolist()
 
 
 def test_ties_of_a_seed_are_broken_by_an_added_hypervector():

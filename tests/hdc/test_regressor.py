@@ -47,20 +47,14 @@ def test_numbers_are_predicted_adapted_and_saved(tmp_path, model):
     assert HDCRegressor.load(tmp_path / "m").score(*moved) == loaded.score(*moved)
 
 
-@pytest.mark.parametrize(
-    "model", [HDCRegressor(), HDCRegressor(readout=NeighbourValues(2))], ids=repr
-)
-def test_intervals_cover_as_often_as_stated(model):
+def test_intervals_cover_as_often_as_stated():
     covered = []
     for seed in range(12):
         queries, truth = presses(60, 100 + seed)
-        model.fit(*presses(25, seed))
-        for alpha in (0.1, 0.2):
-            _, low, high = model.predict(queries, return_interval=True, alpha=alpha)
-            covered.append(((low <= truth) & (truth <= high)).mean())
-    wide, narrow = np.mean(np.reshape(covered, (12, 2)), 0)
-    assert 0.86 < wide < 0.97
-    assert 0.76 < narrow < 0.90
+        model = HDCRegressor().fit(*presses(25, seed))
+        _, low, high = model.predict(queries, return_interval=True, alpha=0.2)
+        covered.append(((low <= truth) & (truth <= high)).mean())
+    assert 0.76 < np.mean(covered) < 0.90
     _, low, high = model.predict(queries, return_interval=True, alpha=0.03)
     assert np.isinf([low, high]).all()  # 25 frames tell nothing of 3 %
 

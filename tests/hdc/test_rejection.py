@@ -93,6 +93,14 @@ def breaker(model, c):
     return counting.ties, tie_breaker(model.dimension_, counting.random_state, c)
 
 
+def test_a_class_of_the_group_that_is_left_out_is_near_to_no_frame():
+    near, far = np.random.default_rng(0).integers(0, 256, (2, 400))
+    given, labels = np.stack([near, far, near, near]), [0, 0, 1, 1]
+    with pytest.warns(UserWarning, match="found one of 1;"):
+        model = HDCClassifier().fit(given, labels, groups=[*"abaa"])
+    assert model._head.rejection.distances.min() > 100
+
+
 def test_batches_and_lengths_of_groups_change_nothing():
     speckle = Speckle(1)
     given, labels = speckle.frames(600)  # three chunks of frames

