@@ -102,10 +102,12 @@ def test_sets_cover_what_is_asked_however_few_frames_there_are(per_class):
 def test_too_few_frames_of_a_class_are_named():
     frames, labels = Speckle(0).frames(15)
     model = HDCClassifier().fit(frames, labels)
-    text = "alpha=0.1 needs at least 4 stored frames of each class, found 3; no frame"
-    with pytest.warns(UserWarning, match=f"^{text}"):
-        sets = model.predict_set(frames, 0.1)
-    assert {len(found) for found in sets} == {5}
+    for alpha, needed in ((0.1, "4 stored frames of each class, found 3"),
+                          (0.05, "19 stored frames, found 15")):  # fmt: skip
+        text = f"^alpha={alpha} needs at least {needed}; no frame is refused"
+        with pytest.warns(UserWarning, match=text):
+            sets = model.predict_set(frames, alpha)
+        assert {len(found) for found in sets} == {5}
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         sets = model.predict_set(frames, 0.3)  # more than a quarter: three are enough

@@ -145,6 +145,7 @@ def test_frames_of_one_class_are_warned_of():
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         model.rezero(new)
+        model.rezero(new[labels < 5])
     message = "rezero: the 15 frames are put into [12] of 6 classes; they have to show"
     with pytest.warns(UserWarning, match=message):
         model.rezero(np.repeat(new[labels == 2][:1], 15, 0) + np.arange(1500) / 1e6)

@@ -7,7 +7,7 @@ import pytest
 import torch
 
 from hdc import sample as sampling
-from hdc.sample import KEPT, Reservoir, Sample
+from hdc.sample import KEPT, Reservoir, Sample, random_place
 
 
 def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time():
@@ -25,6 +25,13 @@ def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time():
     assert len(samples[0]) == len(set(samples[0].flatten().tolist())) == 2 * KEPT
     thirds = np.bincount(samples[0].flatten() // 1000, minlength=3)
     assert thirds.min() >= 5  # of 38
+
+
+@pytest.mark.parametrize("k", [1, 4, 19])
+def test_a_frame_may_take_any_of_its_places(k):
+    places = [random_place(seed, k) for seed in range(500)]
+    assert np.bincount(places).min() > 0.3 * 500 / (k + 1)
+    assert set(places) == set(range(k + 1))
 
 
 def chi_square(kept: list[int], n: int, bins: int) -> float:

@@ -163,6 +163,20 @@ def test_recalibration_is_that_of_the_classifier(
     assert model.read_bytes() == before
 
 
+def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
+    depth = np.arange(12.0)
+    for name, of in (("old", 0), ("new", 1)):
+        np.savez(tmp_path / f"{name}.npz", frames=frames[of], values=depth)
+    path, new = tmp_path / "m", tmp_path / "n"
+    assert hdc("train", tmp_path / "old.npz", "-o", path)[0] == 0
+    words = ("recalibrate", path, tmp_path / "new.npz", "-o", new)
+    assert hdc(*words)[1:] == ([f"{new}: 12 new frames, values of value"], [])
+    expected = HDCRegressor.load(path).recalibrate(frames[1], depth[:, None])
+    found = HDCRegressor.load(new)
+    assert np.array_equal(found.predict(frames[2]), expected.predict(frames[2]))
+    assert hdc(*words, "--p", 0.2)[::2] == (2, ["error: expected no --p for numbers"])
+
+
 @pytest.mark.parametrize(
     ("readout", "words", "status", "said"),
     [

@@ -33,6 +33,15 @@ CASES = [
 ]
 
 
+def test_the_key_of_a_pixel_is_as_stated(order_of_pixels):
+    """Pixels of the first two words: h(0) = 0, and h(1) = 0x9E3779B1 >> 26 = 39."""
+    order = order_of_pixels(128, "spread")
+    assert order[:3].tolist() == [0, 2, 4]
+    assert order[64 + 25] == 1  # (25 + 39) mod 64 = 0
+    assert order[64 + 26] == 3
+    assert order_of_pixels(128, "raster").tolist() == list(range(128))
+
+
 def by_every_route(monkeypatch, frames, encoder):
     """Words and ties: many frames at once, one after another by samples as wrong as can be, and as
     on other devices."""

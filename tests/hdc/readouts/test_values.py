@@ -6,10 +6,12 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import bits
+from hdc import HDCRegressor, bits
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import NeighbourValues
 from tests.hdc.own import fitted
+
+FRAMES = np.random.default_rng(0).integers(0, 255, (12, 64), np.uint8)
 
 
 def plain_means(distances: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
@@ -41,3 +43,12 @@ def test_means_and_left_out_means_by_plain_loops(k):
         np.testing.assert_allclose(without[:, i], left)
         missed = values[i] - plain_means(own[i : i + 1, rest], values[rest], k)[0]
         np.testing.assert_allclose(model.residuals_[i], missed)
+
+
+@pytest.mark.parametrize("k", [1, 2, 11, 20])
+def test_neighbours_are_left_out_alike_however_many_are_compared(k, monkeypatch):
+    values = np.arange(12.0) ** 2
+    whole = HDCRegressor(readout=NeighbourValues(k)).fit(FRAMES, values).residuals_
+    monkeypatch.setattr("hdc.readouts.values._ROWS", 5)
+    parts = HDCRegressor(readout=NeighbourValues(k)).fit(FRAMES, values).residuals_
+    assert (whole == parts).all()
