@@ -199,6 +199,7 @@ TENSORS = {  # of a model → tensors of which none fits it; those of -1 have on
         {"readout.weights": long(3, 4, 1) - 1},
         {"readout.scales": torch.zeros(3)},
         {"readout.shrinkage": NAN},
+        {"known.frame": torch.tensor([3, 1])},
     ],
     HDCClassifier(readout="kernel"): [{"readout.reach": torch.tensor(0.0).double()}],
     HDCClassifier(readout="ridge"): [
