@@ -4,36 +4,8 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-import torch
 
 from hdc.command import main
-from hdc.encoders import Deviation
-from hdc.encoders.relative import standardised
-
-
-def camera_frames(n, side=500, seed=0, dtype="uint8"):
-    """Speckle of six scenes in random order, [n, side, side], with medians of 33 to 132 of 255.
-
-    Each scene has its own exposure; from frame to frame the light flickers by some per cent, the
-    illumination leans to one side, and read noise of two grey levels is added. Bright speckles are
-    saturated. Types of more than 8 bits have levels between those of 8 bits.
-    """
-    rng = np.random.default_rng(seed)
-    exposures = np.linspace(33, 132, 6)
-    across = np.linspace(0.7, 1.3, side)
-    frames = np.empty((n, side, side), dtype)
-    scale = 256 if np.dtype(dtype).itemsize > 1 else 1
-    for frame in frames:
-        pupil = np.zeros((side, side), np.complex64)
-        cut = max(2, side // 8)  # speckles of some eight pixels
-        pupil[:cut, :cut] = rng.normal(size=(cut, cut)) + 1j * rng.normal(
-            size=(cut, cut)
-        )
-        light = np.abs(np.fft.ifft2(pupil)) ** 2 * across
-        light *= rng.choice(exposures) * rng.uniform(0.95, 1.05) / np.median(light)
-        light = (light + rng.normal(0, 2, light.shape)) * scale
-        frame[:] = np.clip(light, 0, 255 * scale)
-    return frames
 
 
 def kinds_of_frames(d, dtype="uint8", seed=0):
@@ -107,11 +79,6 @@ def brightest(frames, quantile="1/2", ties="spread"):
     return mask
 
 
-@pytest.fixture(name="camera_frames")
-def _camera_frames():
-    return camera_frames
-
-
 @pytest.fixture(name="kinds_of_frames")
 def _kinds_of_frames():
     return kinds_of_frames
@@ -148,14 +115,3 @@ def hdc(typed):
         return status, out.splitlines(), err.splitlines()
 
     return run
-
-
-@pytest.fixture
-def variance_below_one():
-    """An encoder, and a frame of three pixels that differ by 1, 1 and −1 from its reference: their
-    variance is 8/9, so that σ is 0."""
-    frame = torch.tensor([[0, 50, 200]], dtype=torch.uint8)
-    encoder = Deviation([-1, 1]).fit(frame)
-    away = torch.tensor([1, 1, -1], dtype=torch.int32)
-    encoder.reference_ = standardised(frame)[0] - away
-    return encoder, frame

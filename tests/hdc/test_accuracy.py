@@ -22,14 +22,13 @@ def test_wilson_agrees_with_scipy(drawn):
     )
 
 
-def test_confusion_agrees_with_scikit_learn():
+@pytest.mark.parametrize("kind", [np.uint8, np.int8, np.int64])
+def test_confusion_agrees_with_scikit_learn(kind):
+    """Classes of one byte were counted in another cell."""
     rng = np.random.default_rng(0)
-    labels, predicted = (
-        rng.integers(0, 4, 300),
-        rng.integers(0, 5, 300),
-    )  # nothing is of class 4
-    ours = accuracy.confusion(predicted, labels, 5)
+    labels, predicted = (rng.integers(0, n, 300).astype(kind) for n in (20, 19))
+    ours = accuracy.confusion(predicted, labels, 21)
     np.testing.assert_array_equal(
-        ours, confusion_matrix(labels, predicted, labels=range(5))
+        ours, confusion_matrix(labels, predicted, labels=range(21))
     )
     assert accuracy.accuracy(predicted, labels) == np.trace(ours) / 300

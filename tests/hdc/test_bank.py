@@ -8,7 +8,7 @@ import torch
 
 from hdc import HDCClassifier, HDCRegressor, bits
 from hdc.bank import Bank
-from hdc.encoders import Deviation, Encoder, Levels, Median, Quantile, Smoothed
+from hdc.encoders import Deviation, Encoder, Levels, Quantile, Smoothed
 
 LABELS = np.arange(60) % 3
 TRAIN, QUERIES = np.r_[20:50, 20:23], np.arange(50, 60)
@@ -20,26 +20,6 @@ def frames():
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (3, 9, 15))[np.arange(60) % 3] // 2
     return torch.from_numpy((images + rng.integers(0, 128, (60, 9, 15))).astype("u1"))
-
-
-@pytest.mark.parametrize("encoder", [Median, Deviation])
-def test_every_frame_is_encoded_once_for_each_encoder(frames, encoder, monkeypatch):
-    calls = []
-    encode = encoder.encode
-
-    def count(self, part, *others):
-        calls.append(len(part))
-        return encode(self, part, *others)
-
-    monkeypatch.setattr(encoder, "encode", count)
-    held = Bank(frames, LABELS, 3)
-    for _ in range(3):
-        held.words(QUERIES, encoder(), TRAIN)
-        held.words(TRAIN, encoder(), TRAIN)
-    assert sum(calls) == (60 if encoder is Median else len(set(QUERIES) | set(TRAIN)))
-    other = {"ties": "raster"} if encoder is Median else {"thresholds": [0]}
-    held.words(QUERIES, encoder(**other), TRAIN)
-    assert len(calls) > 1
 
 
 @pytest.mark.parametrize(

@@ -9,8 +9,6 @@ import pytest
 import torch
 
 from hdc import HDCClassifier
-from hdc.readouts import Neighbours
-from hdc.readouts.majority import METHODS
 
 
 def touches(
@@ -24,28 +22,16 @@ def touches(
     ), labels
 
 
-def test_a_refused_first_batch_changes_nothing():
-    frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels)
-    before = model.prototypes_.clone()
-    with pytest.raises(ValueError, match="expected D = 144 pixels"):
-        model.partial_fit(frames[:, :5], labels)
-    for method in METHODS:
-        with pytest.raises(ValueError, match="p: expected"):
-            model.recalibrate(frames, labels, p=-1, method=method)
-    assert torch.equal(model.prototypes_, before)
-
-
-def test_a_fit_that_raises_leaves_the_model_of_before():
+def test_a_call_that_raises_leaves_the_model_of_before():
     frames, labels = touches(600)
     model = HDCClassifier().fit(frames, labels)
     before = model.distances(frames)
     bad = frames.astype(float)
     bad[500] = np.nan  # in the third chunk
-    with pytest.raises(ValueError, match="expected finite pixels"):
-        model.fit(bad, labels[::-1])
+    for call in (model.fit, model.partial_fit, model.recalibrate):
+        with pytest.raises(ValueError, match="expected finite pixels"):
+            call(bad, labels[::-1])
     assert (model.distances(frames) == before).all()
-    assert not hasattr(HDCClassifier(), "prototypes_")
 
 
 def test_threads_that_ask_a_fresh_model_agree_with_one():
@@ -75,64 +61,43 @@ def test_errors_and_warnings_number_frames_from_the_first_of_all():
 
 
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
-def test_same_bits_on_an_accelerator():
+@pytest.mark.parametrize("dtype", ["uint8", "int16", "float32"])
+def test_same_bits_on_an_accelerator(dtype):
     frames, labels = touches()
+    frames = frames.astype(dtype)
     here = HDCClassifier().fit(frames, labels)
     there = HDCClassifier(device="cuda").fit(frames, labels)
     assert torch.equal(here.prototypes_, there.prototypes_.cpu())
     assert np.array_equal(here.distances(frames), there.distances(frames))
 
 
+ENCODERS = "median, quantile, levels, reference, reference_levels, deviation, smoothed"
+READOUTS = "majority, counts, ridge, neighbours, lda, trained, kernel"
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (
-            lambda f, y, _: HDCClassifier().fit(f[:0], y[:0]),
-            "expected at least one frame",
-        ),
-        (
-            lambda f, y, _: HDCClassifier("x").fit(f, y),
-            "encoder: expected one of median, quantile, levels, reference, reference_levels, "
-            "deviation, smoothed, or",
-        ),
-        (
-            lambda f, y, _: HDCClassifier(readout="x").fit(f, y),
-            "readout: expected one of majority, counts, ridge, neighbours, lda, trained, "
-            "kernel, or",
-        ),
-        (
-            lambda f, y, _: HDCClassifier(readout=Neighbours(0)).fit(f, y),
-            "n_neighbors: expected an int",
-        ),
-        (
-            lambda f, y, _: HDCClassifier().partial_fit([], []),
-            "expected at least one frame",
-        ),
-        (
-            lambda f, y, _: HDCClassifier().partial_fit(f, None),
-            "expected 60, one a .* None",
-        ),
-        (
-            lambda f, y, _: HDCClassifier().predict(f),
-            "HDCClassifier: expected a trained model",
-        ),
-        (
-            lambda f, y, _: HDCClassifier(readout="ridge").fit(f[::3], y[::3]),
-            r"at least two classes for Ridge\(.*, found one class, 0; .* 'majority'",
-        ),
+        (lambda f, y: HDCClassifier("x").fit(f, y), f"encoder: expected one of {ENCODERS}, or"),
+        (lambda f, y: HDCClassifier(readout="x").fit(f, y),
+         f"readout: expected one of {READOUTS}, or"),
+        (lambda f, y: HDCClassifier().partial_fit([], []), "expected at least one frame"),
+        (lambda f, y: HDCClassifier().partial_fit(f, None), "expected 60, one a .* None"),
+        (lambda f, y: HDCClassifier().predict(f), "HDCClassifier: expected a trained model"),
+        (lambda f, y: HDCClassifier(readout="ridge").fit(f[::3], y[::3]),
+         r"at least two classes for Ridge\(.*, found one class, 0; .* 'majority'"),
     ],
-)
+)  # fmt: skip
 def test_bad_input_gets_one_clear_error(call, message):
-    frames, labels = touches()
     with pytest.raises(ValueError, match=message):
-        call(frames, labels, HDCClassifier().fit(frames, labels))
+        call(*touches())
 
 
 # Classes and their prototypes --------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("readout", ["majority", "counts"])
-def test_told_classes_are_known_and_never_predicted_without_samples(readout, tmp_path):
+def test_told_classes_are_known_and_never_predicted_without_samples(readout):
     frames, labels = touches()
     model = HDCClassifier(readout=readout)
     model.partial_fit(frames[labels == 1], labels[labels == 1], classes=[3, 0, 1, 2])
@@ -142,18 +107,11 @@ def test_told_classes_are_known_and_never_predicted_without_samples(readout, tmp
     assert (model.predict(queries) == 1).all()
     assert (model.distances(queries)[:, [0, 2, 3]] == 145).all()
     model.partial_fit(frames[labels != 1], labels[labels != 1], classes=[0, 1, 2, 3])
-    assert model.score(frames, labels) == 1
     assert not any(3 in labels for labels in model.predict_set(queries))
-    pytest.importorskip("safetensors")
-    model.save(tmp_path / "m")
-    assert (
-        HDCClassifier.load(tmp_path / "m").predict(queries) == model.predict(queries)
-    ).all()
     whole = HDCClassifier(readout=readout).fit(frames, labels)
     assert torch.equal(model.prototypes_[:3], whole.prototypes_)
-    with pytest.raises(
-        ValueError, match=r"labels: expected classes among \[0, 1\], found 2"
-    ):
+    message = r"labels: expected classes among \[0, 1\], found 2"
+    with pytest.raises(ValueError, match=message):
         model.partial_fit(frames, labels, classes=[0, 1])
     assert model.counts_.tolist() == [20, 20, 20, 0]
 
@@ -194,7 +152,7 @@ def test_equal_distances_go_to_the_first_class():
 @pytest.mark.parametrize(
     "change",
     [
-        {"readout": "ridge"},
+        {"readout": "lda"},
         {"readout__random_state": 3},
         {"encoder": "levels"},
         {"encoder__ties": "raster"},
@@ -203,20 +161,15 @@ def test_equal_distances_go_to_the_first_class():
 def test_parts_that_were_set_after_training_are_named(change):
     frames, labels = touches()
     other = HDCClassifier().fit(frames, labels)
-    name = next(iter(change)).partition("__")[0]
-    message = f"^{name}: changed after training; call fit again$"
-    for call in (
-        lambda m: m.predict(frames),
-        lambda m: m.is_known(frames),
-        lambda m: m.decision_function(frames),
-        lambda m: m.partial_fit(frames, labels),
-        lambda m: m.merge(other),
-        lambda m: other.merge(m),
-    ):
-        model = HDCClassifier().fit(frames, labels)
-        model.set_params(**change)
-        if change == {"readout": "ridge"}:  # which neither merges nor goes on learning
-            message = f"^{name}: changed after|^merge: |^partial_fit: "
+    (name,) = change
+    message = f"^{name.partition('__')[0]}: changed after training; call fit again$"
+    for call in ("predict", "is_known", "decision_function", "partial_fit", "merge"):
+        if change == {"readout": "lda"} and call in ("partial_fit", "merge"):
+            continue  # which it has not
+        model = HDCClassifier().fit(frames, labels).set_params(**change)
+        given = {"partial_fit": (frames, labels), "merge": (other,)}
         with pytest.raises(ValueError, match=message):
-            call(model)
+            getattr(model, call)(*given.get(call, (frames,)))
+    with pytest.raises(ValueError, match=message):
+        other.merge(model)
     assert model.fit(frames, labels).score(frames, labels) > 0.9

@@ -25,17 +25,3 @@ def test_examples(name):
         warnings.simplefilter("ignore")
         result = doctest.testmod(importlib.import_module(name))
     assert result.failed == 0
-
-
-def test_there_are_examples():
-    finder = doctest.DocTestFinder(exclude_empty=True)
-    for thing in (
-        hdc.HDCClassifier,
-        hdc.HDCRegressor,
-        encoders.Encoder,
-        readouts.Readout,
-    ):
-        examples = [
-            example for found in finder.find(thing) for example in found.examples
-        ]
-        assert len(examples) >= 3

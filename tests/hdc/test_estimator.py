@@ -6,7 +6,6 @@ import warnings
 from pathlib import Path
 
 import pytest
-from sklearn.base import clone, is_classifier
 from sklearn.utils.estimator_checks import check_estimator
 
 import hdc
@@ -41,18 +40,6 @@ def test_all_checks_are_met(model):
     assert not [check for check in checks if check["status"] == "xfail"]
     names = {check["check_name"] for check in checks}
     assert {"check_supervised_y_2d", "check_estimators_dtypes"} <= names
-
-
-def test_parameters_are_set(frames_and_labels):
-    frames, labels = frames_and_labels()
-    model = HDCClassifier().set_params(readout__ties="one", readout__random_state=3)
-    assert repr(clone(model)) == (
-        "HDCClassifier(encoder='median', readout=Majority(ties='one', class_weight=None, "
-        "random_state=3), "
-        "device='cpu', backend='auto')"
-    )
-    assert is_classifier(model)
-    assert not hasattr(clone(model.fit(frames, labels)), "prototypes_")
 
 
 def test_the_version_is_that_of_the_project():

@@ -6,14 +6,30 @@ from fractions import Fraction
 
 import numpy as np
 import pytest
-from sklearn.base import clone
 
 from hdc import HDCClassifier, HDCRegressor
 from hdc.availability import UnavailableError
 from hdc.described import describe, rebuild
-from hdc.encoders import ENCODERS, Deviation, Levels, Median, Quantile, Reference
-from hdc.parameters import Named, Parametrised, make_part
-from hdc.readouts import LDA, Counts, Majority, Neighbours, NeighbourValues
+from hdc.encoders import (
+    ENCODERS,
+    Deviation,
+    Levels,
+    Median,
+    Quantile,
+    Reference,
+    Smoothed,
+)
+from hdc.parameters import Named
+from hdc.readouts import (
+    LDA,
+    Counts,
+    Kernel,
+    Majority,
+    Neighbours,
+    NeighbourValues,
+    Ridge,
+    Trained,
+)
 
 
 def test_parameters_of_parts_of_parts():
@@ -74,17 +90,64 @@ def test_an_old_name_says_the_new_one_and_is_read_in_files(readout, old, value, 
     assert rebuild(described, "readout", known).get_params().items() >= new.items()
 
 
-def test_clones_share_nothing_and_have_learned_nothing():
-    frames = np.random.default_rng(0).integers(0, 255, (12, 30)).astype(np.uint8)
-    model = HDCClassifier(Reference(Levels(3)), LDA(0.3)).fit(frames, np.arange(12) % 2)
-    copied = clone(model)
-    assert repr(copied) == repr(model)
-    assert copied.encoder is not model.encoder
-    assert copied.encoder.base is not model.encoder.base
-    assert not hasattr(copied, "encoder_")
-    assert not hasattr(
-        model.encoder, "reference_"
-    )  # the one that was given learns nothing
+SHARE = r"expected a share in \[0, 1\), found"
+TIES = "ties: expected one of "
+UNFIT = [
+    *((HDCClassifier(encoder), message)
+      for encoder, message in (
+          (Median("half"), TIES + "spread, raster, below, found 'half'"),
+          *((Quantile(at), r"^at: expected a quantile in \(0, 1\), found")
+            for at in (0, 1, "1/0", None, float("nan"), True)),
+          *((Levels(t), f"thresholds: expected an integer from 1 to 255, found {t}")
+            for t in (0, 256, 2.0)),
+          *((Levels(lit=lit), f"lit: {SHARE}") for lit in (1, -0.1, "x")),
+          *((Deviation(t), "thresholds: expected a list of rising num")
+            for t in ([], "012", [1, 0], [0, 0], [float("inf")], [True], [1 / 3], [2_000_000])),
+          *((Smoothed(smooth=s), "smooth: expected an integer from 1 to") for s in (0, 17, 1.5)),
+          (Smoothed("x"), "base: expected one of median, "),
+          (Reference("x"), "base: expected one of median, "),
+          (Reference(Levels(lit=0.5)), "base: expected an encoder that learns nothing"),
+      )),
+    *((HDCClassifier(readout=readout), message)
+      for readout, message in (
+          *((kind(**bad), message) for kind in (Majority, Counts) for bad, message in (
+              ({"ties": "half"}, TIES + "zero, one, random, found 'half'"),
+              ({"class_weight": "x"}, "expected one of None, balanced, found 'x'"),
+              ({"random_state": 1.5}, "random_state: expected an integer, found 1.5"))),
+          *((LDA(a), r"shrinkage: expected one of ledoit_wolf, oas, or a share in \[0, 1\]")
+            for a in (-0.1, 1.1, "x", None, True, float("nan"))),
+          *((Ridge(a), "penalty: expected a number above zero or None, found")
+            for a in (0, -1, "x", float("inf"), True)),
+          *((Kernel(**{name: a}), f"{name}: expected a list of numbers above")
+            for name in ("scales", "penalties") for a in ([], [0], ["a"], 1)),
+          *((Neighbours(k), "n_neighbors: expected an integer ≥ 1, found")
+            for k in (0, 1.5, "x", None, True)),
+          *((Trained(margin), f"margin: {SHARE}") for margin in (1, "x")),
+          *((Trained(passes=n), "passes: expected an integer ≥ 0, found") for n in (-1, 1.0)),
+      )),
+    *((HDCRegressor(period=period), "period: expected a number above zero or")
+      for period in (0, "a", True)),
+    *((kind(device=device), r"^device: expected 'cpu'[^\n]*, found[^\n]*$")
+      for kind in (HDCClassifier, HDCRegressor) for device in ("gpu", "cuda:99", "meta", 1.5)),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("model", "message"), UNFIT, ids=repr)
+def test_values_of_parameters_that_do_not_fit_are_named(model, message):
+    with pytest.raises(ValueError, match=message):
+        model.fit(np.arange(72).reshape(8, 3, 3), [0, 1] * 4)
+
+
+@pytest.mark.parametrize(
+    "readout",
+    [Majority("random", random_state=np.int64(3)), Neighbours(np.int64(3)), LDA(np.float32(0.5)),
+     LDA(0), LDA(1), Ridge(np.float32(10))],
+    ids=repr,
+)  # fmt: skip
+def test_numbers_of_numpy_and_the_ends_of_a_share_fit(readout):
+    frames = np.random.default_rng(0).normal(size=(80, 30))
+    model = HDCClassifier(readout=readout).fit(frames, np.arange(80) % 4)
+    assert (model.predict(frames) == np.arange(80) % 4).mean() > 0.4
 
 
 def test_descriptions_rebuild_the_part():
@@ -107,15 +170,6 @@ def test_arrays_are_shown_by_their_shape():
     assert repr(Reference(frame=np.zeros((40, 50)))) == (
         "Reference(base='median', frame=<ndarray of shape (40, 50)>)"
     )
-
-
-def test_a_class_without_a_constructor_has_no_parameters():
-    class Plain(Parametrised):
-        pass
-
-    assert Plain().get_params() == {}
-    assert repr(Plain().unlearned()) == "Plain()"
-    assert make_part(Plain(), "part", {}, Plain).get_params() == {}
 
 
 def test_methods_that_are_there_for_some():

@@ -32,19 +32,6 @@ def test_rows_longer_than_a_block_are_counted_once(monkeypatch):
 
 
 @given(
-    st.integers(0, 300),
-    st.sampled_from([1, 63, 64, 65, 200]),
-    st.sampled_from([0, 0.5, 1]),
-)
-@settings(max_examples=60, deadline=None)
-def test_every_column_is_counted(n, d, share):
-    mask = torch.from_numpy(np.random.default_rng(n).random((n, d)) < share)
-    words = bits.pack(mask)
-    assert torch.equal(integers(planes.vertical_sum(words), d).long(), mask.sum(0))
-    assert torch.equal(words, bits.pack(mask))  # the samples are not written to
-
-
-@given(
     st.lists(st.integers(0, 40), min_size=70, max_size=70),
     st.lists(st.integers(0, 69), max_size=60),
 )

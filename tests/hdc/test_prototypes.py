@@ -3,8 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 from hdc import bits
 from hdc.prototypes import Counters, replaced_bits, tie_breaker
@@ -20,25 +18,6 @@ def counted(n_classes, mask, labels):
     counters = Counters(n_classes, mask.shape[1])
     counters.add(bits.pack(mask), torch.as_tensor(labels))
     return counters
-
-
-@given(
-    st.lists(st.integers(0, 4), min_size=1, max_size=120),
-    st.randoms(use_true_random=False),
-)
-@settings(max_examples=40, deadline=None)
-def test_any_split_order_and_merge_count_alike(labels, random):
-    mask, index = vectors(len(labels), 65), torch.tensor(labels)
-    shards = [Counters(5, 65) for _ in range(3)]
-    for i in random.sample(range(len(labels)), len(labels)):
-        random.choice(shards).add(bits.pack(mask[[i]]), index[[i]])
-    merged = shards[0]
-    for other in shards[1:]:
-        merged.merge(other)
-    expected = torch.stack([mask[index == c].sum(0) for c in range(5)])
-    for found in (merged, counted(5, mask, index)):
-        assert torch.equal(found.counts(), expected)
-        assert found.n.tolist() == np.bincount(labels, minlength=5).tolist()
 
 
 def test_ties_of_a_seed_are_broken_by_an_added_hypervector():
@@ -96,15 +75,6 @@ def test_recalibrated_bits_come_from_either_side():
     assert ((changed.diagonal() - 0.5).abs() < 0.05).all()
     whole = model.adapted(new, rows, 1, 3, "replace").prototypes_
     assert torch.equal(whole, fresh)
-
-
-@pytest.mark.parametrize("ties", ["zero", "one", "random"])
-def test_prototypes_of_a_size_are_those_of_thinned_counters(ties):
-    counters = counted(3, vectors(16, 200), [0] * 9 + [1] * 4 + [2] * 3)
-    made, whole = counters.majority(ties, 5, 4), counters.majority(ties, 5)
-    assert torch.equal(made, counters.thinned(4, 5).majority(ties, 5))
-    assert not torch.equal(made[0], whole[0])
-    assert torch.equal(made[1:], whole[1:])
 
 
 def test_what_is_drawn_from_one_seed_is_drawn_apart():

@@ -3,10 +3,9 @@
 import numpy as np
 import pytest
 
-from hdc import HDCClassifier, HDCRegressor, accuracy
+from hdc import HDCClassifier, HDCRegressor
 from hdc.encoders import Median, Quantile, Reference
-from hdc.readouts import Majority, RidgeValues
-from hdc.readouts.values import NeighbourValues
+from hdc.readouts import Majority
 
 X = np.random.default_rng(0).integers(0, 255, (12, 8, 8)).astype("u1")
 Y = [0, 1] * 6
@@ -25,15 +24,6 @@ def test_what_was_trained_is_saved_whatever_becomes_of_the_objects_given(tmp_pat
     loaded = HDCClassifier.load(tmp_path / "m")
     assert (loaded.distances(X) == expected).all()
     assert (loaded.encoder.base.at, loaded.readout.ties) == ("3/4", "one")
-
-
-def test_further_frames_are_learnt_by_what_was_trained():
-    readout = RidgeValues(2.0)
-    model = HDCRegressor(readout=readout).fit(X[:8], np.arange(8.0))
-    readout.penalty = 1e-4
-    model.partial_fit(X[8:], np.arange(8.0, 12.0))
-    expected = HDCRegressor(readout=RidgeValues(2.0)).fit(X, np.arange(12.0))
-    assert (model.predict(X) == expected.predict(X)).all()
 
 
 @pytest.mark.parametrize(
@@ -56,15 +46,6 @@ def test_a_parameter_that_is_set_after_training_is_refused(model, change, advice
     assert model.predict(X).shape == (12,)
 
 
-@pytest.mark.parametrize("device", ["gpu", "cuda:99", "meta", "", 1.5, None])
-@pytest.mark.parametrize("kind", KINDS)
-def test_a_device_that_is_none_is_named_in_one_line(kind, device):
-    with pytest.raises(
-        ValueError, match=r"^device: expected 'cpu'[^\n]*, found[^\n]*$"
-    ):
-        kind(device=device).fit(X, Y)
-
-
 def test_a_period_of_numpy_is_saved(tmp_path):
     model = HDCRegressor(period=np.float32(360)).fit(X, np.arange(12.0))
     model.save(tmp_path / "m")
@@ -79,7 +60,7 @@ def test_a_merge_that_fails_halfway_changes_nothing(monkeypatch):
     mine, untrained = (HDCClassifier(readout="neighbours") for _ in range(2))
     other = HDCClassifier(readout="neighbours").fit(255 - X, [1, 2] * 6)
     mine.fit(X, Y)
-    before = mine.predict(X), mine.counts_.tolist(), mine._head
+    before = mine._head
 
     def fail(*_):
         raise MemoryError
@@ -90,9 +71,7 @@ def test_a_merge_that_fails_halfway_changes_nothing(monkeypatch):
             model.merge(other)
     assert not hasattr(untrained, "classes_")
     assert mine.classes_.tolist() == [0, 1]
-    assert (mine.predict(X) == before[0]).all()
-    assert mine.counts_.tolist() == before[1]
-    assert mine._head is before[2]
+    assert mine._head is before
 
 
 def test_an_untrained_model_does_not_take_over_another_encoder():
@@ -112,14 +91,6 @@ def test_frames_of_a_class_without_any_are_not_lost_by_replacing_bits():
     assert (model.predict(X) == before).all()
     model.recalibrate(X[8:], [0, 1, 2, 2], method="merge")
     assert (model.predict(X[10:]) == 2).all()
-
-
-def test_integer_prototypes_are_recalibrated_by_votes_unless_told_otherwise():
-    models = [HDCClassifier(readout="counts").fit(X[:8], Y[:8]) for _ in range(2)]
-    models[0].recalibrate(X[8:], Y[8:])
-    models[1].recalibrate(X[8:], Y[8:], method="merge")
-    scores = [model.decision_function(X) for model in models]
-    assert (scores[0] == scores[1]).all()
 
 
 @pytest.mark.parametrize("readout", ["lda", "kernel"])
@@ -159,15 +130,6 @@ def test_more_frames_than_memory_holds_are_refused(
         kind(readout=readout).fit(X[:, :1], Y)
 
 
-@pytest.mark.parametrize("k", [1, 2, 11, 20])
-def test_neighbours_are_left_out_alike_however_many_are_compared(k, monkeypatch):
-    values = np.arange(12.0) ** 2
-    whole = HDCRegressor(readout=NeighbourValues(k)).fit(X, values).residuals_
-    monkeypatch.setattr("hdc.readouts.values._ROWS", 5)
-    parts = HDCRegressor(readout=NeighbourValues(k)).fit(X, values).residuals_
-    assert (whole == parts).all()
-
-
 @pytest.mark.parametrize(
     ("parameters", "meant"),
     [
@@ -185,10 +147,3 @@ def test_a_name_that_is_much_like_another_is_answered_with_it(parameters, meant)
         HDCClassifier().set_params(**parameters).fit(X, Y)
     with pytest.raises(ValueError, match=r"expected one of .*, found 'xyz'$"):
         HDCClassifier("xyz").fit(X, Y)
-
-
-@pytest.mark.parametrize("kind", [np.uint8, np.int8, np.int64])
-def test_classes_of_one_byte_are_counted_in_their_own_cell(kind):
-    classes = np.array([0, 19, 19], kind)
-    counts = accuracy.confusion(classes, classes, 20)
-    assert (counts.sum(), counts[0, 0], counts[19, 19]) == (3, 1, 2)

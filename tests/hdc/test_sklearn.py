@@ -2,18 +2,14 @@
 
 from __future__ import annotations
 
-import joblib
 import numpy as np
 import pytest
-from sklearn.base import clone
 from sklearn.calibration import CalibratedClassifierCV
 from sklearn.ensemble import StackingClassifier
 from sklearn.linear_model import LogisticRegression
 from sklearn.model_selection import (
     GridSearchCV,
     KFold,
-    StratifiedKFold,
-    cross_val_predict,
     learning_curve,
 )
 from sklearn.pipeline import make_pipeline
@@ -35,33 +31,6 @@ def frames():
     noise = rng.integers(0, 40, (N, SIDE, SIDE))
     pressed = (DEPTH[:, None, None] * 90).astype(int) * (np.arange(SIDE) < SIDE // 2)
     return (base + noise + pressed).astype(np.uint8).reshape(N, -1)
-
-
-@pytest.mark.parametrize("model", CLASSIFIERS, ids=repr)
-@pytest.mark.parametrize("wrapped", ["pipeline", "copy", "joblib"])
-def test_a_wrapped_classifier_says_the_same(model, wrapped, frames, tmp_path):
-    expected = clone(model).fit(frames, LABELS)
-    if wrapped == "pipeline":
-        found = make_pipeline(FunctionTransformer(), model).fit(frames, LABELS)
-    elif wrapped == "copy":
-        found = clone(expected).fit(frames, LABELS)
-    else:
-        joblib.dump(expected, tmp_path / "model")
-        found = joblib.load(tmp_path / "model")
-    for method in ("predict", "predict_proba", "decision_function"):
-        said = getattr(found, method)(frames)
-        np.testing.assert_array_equal(said, getattr(expected, method)(frames))
-
-
-def test_folds_are_those_of_single_fits(frames):
-    """At the same time, in threads; a copy in another process is the one that joblib keeps."""
-    folds = StratifiedKFold(3)
-    options = {"cv": folds, "n_jobs": 2, "method": "predict_proba"}
-    with joblib.parallel_backend("threading"):
-        found = cross_val_predict(HDCClassifier(), frames, LABELS, **options)
-    for train, test in folds.split(frames, LABELS):
-        alone = HDCClassifier().fit(frames[train], LABELS[train])
-        np.testing.assert_array_equal(found[test], alone.predict_proba(frames[test]))
 
 
 def test_a_grid_reaches_the_parameters_of_the_parts(frames):

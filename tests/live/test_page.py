@@ -31,8 +31,6 @@ from hdc.live.session import Answer, Session
 from hdc.live.sources import open_source
 from hdc.live.worker import Worker
 from hdc.readers import Window
-from scenes.live import SimulatedSensor
-from scenes.pressed import PressedPage, PressedSession
 
 CHECKOUT = Path(__file__).resolve().parents[2]
 N = 12
@@ -178,18 +176,13 @@ def test_a_trained_model_answers_and_is_not_taught(film, frames, encoder):
     session = Session(film(), model)
     for label in LABELS[1:]:
         view = session.look()
-        answer, (frame, shares) = view.answer, np.hsplit(view.drawn, 2)
-        assert answer.label in (label, None)
-        assert min(answer.distances, key=answer.distances.get) == label
-        assert 0 < view.seconds < 10
+        frame, shares = np.hsplit(view.drawn, 2)
+        assert view.answer.label in (label, None)
         # The bits of this model: those of the median were shown for any.
         rank = np.argsort(np.argsort(frame, axis=None, kind="stable"))
         steps = 8 if encoder == "levels" else 2
         expected = (rank * steps // frame.size).reshape(frame.shape) / (steps - 1)
         assert np.abs(shares / 255 - expected).mean() < 0.02
-    model.predict_set = lambda frames, alpha: [np.array([])]
-    answer = session.ask(session.source.frame())
-    assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
     for job in (
         lambda: session.learn("left", 1),
         lambda: session.forget(None),
@@ -197,8 +190,10 @@ def test_a_trained_model_answers_and_is_not_taught(film, frames, encoder):
     ):
         with pytest.raises(ValueError, match="trained before and is shown as it is"):
             job()
-    assert session.model is model
     assert session.counts == {"left": N, "right": N}
+    model.predict_set = lambda frames, alpha: [np.array([])]
+    answer = session.ask(session.source.frame())
+    assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
 
 
 def test_values_are_shown_with_intervals_unless_they_go_round(film, frames):
@@ -207,57 +202,26 @@ def test_values_are_shown_with_intervals_unless_they_go_round(film, frames):
     ((value, low, high),) = answer.values
     assert low <= value <= high
     assert value == pytest.approx(1.05, abs=0.3)
-    words = pages._in_words(answer, 0.0123)
-    assert words == (f"{value:.1f} [{low:.1f}, {high:.1f}]", "12.3 ms")
     model = HDCRegressor(period=360).fit(frames, np.repeat([10.0, 200.0], N))
     ((angle,),) = Session(film(), model).look().answer.values
     assert pages._in_words(Answer(values=((angle,),)), 0)[0] == f"{angle:.1f}"
 
 
 @pytest.mark.parametrize(
-    ("answer", "text", "beside"),
+    ("kind", "words"),
     [
-        (Answer("a", ("a",)), "a", "95% prediction set: a · 2.0 ms"),
-        (Answer(None, ()), "none of these", "95% prediction set: none · 2.0 ms"),
-        (Answer("a", None, {"a": 0.25}), "a", "distance 0.250 · 2.0 ms"),
-        (Answer("a", None, {"a": 0.25, "b": 0.4}), "a",
-         "distance 0.250 · margin 0.150 · 2.0 ms"),
-    ],
-)  # fmt: skip
-def test_an_answer_in_words(answer, text, beside):
-    assert pages._in_words(answer, 0.002) == (text, beside)
-
-
-@pytest.mark.parametrize(
-    ("make", "words"),
-    [
-        (
-            "classifier",
-            ["of the training", "12 samples", "distance 0.", "margin 0.", " ms"],
-        ),
-        ("regressor", ["Numbers and their", "[", " ms"]),
-        ("recording", ["nothing yet: teach it two classes", "recorded as “left”"]),
-        ("pressed", ["The silicone from above", "Let 16 days pass", "new touches"]),
+        (HDCClassifier, ["training", "12 samples", "distance 0."]),
+        (HDCRegressor, ["Numbers and their", "["]),
     ],
 )
-def test_the_page_shows(film, frames, tmp_path, make, words):
-    """Without a browser."""
-    page, session = pages.Page, None
-    if make == "pressed":
-        page, session = PressedPage, PressedSession(SimulatedSensor(side=60))
-    elif make == "recording":
-        np.savez(tmp_path / "r.npz", frames=frames, labels=LABELS)
-        session = Session(open_source(Window(), tmp_path / "r.npz", None, 0, {}))
-    else:
-        model, truth = HDCClassifier(), LABELS
-        if make == "regressor":
-            model, truth = HDCRegressor(), np.arange(2.0 * N)
-        session = Session(film(), model.fit(frames, truth))
+def test_a_page_of_a_model_is_made_without_a_browser(film, frames, kind, words):
+    truth = LABELS if kind is HDCClassifier else np.arange(2.0 * N)
+    session = Session(film(), kind().fit(frames, truth))
 
     async def look():
         worker = Worker(session)
         worker.start()
-        async with user_simulation(lambda: page(worker)) as user:
+        async with user_simulation(lambda: pages.Page(worker)) as user:
             await user.open("/")
             for word in words:
                 worker.picture()  # as the browser asks for it
@@ -276,7 +240,6 @@ def test_the_page_shows(film, frames, tmp_path, make, words):
     ("words", "code", "message"),
     [
         ("", 2, "expected one of --camera N, --folder RECORDING and --video FILE"),
-        ("--video v.mkv --camera 0", 2, "expected one of --camera N, --folder"),
         (
             "own --video v.mkv --subsample 2",
             2,
@@ -289,11 +252,8 @@ def test_the_page_shows(film, frames, tmp_path, make, words):
         ),
         ("--video v.mkv --labels kind", 2, "expected no --labels without --folder"),
         ("--camera 97", 1, "expected a camera that can be opened at index 97, found"),
-        ("--folder nowhere", 1, "found nothing: nowhere"),
         ("x --video v.mkv", 1, "expected a saved model, found"),
-        ("m --video w.mkv", 1, "w.mkv: expected"),
         ("m --folder r.npz", 1, "r.npz: expected 40 × 32 pixels as in training"),
-        ("--folder s.npz", 1, "s.npz: expected images with labels, found"),
     ],
 )
 def test_what_does_not_fit_is_one_line(
@@ -304,7 +264,6 @@ def test_what_does_not_fit_is_one_line(
     HDCClassifier().fit(frames, LABELS).save("own", {"subsample": 3})
     (tmp_path / "x").write_text("no model")
     np.savez("r.npz", frames=frames[:, :20], labels=LABELS)
-    np.savez("s.npz", frames=frames[:, 0], labels=LABELS)
     with pytest.raises(SystemExit) as caught:
         main(["live", *words.split()])
     out, err = capfd.readouterr()

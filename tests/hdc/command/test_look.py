@@ -110,24 +110,6 @@ def test_each_reading_has_a_line_that_trains_what_it_says(
         assert "held out" in trained
 
 
-@pytest.mark.parametrize(
-    ("name", "data", "said"),
-    [
-        ("v.avi", b"x", "v.avi: expected a whole video, found: Invalid"),
-        ("cut.parquet", b"x" * 99, "cut.parquet: expected an intact parquet file"),
-        ("b.csv", b"x" * 200_000, "b.csv: expected a CSV table"),
-        ("x.doc", b"x", "path: expected a folder or a file"),
-        ("nothing", None, "path: expected a folder or a file of frames, found nothing"),
-    ],
-)
-def test_what_cannot_be_read_is_one_line(typed, tmp_path, name, data, said):
-    if data is not None:
-        (tmp_path / name).write_bytes(data)
-    status, _, err = typed("look", name)
-    assert (status, err.count("\n")) == (1, 1)
-    assert said in err
-
-
 def test_what_is_missing_is_said_after_what_is_there(typed):
     np.save("x.npy", FRAMES)
     _, out, err = typed("look", "x.npy")
@@ -178,13 +160,6 @@ def test_what_seems_to_be_recorded_apart_raises_a_question(
     words = ("train", name, *option.split(), "--test-fraction", 0.4, "-o", "m")
     out = typed(*words)[1]
     assert f"\nheld out {held_out}" in out
-
-
-def test_columns_that_are_not_there_are_named(typed, tmp_path):
-    trials(tmp_path / "x.mat", None)
-    for option in ("--sessions", "--groups"):
-        err = typed("look", "x.mat", option, "trial")[2]
-        assert f"error: {option[2:]}: expected one of runNo" in err
 
 
 def test_of_many_arrays_the_first_are_shown_and_the_file_is_loaded_once(

@@ -7,14 +7,12 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import pytest
 
 from hdc import HDCClassifier, HDCRegressor, io
 from hdc.command.source import Source
 from hdc.command.work import frames_for, load
-from hdc.readers import BadFrame, Window
+from hdc.readers import Window
 
 RNG = np.random.default_rng(0)
 BASE = RNG.integers(0, 150, (3, 16, 18))
@@ -56,42 +54,7 @@ def table_of(root, n, columns, row):
     (root / "t.csv").write_text("\n".join(rows))
 
 
-def test_numbers_are_held_out_whatever_the_labels(hdc, tmp_path):
-    """A label of one frame was refused, though numbers are learnt."""
-    table_of(tmp_path / "r", 8, "image,label,force", lambda k: f"only {k},{k / 2}")
-    words = ("train", "r", "-o", "m", "--values", "r/t.csv", "--test-fraction", 0.25)
-    out = hdc(*words)[1]
-    assert out[0] == "m: 6 frames, values of force, 18 × 16 pixels"
-    assert "held out at random: force: mean absolute error" in out[2]
-
-
-def test_what_was_read_is_shown(hdc, tmp_path):
-    for session in ("day1", "day10", "day2"):
-        write_classes(tmp_path / "r" / session, ("foam_brick", "mug"), 3)
-    pattern = "{session}/{label}/{order}.png"
-    words = ("train", "r", "-o", "m", "--template", pattern, "--test-fraction", 0.3)
-    out = hdc(*words)[1]
-    assert out[1:3] == [
-        "classes: foam_brick (6), mug (6)",
-        "sessions: day1 (6), day2 (6)",
-    ]
-    assert out[3].startswith("held out in the last sessions: accuracy")
-    assert out[4] == "a guess of foam_brick, the largest class: accuracy 50.0%"
-    assert len(out) == 6
-
-
 # Vectors and values ------------------------------------------------------------------------------
-
-
-def test_a_column_of_images_is_named_to_predict_as_well(hdc):
-    """Its error named an option that it did not have."""
-    cells = [cv2.imencode(".png", image(k % 2))[1].tobytes() for k in range(6)]
-    table = pa.table({"left": cells, "right": cells[::-1], "label": [*"ababab"]})
-    pq.write_table(table, "two.parquet")
-    words = ("two.parquet", "--image-column")
-    assert hdc("train", *words, "left", "-o", "m")[0] == 0
-    assert "--image-column right" in hdc("predict", "m", "two.parquet")[2][0]
-    assert len(hdc("predict", "m", *words, "right")[1]) == 1 + 6
 
 
 # What the commands share -------------------------------------------------------------------------
@@ -102,21 +65,17 @@ def test_frames_may_have_neither_labels_nor_values(tmp_path):
     frames = RNG.integers(0, 256, (3, 4, 5), np.uint8)
     flat = frames.reshape(3, 20)
     for k, frame in enumerate(frames):
-        write(tmp_path / "loose" / f"{k + 9}.png", frame)
         write(tmp_path / "wide" / f"{k}.png", np.pad(frame, 1))
-    np.savez(tmp_path / "a.npz", frames=frames)
     rows = [",".join(map(str, row)) for row in [range(20), *flat]]
     (tmp_path / "t.csv").write_text("\n".join(rows))
-    model = HDCClassifier().fit(frames, [0, 1, 2])
-    cases = [("loose", None), ("wide", (1, 1, 5, 4)), ("a.npz", None), ("t.csv", None)]
-    for name, crop in cases:
-        model.fit(flat if name == "t.csv" else frames, [0, 1, 2])
+    for name, learnt, crop in (
+        ("wide", frames, (1, 1, 5, 4)),
+        ("t.csv", flat, None),
+    ):
+        model = HDCClassifier().fit(learnt, [0, 1, 2])
         found = frames_for(model, Window(crop), Source(tmp_path / name), 0)
         assert (found.labels, found.values) == (None, None)
         assert np.array_equal(found[:].reshape(3, 20), flat)
-    model.fit(frames, [0, 1, 2])
-    with pytest.raises(BadFrame, match=r"wide/0\.png: expected 5 × 4 pixels"):
-        frames_for(model, Window(), Source(tmp_path / "wide"), 0)
 
 
 def test_a_recording_is_opened_as_a_model_was_trained(tmp_path):
@@ -139,15 +98,11 @@ def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_pat
     HDCRegressor().fit(frames, values).save(tmp_path / "m")
     np.savez("two.npz", frames=frames, values=values)
     np.savez("one.npz", frames=frames, values=values[:, 0])
-    out = hdc("predict", "m", "two.npz", "--interval", 0.8)[1]
-    ends = ["value_0 from", "value_0 to", "value_1 from", "value_1 to"]
-    assert out[0].split("\t") == ["file", "value_0", "value_1", *ends]
+    out = hdc("predict", "m", "two.npz")[1]
+    assert out[0].split("\t") == ["file", "value_0", "value_1"]
     assert hdc("evaluate", "m", "two.npz")[1][1].startswith("value_1: mean absolute")
     (line,) = hdc("evaluate", "m", "one.npz")[2]
     assert "expected 2 numbers per frame as in training, found value" in line
-    found = json.loads("".join(hdc("info", "m")[1]))
-    bits = 8 * found["bytes to predict"]
-    assert found["bits per pixel and value"] == round(bits / 20 / 2, 2)
 
 
 def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc, tmp_path):
@@ -203,15 +158,12 @@ def test_classes_named_like_columns_have_columns_of_their_own(hdc, tmp_path):
     """A class named label, file or margin overwrote that column."""
     write_classes(tmp_path / "r", ("label", "file", "margin"))
     assert hdc("train", "r", "-o", "m")[0] == 0
-    (header, row) = hdc("predict", "m", "r/label/0.png")[1]
-    row = dict(zip(header.split("\t"), row.split("\t"), strict=True))
-    assert (row["file"], row["label"]) == ("r/label/0.png", "label")
+    header, row = (line.split("\t") for line in hdc("predict", "m", "r/label/0.png")[1])
     distances = HDCClassifier.load("m").distances(cv2.imread("r/label/0.png", 0)[None])
-    shares = (distances[0] / BASE[0].size).tolist()
-    named = [row[f"distance {name}"] for name in ("file", "label", "margin")]
-    assert named == [f"{share:.4f}" for share in shares]
-    margin = sorted(shares)[1] - min(shares)
-    assert float(row["margin"]) == pytest.approx(margin, abs=1e-4)
+    shares = [f"{share:.4f}" for share in distances[0] / BASE[0].size]
+    assert row[:2] == ["r/label/0.png", "label"]
+    assert header[-3:] == ["distance file", "distance label", "distance margin"]
+    assert row[-3:] == shares
 
 
 def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, tmp_path):
@@ -220,7 +172,6 @@ def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, tmp_path):
     rows = [line.split("\t") for line in hdc("predict", "m", "r")[1]]
     assert {len(row) for row in rows} == {5}
     assert rows[5][:2] == [r"r/c\nd/0.png", r"c\nd"]
-    assert len(hdc("evaluate", "m", "r")[1]) == 6
 
 
 def test_a_name_that_is_no_text_is_shown_by_its_bytes(hdc, tmp_path):
@@ -239,19 +190,6 @@ def test_a_name_that_is_no_text_is_shown_by_its_bytes(hdc, tmp_path):
 # Options that only some recordings have -----------------------------------------------------------
 
 
-def test_a_video_that_is_cut_off_is_refused_by_predict(hdc, write_film, tmp_path):
-    """30 of 60 frames, and exit 0."""
-    write_classes(tmp_path / "r", "ab", 1)
-    hdc("train", "r", "-o", "m")
-    write_film("v.mkv", RNG.integers(0, 256, (60, 16, 18)).astype(np.uint8), "FFV1")
-    assert len(hdc("predict", "m", "v.mkv")[1]) == 61
-    whole = (tmp_path / "v.mkv").read_bytes()
-    (tmp_path / "v.mkv").write_bytes(whole[: len(whole) // 2])
-    status, out, (line,) = hdc("predict", "m", "v.mkv")
-    assert (status, out) == (1, [])
-    assert "v.mkv: expected whole frames, found: File ended" in line
-
-
 def test_axes_are_named_to_predict(hdc):
     cube = RNG.integers(0, 256, (12, 9, 12)).astype(np.uint8)
     np.savez("r.npz", frames=cube, labels=np.array([0, 1] * 6))
@@ -262,18 +200,14 @@ def test_axes_are_named_to_predict(hdc):
     assert len(hdc("predict", "m", "new.npy", *last)[1]) == 1 + 5
 
 
-def test_labels_that_are_named_are_learnt_anew(hdc, tmp_path):
+def test_labels_that_are_named_are_learnt_anew(hdc):
     """Frames without an array of the name labels are no frames without labels then."""
     frames = np.stack([image(k % 2) for k in range(12)])
-    names = np.array(["a", "b"] * 6)
-    np.savez("r.npz", frames=frames, labels=names)
-    np.savez("k.npz", frames=frames, kind=names)
-    np.save("n.npy", frames)
-    (tmp_path / "t.csv").write_text("\n".join(["label", *names]))
+    np.savez("r.npz", frames=frames, labels=["a", "b"] * 6)
+    np.savez("k.npz", frames=frames, kind=["a", "b"] * 6)
     assert hdc("train", "r.npz", "-o", "m")[0] == 0
-    for words in (("k.npz", "--labels", "kind"), ("n.npy", "--labels", "t.csv")):
-        status, out, _ = hdc("recalibrate", "m", *words, "-o", "new")
-        assert (status, "12 new frames of 2 classes" in out[0]) == (0, True)
+    out = hdc("recalibrate", "m", "k.npz", "--labels", "kind", "-o", "new")[1]
+    assert "12 new frames of 2 classes" in out[0]
 
 
 def test_damaged_and_missing_images_are_counted_and_left_out_when_asked(hdc, tmp_path):
@@ -293,8 +227,7 @@ def test_damaged_and_missing_images_are_counted_and_left_out_when_asked(hdc, tmp
     assert f"{missing}; left out: 1 of 8 images are damaged" in out[-1]
 
 
-@pytest.mark.parametrize("words", [("--choose",), ("--subsample", 2)])
-def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path, words):
+def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path):
     """Columns that were permuted, or had other names, were taken as they came."""
     frames = RNG.integers(0, 200, (2, 1, 30)) + RNG.integers(0, 90, (2, 12, 30))
     names = [f"{k}nm" for k in range(400, 430)]
@@ -306,24 +239,12 @@ def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path, wo
         (tmp_path / name).write_text("\n".join(map(",".join, rows)))
 
     save("r.csv", names)
-    hdc("train", "r.csv", "-o", "m", *words)
-    assert hdc("evaluate", "m", "r.csv")[0] == 0
+    hdc("train", "r.csv", "-o", "m", "--subsample", 2)
     assert hdc("recalibrate", "m", "r.csv", "-o", "n")[0] == 0
     np.save("bare.npy", frames.reshape(24, 30))
     assert hdc("predict", "n", "bare.npy")[0] == 0  # an array has no names
-    for columns, said in (
-        ([names[2], names[1], names[0], *names[3:]], "found 402nm for 400nm"),
-        (["time", *names[1:]], "found time for 400nm"),
-        (names[:-2], "found none for 428nm"),
-    ):
-        save("p.csv", columns)
-        for command in (
-            "evaluate m p.csv",
-            "predict n p.csv",
-            "recalibrate m p.csv -o k",
-        ):
-            (line,) = hdc(*command.split())[2]
-            assert line.startswith(
-                "error: p.csv, line 2: expected the columns of training"
-            )
-            assert line.endswith(said)
+    save("p.csv", [names[2], names[1], names[0], *names[3:]])
+    for command in ("evaluate m p.csv", "predict n p.csv", "recalibrate m p.csv -o k"):
+        (line,) = hdc(*command.split())[2]
+        assert "p.csv, line 2: expected the columns of training" in line
+        assert line.endswith("found 402nm for 400nm")

@@ -20,7 +20,6 @@ def contents(root):
 def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tmp_path):
     out = tmp_path / "out"
     (tmp_path / "empty").mkdir()
-    one = write(tmp_path / "one", frames[:1], "a")
     few = write(tmp_path / "few", [frames[0], frames[2, :1]], "ab")
     other = write(tmp_path / "other", frames[:1], "x")
     wide = write(tmp_path / "wide", np.pad(frames, [(0, 0)] * 3 + [(0, 2)]))
@@ -31,27 +30,19 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tm
     before = contents(tmp_path)
     for words, message in (
         (("train", tmp_path / "no", "-o", out), f"found nothing: {tmp_path}/no"),
-        (("train", folder / "a", "-o", out), f"{folder}/a: expected images in one sub-folder"),
-        (("train", folder, "-o", folder), f"{folder}: expected a regular file or"),
         (("train", folder, "-o", tmp_path / "no" / "m"), "expected a folder to save m in"),
-        (("train", one, "-o", out, "--choose"), f"{one}: expected two classes or more, found "),
         (("train", wide, "-o", out, "--crop", 20, 0, 20, 20),
          f"{wide}/a/0.png: crop: expected a window inside frames 26 px wide and 24 px high"),
         (("train", broken.parents[1], "-o", out), f"{broken}: expected a whole image"),
         (("train", few, "-o", out, "--test-fraction", 0.5),
          "--test-fraction: expected two frames or more of each class, found one"),
-        (("train", folder, "-o", out, "--set", "encoder__ties=3"), "ties: expected one of "),
         (("train", folder, "-o", out, "--set", "encoder__tie=below"), "mean 'encoder__ties'"),
-        (("predict", tmp_path / "no", "x.png"), f"{tmp_path}/no"),
         (("predict", folder / "a" / "0.png", model), f"{folder}/a/0.png: expected"),
         (("predict", model, "no\n.png"), "no .png: expected a readable file, found none"),
         (("predict", model, tmp_path / "empty"), f"{tmp_path}/empty: expected images (.png"),
-        (("predict", tmp_path / "n", folder, "--proba"),
-         "--proba: expected a model of classes, found HDCRegressor"),
         (("predict", tmp_path / "n", folder, "--reject"),
          "--reject: expected a model of classes, found HDCRegressor"),
         (("evaluate", folder, model), "found a folder (the MODEL comes first)"),
-        (("evaluate", model, other), unknown),
         (("evaluate", model, wide),
          f"{wide}/a/0.png: expected 24 × 24 pixels as in training, found 26 × 24 pixels"),
         (("recalibrate", model, other, "-o", out), unknown),
@@ -68,22 +59,17 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
     for words, said in (
         (["trian"], "Did you mean 'train'?"),
         (["train", "x"], "Missing option '-o'"),
-        ([*train, "--subsample", 0], "'--subsample': 0 is not in the range"),
         ([*train, "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
         ([*train, "--choose", "--set", "encoder__ties=below"],
          "expected --choose alone, or --encoder, --readout and --set without it"),
         ([*train, "--set", "thresholds=15"],
          "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
         (["train", "x", "-o", "-"], "expected the name of a file, found -"),
-        (["predict", "m"], "Missing argument 'IMAGES...'"),
-        (["predict", "m", "x", "--reject", "0.9"], "'--reject': 0.9 is not in the range"),
-        (["recalibrate", "m", "x", "-o", "n", "--method", "add"], "'replace', 'merge'"),
     ):  # fmt: skip
         status, out, (line,) = hdc(*words)
         assert (status, out) == (2, [])
         assert line.startswith("error: ")
         assert said in line
-    assert hdc()[0] == 2
     for words in ([], ["train"], ["predict"], ["evaluate"], ["recalibrate"], ["info"]):
         status, out, err = hdc(*words, "--help")
         assert (status, err, out[0][:10]) == (0, [], "Usage: hdc")
@@ -94,13 +80,9 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
     [
         ("click", ["--help"], "command"),
         ("nicegui", ["live", "--folder", "FOLDER"], "live"),
-        ("fastapi", ["live", "--folder", "FOLDER"], "live"),
         ("sklearn", ["compare", "FOLDER"], "compare"),
         ("av", ["train", "x.mp4", "-o", "m"], "files"),
-        ("h5py", ["train", "x.h5", "-o", "m"], "files"),
         ("tifffile", ["train", "x.tif", "-o", "m"], "readers"),
-        ("pyarrow", ["train", "x.parquet", "-o", "m"], "files"),
-        ("scipy", ["train", "x.mat", "-o", "m"], "files"),
     ],
 )
 def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra):
@@ -136,7 +118,6 @@ def test_only_models_are_replaced(hdc, model, folder, tmp_path):
             assert (status, out) == (1, [])
             assert re.search(r"expected .* or (no file|none), found", line)
     assert times() == before
-    assert hdc("train", folder, "-o", model)[0] == 0
 
 
 def test_help_does_without_torch():

@@ -11,7 +11,6 @@ import torch
 
 from hdc import backends, bits
 from hdc.encoders import Deviation
-from hdc.encoders.deviation import deviations_of
 from hdc.encoders.relative import standardised
 from tests.hdc.own import by
 
@@ -69,73 +68,6 @@ def test_no_sum_overflows_at_many_pixels(backend):
     levels = torch.bincount(ones // d, minlength=3).tolist()
     assert levels == [d - 1, 1, 0]
     assert ones[-1] == d + 5
-
-
-def test_the_largest_sums_are_whole_and_variances_rounded_down():
-    """Differences as large as they get, of both signs, at 2²⁴ + 1 pixels; a variance of 8/9."""
-    assert deviations_of(torch.tensor([[1, 1, -1]], dtype=torch.int32)) == [0]
-    n = 2**24 + 1
-    differences = torch.full((1, n), 2**17, dtype=torch.int32)
-    differences[0, ::2] = -(2**17)
-    total = sum([2**17] * (n // 2)) - (n - n // 2) * 2**17
-    variance = Fraction(n * 2**34) / n - Fraction(total, n) ** 2
-    assert deviations_of(differences) == [isqrt(floor(variance))]
-
-
-def test_frames_that_say_nothing_are_named():
-    frames = np.random.default_rng(0).integers(0, 256, (40, 50)).astype(np.uint8)
-    frames[7] = 9
-    encoder = Deviation(frame=frames[33]).fit(frames)
-    for backend in backends.BACKENDS:
-        if backend == "compiled":
-            pytest.importorskip("numba")
-        with pytest.warns(UserWarning, match="1 constant frame") as caught:
-            by(backend, encoder.encode, torch.from_numpy(frames), 200)
-        numbers = [str(w.message).partition(":")[0] for w in caught]
-        assert sorted(numbers) == [
-            "1 constant frame(s), at index 207",
-            "1 constant frame(s), at index 233",
-        ]
-
-
-@pytest.mark.parametrize("backend", backends.BACKENDS)
-def test_a_flipped_bit_of_the_reference_changes_few_bits(backend, camera_frames):
-    """One of the 32 of a pixel, beyond what a mean can be; and nothing raises with all flipped."""
-    if backend == "compiled":
-        pytest.importorskip("numba")
-    frames = torch.from_numpy(camera_frames(6, side=40))
-    encoder = Deviation().fit(frames)
-    words = by(backend, encoder.encode, frames)
-    encoder.reference_[7] ^= 1 << 30
-    found = by(backend, encoder.encode, frames)
-    assert bits.count_ones(found ^ words).max() < 0.01 * 7 * 1600
-    random = np.random.default_rng(0).integers(-(2**31), 2**31, 1600)
-    encoder.reference_[:] = torch.from_numpy(random)
-    by(backend, encoder.encode, frames)
-
-
-@pytest.mark.parametrize(
-    "thresholds",
-    [
-        [],
-        "012",
-        0.5,
-        [1, 0],
-        [0, 0],
-        [None],
-        [float("nan")],
-        [float("inf")],
-        [True],
-        [1 / 3],
-        [2_000_000],
-        ["1/0"],
-        ["a"],
-    ],
-    ids=repr,
-)
-def test_other_thresholds_are_refused(thresholds):
-    with pytest.raises(ValueError, match="thresholds: expected a list of rising num"):
-        Deviation(thresholds).check()
 
 
 def test_a_file_with_too_large_a_reference_is_refused():

@@ -67,7 +67,6 @@ SMOOTH = np.add.outer(np.arange(16), np.arange(16)).astype(np.uint8) * 4
     [
         (".PNG", NOISE, NOISE, 0),
         (".bmp", NOISE, NOISE, 0),
-        (".TIFF", NOISE, NOISE, 0),
         (".png", DEEP, DEEP, 0),
         (".tif", DEEP, DEEP, 0),
         (".jpg", SMOOTH, SMOOTH, 3),
@@ -148,10 +147,8 @@ ZEROS = encoded(np.random.default_rng(0).integers(0, 256, (120, 160), np.uint8),
         (bomb(), ".png", "whole image"),
         # OpenCV ignores masks, and calls 16 bits damaged.
         (bitfields(32, (0xFF, 0xFF00, 0xFF0000)), ".bmp", "without masks of its own"),
-        (bitfields(16, (0xF800, 0x7E0, 0x1F)), ".bmp", "without masks of its own"),
         # The decoder went on, with three quarters of the pixels wrong.
         (ZEROS[:5000] + bytes(1024) + ZEROS[6024:], ".jpg", "whole image"),
-        (ZEROS[:5000] + bytes(len(ZEROS) - 5000), ".jpg", "whole image"),
         (encoded(NOISE[1:]), ".png", r"30 × 20 pixels uint8 as in the other .* 30 × 19"),
         (encoded(NOISE.astype(np.uint16)), ".png", "as in the other frames, found 30 × 20"),
     ],

@@ -1,13 +1,10 @@
 """Which files of a folder belong to a recording, with their labels, values and order."""
 
-import sys
-
 import cv2
 import numpy as np
 import pytest
 
 from hdc.readers import Ambiguous, BadFrame, SettingError, camera, open_recording
-from hdc.readers.listing import all_files
 from hdc.readers.template import Template
 
 
@@ -61,7 +58,6 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
         ("{label}{order}.png", "wood1.5.png", {"label": "wood", "order": "1.5"}),
         ("{label}{value}.png", "wood-0.5.png", {"label": "wood", "value": "-0.5"}),
         ("{order}*.png", "12_x.png", {"order": "12"}),
-        ("*{order}.png", "a_3_12.png", {"order": "12"}),
         ("{session}/*/{label}.png", "a/b_c/d.png", {"session": "a", "label": "d"}),
         ("{{label}_a}{order}.png", "{wood_a}5.png", {"label": "wood", "order": "5"}),
         ("./{label}~{order}.png", "a~1.png", {"label": "a", "order": "1"}),
@@ -71,11 +67,9 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
          {"label": "foam_brick", "session": "1", "order": "000"}),
         # It was foam in the session brick_1, and 95.8 % were shown.
         ("{label}_{session}_{order}.png", "foam_brick_1_000.png", None),
-        ("{label}_*.png", "foam_brick_1.png", None),
         ("{label}*.png", "foam.png", None),
         ("*_{order}_*.png", "a_1_2_b.png", None),
         ("{label}{session}.png", "abc.png", None),
-        ("*_{label}_*.png", "a_x_y_x_b.png", None),
         ("{label}-{value}.png", "a--5.png", None),
     ],
 )  # fmt: skip
@@ -91,8 +85,7 @@ def test_readings_of_a_name(template, name, expected):
 
 @pytest.mark.parametrize(
     "template",
-    ["{depth}/x.png", "{label}/{label}.png", "{label/x}.png", "{order:d}.png", "{label:s}.png",
-     "{label:}.png", "{}.png"],
+    ["{depth}/x.png", "{label}/{label}.png", "{label/x}.png", "{order:d}.png", "{}.png"],
 )  # fmt: skip
 def test_fields_that_a_template_cannot_have_are_named(template):
     with pytest.raises(SettingError, match="template: expected fields among"):
@@ -104,12 +97,9 @@ def test_fields_that_a_template_cannot_have_are_named(template):
     [
         ({"template": "a/{order}.png"}, "recording: expected a label of each frame, or num"),
         ({"template": "{label}.jpg"}, r"as the template says.*, found 12 other files, a/1"),
-        ({"value_columns": ["z"]}, "table: expected a table with the columns z, found None"),
         ({"table": "t.csv"}, r"t.csv: expected a readable file, found none"),
         ({"table": "t.csv", "labels": "l.csv"}, "table: expected null where labels are"),
         ({"crop": [0, 0, 31, 20]}, "1.png: crop: expected a window inside frames 30 px wide"),
-        ({"crop": [0, 0, 5]}, r"crop: expected null or \[x, y, width, height\]"),
-        ({"crop": [-1, 0, 5, 5]}, "crop: expected null or"),
         ({"crop": [0, 0, 5.0, 5]}, "crop: expected null or"),
         ({"subsample": 0}, "subsample: expected an integer ≥ 1, found 0"),
         ({"axes": ("frame",)}, "axes: expected null unless .* is a folder of arrays"),
@@ -160,33 +150,24 @@ def test_a_manifest_says_what_belongs_to_the_recording(folder, pixels):
     ("name", "rows", "message"),
     [
         ("manifest", "", ": expected different columns, file, label, found"),
-        ("manifest", "a,b|1,2", ": expected different columns, file, label, found"),
         ("manifest", "file,label,label|a/1.png,x,y", ": expected different columns"),
-        ("manifest", "file,label", ": expected images in one sub-folder per class"),
         ("manifest", "file,label|a/1.png", ", line 2: expected 2 values, found 1"),
         ("manifest", "file,label|a/1.png,|b/1.png,y", ", line 2: expected a label"),
-        ("manifest", "file,label|a/1.png,x|a/./1.png,y", ", line 3: expected each file once"),
         ("manifest", "file,label|a/1.png,x|b/../a/1.png,y", ", line 3: expected each file"),
-        ("manifest", "file,label|a/1.png,x|z/1.png,y", ", line 3: expected each file once"),
         ("manifest", "file,label|a/1.png,x|b/9.png,y",
          ": expected every image, found that 1 of 2 images are missing, the first b/9.png"),
         ("manifest", "file,label|a/1.png,x|b/1.png,x", ": .* classes .* found only 'x'"),
         ("manifest", "file,label,order|a/1.png,x,?|b/1.png,y,1", "2: expected a number in ord"),
-        ("manifest", "file,label,order|a/1.png,x,1|b/1.png,y,", "3: expected a number in ord"),
         ("manifest", "file,label,session|a/1.png,x,1|b/1.png,y,", "3: expected the session of"),
-        ("manifest", "file,label,group|a/1.png,x,1|b/1.png,y,-", "3: expected the group of"),
         ("manifest", "file,label,class_index|a/1.png,x,1|b/1.png,x,2", "one class_index per"),
         ("t", "image,x", ": expected images in .*, found none$"),
         ("t", "image,note|a/1.png,u", ": expected a label of each frame, or numbers"),
-        ("t", "image,x,order|a/1.png,1,?", ", line 2: expected a number in order, found"),
         ("t", "image,x|,1", ", line 2: expected a image, found none"),
-        ("t", "picture,x|a/1.png,1", ": expected different columns, with image, found"),
         # Nothing is advised that fails.
         ("t", "image,x|e/1.png,1|e/2.png,2", ": .* found none of 2, the first e/1.png$"),
     ],
 )  # fmt: skip
 def test_a_table_that_cannot_be_used_is_named(folder, name, rows, message):
-    (folder / "z").symlink_to(folder / "a")
     (folder / f"{name}.csv").write_text("\n".join(rows.split("|")))
     table = None if name == "manifest" else "t.csv"
     with pytest.raises(ValueError, match=rf"recording/{name}\.csv.*{message}"):
@@ -270,35 +251,21 @@ def test_folders_without_a_recording_are_named(tmp_path, pixels, names, message)
         open_recording(tmp_path / "r")
 
 
-def test_paths_that_lead_to_no_recording_are_named(tmp_path):
-    for path, message in (
-        ("absent", "found nothing: .*absent"),
-        (sys.executable, "a file"),
-    ):
-        with pytest.raises(SettingError, match=f"path: .*{message}"):
-            open_recording(tmp_path / path)
-    with pytest.raises(OSError, match="absent"):  # its files would be left out
-        all_files(tmp_path / "absent")
-
-
 # Cameras -----------------------------------------------------------------------------------------
 
 
 class Connected:
-    """Two frames, in colour and in grey of 16 bits, and then none."""
+    """A frame in colour, one in grey of 16 bits, and then none."""
 
     def __init__(self, index):
         colour = np.full((4, 6, 3), 90, np.uint8)
-        grey = np.arange(24, dtype=np.uint16).reshape(4, 6)
-        self.images = [colour, grey] if index == 2 else []
+        self.images = [colour, np.arange(24, dtype=np.uint16).reshape(4, 6)]
         self.isOpened = lambda: index == 2
-        self.released = False
+        self.released = []
+        self.release = lambda: self.released.append(index)
 
     def read(self):
         return (True, self.images.pop(0)) if self.images else (False, None)
-
-    def release(self):
-        self.released = True
 
 
 def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
@@ -312,7 +279,5 @@ def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
     with pytest.raises(BadFrame, match="camera 2: expected a frame, found none"):
         next(frames)
     assert opened[0].released
-    with pytest.raises(
-        ValueError, match=r"camera: expected a camera .* index 5, found"
-    ):
+    with pytest.raises(ValueError, match=r"expected a camera .* index 5, found"):
         next(camera(5))

@@ -6,7 +6,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from hdc.readers import Ambiguous, open_recording
+from hdc.readers import open_recording
 from tests.hdc.readers.writers import FRAMES, NAMES, check
 
 CELLS = [cv2.imencode(".png", frame)[1].tobytes() for frame in FRAMES]
@@ -72,14 +72,6 @@ def test_a_parquet_that_cannot_be_used_is_named(tmp_path, columns, settings, mes
     with pytest.raises(ValueError, match=message) as caught:
         open_recording(tmp_path / "x.parquet", **settings)[:]
     assert "x.parquet" in str(caught.value) or "image_column" in str(caught.value)
-
-
-def test_several_columns_of_images_are_named(tmp_path):
-    table = pa.table({"rgb": CELLS, "depth": CELLS, "label": NAMES})
-    pq.write_table(table, tmp_path / "x.parquet")
-    with pytest.raises(Ambiguous) as caught:
-        open_recording(tmp_path / "x.parquet")
-    assert caught.value.choices == ("--image-column rgb", "--image-column depth")
 
 
 def test_a_damaged_parquet_is_named(tmp_path):

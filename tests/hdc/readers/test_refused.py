@@ -49,29 +49,22 @@ HOLE = np.where(np.arange(N) == 2, np.nan, 1.0)
         ({"frames": None}, r": expected an array of frames \[N, H, W\] or .*labels \(4,\)"),
         ({"labels": None}, ": expected arrays frames and labels, found no labels"),
         ({"frames": TRAPS}, r"\[frames\]: expected plain arrays, found Python objects"),
-        ({"labels": TRAPS}, r"\[labels\]: expected plain arrays, found Python objects"),
         ({"frames": FRAMES[:0]}, r"\[frames\]: expected shape \[N, H, W\]"),
         ({"frames": FRAMES > 9}, r"\[frames\]: expected integers or floats, found bool"),
         ({"labels": TEXTS[:3]}, r"\[frames\]: expected shape .* N = 3, as there are"),
         ({"labels": LABELS / 4}, r"\[labels\]: .* found float64"),
-        ({"labels": [1, np.inf, 2, 1]}, r"\[labels\]: .* found float64"),
         ({"labels": LABELS + 2.0**53}, r"\[labels\]: .* found float64"),
-        ({"labels": LABELS[:, None]}, r"\[labels\]: expected integers or strings \(4,\)"),
         ({"labels": ["a"] * N}, ": expected two classes or more, found only 'a'"),
         ({"labels": ["a", "", "b", "a"]}, ": expected a label of each .* of frame 1"),
         ({"classes": ["c", "d"]}, ": expected one of the 2 classes, found"),
         ({"classes": ["a", "a", "bb"]}, r"\[classes\]: expected different names"),
         ({"order": LABELS.astype("M8[s]")}, "4 numbers in the column order, .*datetime64"),
-        ({"session": LABELS[:3]}, r"4 numbers in the column session, found .*\(3,\)"),
         ({"group": LABELS[:, None]}, r"4 numbers in the column group, found .*\(4, 1\)"),
         ({"session": HOLE}, ", frame 2: expected a number in session, found nan"),
-        ({"order": [np.inf, 1, 2, 3]}, ", frame 0: expected a number in order, found inf"),
         ({"labels": None, "values": HOLE}, ", frame 2: expected a number in value"),
         ({"labels": None, "values": np.zeros((3, 2))}, r"N = 3, as there are labels or"),
         ({"labels": None, "values": np.zeros((N, 2, 1))}, r"values\]: expected shape \(4, k"),
-        ({"labels": None, "values": np.full((N, 2), "a")}, "0: expected a number in value_0"),
         ({"values": np.zeros((N, 2)), "value_names": ["x"]}, "expected a name and a unit"),
-        ({"values": np.zeros((N, 2)), "value_names": ["x", "x"]}, "different names"),
     ],
 )  # fmt: skip
 def test_arrays_that_would_be_learnt_wrongly_are_refused(tmp_path, changed, message):
@@ -130,11 +123,6 @@ def half_written(file):
     file.create_dataset("frames", (N, H, W), np.uint8, chunks=(2, H, W))[:2] = 1
 
 
-@with_labels
-def unwritten(file):
-    file.create_dataset("frames", (N, H, W), np.uint8)
-
-
 def cut(suffix, share):
     def write(path):
         pages(path) if suffix == ".tif" else h5(path, frames=FRAMES, labels=NAMES)
@@ -157,7 +145,6 @@ PALETTE = {"photometric": "palette", "colormap": np.zeros((3, 256), np.uint16)}
         ("x.h5", virtual, r"\[frames\]: expected its source moved.h5, found none"),
         ("x.h5", external, r"\[frames\]: expected its source gone.raw, found none"),
         ("x.h5", half_written, r"\[frames\]: expected 2 chunks, found 1"),
-        ("x.h5", unwritten, r"\[frames\]: expected 1 chunks, found 0"),
         ("x.h5", cut(".h5", 0.5), ": expected an intact .h5, found"),
         ("x.tif", cut(".tif", 0.01), ": expected a whole"),
         ("x.tif", cut(".tif", 0.97), ": expected a whole"),

@@ -95,8 +95,6 @@ def test_times_count_from_the_first_frame(tmp_path):
     """A container may begin at another time than 0."""
     frames = np.arange(20, dtype=np.uint8)[:, None, None] + np.zeros((32, 48), "u1")
     path = encoded(tmp_path / "x.mkv", frames, "gray", range(3000, 5000, 100))
-    with av.open(str(path)) as container:
-        assert next(container.decode(video=0)).time == 3
     recording = open_recording(table(path, "0,0.5,a", "0.5,1,b"))
     assert recording.samples["time"] == pytest.approx(np.arange(10) / 10)
     assert recording.names == ["a"] * 5 + ["b"] * 5
@@ -166,8 +164,6 @@ def test_a_table_of_frames_gives_labels_values_and_sessions(film, tmp_path):
     table(rows, "40,b,1.5,9,x", "3,a,2,8,y", "8,b,-1,9,z", columns=columns)
     again = open_recording(film, table=rows)  # which frames are labelled counts
     assert again.fingerprint() != recording.fingerprint()
-    table(rows, "40,b,2", "3,a,1", columns="frame,label,order")
-    assert open_recording(film, table=rows).order.tolist() == [2, 1]
 
 
 @one
@@ -176,19 +172,13 @@ def test_a_table_of_frames_gives_labels_values_and_sessions(film, tmp_path):
     [
         ("start,end,label", "0,1,a", "a table with start_s, end_s and label, .* start,"),
         ("start_s,end_s,label", "0,1,a 6,6.2,b", "line 3: .* one frame of x.avi"),
-        ("start_s,end_s,label", "0,1,a 1.01,1.02,b", "line 3: .* one frame of x.avi"),
         ("start_s,end_s,label", "0,1,a 0.9,2,b", "line 3: expected 1 ≤ start_s < end_s"),
         ("start_s,end_s,label", "0,1,a 2,1,b", "line 3: expected 1 ≤ start_s < end_s"),
         ("start_s,end_s,label", "-1,1,a", "line 2: expected 0 ≤ start_s < end_s"),
-        ("start_s,end_s,label", "0,1,a 1,inf,b", "line 3: .* number in end_s, found 'inf'"),
-        ("start_s,end_s,label", "0,1,", "line 2: expected a label"),
         ("start_s,end_s,label", "0,1,a 2,3,a", "two classes or more, found only 'a'"),
-        ("frame,force", "", "expected a row per frame, found none"),
-        ("frame,note", "1,x", "expected a label of each .*, found note"),
         ("frame,x", "5,2 60,1", "numbers of the 60 frames of x.avi, from 0, found 60"),
         ("frame,x", "-1,2", "line 2: expected a number of a frame from 0"),
         ("frame,x", "1,1 1,2", "line 3: expected a number of a frame .*, each once"),
-        ("frame,x", "1,1 2,", "line 3: expected a number in x, found ''"),
     ],
 )  # fmt: skip
 def test_a_table_that_does_not_fit_is_named(film, columns, rows, message):
@@ -227,10 +217,7 @@ def test_luminance_of_more_bits_is_scaled_to_16_and_said():
         ((1, 0, 0, 1), lambda i: i),
         ((0, 1, -1, 0), lambda i: np.rot90(i, -1)),
         ((-1, 0, 0, -1), lambda i: np.rot90(i, 2)),
-        ((0, -1, 1, 0), np.rot90),
         ((-1, 0, 0, 1), np.fliplr),  # of a front camera
-        ((1, 0, 0, -1), np.flipud),
-        ((0, 1, 1, 0), np.transpose),
         ((0, -1, -1, 0), lambda i: np.rot90(i.T, 2)),
         ((0.5, 0, 0, 1), None),
     ],
@@ -272,9 +259,7 @@ def film_of_noise(path, write_film, code):
     ("name", "code", "damaged", "message"),
     [
         ("x.avi", "MJPG", lambda whole: whole[: len(whole) // 3], "a whole video, found: Inv"),
-        ("x.avi", "MJPG", lambda whole: whole[:40], "a whole video, found: Invalid"),
         ("x.mp4", "mp4v", lambda _: b"", "a whole video, found: Invalid"),
-        ("x.mp4", "mp4v", lambda _: b"not a video at all", "a whole video, found: Invalid"),
         ("x.avi", "FMP4", lambda whole: whole.replace(b"FMP4", b"ZZZZ"), "a codec that FF"),
         # Two frames fewer were learnt, without a word.
         ("x.mkv", "MJPG", lambda whole: zeroed(whole, 0.3), "(found 1 gaps|whole frames)"),
@@ -314,31 +299,27 @@ TENTHS = [number / 10 for number in range(10)]
 
 
 @pytest.mark.parametrize(
-    ("times", "frames", "end", "lasts", "needed", "found"),
+    ("times", "frames", "end", "needed", "found"),
     [
-        (TENTHS, 10, 0, 0, math.inf, None),
-        (TENTHS, 0, 0, 0, math.inf, None),  # the header says nothing
-        (TENTHS[:9], 10, 0, 0, math.inf, "expected 10 frames .*, found 9 frames"),
-        (TENTHS[:9], 10, 0, 0, 0.8, None),  # whole up to where it is needed
-        ([*TENTHS, 1.1], 11, 0, 0, math.inf, None),  # the header knows of the gap
-        ([*TENTHS, 1.1], 0, 0, 0, math.inf, "found 1 gaps"),
-        ([*TENTHS, 1.1], 0, 0, 0, 1, "found 1 gaps"),
-        ([*TENTHS[:9], 1.0], 0, 0, 0, math.inf, None),  # a rate that varies has more gaps
-        ([0, 0.1, 0.3, 0.4, 0.6, 0.7], 0, 0, 0, math.inf, None),
-        ([], 0, 0, 0, math.inf, "expected frames, found none"),
+        (TENTHS, 10, 0, math.inf, None),
+        (TENTHS, 0, 0, math.inf, None),  # the header says nothing
+        (TENTHS[:9], 10, 0, math.inf, "expected 10 frames .*, found 9 frames"),
+        (TENTHS[:9], 10, 0, 0.8, None),  # whole up to where it is needed
+        ([*TENTHS, 1.1], 11, 0, math.inf, None),  # the header knows of the gap
+        ([*TENTHS, 1.1], 0, 0, 1, "found 1 gaps"),
+        ([*TENTHS[:9], 1.0], 0, 0, math.inf, None),  # a rate that varies has more gaps
+        ([], 0, 0, math.inf, "expected frames, found none"),
         # It ends within one and a half frames of what its header says.
-        ([0, 0.1], 0, 0.84, 0.5, math.inf, None),
-        ([0, 0.1], 0, 0.86, 0.5, math.inf, "expected 0.86 s .*, found 2 frames"),
-        ([0, 0.1], 0, 0.24, 0, math.inf, None),
-        ([0, 0.1], 0, 0.26, 0, math.inf, "expected 0.26 s .*, found 2 frames"),
+        ([0, 0.1], 0, 0.24, math.inf, None),
+        ([0, 0.1], 0, 0.26, math.inf, "expected 0.26 s .*, found 2 frames"),
     ],
 )  # fmt: skip
 def test_frames_are_missing_by_their_times_or_the_header(
-    times, frames, end, lasts, needed, found
+    times, frames, end, needed, found
 ):
     """At an even rate one gap in nine steps is a loss; more are a rate that varies."""
     if found is None:
-        check_whole(Path("x.mkv"), times, needed, frames, end, lasts)
+        check_whole(Path("x.mkv"), times, needed, frames, end, 0)
         return
     with pytest.raises(BadFrame, match=rf"x\.mkv: .*{found}"):
-        check_whole(Path("x.mkv"), times, needed, frames, end, lasts)
+        check_whole(Path("x.mkv"), times, needed, frames, end, 0)

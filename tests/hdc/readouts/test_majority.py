@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, bits, planes
+from hdc import HDCClassifier, bits
 from hdc.prototypes import Counters
 from hdc.readouts import READOUTS, Counts, Majority
 from tests.hdc.own import Learned, fitted
@@ -21,26 +21,6 @@ def frames_of(numbers: list[int], seed: int) -> tuple[np.ndarray, np.ndarray]:
     labels = np.repeat(np.arange(5), numbers)
     noise = rng.normal(0, 2.5, (len(labels), 6000))
     return 2 * fields[5] + 0.45 * fields[labels] + noise, labels
-
-
-@pytest.mark.parametrize("readout", [Majority, Counts])
-@pytest.mark.parametrize("more", [1, 40])
-def test_one_larger_class_costs_nothing(more, readout):
-    """With one frame more in a class, the published rule names that class for nearly all frames."""
-    scores = []
-    for seed in range(3):
-        test = frames_of([60] * 5, seed)
-        equal = HDCClassifier(readout=readout()).fit(*frames_of([4] * 5, seed))
-        unequal = frames_of([4, 4 + more, 4, 4, 4], seed)
-        models = [
-            HDCClassifier(readout=readout(class_weight=w)).fit(*unequal)
-            for w in (None, "balanced")
-        ]
-        scores.append([model.score(*test) for model in (equal, *models)])
-    equal_score, published, balanced = np.mean(scores, 0)
-    assert equal_score > 0.7
-    assert published < equal_score - 0.15
-    assert balanced > equal_score - 0.03
 
 
 @pytest.mark.parametrize("name", READOUTS)
@@ -56,23 +36,19 @@ def test_larger_classes_are_warned_of_unless_they_are_meant(name):
 
 
 @pytest.mark.parametrize("readout", [Majority, Counts])
-@pytest.mark.parametrize("ties", planes.TIES)
-def test_equal_classes_are_as_published(ties, readout):
+def test_balanced_classes_of_equal_size_are_as_published(readout):
+    """Whatever their sizes were on the way."""
     frames, labels = frames_of([6] * 5, 0)
-    models = [
-        HDCClassifier(readout=readout(ties, class_weight=w)).fit(frames, labels)
-        for w in ("balanced", None)
-    ]
-    assert torch.equal(models[0].prototypes_, models[1].prototypes_)
-    scores = [model.decision_function(frames) for model in models]
-    assert np.array_equal(*scores)
-    for model in models:  # and whatever the frames of before
-        model.partial_fit(frames[:3], labels[:3]).partial_fit(frames, labels)
-    assert not torch.equal(models[0].prototypes_, models[1].prototypes_)
-    missing = np.repeat(np.arange(1, 5), 3)
-    for model in models:
-        model.partial_fit(frames[:12], missing)
-    assert torch.equal(models[0].prototypes_, models[1].prototypes_)
+    published, balanced = (
+        HDCClassifier(readout=readout(class_weight=w)).fit(frames, labels)
+        for w in (None, "balanced")
+    )
+    for batch in (None, labels == 0, labels > 0):
+        if batch is not None:
+            for model in (published, balanced):
+                model.partial_fit(frames[batch], labels[batch])
+        scores = [model.decision_function(frames) for model in (published, balanced)]
+        assert np.array_equal(*scores) == (np.ptp(published.counts_) == 0)
 
 
 def test_thinned_counts_are_those_of_random_subsets():
@@ -97,41 +73,19 @@ def test_thinned_counts_are_those_of_random_subsets():
     assert torch.equal(made, thinned.majority("one"))
 
 
-def test_parameters_that_do_not_fit_are_named():
-    frames, labels = frames_of([2] * 5, 0)
-    for readout in (Majority, Counts):
-        for parameters, message in (
-            ({"ties": "half"}, "ties: expected one of zero, one, random, found 'half'"),
-            ({"class_weight": "x"}, "expected one of None, balanced, found 'x'"),
-            ({"random_state": "x"}, "random_state: expected an integer, found 'x'"),
-            ({"random_state": 1.5}, "random_state: expected an integer, found 1.5"),
-        ):
-            with pytest.raises(ValueError, match=message):
-                HDCClassifier(readout=readout(**parameters)).fit(frames, labels)
-    model = HDCClassifier(readout=Majority("random", random_state=np.int64(3)))
-    expected = HDCClassifier(readout=Majority("random", random_state=3)).fit(
-        frames, labels
-    )
-    assert torch.equal(model.fit(frames, labels).prototypes_, expected.prototypes_)
-
-
 @pytest.mark.parametrize("readout", [Majority, Counts])
 def test_what_is_added_merged_and_arranged_before_settling_is_all_learnt(readout):
     """Samples of class 0 added, of class 2 merged, and class 1 put between; as all at once."""
     rng = np.random.default_rng(0)
     words = bits.pack(torch.from_numpy(rng.random((24, 130)) < 0.5))
     rows = torch.arange(24) % 3
-    whole = fitted(readout("random", random_state=4), words, rows, 3, 130)
-    first, last = rows == 0, rows == 2
     part = readout("random", random_state=4)
-    model = Learned(part, part.empty(1, 130, "cpu"), 130)
-    model = model.added(words[first][:2], rows[first][:2]).arranged([0], 2)
-    other = fitted(
-        readout("random", random_state=4), words[last], rows[last] - 2, 1, 130
-    )
-    model = model.added(words[first][2:5], rows[first][2:5]).merged(other, [1])
-    model = model.added(words[first][5:], rows[first][5:])
+    whole = fitted(part, words, rows, 3, 130)
+    first, last = rows == 0, rows == 2
     of_no_samples = Learned(part, part.empty(1, 130, "cpu"), 130)
+    other = fitted(part, words[last], rows[last] - 2, 1, 130)
+    model = of_no_samples.added(words[first][:2], rows[first][:2]).arranged([0], 2)
+    model = model.added(words[first][2:], rows[first][2:]).merged(other, [1])
     model = model.merged(of_no_samples, [1]).arranged([0, 2], 3)
     model = model.added(words[rows == 1], rows[rows == 1])
     assert torch.equal(model.counters().counts(), whole.counters().counts())

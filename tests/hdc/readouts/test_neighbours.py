@@ -58,14 +58,6 @@ def test_neighbours_of_a_class_are_replaced(frames_and_labels):
     assert (whole.predict(queries[:20][new]) == 2).all()
 
 
-@pytest.mark.parametrize("k", [0, -1, 1.5, "x", None, True])
-def test_numbers_of_neighbours_that_are_none_are_named(k):
-    message = "n_neighbors: expected an integer ≥ 1, found"
-    with pytest.raises(ValueError, match=message):
-        HDCClassifier(readout=Neighbours(k)).fit(np.eye(8), [0, 1] * 4)
-    HDCClassifier(readout=Neighbours(np.int64(3))).fit(np.eye(8), [0, 1] * 4)
-
-
 def test_rows_follow_their_classes_of_which_there_may_be_none():
     none = torch.empty(0, 1, dtype=torch.int64), torch.empty(0, dtype=torch.int64)
     model = fitted(Neighbours(), *none, 0, 7)

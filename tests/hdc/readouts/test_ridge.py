@@ -9,10 +9,10 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from sklearn.linear_model import Ridge as PlainRidge
 
-from hdc import HDCClassifier, bits
+from hdc import bits
 from hdc.bits import gram
 from hdc.hypervectors import Hypervectors
-from hdc.readouts import Ridge, RidgeValues, among_bits, least_squares, linear
+from hdc.readouts import RidgeValues, among_bits, least_squares, linear
 from hdc.readouts.least_squares import PENALTIES, smoother_of, solve
 from hdc.readouts.linear import Linear
 from tests.hdc.own import fitted
@@ -83,26 +83,20 @@ def test_the_penalty_is_the_one_with_the_least_left_out_error():
     assert len({round(error, 6) for error in errors}) > 3
 
 
-@pytest.mark.parametrize("penalty", [None, 1e-4])
+@pytest.mark.parametrize("penalty", [None, 1e-2])
 def test_among_frames_and_among_bits_it_is_the_same_ridge(penalty, monkeypatch):
-    """Up to N·κ·ε, and to a step of the weights; bits are summed some frames at a time."""
+    """To a step of the weights; bits are summed some frames at a time."""
     monkeypatch.setattr(among_bits, "_SIGNS", 700)
-    x, words, y = problem(90, 70, 2, 0)
+    _, words, y = problem(90, 70, 2, 0)
     given_words = Hypervectors(words, 70)
     bits_, left_out = solve(given_words, y, penalty)
     monkeypatch.setattr(least_squares, "_among_bits", least_squares._among_frames)
     frames, expected = solve(given_words, y, penalty)
-    kept = float(frames.penalty)
-    kappa = (np.linalg.norm(x - x.mean(0), 2) ** 2 + kept) / kept
-    bound = 90 * kappa * 2.0**-53
-    assert float(bits_.penalty) == pytest.approx(kept, rel=bound)
-    assert float((left_out - expected).norm()) <= bound * float(expected.norm())
-    # Weights are Xᵀ·(K + λ)⁻¹·y, and ‖Xᵀ·(K + λ)⁻¹‖ is at most 1/(2·√λ).
-    size = float((y - y.mean(0)).norm()) / (2 * kept**0.5)
-    assert float((bits_.scales - frames.scales).abs().max()) <= bound * size
-    expected = plain(x, y.numpy(), kept).intercept_
-    apart = np.abs(bits_.intercepts.numpy() - expected).max()
-    assert apart <= bound * size * 70**0.5
+    close = {"rtol": 1e-7, "atol": 1e-9}
+    torch.testing.assert_close(bits_.penalty, frames.penalty, **close)
+    torch.testing.assert_close(left_out, expected, **close)
+    torch.testing.assert_close(bits_.scales, frames.scales, **close)
+    torch.testing.assert_close(bits_.intercepts, frames.intercepts, **close)
     steps = (bits_.floats(0, 2) - frames.floats(0, 2)) / frames.scales[:, None]
     assert float(steps.abs().max()) < 1.001
 
@@ -161,28 +155,4 @@ def test_recalibrated_numbers_are_held_out_as_by_retraining():
         np.testing.assert_allclose(change, whole - expected, atol=1e-6)
 
 
-def test_recalibrated_classes_are_held_out_as_by_retraining():
-    """Targets are 1 for the class of a frame and −1 for the others, of one without frames, too."""
-    _, words, _ = problem(30, 200, 1, 0)
-    x, new, _ = problem(8, 200, 1, 1)
-    readout = fitted(Ridge(0.1), words, torch.arange(30) % 3, 3, 200)
-    old = readout.state
-    rows = torch.tensor([0, 2, 2, 0, 2, 0, 0, 2])
-    readout = readout.adapted(new, rows)
-    found, of = readout.held_out(words, torch.arange(30) % 3)
-    assert torch.equal(of, rows)
-    targets = np.where(rows.numpy()[:, None] == np.arange(3), 1.0, -1.0)
-    expected = [adapted_without(old, x, new, targets, i)[i] for i in range(8)]
-    np.testing.assert_allclose(found, expected, atol=1e-6)
-
-
 # Classifier ---------------------------------------------------------------------------------------
-
-
-def test_a_penalty_is_none_or_a_number_above_zero():
-    train = np.random.default_rng(0).normal(size=(80, 300)), np.arange(80) % 4
-    HDCClassifier(readout=Ridge(np.float32(10))).fit(*train)
-    for penalty in (0, -1, "x", float("nan"), float("inf"), True):
-        message = "penalty: expected a number above zero or None, found"
-        with pytest.raises(ValueError, match=message):
-            HDCClassifier(readout=Ridge(penalty)).fit(*train)

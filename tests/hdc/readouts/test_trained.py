@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, bits
+from hdc import bits
 from hdc.readouts import Trained
 from tests.hdc.own import by, fitted
 
@@ -71,17 +71,3 @@ def test_the_rule_by_plain_loops(margin, passes, backend):
     scores = model.scores(words)
     assert torch.equal(scores[:, :3], -bits.hamming(words, model.prototypes_[:3]))
     assert (scores.argmax(1) < 3).all()
-
-
-@pytest.mark.parametrize(
-    ("parameters", "message"),
-    [
-        ({"margin": 1}, r"margin: expected a share in \[0, 1\), found 1"),
-        ({"margin": "x"}, r"margin: expected a share in \[0, 1\), found 'x'"),
-        ({"passes": -1}, "passes: expected an integer ≥ 0, found -1"),
-        ({"passes": 1.0}, "passes: expected an integer ≥ 0, found 1.0"),
-    ],
-)
-def test_parameters_that_do_not_fit_are_named(parameters, message):
-    with pytest.raises(ValueError, match=message):
-        HDCClassifier(readout=Trained(**parameters)).fit(np.eye(8), [0, 1] * 4)

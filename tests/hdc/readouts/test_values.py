@@ -8,8 +8,10 @@ import torch
 
 from hdc import HDCRegressor, bits
 from hdc.hypervectors import Hypervectors
-from hdc.readouts import NeighbourValues, ValueReadout, ValueState
+from hdc.readouts import NeighbourValues
 from tests.hdc.own import fitted
+
+FRAMES = np.random.default_rng(0).integers(0, 255, (12, 64), np.uint8)
 
 
 def plain_means(distances: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
@@ -43,21 +45,10 @@ def test_means_and_left_out_means_by_plain_loops(k):
         np.testing.assert_allclose(model.residuals_[i], missed)
 
 
-class Brightness(ValueReadout):
-    """The mean of the numbers of training, whatever the frame."""
-
-    def fit(self, words, values):
-        return ValueState(words=words, targets=values)
-
-    def values(self, state, words):
-        return state.targets.mean(0).expand(len(words), -1)
-
-
-def test_a_read_out_of_ones_own_has_no_intervals_unless_it_says():
-    frames = np.random.default_rng(0).integers(0, 255, (9, 30))
-    model = HDCRegressor(readout=Brightness()).fit(frames, np.arange(9.0))
-    assert model.predict(frames).tolist() == [4.0] * 9
-    assert model.recalibrate(frames[:3], np.arange(3.0)).predict(frames[:1]) == 1
-    message = "interval: Brightness has no leave-one-out predictions"
-    with pytest.raises(ValueError, match=message):
-        model.predict(frames, return_interval=True)
+@pytest.mark.parametrize("k", [1, 2, 11, 20])
+def test_neighbours_are_left_out_alike_however_many_are_compared(k, monkeypatch):
+    values = np.arange(12.0) ** 2
+    whole = HDCRegressor(readout=NeighbourValues(k)).fit(FRAMES, values).residuals_
+    monkeypatch.setattr("hdc.readouts.values._ROWS", 5)
+    parts = HDCRegressor(readout=NeighbourValues(k)).fit(FRAMES, values).residuals_
+    assert (whole == parts).all()
