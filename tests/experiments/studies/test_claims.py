@@ -7,7 +7,6 @@ import pytest
 import yaml
 from rich.console import Console
 
-from experiments.reporting.table import records
 from experiments.reproduction import claim
 from experiments.studies.claims import view
 
@@ -44,24 +43,6 @@ def test_the_words_of_rules_1_are_those_of_their_file(history):
     rows = [row for row in history if row["rules"] == "1"]
     assert {row["claim"]: row["word"] for row in rows} == earlier["words"]
     assert {row["judged"] for row in rows} == {earlier["commit"]}
-
-
-def test_the_table_shows_every_verdict_that_says_something(committed):
-    table = committed.table("claims")
-    lines = view.HISTORY.read_text("utf-8").splitlines(keepends=True)
-    assert table.csv() == "".join(line for line in lines if "-100,0," not in line)
-    rows = zip(records(table.data), table.cells(), strict=True)
-    shown = {tuple(row[key] or "" for key in table.key): cells for row, cells in rows}
-    _, rival, word, mean, equal, predicted, *_ = shown[
-        2, "accuracy_mended", "softmax_dual_standardised", ""
-    ]
-    assert rival == "Converged softmax, standardised"
-    assert word == "Undecided (rules 2: yes)"
-    assert (mean, equal) == ("+3.3 points [−2.8, +9.5]", "−0.2 points [−11, +11]")
-    assert predicted == "−12 to +19 points"
-    assert "×4.2 [4.1, 4.4]" in shown[2, "softmax", "softmax_dual", ""]
-    assert "captured: Dome, objects" in shown[3, "bits", "greys_chosen", "visuotactile"]
-    assert "dcbc15c1f131, frozen by commit 30faadaf0b63" in str(table.note)
 
 
 def test_one_claim_says_its_words_its_verdicts_and_what_judged(

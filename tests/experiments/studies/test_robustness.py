@@ -14,7 +14,7 @@ from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context
-from experiments.studies.robustness import measure, view
+from experiments.studies.robustness import measure
 from experiments.studies.robustness.disturbances import (
     OF_FRAMES,
     dead_pixels,
@@ -191,27 +191,3 @@ def test_disturbances_stay_within_the_camera_s_range(dtype, edge):
     apart = np.abs(dither(given, 2, random()).astype(int) - edge)
     assert set(np.unique(apart)) == {0, 1, 2}
     assert power(given, 0.2, random()).max() == edge
-
-
-def test_a_change_is_paired_by_seed_and_weights_of_8_bits_flip():
-    def line(name, level, *rights):
-        of = {"scene": "gelsight", "model": "ridge", "disturbance": name, "n_test": 100}
-        return [
-            of | {"level": level, "seed": seed, "right": right}
-            for seed, right in enumerate(rights)
-        ]
-
-    rows = [
-        *line("none", 0, 90, 80),
-        *line("shift", 1, 50, 42),
-        *line("shift", 4, 0, 0),
-    ]
-    rows += [*line("bit_flips", 0.01, 20, 20), *line("bit_flips_int8", 0.01, 88, 79)]
-    found = view.cases(pd.DataFrame(rows)).set_index("disturbance")
-    assert found.index.tolist() == ["shift", "bit_flips"]
-    assert found.before.tolist() == pytest.approx([0.85, 0.85])
-    assert found.after.tolist() == pytest.approx([0.46, 0.835])
-    assert found.change.tolist() == pytest.approx([-0.39, -0.015])
-    # Student's t of one degree of freedom times the standard error of −40 and −38 points.
-    half = 12.706 * 0.01
-    assert found.change_high["shift"] == pytest.approx(-0.39 + half, abs=1e-4)
