@@ -71,6 +71,14 @@ def test_disturbances_of_frames_have_their_size():
     assert np.unpackbits(changed).sum() == near(0.1, 8 * FRAMES.size)
 
 
+@pytest.mark.parametrize(("dtype", "edge"), [(np.uint8, 0), (np.uint16, 65535)])
+def test_disturbances_stay_within_the_camera_s_range(dtype, edge):
+    given = np.full((50, 9, 9), edge, dtype)
+    apart = np.abs(dither(given, 2, random()).astype(int) - edge)
+    assert set(np.unique(apart)) == {0, 1, 2}
+    assert power(given, 0.2, random()).max() == edge
+
+
 # Bits ---------------------------------------------------------------------------------------------
 
 
@@ -183,11 +191,3 @@ def test_every_model_is_measured_and_left_as_it_was(name, cases, scene, monkeypa
     assert right["bit_flips", 0.5] < undisturbed
     if name == "ridge":
         assert min(right["bit_flips_int8", 0], right["bit_flips_int8", 1e-12]) > 18
-
-
-@pytest.mark.parametrize(("dtype", "edge"), [(np.uint8, 0), (np.uint16, 65535)])
-def test_disturbances_stay_within_the_camera_s_range(dtype, edge):
-    given = np.full((50, 9, 9), edge, dtype)
-    apart = np.abs(dither(given, 2, random()).astype(int) - edge)
-    assert set(np.unique(apart)) == {0, 1, 2}
-    assert power(given, 0.2, random()).max() == edge
