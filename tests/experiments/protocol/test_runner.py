@@ -42,8 +42,6 @@ class Counting(Task, frozen=True):
         CALLS.append((context, self))
         for k in range(self.most):
             yield {"k": np.int64(k), "call": len(CALLS), "nothing": np.nan}
-            if k == 7:
-                raise RuntimeError("no seven" + 20_000 * "!")
 
 
 @pytest.fixture(autouse=True)
@@ -142,34 +140,27 @@ def test_an_experiment_says_what_was_measured_how_and_on_what(count, results):
 
 CHANGES = [
     # Which run of a config it is, and how it is carried out, is no change of it.
-    ("scene model stop experiment seed.run split.n_train data.pixels scene.path", {}),
-    ("device threads exclusive cache force hydra/launcher hydra.sweeper.n", {}),
-    ("scene.sensor.noise", {"scene.sensor.noise": "0.2"}),
-    ("scene.seed model.sampling_seed", {}),
-    ("split.kind model.lr", {"split.kind": '"ordered"', "model.lr": "0.05"}),
-    ("model.momentum", {"model.momentum": "null"}),  # ~model.momentum
-    ("model.layers.1.n", {"model.layers.1.n": "3"}),
+    ("scene stop seed.run split.n_train data.pixels scene.path scene.seed", {}),
+    ("device threads exclusive hydra/launcher model.sampling_seed nothing.of.it", {}),
+    ("model.momentum model.layers.1.n", {"model.momentum": "null", "model.layers.1.n": "3"}),
     (
-        "stop.budget_s split.kind scene.n",
-        {"scene.n": "9", "split.kind": '"ordered"', "stop.budget_s": "60"},
+        "stop.budget_s task.p split.kind scene.sensor.noise",
+        {"scene.sensor.noise": "0.2", "split.kind": '"ordered"', "stop.budget_s": "60", "p": "0.5"},
     ),
-    # Of an experiment.
-    ("task.seeds task.p nothing.of.it", {"seeds": "[0, 1]", "p": "0.5"}),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("keys", "expected"), CHANGES, ids=lambda x: str(x)[:30])
 def test_what_was_set_is_in_the_record_frames_first(keys, expected):
     config = {
-        "scene": {"n": 9, "seed": 3, "sensor": {"noise": 0.2}, "path": "x"},
+        "scene": {"seed": 3, "sensor": {"noise": 0.2}, "path": "x"},
         "split": {"kind": "ordered", "n_train": 5},
-        "model": {"lr": 0.05, "sampling_seed": 3, "layers": [{}, {"n": 3}]},
+        "model": {"sampling_seed": 3, "layers": [{}, {"n": 3}]},
         "stop": {"budget_s": 60},
         "data": {"pixels": 100},
         "seed": {"run": 3},
         "device": "cpu",
         "threads": 1,
-        "seeds": [0, 1],
         "p": 0.5,
     }
     found = runner._changed(config, keys.split())
@@ -193,11 +184,8 @@ def test_labels_name_changes_and_the_rule_only_of_what_learns_by_steps(
 @pytest.mark.parametrize(
     ("about", "other"),
     [
-        ({}, False),
         ({"other_scene": True}, True),
-        ({"keys": ["scene.seed", "task.most"]}, False),
         ({"keys": ["task.scene.n"]}, True),
-        ({"keys": ["split.kind"]}, True),  # of which the task may have a part
         ({"keys": ["scene.path", "scene.sensor.sampling_seed"]}, False),
     ],
     ids=str,
@@ -312,23 +300,13 @@ def test_a_run_that_another_process_is_at_is_left_to_it(count, results):
 # Broken off ---------------------------------------------------------------------------------------
 
 
-def test_what_breaks_off_is_kept_as_far_as_it_came_and_made_again(count, results):
-    with pytest.raises(RuntimeError):
-        count(most=9)
-    entry = the_record(results)
-    assert (entry.status, len(entry.rows.values)) == ("failed", 8)
-    assert entry.error.startswith("RuntimeError: no seven")
-    assert len(entry.error) <= 2000
-    assert Results(results).measurements == []
-
-
 def test_a_training_that_breaks_off_leaves_its_curve(carry_out, results, fake):
     calls = []
 
     def predict(self, frames):
         calls.append(len(frames))
         if len(calls) > 5:  # one in the warm-up, two a report
-            raise RuntimeError("not that way")
+            raise RuntimeError("not that way" + 20_000 * "!")
         return np.zeros(len(frames), np.int64)
 
     reports = [{"samples_seen": k, "loss": 2.0} for k in (1, 2)]
@@ -336,7 +314,9 @@ def test_a_training_that_breaks_off_leaves_its_curve(carry_out, results, fake):
     with pytest.raises(RuntimeError, match="not that way"):
         carry_out()
     entry = the_record(results)
-    assert (entry.status, entry.error) == ("failed", "RuntimeError: not that way")
+    assert entry.status == "failed"
+    assert entry.error.startswith("RuntimeError: not that way!")
+    assert len(entry.error) <= 2000
     assert [row["training_s"] > 0 for row in entry.curve] == [True, True]
     assert Results(results).unfinished == [entry]
     # Predictions that are no classes are a failure that can be read, too.
