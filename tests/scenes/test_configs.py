@@ -40,20 +40,6 @@ def test_names_and_orders_are_told_apart():
     assert len({look.order for look in shown}) == len(NAMES)
 
 
-def test_the_command_line_has_the_last_word_on_a_split():
-    split = composed("scene=gelsight", "split.kind=random").split
-    assert (split.kind, split.test_fraction) == ("random", 0.5)
-    assert composed("scene=touch").split.test_fraction == 0.2
-
-
-def test_a_scene_made_of_others_has_their_frames_and_not_their_splits():
-    exchanged = composed("scene=fibres_exchanged")
-    second = composed("scene=fibre_3")
-    parts = OmegaConf.to_container(exchanged.scene.scenes, resolve=True)
-    assert parts["second"] == OmegaConf.to_container(second.scene, resolve=True)
-    assert exchanged.split.kind == "random"
-
-
 def test_a_scene_of_ones_own_changes_another(tmp_path):
     (tmp_path / "scene").mkdir()
     own = tmp_path / "scene" / "small.yaml"

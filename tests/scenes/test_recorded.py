@@ -47,14 +47,3 @@ def test_a_recording_is_a_scene(archive):
 def test_a_setting_is_named_as_in_the_configuration(archive, settings, message):
     with pytest.raises(ValueError, match=rf"^scene\.{message}"):
         open_recording(archive[0], **settings)
-
-
-@pytest.mark.parametrize(
-    "frames", [np.zeros((4, 9), np.uint8), np.zeros((4, 3, 3), np.float32)]
-)
-def test_vectors_and_floats_are_no_scene(tmp_path, frames):
-    """The rivals learn from images of 8 or 16 bits."""
-    np.savez(tmp_path / "x.npz", frames=frames, labels=[0, 1, 0, 1])
-    message = r"scene.path: expected images uint8 or uint16 \[H, W\], found"
-    with pytest.raises(ValueError, match=message):
-        open_recording(tmp_path / "x.npz")

@@ -1,6 +1,5 @@
 import numpy as np
 import pytest
-import torch
 
 from scenes.sensor.contact import Press, Touch
 from scenes.sensor.elastomer import Layer
@@ -19,11 +18,6 @@ def face(**values):
     return TexturedPress(AT, A, 0.8e-3, 0.01, 0.05e-3, **values)
 
 
-def test_smooth_face_is_a_press(small):
-    smooth, plain = face(spacing=None), Press(AT, A, 0.8e-3, 0.01, 0.05e-3)
-    assert torch.equal(smooth.bind(small)(touch()), plain.bind(small)(touch()))
-
-
 def test_many_equal_grains_are_nearly_smooth(small):
     fine = face(spacing=0.1e-3, variance=0.0).bind(small)(touch())
     coarse = face(spacing=0.6e-3, variance=1.0).bind(small)(touch())
@@ -39,13 +33,6 @@ def test_forces_of_grains_vary_about_those_of_the_smooth_face(small):
     smooth = np.sqrt(1 - (x**2 + y**2) / A**2)  # positions are about the target
     assert force.sum() == pytest.approx(1)
     assert (force / smooth).var() == pytest.approx(0.5 / smooth.sum() ** 2, rel=0.15)
-
-
-def test_every_touch_meets_another_patch_unless_told(small):
-    for fresh in (True, False):
-        bound = face(spacing=0.6e-3, variance=1.0, fresh=fresh).bind(small)
-        same = torch.equal(bound(touch(0)), bound(touch(1)))
-        assert same is not fresh
 
 
 @pytest.fixture
