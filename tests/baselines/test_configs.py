@@ -49,9 +49,3 @@ def test_keys_of_a_model_are_set_by_words_and_one_model_leaves_none_to_another()
     assert instantiate(cfg.model, _convert_="all").init_std == 0.02
     assert cfg.display.name == "Softmax"
     assert "init" not in composed("model=hdc").model
-
-
-def test_no_two_models_look_alike():
-    shown = [composed(f"model={name}", "seed.init=5").display for name in NAMES]
-    assert len({(look.colour, look.marker, look.line) for look in shown}) == len(NAMES)
-    assert len({look.name for look in shown}) == len(NAMES)
