@@ -117,20 +117,6 @@ def test_frames_of_one_group_are_in_one_fold():
     assert not any(seen)
 
 
-@pytest.mark.parametrize(
-    ("fields", "said"),
-    [
-        ({"fixed": "ridge"}, "fixed: expected .* found 'ridge'"),
-        ({"margin": -1}, "margin: expected 0 or more, found -1"),
-        ({"forms": {"softmax": GreysLDA(smooth=17)}}, "smooth: .* found 17"),
-    ],
-)
-def test_wrong_fields_are_named(fields, said):
-    frames, labels = blurred(12)
-    with pytest.raises(ValueError, match=said):
-        Chosen(**{"forms": forms(), "fixed": "softmax", **fields}).fit(frames, labels)
-
-
 # What both see ------------------------------------------------------------------------------------
 
 

@@ -42,10 +42,3 @@ def test_makes_a_model_and_says_how_it_is_shown(name):
     assert model.device == "cpu"
     assert getattr(model, "seed", 5) == 5
     assert isinstance(model, Classifier) == cfg.model._target_.startswith("baselines.")
-
-
-def test_keys_of_a_model_are_set_by_words_and_one_model_leaves_none_to_another():
-    cfg = composed("model=softmax", "model.init=normal", "model.init_std=0.02")
-    assert instantiate(cfg.model, _convert_="all").init_std == 0.02
-    assert cfg.display.name == "Softmax"
-    assert "init" not in composed("model=hdc").model

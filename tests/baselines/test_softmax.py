@@ -174,24 +174,6 @@ def test_unknown_choices_list_the_valid_ones(small, given, message):
         SoftmaxRegression(**given).fit(*small)
 
 
-@pytest.mark.parametrize(
-    ("given", "spread", "bias"),
-    [
-        ({"init": "zeros"}, 0, 0),
-        ({}, 0.01 / 3**0.5, 0.01 / 3**0.5),
-        ({"init": "normal"}, 0.01, 0),
-    ],
-)
-def test_initial_weights_are_those_named(given, spread, bias, speckle):
-    model = SoftmaxRegression(
-        **given, lr=0.0, optimizer="SGD", max_epochs=1
-    )  # nothing moves
-    network = model.fit(*speckle(8, (100, 100), 4)).network_
-    found = [parameter.detach().std().item() for parameter in network.parameters()]
-    assert found[0] == pytest.approx(spread, rel=0.05)
-    assert found[1] == pytest.approx(bias, rel=0.9)
-
-
 def test_the_accuracy_of_minibatches_is_that_since_the_last_report(frames_and_labels):
     """Each before it was learnt from."""
     frames, labels = frames_and_labels(60, 3, 8)

@@ -98,20 +98,6 @@ def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, make_scene):
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
 
 
-def test_frames_that_cannot_be_written_name_their_file(
-    tmp_path, monkeypatch, make_scene
-):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(data, "_make", full)
-    with pytest.raises(OSError, match="No space left on device") as raised:
-        data.cached(make_scene(), tmp_path, QUIET)
-    (lock,) = tmp_path.iterdir()
-    assert raised.value.errno == 28
-    assert raised.value.filename == str(lock.with_suffix(".npy"))
-
-
 class Counted(Frames):
     """Frames that take a while; each request leaves a mark."""
 

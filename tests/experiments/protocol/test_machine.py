@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import platform
 import resource
 import subprocess
@@ -75,16 +74,6 @@ def test_a_worker_has_its_share_of_the_cores(monkeypatch, launcher, threads):
     monkeypatch.setattr(machine, "available", lambda: list(range(8)))
     assert machine.threads(None, launcher) == threads
     assert [machine.threads(n, launcher) for n in (1, 5, 8)] == [1, 5, 8]
-
-
-def test_cores_are_those_that_the_process_may_use(monkeypatch):
-    monkeypatch.setattr(os, "sched_getaffinity", lambda _: {5, 2}, raising=False)
-    monkeypatch.setattr(os, "cpu_count", lambda: 3)
-    assert machine.available() == [2, 5]
-    monkeypatch.delattr(os, "sched_getaffinity")  # not on every system
-    assert machine.available() == [0, 1, 2]
-    monkeypatch.setattr(os, "cpu_count", lambda: None)
-    assert machine.available() == [0]
 
 
 @pytest.mark.parametrize("wanted", [0, 5, 10**20, True, "two"])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.protocol.sweep import progress, size, span
+from experiments.protocol.sweep import progress, size
 
 
 @pytest.mark.parametrize(
@@ -24,15 +24,3 @@ def test_what_is_left_is_the_mean_of_what_was_carried_out_times_the_others():
     expected = "3 of 4: model=b; about 5 min left"  # of two runs, 150 s each
     assert progress(3, 4, ["model=b"], [100, 200]) == expected
     assert progress(4, 4, [], [100, 200]) == "4 of 4: ; about 2 min left"
-
-
-def test_spans_are_said_as_one_would():
-    assert [span(s) for s in (3.2, 89, 90, 5000, 5399, 5400, 6000)] == [
-        "3 s",
-        "89 s",
-        "2 min",
-        "83 min",
-        "90 min",
-        "1.5 h",
-        "1.7 h",
-    ]

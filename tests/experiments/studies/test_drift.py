@@ -19,18 +19,16 @@ from experiments.studies.drift.measure import (
     choose,
     subsets,
     updates,
-    ways,
 )
 from experiments.studies.drift.zeroing import Unlabelled, first_of_each, rezeroed
-from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.standardised import FRACTION, standardised
 from scenes.frames import Frames
 from tests.experiments import composed
 
 SPLIT = Split("random", 0.2)
-# Samples of the old session, of the new one, and of both.
-OLD, NEW, ASKED = np.arange(40), np.arange(60, 72), np.r_[40:60, 72:120]
+# Samples of the old session, and of both.
+OLD, ASKED = np.arange(40), np.r_[40:60, 72:120]
 
 
 def built(name):
@@ -84,27 +82,6 @@ def test_the_first_samples_of_each_class_come_before_the_second():
 
 
 # With labels --------------------------------------------------------------------------------------
-
-
-def test_updates_of_hdc_are_its_own_recalibrations(scene):
-    """Which bits are replaced depends on the seed."""
-    bank, images, labels = bank_of(scene), scene.images, scene.labels
-    made = ways(HDCClassifier(), bank, OLD, NEW, ASKED, (0.3, 1.0), seed=7)
-    found = {(name, p): predicted for name, p, predicted in made}
-    for key, train, options in (
-        (("new", None), NEW, None),
-        (("pooled", None), np.concatenate([OLD, NEW]), None),
-        (("replace", 0.3), OLD, {"p": 0.3, "method": "replace"}),
-        (("replace", 1.0), OLD, {"p": 1.0, "method": "replace"}),
-        (("balanced", None), OLD, {"p": 0.5, "method": "merge"}),  # half of all votes
-    ):
-        model = HDCClassifier().fit(images[train], labels[train])
-        if options:
-            model.recalibrate(images[NEW], labels[NEW], random_state=7, **options)
-        assert (found.pop(key) == model.predict(images[ASKED])).all(), key
-    assert not found
-    with pytest.raises(ValueError, match="p: "):
-        list(ways(HDCClassifier(), bank, OLD, NEW, ASKED, (2.0,), seed=7))
 
 
 class FromOld(PenalisedClassifier):

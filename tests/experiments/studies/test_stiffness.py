@@ -79,15 +79,6 @@ def test_the_condition_number_is_that_of_the_hessian_where_frames_tell_something
     assert condition(problem, weights) == pytest.approx(told[-1] / told[0], rel=1e-6)
 
 
-@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
-def test_near_repetitions_stay_stiff_without_their_mean(apart):
-    """κ grows as the square of how near they are, and frames are centred."""
-    problem = problem_of(apart, apart**2 * 1e-2)
-    assert np.abs(problem.x[:, :-1].mean(0)).max() < 1e-14
-    kappa = condition(problem, optimum_of(problem)[0])
-    assert 1 < kappa * apart**2 < 100
-
-
 def test_the_condition_number_of_frames_is_that_of_the_hessian_of_the_solver_that_we_ship():
     rng = np.random.default_rng(0)
     labels = np.arange(30) % 3

@@ -87,13 +87,3 @@ def test_few_photons_are_counted_one_by_one():
     many = grey(100.0, 0.5)
     assert many.mean() == pytest.approx(50, rel=0.01)
     assert many.var() == pytest.approx(50**2 / 100 + 0.5**2 + 1 / 12, rel=0.03)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("pupil", 600), ("photons", -1.0)],
-)  # fmt: skip
-def test_bad_values_are_named(name, value):
-    message = rf"scene.sensor.camera.{name}: .*, found {value}"
-    with pytest.raises(ValueError, match=message):
-        Camera(**{name: value})

@@ -6,8 +6,6 @@ import pytest
 import torch
 
 from scenes.sensor.contact import ExactPress, ExpandedPress, Press, Touch
-from scenes.sensor.paths import Paths
-from scenes.sensor.sensor import Sensor
 
 
 def test_phase_is_the_change_of_the_optical_path(small):
@@ -73,17 +71,3 @@ def test_expansion_about_the_target_is_exact_enough(small):
     assert (near - exact).square().mean().sqrt() < 5e-3
     centred = ExactPress(press, small)(Touch(1.8e-3, 28e-3, 8e-3))
     assert (centred - exact).square().mean().sqrt() > 1  # the miss itself matters
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (lambda: Paths(wavelength=math.nan), "paths.wavelength: .*, found nan"),
-        (lambda: Paths(fibre=(0.0, 0.5)), "paths.fibre.*sensor's surface"),
-        (lambda: Press((0.01,), 1e-3, 1e-3), "two coordinates"),
-        (lambda: Sensor(seed=-1), "seed.sensor: expected .*, found -1"),
-    ],
-)
-def test_bad_values_are_named(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from scenes.sensor.contact import Press, Touch
+from scenes.sensor.contact import Touch
 from scenes.sensor.elastomer import Layer
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
@@ -41,20 +41,6 @@ def near():
     return Sensor(
         seed=7, paths={"vertices": 1}, camera={"grid": 64, "crop": 60, "pupil": 48}
     )
-
-
-def test_displacement_on_the_grid_is_the_one_of_the_table(near):
-    """With its sign turned, a patch without grains is the smooth press itself."""
-    patch = Patch(near, AT, A, 0.25e-3, 256)  # 64 mm: no neighbour within its reach
-    none = np.zeros(0)
-    lonely = patch.phases(none, none, none, touch(depth=1.0))
-    whole = Press(AT, A, 1.0).bind(near)(touch(depth=1.0))
-    paths = near.path_set
-    far = (paths.x - AT[0]).abs().maximum(paths.y.abs()) < 9e-3
-    inside = far.all(dim=0)
-    assert inside.sum() > 100
-    difference = (lonely + whole)[inside].abs().max() / whole[inside].abs().max()
-    assert difference < 0.01
 
 
 def test_coarse_grids_lose_nothing_that_matters(near):
