@@ -10,6 +10,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from experiments.records.rows import pack_labels
 from experiments.reporting.table import records
 from experiments.studies.claims import judge, view
 from experiments.studies.claims import rules as written_rules
@@ -299,17 +300,21 @@ def test_verdicts_are_open_without_numbers_until_the_rules_are_dated(
     assert abs(flips["mean"]) < 5  # from lines that have no draw and no n
 
 
-def test_recalibration_is_judged_on_what_each_session_has_right(predicting, rules_4):
+def test_recalibration_is_judged_on_what_each_session_has_right(rules_4):
     rules_4("2026-12-01")
     same = {"experiment": "drift", "scene": "wedge_days", "model": "hdc", "share": np.nan,
-            "old_split.kind": "leave_group_out", "n_test_new": 160, "n_test_old": 80}  # fmt: skip
+            "old_split.kind": "leave_group_out", "n_test_new": 160, "n_test_old": 80,
+            "labels": pack_labels([1] * 240)}  # fmt: skip
+
+    def predicted(new, old):
+        """Of each session so many are right: class 1, as all are."""
+        of_new, of_old = [1] * new + [0] * (160 - new), [1] * old + [0] * (80 - old)
+        return {"predicted": pack_labels(of_new + of_old)}
+
     rows = []
     for seed in range(10):
-        before = {"method": "stored", "p": np.nan, "n_new": 0, "right_new": 30}
-        after = {"method": "replace", "p": 0.75, "n_new": 50, "right_new": 144}
-        rows += [
-            predicting({"seed": seed, **same, **before, "right_old": 80}),
-            predicting({"seed": seed, **same, **after, "right_old": 10}),
-        ]
+        before = {"seed": seed, "method": "stored", "p": np.nan, "n_new": 0}
+        after = {"seed": seed, "method": "replace", "p": 0.75, "n_new": 50}
+        rows += [same | before | predicted(30, 80), same | after | predicted(144, 10)]
     found = view.verdicts(pd.DataFrame(rows)).set_index("claim").loc["recalibration"]
     assert (found.why, found.equal) == ("", pytest.approx(-10))  # 90 % after 100 %
