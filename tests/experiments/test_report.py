@@ -132,7 +132,7 @@ def small(name, *makers, drawing=lambda *_: None):
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
     tmp_path, write_run, alone, monkeypatch, full_disk
 ):
-    study = small("some", *[lambda lines: lines[["seed"]]] * 2)
+    study = small("some", lambda lines: lines[["seed"]])
     monkeypatch.setattr(report, "studies_of", lambda _: [study])
     write_run("hdc")
     first, records = written(tmp_path)[1], (tmp_path / "records.jsonl").read_bytes()
@@ -142,7 +142,7 @@ def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
         assert "No space left" in str(failed)
         assert (tmp_path / "records.jsonl").read_bytes() == records
         assert written(tmp_path)[1] == first
-    assert k > 20
+    assert k > 10
 
 
 def test_a_study_that_fails_costs_its_own_table_and_says_so_in_one_line(

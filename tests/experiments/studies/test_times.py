@@ -163,18 +163,6 @@ def test_a_fit_ends_at_the_report_that_exceeds_the_target_or_with_the_model(
     assert one(right_from=9) == never
 
 
-def test_each_model_of_the_experiment_is_timed_by_its_threads():
-    task = composed.made(Times, **composed.task("times"))
-    assert set(task.order(1)) == set(task.models) - {"cnn3"}
-    assert set(task.order(2)) == set(task.models)
-    for name in ("hdc_compiled", "softmax", "cnn3"):
-        order = task.order(2)
-        at = order.index(name)
-        assert order[at - 1] == order[at + 1] == "hdc"
-    busy = composed.made(Times, **composed.task("times_busy"))
-    assert set(busy.order(2)) == {"hdc", "hdc_compiled", "softmax_dual"}
-
-
 def test_the_times_of_a_small_scene(small_scene, one_thread, results):
     task = composed.task("times")
     for name in ("softmax", "cnn1", "cnn3"):
