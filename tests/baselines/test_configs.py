@@ -1,16 +1,13 @@
 """The files of configs/model: each makes a model, and says how it is shown."""
 
-import functools
-from pathlib import Path
-
 import pytest
-from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from matplotlib.lines import Line2D
 
 from baselines.base import Classifier
+from experiments.records.configs import CONFIGS
+from tests.experiments.composed import tree
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 NAMES = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Okabe and Ito's colours, told apart by people with any kind of colour vision; then an indigo of
 # Tol's and a light one of ColorBrewer's, which are safe as well: for softmax at its optimum.
@@ -21,17 +18,11 @@ COLOURS = {
 GROUPS = {"paper", "fast", "beyond", "other"}
 
 
-@functools.cache
-def composed(*overrides):
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        return compose("config", overrides=list(overrides))
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_makes_a_model_and_says_how_it_is_shown(name):
     if name.startswith("torchhd"):
         pytest.importorskip("torchhd")
-    cfg = composed(f"model={name}", "seed.init=5")
+    cfg = tree(f"model={name}", "seed.init=5")
     display = cfg.display
     assert set(display) == {"name", "colour", "marker", "line", "group"}
     assert display.colour in COLOURS

@@ -1,14 +1,11 @@
 """What every competitor promises, whatever it does inside."""
 
 import copy
-import functools
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 import torch
-from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 
 from baselines.bank import Bank
@@ -20,11 +17,12 @@ from baselines.training import IterativeClassifier
 from experiments.protocol.evaluate import evaluate, train_until
 from experiments.protocol.model import Model
 from experiments.protocol.stop import StopRule
+from experiments.records.configs import CONFIGS
 from hdc import HDCClassifier
 from hdc.encoders import ENCODERS
 from hdc.readouts import READOUTS, Neighbours
+from tests.experiments.composed import tree
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 ALL = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Variants of a recipe that differ in a number only.
 VARIANTS = {"softmax_zero", "cnn3"}
@@ -32,17 +30,11 @@ SLOW = {"bits_chosen", "greys_chosen"}
 NAMES = [name for name in ALL if not name.startswith("hdc") and name not in VARIANTS]
 
 
-@functools.cache
-def config_of(name):
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        return compose("config", overrides=[f"model={name}"])
-
-
 def make(name):
     """The model of a config, quick enough for small frames."""
     if name.startswith("torchhd"):
         pytest.importorskip("torchhd")
-    model = instantiate(config_of(name).model, _convert_="all")
+    model = instantiate(tree(f"model={name}").model, _convert_="all")
     if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
         return replace(model, lr=1e-2, max_epochs=20)
     return model
