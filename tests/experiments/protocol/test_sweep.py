@@ -2,7 +2,7 @@
 
 import pytest
 
-from experiments.protocol.sweep import progress, size
+from experiments.protocol.sweep import progress, size, span
 
 
 @pytest.mark.parametrize(
@@ -24,3 +24,11 @@ def test_what_is_left_is_the_mean_of_what_was_carried_out_times_the_others():
     expected = "3 of 4: model=b; about 5 min left"  # of two runs, 150 s each
     assert progress(3, 4, ["model=b"], [100, 200]) == expected
     assert progress(4, 4, [], [100, 200]) == "4 of 4: ; about 2 min left"
+
+
+@pytest.mark.parametrize(
+    ("seconds", "text"),
+    [(3.2, "3 s"), (89, "89 s"), (90, "2 min"), (5399, "90 min"), (5400, "1.5 h")],
+)
+def test_spans_are_said_as_one_would(seconds, text):
+    assert span(seconds) == text
