@@ -1,16 +1,13 @@
 """The files of configs/model: each makes a model, and says how it is shown."""
 
-import functools
-from pathlib import Path
-
 import pytest
-from hydra import compose, initialize_config_dir
 from hydra.utils import instantiate
 from matplotlib.lines import Line2D
 
 from baselines.base import Classifier
+from experiments.records.configs import CONFIGS
+from tests.experiments.composed import tree
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 NAMES = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Okabe and Ito's colours, told apart by people with any kind of colour vision; then an indigo of
 # Tol's and a light one of ColorBrewer's, which are safe as well: for softmax at its optimum.
@@ -21,17 +18,11 @@ COLOURS = {
 GROUPS = {"paper", "fast", "beyond", "other"}
 
 
-@functools.cache
-def composed(*overrides):
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        return compose("config", overrides=list(overrides))
-
-
 @pytest.mark.parametrize("name", NAMES)
 def test_makes_a_model_and_says_how_it_is_shown(name):
     if name.startswith("torchhd"):
         pytest.importorskip("torchhd")
-    cfg = composed(f"model={name}", "seed.init=5")
+    cfg = tree(f"model={name}", "seed.init=5")
     display = cfg.display
     assert set(display) == {"name", "colour", "marker", "line", "group"}
     assert display.colour in COLOURS
@@ -42,16 +33,3 @@ def test_makes_a_model_and_says_how_it_is_shown(name):
     assert model.device == "cpu"
     assert getattr(model, "seed", 5) == 5
     assert isinstance(model, Classifier) == cfg.model._target_.startswith("baselines.")
-
-
-def test_keys_of_a_model_are_set_by_words_and_one_model_leaves_none_to_another():
-    cfg = composed("model=softmax", "model.init=normal", "model.init_std=0.02")
-    assert instantiate(cfg.model, _convert_="all").init_std == 0.02
-    assert cfg.display.name == "Softmax"
-    assert "init" not in composed("model=hdc").model
-
-
-def test_no_two_models_look_alike():
-    shown = [composed(f"model={name}", "seed.init=5").display for name in NAMES]
-    assert len({(look.colour, look.marker, look.line) for look in shown}) == len(NAMES)
-    assert len({look.name for look in shown}) == len(NAMES)

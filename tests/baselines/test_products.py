@@ -52,23 +52,3 @@ def test_products_and_moments_are_those_of_python_integers(n, m, d, sixteen, see
     first, second = products.moments(images)
     assert (first.numpy() == y.sum(1)).all()
     assert (second.numpy() == (y * y).sum(1)).all()
-
-
-def test_a_slow_native_product_is_left_alone(monkeypatch):
-    """pytorch falls back to plain loops on a CPU without byte instructions."""
-    a = torch.randint(-128, 128, (5, 3000), dtype=torch.int8)
-    expected = integer_product(a, a.T)
-    native, by_floats, lengths = products._native, products._by_floats, []
-    monkeypatch.setattr(products, "native_is_exact", lambda: True)
-    monkeypatch.setattr(products, "_seconds", lambda product, _: product is native)
-    products.native_is_fast.cache_clear()
-    assert not products.native_is_fast()
-
-    def counted(left, right):
-        lengths.append(len(right))
-        return by_floats(left, right)
-
-    monkeypatch.setattr(products, "_by_floats", counted)
-    assert torch.equal(integer_product(a, a.T), expected)
-    assert lengths == [1024, 1024, 952]  # exact in float32
-    products.native_is_fast.cache_clear()

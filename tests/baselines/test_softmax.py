@@ -1,6 +1,5 @@
 """Softmax regression: one optimum by every road, and the stability limit of the explicit one."""
 
-import doctest
 import itertools
 from itertools import pairwise
 
@@ -10,7 +9,7 @@ import torch
 from sklearn.linear_model import LogisticRegression
 from sklearn.preprocessing import StandardScaler
 
-from baselines import optimisers, softmax
+from baselines import optimisers
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 
@@ -69,20 +68,16 @@ def test_lbfgs_reaches_the_optimum_of_scikit_learn(speckle):
     assert rows[-1]["loss"] * C * 60 == pytest.approx(best, rel=1e-6)
 
 
-UNEQUAL = np.where(np.arange(24) == 0, 2, np.arange(24) % 2)
-
-
 @pytest.mark.parametrize(
     ("change", "c", "pixels"),
     [
         (lambda x, y: (x.repeat(4, 1, 1), np.tile(y, 4)), 1.0, "unit"),
         (lambda x, y: (torch.full_like(x, 255), y), 1.0, "unit"),
         (lambda x, y: (x[:3], np.array([0, 7, 50])), 1.0, "unit"),
-        (lambda x, y: (x, UNEQUAL), 1.0, "unit"),
         (lambda x, y: (x, y), 1e8, "raw"),
         (lambda x, y: (x, y), 1e-12, "unit"),
     ],
-    ids=["duplicates", "constant", "one a class", "unequal", "huge C", "tiny C"],
+    ids=["duplicates", "constant", "one a class", "huge C", "tiny C"],
 )
 def test_dual_at_the_limits_stays_finite(change, c, pixels, speckle):
     frames, labels = change(*speckle(24, (8, 8), 3))
@@ -170,13 +165,8 @@ def test_reports_come_as_often_as_asked(speckle):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (
-            {"optimizer": "Adagrad"},
-            "optimizer: expected one of Adam, SGD, LBFGS, found",
-        ),
+        ({"optimizer": "Adagrad"}, "optimizer: expected one of Adam, SGD, LBFGS, fo"),
         ({"optimizer": "LBFGS"}, "batch_size: LBFGS needs the whole training set"),
-        ({"pixels": "log"}, "pixels: expected one of unit, unit_centred, "),
-        ({"init": "ones"}, "init: expected one of linear, normal, zeros, found 'ones'"),
     ],
 )
 def test_unknown_choices_list_the_valid_ones(small, given, message):
@@ -184,57 +174,24 @@ def test_unknown_choices_list_the_valid_ones(small, given, message):
         SoftmaxRegression(**given).fit(*small)
 
 
-@pytest.mark.parametrize(
-    ("given", "spread", "bias"),
-    [
-        ({"init": "zeros"}, 0, 0),
-        ({}, 0.01 / 3**0.5, 0.01 / 3**0.5),
-        ({"init": "normal"}, 0.01, 0),
-    ],
-)
-def test_initial_weights_are_those_named(given, spread, bias, speckle):
-    model = SoftmaxRegression(
-        **given, lr=0.0, optimizer="SGD", max_epochs=1
-    )  # nothing moves
-    network = model.fit(*speckle(8, (100, 100), 4)).network_
-    found = [parameter.detach().std().item() for parameter in network.parameters()]
-    assert found[0] == pytest.approx(spread, rel=0.05)
-    assert found[1] == pytest.approx(bias, rel=0.9)
-
-
-def test_the_example_in_the_docstring():
-    assert doctest.testmod(softmax).failed == 0
-
-
-def test_the_accuracy_of_minibatches_is_that_before_they_were_learnt_from(
-    frames_and_labels,
-):
-    frames, labels = frames_and_labels(60, 3, 8)
-    frames = torch.from_numpy(frames)
-    model = SoftmaxRegression(batch_size=None, lr=1e-3)
-    found, expected = [], []
-    for report in itertools.islice(model.train(frames, labels), 8):
-        found.append(report["batch_accuracy"])
-        expected.append(model.score(frames, labels))
-    assert found[1:] == expected[:-1]
-    assert len(set(found)) > 2
-
-
-def test_the_accuracy_of_minibatches_is_that_since_the_last_report(
-    frames_and_labels,
-):
+def test_the_accuracy_of_minibatches_is_that_since_the_last_report(frames_and_labels):
+    """Each before it was learnt from."""
     frames, labels = frames_and_labels(60, 3, 8)
     frames = torch.from_numpy(frames)
 
-    def reported(number, count):
+    def reported(number, count, batch_size=10):
         model = SoftmaxRegression(
-            batch_size=10, lr=1e-2, seed=3, reports_per_epoch=number
+            batch_size=batch_size, lr=1e-2, seed=3, reports_per_epoch=number
         )
         rows = itertools.islice(model.train(frames, labels), count)
-        return [row["batch_accuracy"] for row in rows]
+        return [(row["batch_accuracy"], model.score(frames, labels)) for row in rows]
 
-    single = np.reshape(reported(6, 12), (4, 3))
-    assert reported(2, 4) == pytest.approx(single.mean(axis=1))
+    single = np.reshape([share for share, _ in reported(6, 12)], (4, 3))
+    found = [share for share, _ in reported(2, 4)]
+    assert found == pytest.approx(single.mean(axis=1))
+    before, after = zip(*reported(1, 8, None), strict=True)
+    assert before[1:] == after[:-1]
+    assert len(set(before)) > 2
 
 
 @pytest.mark.parametrize(

@@ -60,28 +60,6 @@ def test_quanthd_of_one_epoch_is_the_published_classifier(torchhd, speckle):
     assert (model.predict(queries) == hdc.predict(queries)).all()
 
 
-def test_dropout_is_for_training_only(torchhd, speckle):
-    frames, labels = speckle(60, (16, 12), 3)
-    model = TorchhdClassifier(classifier="LeHDC", epochs=EPOCHS)
-    model.fit(frames[:40], labels[:40])
-    batch = model.read(frames, slice(40, 60))
-    assert torch.equal(model.scores(batch), model.scores(batch))
-    first = model.predict(frames[40:])
-    assert (first == model.predict(frames[40:])).all()
-    model.peer_.train()  # as torchhd leaves it
-    assert not torch.equal(model.scores(batch), model.scores(batch))
-
-
-def test_nothing_of_its_progress_is_printed(torchhd, small, capfd):
-    TorchhdClassifier(classifier="OnlineHD", epochs=2).fit(*small)
-    assert capfd.readouterr() == ("", "")
-
-
-def test_a_name_that_torchhd_does_not_have_is_refused(torchhd):
-    with pytest.raises(ValueError, match="classifier: expected one of AdaptHD, "):
-        TorchhdClassifier(classifier="HD")
-
-
 def test_without_torchhd_the_error_says_what_to_install(monkeypatch):
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     with pytest.raises(

@@ -13,7 +13,6 @@ import torch
 
 from hdc.encoders import Median
 
-RATE_HZ = 30  # of videos
 HELD_OUT = 16  # frames that trained models predict
 
 
@@ -62,27 +61,15 @@ class Case:
 
     @cached_property
     def folder(self):
-        """The frames on disk, class by class: images/CLASS/*.png, and video.avi, lossless."""
+        """The frames on disk, class by class: CLASS/*.png."""
         import cv2
 
         self._temporary = tempfile.TemporaryDirectory()  # it goes when the case goes
-        folder = Path(self._temporary.name)
-        side = math.isqrt(self.d)
-        lossless = cv2.VideoWriter.fourcc(*"FFV1")
-        size, path = (side, side), str(folder / "video.avi")
-        video = cv2.VideoWriter(path, lossless, RATE_HZ, size, isColor=False)
-        lines, first = ["start_s,end_s,label"], 0
-        for c, n in enumerate(np.bincount(self.labels)):
-            of_class = folder / "images" / str(c)
-            of_class.mkdir(parents=True)
-            frames = self.pixels.numpy()[self.labels == c]
-            for k, frame in enumerate(frames.reshape(-1, side, side)):
-                cv2.imwrite(str(of_class / f"{k}.png"), frame)
-                video.write(frame)
-            lines.append(f"{first / RATE_HZ},{(first + n) / RATE_HZ},{c}")
-            first += n
-        video.release()
-        (folder / "video.csv").write_text("\n".join(lines))
+        folder, side = Path(self._temporary.name), math.isqrt(self.d)
+        for k, (frame, label) in enumerate(zip(self.pixels, self.labels, strict=True)):
+            (folder / str(label)).mkdir(exist_ok=True)
+            path = folder / str(label) / f"{k}.png"
+            cv2.imwrite(str(path), frame.view(side, side).numpy())
         return folder
 
     def _made(self, labels, stream):

@@ -30,7 +30,6 @@ STEPS = (  # each in every combination of its lists
     (["encode"], [4], [12_000_000], [5]),  # 4000 × 3000 pixels
     (["predict"], [1], [12_000_000], [5]),
     (["folder"], [400], [250_000], [5]),  # 500 × 500 pixels, on disk
-    (["video"], [100], [250_000], [5]),
 )
 GOALS = (
     # operation, numerator, denominator, bound, limit

@@ -32,8 +32,7 @@ READ, COPY = "one read of the bytes", "one copy of the bytes"
 NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
 TORCHHD_TRAIN = "torch.median, torchhd.multiset"
 DECODE_IMAGES = "cv2.imread alone, as many threads"
-DECODE_VIDEO = "cv2.VideoCapture alone"
-NO_RESULT = (READ, COPY, DECODE_IMAGES, DECODE_VIDEO)
+NO_RESULT = (READ, COPY, DECODE_IMAGES)
 
 
 class Route(NamedTuple):
@@ -49,11 +48,6 @@ def encode_routes(case):
     frames = case.pixels
     yield from ours(by(partial(Median().encode, frames)))
     yield from on_gpu(case, lambda gpu: partial(Median().encode, frames.to(gpu)))
-    yield from on_gpu(
-        case,
-        lambda gpu: partial(torch_bits, frames.to(gpu)),
-        "torch.median, compare, on the GPU",
-    )
     yield Route("torch.median, compare", "torch", lambda: torch_bits(frames))
 
 
@@ -71,11 +65,6 @@ def hamming_routes(case):
     pair = case.words, case.prototypes
     queries, prototypes = (words.numpy().view(np.uint8) for words in pair)
 
-    def faiss_distances():
-        faiss = load("faiss")
-        distances, order = faiss.knn_hamming(queries, prototypes, len(prototypes))
-        return np.take_along_axis(distances, order.argsort(1), 1)
-
     def numkong_distances():
         numkong = load("numkong")
         return numkong.cdist(queries, prototypes, metric="hamming", dtype="uint1")
@@ -85,7 +74,6 @@ def hamming_routes(case):
         case, lambda gpu: partial(bits.hamming, pair[0].to(gpu), pair[1].to(gpu))
     )
     yield Route(NUMKONG, "numkong", numkong_distances)
-    yield Route("faiss.knn_hamming", "faiss", faiss_distances)
 
 
 def train_routes(case):
@@ -140,7 +128,7 @@ def predict_routes(case):
 
 def folder_routes(case):
     """Images of a folder to prototypes, as ``hdc train`` makes them."""
-    files = [str(file) for file in case.folder.glob("images/*/*.png")]
+    files = [str(file) for file in case.folder.glob("*/*.png")]
 
     def decode():
         cv2 = load("cv2")
@@ -149,20 +137,8 @@ def folder_routes(case):
             for _ in pool.map(read, files):
                 pass
 
-    yield from ours(partial(trained_on, case.folder / "images"))
+    yield from ours(partial(trained_on, case.folder))
     yield Route(DECODE_IMAGES, "cv2", decode)
-
-
-def video_routes(case):
-    """A video to prototypes."""
-
-    def decode():
-        capture = load("cv2").VideoCapture(str(case.folder / "video.avi"))
-        while capture.read()[0]:
-            pass
-
-    yield from ours(partial(trained_on, case.folder / "video.avi"), "av")
-    yield Route(DECODE_VIDEO, "cv2", decode)
 
 
 def trained_on(path, backend):
@@ -183,7 +159,6 @@ OPERATIONS = {
     "train": train_routes,
     "predict": predict_routes,
     "folder": folder_routes,
-    "video": video_routes,
 }
 
 
@@ -202,16 +177,13 @@ def common_form(case, call):
     return pack_bits(array) if array.dtype == np.bool_ else array
 
 
-def ours(build, package=None):
-    """Routes of both backends of hdc, by a function that makes a call of its name.
-
-    A reader may need a package of its own.
-    """
-    yield Route(OURS, package or "torch", build("numpy"))
-    yield Route(OURS_COMPILED, package or "numba", build("compiled"))
+def ours(build):
+    """Routes of both backends of hdc, by a function that makes a call of its name."""
+    yield Route(OURS, "torch", build("numpy"))
+    yield Route(OURS_COMPILED, "numba", build("compiled"))
 
 
-def on_gpu(case, build, name=OURS_GPU):
+def on_gpu(case, build):
     """The route on the GPU, where the case has one, by a function that makes a call there.
 
     It ends when the GPU has finished its queue.
@@ -225,7 +197,7 @@ def on_gpu(case, build, name=OURS_GPU):
         synchronise(case.device)
         return result
 
-    yield Route(name, "torch", finished)
+    yield Route(OURS_GPU, "torch", finished)
 
 
 def by(call):

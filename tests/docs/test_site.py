@@ -49,13 +49,3 @@ def test_equations_are_mathml_of_every_formula(site):
     assert page.count('display="block"') == formulas
     assert "\\frac" not in page
     assert "$" not in re.sub(r"<(pre|script).*?</\1>", "", page, flags=re.S)
-
-
-def test_the_api_has_every_public_method(site):
-    from hdc import HDCClassifier
-
-    page = (site / "api.html").read_text()
-    for name in ("fit", "partial_fit", "predict", "predict_set", "decision_function",
-                 "recalibrate", "merge", "save", "load", "is_known"):  # fmt: skip
-        assert callable(getattr(HDCClassifier, name))
-        assert f'id="hdc.HDCClassifier.{name}"' in page

@@ -19,6 +19,7 @@ from experiments.records.rows import Rows, pack_labels
 from tests.experiments import composed
 from tests.experiments.composed import tree
 
+FINGERPRINT = "f" * 64
 MADE_ON = {"cpu": "A CPU", "threads": 2, "commit": "c" * 40, "dirty": False}
 
 
@@ -34,22 +35,18 @@ def run(
     pixels=None,
     stop="paper",
     wrong=(),
-    predicted=None,
     truth=None,
     curve=None,
     status="finished",
     change=None,
-    fingerprint="f" * 64,
     environment=None,
     made_by=None,
     choices=None,
     display=None,
     scene_display=None,
     experiment="",
-    error="ValueError: it broke",
     beside_s=None,
     load=None,
-    command="",
     **results,
 ):
     cfg = copy.deepcopy(tree(f"scene={scene}", f"model={model}", f"stop={stop}"))
@@ -64,13 +61,12 @@ def run(
     name = f"{names['scene']}-{names['model']}"
     curve = curve or [{"training_s": 0.5, "samples_seen": 400}]
     truth = np.arange(100) % len(classes) if truth is None else np.asarray(truth)
-    if predicted is None:
-        is_wrong = np.isin(np.arange(len(truth)), list(wrong))
-        predicted = np.where(is_wrong, (truth + 1) % len(classes), truth)
-    right = np.asarray(predicted) == truth
+    is_wrong = np.isin(np.arange(len(truth)), list(wrong))
+    predicted = np.where(is_wrong, (truth + 1) % len(classes), truth)
+    right = ~is_wrong
     begun = record.Record(
         schema=record.SCHEMA,
-        id=record.name_of(name, config, fingerprint),
+        id=record.name_of(name, config, FINGERPRINT),
         experiment=experiment,
         scene=record.Named(names["scene"], names["scene"], scene_display or {}),
         model=record.Named(names["model"], names["model"], display or {}),
@@ -78,15 +74,14 @@ def run(
         config=config,
         changed=changed,
         timed=True,
-        command=command,
-        data=fingerprint,
+        data=FINGERPRINT,
         revisions=revisions(config) if made_by is None else made_by,
         environment=msgspec.convert(MADE_ON | (environment or {}), Environment),
         status="interrupted",
     )
     if status != "finished":
-        rows, about = curve if results.get("trained") else [], {"error": error}
-        store.append(folder, runner._ended(begun, rows, status=status, **about))
+        failed = runner._ended(begun, [], status=status, error="ValueError: it broke")
+        store.append(folder, failed)
         return begun.id
     final = float(right.mean())
     rows = [{"train_accuracy": 1.0, "test_accuracy": final, **row} for row in curve]

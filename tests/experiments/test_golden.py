@@ -11,13 +11,11 @@ from experiments.protocol import runner
 from experiments.protocol.measure_run import Training
 from experiments.protocol.settings import checked, resolved
 from experiments.protocol.task import Context
-from experiments.records import store
 from experiments.records.results import Results
 from experiments.reporting.answers import Answers
 from experiments.studies.table1 import tables, view
 
 GOLDEN = Path(__file__).parent / "golden" / "table1.csv"
-EXCERPT = Path(__file__).parents[1] / "data" / "mmf_disorder"
 CAMERA = "{_target_: scenes.sensor.camera.Camera, grid: 64, crop: 32, pupil: 24}"
 SMALL = ["scene=touch", "scene.samples_per_class=12", "scene.contact.depth_spread=0.0",
          "scene.contact.position_spread=0.0", f"+scene.sensor.camera={CAMERA}"]  # fmt: skip
@@ -80,11 +78,3 @@ def test_a_committed_number_is_made_again(committed_results, request, one_thread
     else:  # another processor rounds a few grey values otherwise
         assert abs(again["right"] - known["right"]) <= 0.02 * known["n_test"]
         pytest.skip(f"{place}: frames differ on this processor; accuracy agrees")
-
-
-def test_a_measured_excerpt_goes_through_the_runner(results, one_thread, run):
-    made = run("scene=fibre", f"scene.path={EXCERPT}", "scene.side=21", "model=hdc",
-               scene="fibre", model="hdc", stop="paper")  # fmt: skip
-    assert (made.results["n_test"], made.results["origin"]) == (100, "computed")
-    assert 0.35 < made.results["test_accuracy_final"] < 0.9  # 0.2 by chance
-    assert store.find(results, made.id) is not None

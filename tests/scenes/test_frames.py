@@ -1,27 +1,15 @@
 """Scenes in memory, and classes of a continuous value."""
 
 import numpy as np
-import pytest
 import torch
 
-from scenes.frames import Frames, Scene, level_classes
+from scenes.frames import Frames, level_classes
 
 
 def frames(dtype=np.uint8, **changed):
     images = torch.from_numpy(np.arange(24, dtype=dtype).reshape(4, 2, 3))
     given = {"images": images, "labels": np.array([0, 1, 0, 1]), "classes": ("a", "b")}
     return Frames(**{**given, **changed})
-
-
-@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
-def test_frames_come_in_any_order(dtype):
-    scene = frames(dtype)
-    assert isinstance(scene, Scene)
-    for indices in ([3, 0, 3], np.array([3, 0, 3]), torch.tensor([3, 0, 3])):
-        made = scene.frames(indices)
-        assert made.numpy().dtype == dtype
-        assert np.array_equal(made.numpy(), scene.images.numpy()[[3, 0, 3]])
-    assert scene.frames([]).shape == (0, 2, 3)
 
 
 def test_the_fingerprint_changes_with_all_that_a_result_depends_on():

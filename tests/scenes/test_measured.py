@@ -105,14 +105,9 @@ def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
     assert scene.samples["session"].tolist() == [0] * 5 + [1] * 3
     assert (np.diff(scene.samples["order"]) > 0).all()
     assert scene.frames([7, 0]).shape == (2, 4, 4)
-    with pytest.raises(ValueError, match=r"scene.levels: expected edges of a value"):
-        touches(**settings)
-    for edges, message in [
-        ([2, 1], "two or more increasing"),
-        ([3, 5], "a last edge of 6 or more"),
-    ]:
-        with pytest.raises(ValueError, match=f"scene.levels.edges: expected {message}"):
-            touches(**settings, levels={"value": "depth", "edges": edges})
+    message = r"scene\.levels\.edges: expected a last edge of 6 or more"
+    with pytest.raises(ValueError, match=message):
+        touches(**settings, levels={"value": "depth", "edges": [3, 5]})
 
 
 def test_unknown_frames_are_a_scene_of_their_own(root):
@@ -182,10 +177,7 @@ def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, ca
     )
     assert "article_MMF_disorder" not in script
     show(["gelsight"])
-    printed = capsys.readouterr().out
-    assert re.match(r"gelsight: [\s\S]*git clone https://github\.com/", printed)
-    with pytest.raises(SystemExit, match=r"among diffuser, .*, found touch"):
-        show(["touch"])
+    assert "git clone https://github.com/" in capsys.readouterr().out
 
 
 def test_a_comment_makes_no_public_recording(tmp_path, monkeypatch):

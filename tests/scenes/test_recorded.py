@@ -35,26 +35,3 @@ def test_a_recording_is_a_scene(archive):
     with pytest.raises(IndexError, match=r"expected values in \[0, 6\)"):
         scene.frames([6])
     assert scene.fingerprint() != open_recording(path).fingerprint()
-
-
-@pytest.mark.parametrize(
-    ("settings", "message"),
-    [
-        ({"crop": [0, 0, 9, 9]}, "crop: expected a window inside frames 4 px wid"),
-        ({"memory_bytes": -1}, "memory_bytes: expected an integer ≥ 0, found -1"),
-    ],
-)
-def test_a_setting_is_named_as_in_the_configuration(archive, settings, message):
-    with pytest.raises(ValueError, match=rf"^scene\.{message}"):
-        open_recording(archive[0], **settings)
-
-
-@pytest.mark.parametrize(
-    "frames", [np.zeros((4, 9), np.uint8), np.zeros((4, 3, 3), np.float32)]
-)
-def test_vectors_and_floats_are_no_scene(tmp_path, frames):
-    """The rivals learn from images of 8 or 16 bits."""
-    np.savez(tmp_path / "x.npz", frames=frames, labels=[0, 1, 0, 1])
-    message = r"scene.path: expected images uint8 or uint16 \[H, W\], found"
-    with pytest.raises(ValueError, match=message):
-        open_recording(tmp_path / "x.npz")

@@ -6,7 +6,6 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from scenes.split import (
-    by_session,
     learning_curve_subsets,
     leave_group_out,
     neighbours_leak,
@@ -83,17 +82,6 @@ def test_a_grouped_split_never_parts_a_group(labels, fraction, seed, across):
     assert across or (np.abs(counts_of(labels[test], names) - share) <= 2).all()
 
 
-def test_groups_that_are_drawn_follow_the_seed_and_large_ones_are_still_found():
-    labels, groups = np.arange(200) % 2, np.arange(200) // 20
-    tests = {
-        tuple(split(labels, kind="grouped", seed=s, groups=groups)[1]) for s in range(9)
-    }
-    assert {len(test) for test in tests} == {40}
-    assert len(tests) > 5
-    half = np.arange(200) // 100  # two groups of 100 where 40 should test
-    assert len(parted(labels, kind="grouped", groups=half)[1]) == 100
-
-
 def test_neighbours_in_time_leak_through_a_random_split_only():
     labels = np.repeat([0, 1, 2, 3, 4], 100)  # one touch after the other
     order = np.random.default_rng(7).permutation(500)  # wherever in the file they are
@@ -150,27 +138,6 @@ def test_learning_curve_subsets_are_nested_and_stratified(labels, seed, data):
         assert (np.abs(got - share) <= 1 + (len(names) - 1) * rounding).all()
 
 
-def test_each_class_is_due_in_the_middle_of_its_shares():
-    """The k-th of n samples of a class is due at (k + 1/2)/n: by hand, of 2 and 6 samples."""
-    labels = np.array([0] * 2 + [1] * 6)
-    subsets = learning_curve_subsets(np.arange(8), labels, range(2, 9), seed=0)
-    added = [int(labels[subsets[n][-1]]) for n in range(3, 9)]
-    # The first of each class, then class 1 at 3/12, 5/12, 7/12, class 0 at 3/4, with 1 at 9/12.
-    assert sorted(labels[subsets[2]]) == [0, 1]
-    assert added[:3] == [1, 1, 1]
-    assert sorted(added[3:5]) == [0, 1]
-    assert added[5] == 1
-
-
-def test_sessions():
-    sessions = np.array([0, 0, 1, 2, 1])
-    train, test = by_session(sessions)
-    assert (train.tolist(), test.tolist()) == ([0, 1], [2, 4])
-    for test in (0, 5):
-        with pytest.raises(ValueError, match=r"other than 0 of the sessions \[0, 1, 2"):
-            by_session(sessions, 0, test)
-
-
 LABELS = np.arange(20) % 2
 
 
@@ -178,21 +145,14 @@ LABELS = np.arange(20) % 2
     ("settings", "message"),
     [
         ({"test_fraction": 1.0}, r"test_fraction: expected a number in \(0, 1\), foun"),
-        ({"n_test": 0}, "split: expected samples of class 0 on both sides of its 10"),
         ({"n_test": 20}, "split: expected samples of class 0 on both sides of its 10"),
         ({"kind": "time"}, r"kind: expected one of random, .*, found 'time'"),
-        (
-            {"kind": "ordered"},
-            "split.order: expected the place of each sample, found N",
-        ),
         ({"kind": "grouped"}, "split.groups: expected the group of each sample, foun"),
         (
             {"kind": "grouped", "groups": LABELS},
             "groups of class 0 of which .* found 1",
         ),
         ({"labels": LABELS / 1}, "labels: expected integers"),
-        ({"labels": LABELS[None]}, "labels: expected integers"),
-        ({"labels": LABELS[:0]}, "labels: expected integers"),
     ],
 )
 def test_arguments_that_make_no_sense_are_named(settings, message):

@@ -63,22 +63,6 @@ def test_take_reads_lazily_above_the_limit_and_gives_the_same(monkeypatch, make_
 # The cache -----------------------------------------------------------------------------------
 
 
-def test_cached_frames_are_the_scenes(tmp_path, make_scene):
-    scene = make_scene(dtype=np.uint16)
-    cached = data.cached(scene, tmp_path, QUIET)
-    indices = [59, 0, 17]
-    assert cached.frames(indices).dtype == scene.images.dtype
-    assert torch.equal(cached.frames(indices), scene.frames(indices))
-    assert cached.fingerprint() == scene.fingerprint()
-    assert (cached.classes, cached.shape, cached.origin) == (
-        scene.classes,
-        (5, 7),
-        "simulated",
-    )
-    assert len(cached) == 60
-    assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
-
-
 def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, make_scene):
     scene = make_scene()
     broken = Interrupted(
@@ -96,20 +80,6 @@ def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, make_scene):
         data.cached(scene, tmp_path, QUIET).frames([59]), scene.images[[59]]
     )
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
-
-
-def test_frames_that_cannot_be_written_name_their_file(
-    tmp_path, monkeypatch, make_scene
-):
-    def full(*_):
-        raise OSError(28, "No space left on device")
-
-    monkeypatch.setattr(data, "_make", full)
-    with pytest.raises(OSError, match="No space left on device") as raised:
-        data.cached(make_scene(), tmp_path, QUIET)
-    (lock,) = tmp_path.iterdir()
-    assert raised.value.errno == 28
-    assert raised.value.filename == str(lock.with_suffix(".npy"))
 
 
 class Counted(Frames):

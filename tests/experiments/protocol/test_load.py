@@ -30,7 +30,7 @@ def stat(tmp_path, monkeypatch):
     return write
 
 
-@pytest.mark.parametrize(("ticks", "steal"), [(100, 0), (0, 100), (60, 40)])
+@pytest.mark.parametrize(("ticks", "steal"), [(100, 0), (60, 40)])
 def test_what_others_and_other_machines_took_is_a_share_of_all_cores(
     tmp_path, monkeypatch, ticks, steal
 ):
@@ -94,25 +94,15 @@ def test_a_disturbed_group_says_why(found, reason):
     assert Limits(others=0.02, yardstick=1.1).reason(found) == reason
 
 
-def test_the_load_stands_in_a_row():
-    found = Limits(others=0.02, yardstick=1.1).columns(Load(0.01, {1: 1.05, 2: 1.2}))
-    assert found == {
-        "others": 0.01, "yardstick_1": 1.05, "yardstick_2": 1.2,
-        "disturbed": "a fixed piece of work took 1.20 times its least",
-    }  # fmt: skip
-
-
 # Measuring again ----------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("reasons", "took", "budget_s", "attempts"),
     [
-        (["", "x"], 5, 60, 1),  # nothing disturbed it
         (["x", "", "x"], 5, 60, 2),  # until nothing does
         (["x", "x", "x", "x"], 5, 60, 3),  # two more at most
         (["x", "x", "x"], 25, 30, 2),  # the second more would exceed the budget
-        (["x", "x"], 31, 30, 1),
         ([load.NOT_MEASURED, "x"], 5, 60, 1),  # which another attempt does not mend
     ],
 )

@@ -35,15 +35,12 @@ class Counting(Task, frozen=True):
 
     scene: Mapping[str, Any] | None = None
     most: int = 2
-    models: Mapping[str, Any] | None = None
     sizes: Sequence[float | int] = (1,)
 
     def rows(self, context):
         CALLS.append((context, self))
         for k in range(self.most):
             yield {"k": np.int64(k), "call": len(CALLS), "nothing": np.nan}
-            if k == 7:
-                raise RuntimeError("no seven" + 20_000 * "!")
 
 
 @pytest.fixture(autouse=True)
@@ -113,17 +110,15 @@ def test_a_training_says_what_it_was_and_what_came_out(
 
 
 def test_an_experiment_says_what_was_measured_how_and_on_what(count, results):
-    models = {"a": {"model": [{"display": {"name": "y"}, "b": 1}]}}
     words = ("force=true", "cache=false")
-    made, repeated, _ = count(*words, scene=SENSOR, models=models, sizes=[1, 2])
+    made, repeated, _ = count(*words, scene=SENSOR, sizes=[1, 2])
     # Displays are for tables: no row depends on them.
     scene = {key: SENSOR[key] for key in ("_target_", "seed")}
     config = {"scene": scene, "most": 2, "sizes": [1, 2]}
-    config["models"] = {"a": {"model": [{"b": 1}]}}
     ((context, task),) = CALLS
     said = (context.name, context.scene_name, context.cache, context.force)
     assert said == ("numbers", "touch", False, True)
-    assert (task.scene, task.models, task.sizes) == (scene, config["models"], [1, 2])
+    assert (task.scene, task.sizes) == (scene, [1, 2])
     assert made.revisions[f"{__name__}.Counting"] == 3
     line = json.loads((results / store.FILE).read_text())
     about = {
@@ -142,34 +137,27 @@ def test_an_experiment_says_what_was_measured_how_and_on_what(count, results):
 
 CHANGES = [
     # Which run of a config it is, and how it is carried out, is no change of it.
-    ("scene model stop experiment seed.run split.n_train data.pixels scene.path", {}),
-    ("device threads exclusive cache force hydra/launcher hydra.sweeper.n", {}),
-    ("scene.sensor.noise", {"scene.sensor.noise": "0.2"}),
-    ("scene.seed model.sampling_seed", {}),
-    ("split.kind model.lr", {"split.kind": '"ordered"', "model.lr": "0.05"}),
-    ("model.momentum", {"model.momentum": "null"}),  # ~model.momentum
-    ("model.layers.1.n", {"model.layers.1.n": "3"}),
+    ("scene stop seed.run split.n_train data.pixels scene.path scene.seed", {}),
+    ("device threads exclusive hydra/launcher model.sampling_seed nothing.of.it", {}),
+    ("model.momentum model.layers.1.n", {"model.momentum": "null", "model.layers.1.n": "3"}),
     (
-        "stop.budget_s split.kind scene.n",
-        {"scene.n": "9", "split.kind": '"ordered"', "stop.budget_s": "60"},
+        "stop.budget_s task.p split.kind scene.sensor.noise",
+        {"scene.sensor.noise": "0.2", "split.kind": '"ordered"', "stop.budget_s": "60", "p": "0.5"},
     ),
-    # Of an experiment.
-    ("task.seeds task.p nothing.of.it", {"seeds": "[0, 1]", "p": "0.5"}),
-]
+]  # fmt: skip
 
 
 @pytest.mark.parametrize(("keys", "expected"), CHANGES, ids=lambda x: str(x)[:30])
 def test_what_was_set_is_in_the_record_frames_first(keys, expected):
     config = {
-        "scene": {"n": 9, "seed": 3, "sensor": {"noise": 0.2}, "path": "x"},
+        "scene": {"seed": 3, "sensor": {"noise": 0.2}, "path": "x"},
         "split": {"kind": "ordered", "n_train": 5},
-        "model": {"lr": 0.05, "sampling_seed": 3, "layers": [{}, {"n": 3}]},
+        "model": {"sampling_seed": 3, "layers": [{}, {"n": 3}]},
         "stop": {"budget_s": 60},
         "data": {"pixels": 100},
         "seed": {"run": 3},
         "device": "cpu",
         "threads": 1,
-        "seeds": [0, 1],
         "p": 0.5,
     }
     found = runner._changed(config, keys.split())
@@ -193,11 +181,8 @@ def test_labels_name_changes_and_the_rule_only_of_what_learns_by_steps(
 @pytest.mark.parametrize(
     ("about", "other"),
     [
-        ({}, False),
         ({"other_scene": True}, True),
-        ({"keys": ["scene.seed", "task.most"]}, False),
         ({"keys": ["task.scene.n"]}, True),
-        ({"keys": ["split.kind"]}, True),  # of which the task may have a part
         ({"keys": ["scene.path", "scene.sensor.sampling_seed"]}, False),
     ],
     ids=str,
@@ -276,13 +261,10 @@ def test_what_was_finished_by_other_code_or_threads_is_made_again_and_why_is_sai
 
 
 def test_a_run_with_limits_of_the_load_says_what_it_was_and_is_the_same_run(carry_out):
-    limits = {"others": 9.0, "yardstick": 99.0}
-    watched = carry_out(*(f"+disturbed.{key}={x}" for key, x in limits.items()))
-    assert watched.results["load.disturbed"] in ("", "load not measured")
-    assert watched.results["load.yardstick_1"] >= 1
-    strict = carry_out("+disturbed.others=-1", "+disturbed.yardstick=0", "force=true")
+    strict = carry_out("+disturbed.others=-1", "+disturbed.yardstick=0")
     assert strict.results["load.disturbed"]
-    assert watched.id == strict.id == carry_out().id
+    assert strict.results["load.yardstick_1"] >= 1
+    assert strict.id == carry_out("force=true").id
 
 
 def test_a_run_without_the_models_beside_it_that_are_asked_for_is_made_again(
@@ -312,23 +294,13 @@ def test_a_run_that_another_process_is_at_is_left_to_it(count, results):
 # Broken off ---------------------------------------------------------------------------------------
 
 
-def test_what_breaks_off_is_kept_as_far_as_it_came_and_made_again(count, results):
-    with pytest.raises(RuntimeError):
-        count(most=9)
-    entry = the_record(results)
-    assert (entry.status, len(entry.rows.values)) == ("failed", 8)
-    assert entry.error.startswith("RuntimeError: no seven")
-    assert len(entry.error) <= 2000
-    assert Results(results).measurements == []
-
-
 def test_a_training_that_breaks_off_leaves_its_curve(carry_out, results, fake):
     calls = []
 
     def predict(self, frames):
         calls.append(len(frames))
         if len(calls) > 5:  # one in the warm-up, two a report
-            raise RuntimeError("not that way")
+            raise RuntimeError("not that way" + 20_000 * "!")
         return np.zeros(len(frames), np.int64)
 
     reports = [{"samples_seen": k, "loss": 2.0} for k in (1, 2)]
@@ -336,7 +308,9 @@ def test_a_training_that_breaks_off_leaves_its_curve(carry_out, results, fake):
     with pytest.raises(RuntimeError, match="not that way"):
         carry_out()
     entry = the_record(results)
-    assert (entry.status, entry.error) == ("failed", "RuntimeError: not that way")
+    assert entry.status == "failed"
+    assert entry.error.startswith("RuntimeError: not that way!")
+    assert len(entry.error) <= 2000
     assert [row["training_s"] > 0 for row in entry.curve] == [True, True]
     assert Results(results).unfinished == [entry]
     # Predictions that are no classes are a failure that can be read, too.

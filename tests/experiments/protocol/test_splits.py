@@ -35,8 +35,6 @@ def test_two_sessions(make_scene):
             r"split\.kind: expected one of random, ordered, grouped, "
             r"leave_group_out, session, found 'sorted'",
         ),
-        (split("session"), r"split\.test: expected a session other than 0"),
-        (split(test_fraction=1.5), r"split\.test_fraction: expected"),
         (split(n_train=2), r"split\.n_train: expected integers from 3 .* found 2"),
         (
             split(n_train=19),

@@ -11,12 +11,10 @@ import torch
 from rich.console import Console
 
 from experiments.protocol import data
-from experiments.protocol.settings import checked
-from experiments.protocol.task import Context, Task, named
+from experiments.protocol.task import Context, Task
 from experiments.records import store
 from experiments.records.environment import Environment
 from experiments.records.record import Record
-from experiments.records.rows import Rows
 from scenes.frames import Frames
 
 SENSOR = {"_target_": "scenes.sensor.scene.SpeckleScene", "seed": 1}
@@ -28,30 +26,6 @@ class Counting(Task, frozen=True):
     scene: Mapping[str, Any] | None = None
     most: int = 2
     models: Mapping[str, Any] | None = None
-
-
-class Bare(Task, frozen=True):
-    """Without fields."""
-
-
-@pytest.mark.parametrize(
-    ("kind", "config", "message"),
-    [
-        (Counting, {"mots": 3}, r"task\.mots: expected one of scene, most, models"),
-        (Counting, {"most": "x"}, r"task\.most: expected an integer, found 'x'"),
-        (Bare, {"most": 3}, r"task\.most: expected no such key"),
-    ],
-)
-def test_fields_that_a_task_does_not_have_are_named(kind, config, message):
-    with pytest.raises(ValueError, match=f"^{message}"):
-        checked(config, kind, "task")
-
-
-@pytest.mark.parametrize("target", ["os.system", "experiments.nowhere", "nothing"])
-def test_what_is_no_task_is_named(target):
-    text = rf"^task\._target_: expected the dotted name of a Task, found {target}"
-    with pytest.raises(ValueError, match=text):
-        named({"_target_": target})
 
 
 def test_frames_that_no_config_determines_are_known_by_their_content(recording):
@@ -107,16 +81,6 @@ def test_a_part_is_kept_under_name_config_key_and_data_unless_forced(results):
     path.write_bytes(path.read_bytes().splitlines(keepends=True)[0][:-20])
     assert part(key)[0] == part(key)[0] == 6  # what was damaged is made again
     assert part(key, revisions={"experiments": 2})[0] == 7
-
-
-def test_rows_are_what_json_has():
-    rows = [{"k": np.int64(1), "a": torch.ones(2), "x": np.inf}, {"k": 2, "b": None}]
-    found = Rows.of(rows)
-    assert found.values == [[1, [1.0, 1.0]], [2]]
-    nothing = {"a": None, "x": None, "b": None}
-    assert found.dicts()[1] == {"k": 2, **nothing}
-    with pytest.raises(TypeError, match="expected plain values, found object"):
-        Rows.of([{"a": object()}])
 
 
 def test_scenes_come_at_their_seeds_and_are_kept_on_disk_where_asked_for(

@@ -120,30 +120,23 @@ def test_too_many_frames_are_read_in_parts_and_give_the_same_record(
 
 
 @pytest.mark.parametrize(
-    ("report", "message"),
+    ("report", "methods", "message"),
     [
+        ({"note": "a"}, {}, r"report\['note'\]: expected a number, found 'a'"),
+        ({"training_s": 0.0}, {}, r"report\['training_s'\]: expected no such key"),
         (
-            {"samples_seen": 1, "note": "a"},
-            r"report\['note'\]: expected a number, found 'a'",
-        ),
-        (
-            {"samples_seen": 1, "training_s": 0.0},
-            r"report\['training_s'\]: expected no such key",
+            {"samples_seen": 1},
+            {"predict": lambda self, frames: frames.zero_()[:, 0, 0].long().numpy()},
+            "expected it to leave its frames as they are",
         ),
     ],
+    ids=range(3),
 )
-def test_a_report_that_no_curve_can_hold_is_refused(carry_out, fake, report, message):
-    fake(report)
+def test_what_would_spoil_a_record_is_refused(
+    carry_out, fake, report, methods, message
+):
+    fake(report, **methods)
     with pytest.raises(ValueError, match=message):
-        carry_out()
-
-
-def test_a_model_that_writes_into_its_frames_is_refused(carry_out, fake):
-    fake(
-        {"samples_seen": 1},
-        predict=lambda self, frames: frames.zero_()[:, 0, 0].long().numpy(),
-    )
-    with pytest.raises(ValueError, match="expected it to leave its frames as they are"):
         carry_out()
 
 
@@ -157,22 +150,7 @@ def test_an_object_that_is_no_model_is_refused_with_a_hint():
     for model in (types.SimpleNamespace(fit=None), {"lr": 1}):
         with pytest.raises(ValueError, match=r"^model: expected an object with train"):
             check_model(model)
-
-
-def test_models_of_configs_are_made_or_refused_by_name():
-    configs = {
-        "hdc": {"_target_": "hdc.HDCClassifier"},
-        "ridge": {"_target_": "baselines.ridge.RidgeReadout", "pixels": "standardised"},
-        "neighbours": {
-            "_target_": "baselines.nearest_neighbour.NearestNeighbour",
-            "k": 3,
-        },
-    }
-    assert list(models_of({name: {"model": m} for name, m in configs.items()})) == list(
-        configs
-    )
     wrong = {"_target_": "sklearn.linear_model.RidgeClassifier"}
-    with pytest.raises(
-        ValueError, match=r"^task\.models\.wrong: .*expected an object with train"
-    ):
+    message = r"^task\.models\.wrong: .*expected an object with train"
+    with pytest.raises(ValueError, match=message):
         models_of({"wrong": {"model": wrong}})

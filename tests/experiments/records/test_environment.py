@@ -106,14 +106,10 @@ def cpuinfo(tmp_path, monkeypatch):
 @pytest.mark.parametrize(
     ("text", "expected"),
     [
-        (
-            "processor : 0\nmodel name\t: A CPU: 2 GHz\n\nmodel name\t: B\n",
-            "A CPU: 2 GHz",
-        ),
-        ("processor : 0\n", "generic"),
+        ("processor : 0\nmodel name\t: A CPU: 2 GHz\n\nmodel name\t: B\n", "A CPU: 2 GHz"),
         (None, "generic"),
     ],
-)
+)  # fmt: skip
 def test_the_processor_is_named_as_the_system_does(
     cpuinfo, monkeypatch, text, expected
 ):

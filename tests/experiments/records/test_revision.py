@@ -7,7 +7,7 @@ import pytest
 
 import experiments
 import hdc
-from experiments.records import revision
+from experiments.records import revision, store
 from experiments.records.revision import PACKAGES, of_today, outdated, revisions
 from experiments.records.sources import revision_of
 
@@ -179,8 +179,8 @@ def test_a_changed_file_of_an_own_module_outdates_its_records_and_no_other_file(
      ("a", "a", False)],
 )  # fmt: skip
 def test_a_record_of_changes_in_no_commit_counts_for_the_same_changes_only(
-    write_run, read_run, monkeypatch, made, now, expected
+    tmp_path, write_run, monkeypatch, made, now, expected
 ):
-    run = read_run(write_run("hdc", environment={"changes": made}))
+    run = store.find(tmp_path, write_run("hdc", environment={"changes": made}))
     monkeypatch.setattr("experiments.records.record.changes", lambda: now)
     assert bool(run.outdated) is expected

@@ -3,7 +3,7 @@
 import pandas as pd
 import pytest
 
-from experiments.reporting.compare import EQUAL, OUTSIDE, WITHIN, compare, lines
+from experiments.reporting.compare import EQUAL, OUTSIDE, WITHIN, compare
 from experiments.reporting.table import Table
 
 RATIO = "training_time_over_hdc"
@@ -53,16 +53,3 @@ def test_what_another_machine_or_another_rule_makes_is_not_compared(
 ):
     found = compare(a_table(0.5, **own), a_table(0.85, **reference))
     assert len(found) == compared
-
-
-def test_what_is_outside_is_a_sentence_and_the_terminal_names_the_first():
-    ratio = {"column": RATIO, "seeds": 1}
-    own = a_table(4.3, None, None, **ratio)
-    found = compare(own, a_table(4.0, 3.9, 4.1, **ratio))
-    first, second = lines(found)
-    assert first.endswith("reference: 0 equal, 0 within its interval, 1 outside")
-    assert second.startswith("some: Softmax: ")
-    assert second.endswith(
-        "4.3 (reference: 3.9 to 4.1); one seed on a busy machine often differs that much."
-    )
-    assert list(lines(pd.concat([found] * 7)))[-1] == "2 more on the page"

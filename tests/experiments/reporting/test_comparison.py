@@ -28,27 +28,22 @@ RATIO = paper(100.0, unit="×", margin=2.0)  # ratios are off by factors
     ("known", "ours", "expected"),
     [
         (LABELS, (90.0,), "setting, same"),
-        (LABELS, ("mixed",), "setting, another"),
         (paper(), ("not reached in 5 s",), "not reached"),
         (paper(not_comparable="machine"), (90.0, 89.0, 91.0), "not comparable"),
         (paper(), (90.0, 80.0), "no interval"),
-        (FITTED, (90.0,), "fitted, no interval"),
         (paper(), (88.0, 85.5, 90.5), "agrees"),
         # Outside the interval and within the margin: no more than a precise measurement.
         (paper(), (88.0, 87.0, 89.0), "agrees"),
         (paper(), (86.5, 85.5, 87.5), "differs"),
         # A wide interval agrees with nothing, and differs from what is outside.
         (paper(), (90.0, 86.5, 91.0), "uninformative"),
-        (paper(), (70.0, 55.0, 85.0), "differs"),
         # An interval that ends at 100 % is as wide as its other side.
         (paper(100.0), (99.9, 96.0, 100.0), "uninformative"),
-        (FITTED, (88.0, 85.5, 90.5), "fitted"),
         (FITTED, (80.0, 79.0, 81.0), "fitted, differs"),
         (WATCHED, (88.0, 85.5, 90.5), "watched, agrees"),
         (RATIO, (60.0, 40.0, 90.0), "agrees"),
         (RATIO, (40.0, 30.0, 60.0), "differs"),
         (RATIO, (60.0, 20.0, 180.0), "uninformative"),
-        (RATIO, (60.0, 0.0, 180.0), "no interval"),
     ],
 )
 def test_verdicts(known, ours, expected):

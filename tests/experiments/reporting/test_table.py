@@ -91,15 +91,10 @@ def test_bounds_stand_in_the_cell_of_their_value():
     [
         *((number, *each) for each in (
             (None, "–"), (0, "0"), (0.0439, "0.0439"), (441.3, "441"), (2e-5, "2.0e-05"),
-            ("mixed", "mixed"), (np.float64(0.5), "0.500"), (math.inf, "∞"), (math.nan, "–"),
-            (99_999, "99999"), (123_456, "1.2e+05"), (True, "True"),
+            ("mixed", "mixed"), (math.inf, "∞"), (math.nan, "–"), (123_456, "1.2e+05"),
         )),
-        *((two_digits, *each) for each in (
-            (2236.1, "2200"), (137.097, "140"), (0.0407, "0.041"), (1, "1.0"), (99.6, "100"),
-        )),
-        *((percent, *each) for each in (
-            (-0.0004, "0"), (0.0004, "0"), (-0.004, "-0.4"), (0.5, "50"), (None, "–"),
-        )),
+        *((two_digits, *each) for each in ((2236.1, "2200"), (0.0407, "0.041"), (99.6, "100"))),
+        *((percent, *each) for each in ((-0.0004, "0"), (-0.004, "-0.4"), (None, "–"))),
     ],
 )  # fmt: skip
 def test_digits(show, value, text):

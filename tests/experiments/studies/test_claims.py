@@ -7,7 +7,6 @@ import pytest
 import yaml
 from rich.console import Console
 
-from experiments.reporting.table import records
 from experiments.reproduction import claim
 from experiments.studies.claims import view
 
@@ -46,24 +45,6 @@ def test_the_words_of_rules_1_are_those_of_their_file(history):
     assert {row["judged"] for row in rows} == {earlier["commit"]}
 
 
-def test_the_table_shows_every_verdict_that_says_something(committed):
-    table = committed.table("claims")
-    lines = view.HISTORY.read_text("utf-8").splitlines(keepends=True)
-    assert table.csv() == "".join(line for line in lines if "-100,0," not in line)
-    rows = zip(records(table.data), table.cells(), strict=True)
-    shown = {tuple(row[key] or "" for key in table.key): cells for row, cells in rows}
-    _, rival, word, mean, equal, predicted, *_ = shown[
-        2, "accuracy_mended", "softmax_dual_standardised", ""
-    ]
-    assert rival == "Converged softmax, standardised"
-    assert word == "Undecided (rules 2: yes)"
-    assert (mean, equal) == ("+3.3 points [−2.8, +9.5]", "−0.2 points [−11, +11]")
-    assert predicted == "−12 to +19 points"
-    assert "×4.2 [4.1, 4.4]" in shown[2, "softmax", "softmax_dual", ""]
-    assert "captured: Dome, objects" in shown[3, "bits", "greys_chosen", "visuotactile"]
-    assert "dcbc15c1f131, frozen by commit 30faadaf0b63" in str(table.note)
-
-
 def test_one_claim_says_its_words_its_verdicts_and_what_judged(
     capsys, monkeypatch, tmp_path
 ):
@@ -73,10 +54,7 @@ def test_one_claim_says_its_words_its_verdicts_and_what_judged(
     assert "the paper says: Recalibration restores accuracy (32 to 95 %)" in said
     assert "against its own loss: Undecided (rules 2: no), 40 % [32, 48]" in said
     assert "digest dcbc15c1f131" in said
-    assert "d2b9112a2a45c681744fe3dc688de0ef001e70e3" in said
     assert "rules 4, as trained: open: the rules are not dated yet" in said
-    claim.show("one_bit", Console(width=200, highlight=False))
-    assert "rules 4, 20, unseen recordings: open" in capsys.readouterr().out
     with pytest.raises(
         ValueError, match=r"expected one of bits, accuracy.*, found nothing"
     ):

@@ -9,7 +9,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from experiments.protocol.settings import Split
-from experiments.protocol.task import Context
 from experiments.studies.correlation import measure
 from experiments.studies.correlation.pairs import (
     CorrelationSums,
@@ -30,14 +29,6 @@ def samples(n, d, seed=0, dtype=np.uint8):
     """Samples with something in common."""
     rng = np.random.default_rng(seed)
     return (rng.integers(0, 60, d) + rng.integers(0, 120, (n, d))).astype(dtype)
-
-
-def sums_of(classes, dtype=np.float64):
-    """Sums of classes [L, N_s, D]."""
-    sums = CorrelationSums(len(classes), classes.shape[2], dtype)
-    for one_of_each in classes.swapaxes(0, 1):
-        sums.add(one_of_each)
-    return sums
 
 
 @given(
@@ -125,17 +116,3 @@ def test_every_row_is_the_mean_of_numpys_coefficients():
         )
     with pytest.raises(ValueError, match=r"as many training samples .* found \[6, 9"):
         measure.members_of(scene_of(12, 8, 12), SPLIT, 0)
-
-
-@pytest.mark.parametrize(
-    ("asked", "sentence"),
-    [
-        (lambda: sums_of(samples(2, 30)[:, :0, None]).means_with([[1, 2]]), "class, found 0"),
-        (lambda: sums_of(samples(2, 30)[:, None]).pair_means(), "two of each class, found 1"),
-        (lambda: next(measure.Correlation({}, SPLIT, [0], ["speckles"]).rows(Context())),
-         r"task\.kinds: .* found \['speckles'\]"),
-    ],
-)  # fmt: skip
-def test_what_has_no_correlation_is_named(asked, sentence):
-    with pytest.raises(ValueError, match=sentence):
-        asked()

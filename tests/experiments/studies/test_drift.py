@@ -6,35 +6,29 @@ import warnings
 from dataclasses import replace
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 
 from baselines.linear import PenalisedClassifier
-from experiments.protocol.evaluate import bank_of, evaluate
+from experiments.protocol.evaluate import bank_of
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
-from experiments.protocol.task import Context
-from experiments.records.rows import unpack_labels
 from experiments.studies.drift import measure
 from experiments.studies.drift.measure import (
     Choice,
     choose,
     subsets,
     updates,
-    ways,
 )
-from experiments.studies.drift.numbers import accuracies, ratio
 from experiments.studies.drift.zeroing import Unlabelled, first_of_each, rezeroed
-from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.relative import FRACTION, standardised
 from scenes.frames import Frames
 from tests.experiments import composed
 
 SPLIT = Split("random", 0.2)
-# Samples of the old session, of the new one, and of both.
-OLD, NEW, ASKED = np.arange(40), np.arange(60, 72), np.r_[40:60, 72:120]
+# Samples of the old session, and of both.
+OLD, ASKED = np.arange(40), np.r_[40:60, 72:120]
 
 
 def built(name):
@@ -88,27 +82,6 @@ def test_the_first_samples_of_each_class_come_before_the_second():
 
 
 # With labels --------------------------------------------------------------------------------------
-
-
-def test_updates_of_hdc_are_its_own_recalibrations(scene):
-    """Which bits are replaced depends on the seed."""
-    bank, images, labels = bank_of(scene), scene.images, scene.labels
-    made = ways(HDCClassifier(), bank, OLD, NEW, ASKED, (0.3, 1.0), seed=7)
-    found = {(name, p): predicted for name, p, predicted in made}
-    for key, train, options in (
-        (("new", None), NEW, None),
-        (("pooled", None), np.concatenate([OLD, NEW]), None),
-        (("replace", 0.3), OLD, {"p": 0.3, "method": "replace"}),
-        (("replace", 1.0), OLD, {"p": 1.0, "method": "replace"}),
-        (("balanced", None), OLD, {"p": 0.5, "method": "merge"}),  # half of all votes
-    ):
-        model = HDCClassifier().fit(images[train], labels[train])
-        if options:
-            model.recalibrate(images[NEW], labels[NEW], random_state=7, **options)
-        assert (found.pop(key) == model.predict(images[ASKED])).all(), key
-    assert not found
-    with pytest.raises(ValueError, match="p: "):
-        list(ways(HDCClassifier(), bank, OLD, NEW, ASKED, (2.0,), seed=7))
 
 
 class FromOld(PenalisedClassifier):
@@ -180,15 +153,6 @@ def test_hdc_is_zeroed_by_its_own_recalibration(scene, name, before):
     assert (moved != stored).any()
 
 
-@pytest.mark.parametrize(
-    ("name", "found"), [("hdc", "Median"), ("correlation", "CorrelationClassifier")]
-)
-def test_models_that_cannot_be_zeroed_are_named(scene, name, found):
-    made = rezeroed(built(name), bank_of(scene), OLD, OLD, OLD, [OLD])
-    with pytest.raises(TypeError, match=rf"task\.zeroing: .*found {found}"):
-        next(made)
-
-
 def test_unlabelled_frames_are_the_first_with_the_share_that_is_asked_for(scene):
     frames = Unlabelled([6, 10, 600], [0.6, 1.0], [10], [], favoured=4)
     found = {}
@@ -205,47 +169,3 @@ def test_unlabelled_frames_are_the_first_with_the_share_that_is_asked_for(scene)
     labels, pool = np.array([0, 1, 0, 1, 0]), np.array([4, 3, 2, 1])
     assert first_of_each(pool, labels, np.array([2, 2])).tolist() == [4, 2, 3, 1]
     assert first_of_each(pool, labels, np.array([3, 1])) is None
-
-
-# Accuracies ---------------------------------------------------------------------------------------
-
-
-def test_an_update_that_a_read_out_does_not_have_has_no_row(scene):
-    made = ways(built("hdc_lda"), bank_of(scene), OLD, NEW, ASKED, (0.5,), seed=0)
-    assert [way for way, *_ in made] == ["new", "balanced", "pooled"]
-
-
-def test_what_is_regained_is_a_ratio_of_means_with_its_interval():
-    """t(0.975, 1) = 12.7062; 0.6875 + (gain − 0.6875·lost)/0.4 is 0.828 and 0.547."""
-    found = ratio(pd.Series([0.4, 0.15]), pd.Series([0.5, 0.3]))
-    assert found.value == pytest.approx(0.6875)
-    assert found.high - found.value == pytest.approx(12.7062 * 0.140625, rel=1e-4)
-    assert np.isnan(ratio(pd.Series([0.1]), pd.Series([-0.1])).value)  # no loss
-
-
-def test_rows_have_answers_in_the_seeds_and_sessions_that_are_asked_for(
-    scene, monkeypatch
-):
-    """The true classes stand once a seed, the new session first."""
-    monkeypatch.setattr(
-        Context, "scenes", lambda run, _, seeds: [(s, scene) for s in seeds]
-    )
-    of = {
-        name: {name: composed.part("model", name)} for name in ("hdc", "hdc_reference")
-    }
-    task = composed.made(
-        measure.Drift, scene={}, old_split=SPLIT, models=of["hdc"], seeds=[0, 1], n_test=30,
-        n_new=[3], p=[], zeroing=of["hdc_reference"], zeroing_seeds=[1], n_zero=[6, 600],
-        n_untouched=[4, 99], no_touch="None",
-    )  # fmt: skip
-    rows = pd.DataFrame(task.rows(Context()))
-    labelled = ["stored", "new", "balanced", "pooled"]
-    assert rows.method.tolist() == 2 * labelled + ["stored", "zeroed", "untouched"]
-    assert rows.seed.tolist() == 4 * [0] + 7 * [1]
-    assert rows[rows.labels.notna()].index.tolist() == [0, 4]
-    choice = choose(scene, SPLIT, 30, seed=1)
-    truth = scene.labels[choice.asked]
-    assert (unpack_labels(rows.labels[4]) == truth).all()
-    line = accuracies(rows.ffill()).loc[4]
-    right = evaluate(HDCClassifier(), bank_of(scene), choice.old, choice.asked) == truth
-    assert (line.new, line.old) == (right[:30].mean(), right[30:].mean())

@@ -1,12 +1,7 @@
 """The footprint: what is loaded is what the scene needs, in a process of its own."""
 
-import subprocess
-
-import pandas as pd
-import pytest
-
 from experiments.protocol.task import Context
-from experiments.studies.footprint import measure, view
+from experiments.studies.footprint import measure
 from tests.experiments import composed
 
 NEEDED = composed.task("footprint")["needed"]
@@ -32,28 +27,3 @@ def test_a_process_says_what_it_imports_and_what_that_costs():
     torch, hdc = of["torch"], of["hdc"]
     assert torch[0] > hdc[0] > 10
     assert torch[1] > 0.1
-
-
-def test_a_process_that_fails_ends_the_experiment():
-    with pytest.raises(subprocess.CalledProcessError, match="nowhere"):
-        next(rows_of("nowhere"))
-
-
-def test_medians_and_ranges_over_the_repetitions():
-    rows = []
-    for repetition, seconds in enumerate((1.0, 5.0, 2.0)):
-        for package, size in (("hdc", 1e6), ("torch", 1e8)):
-            rows.append(
-                {"scene": "touch", "model": "hdc", "n": 3, "status": "ok",
-                 "origin": "simulated", "repetition": repetition,
-                 "first_prediction_s": seconds, "peak_bytes": 3e8,
-                 "package": package, "modules": 9,
-                 "package_s": seconds / 10, "package_bytes": size * seconds}
-            )  # fmt: skip
-    frame = pd.DataFrame(rows)
-    (case,) = view.footprint(frame).to_dict("records")
-    ends = ("", "_low", "_high")
-    assert [case[f"first_prediction_s{end}"] for end in ends] == [2, 1, 5]
-    packages = view.packages(frame)
-    assert packages.package.tolist() == ["torch", "hdc"]
-    assert packages.package_bytes.tolist() == [2e8, 2e6]

@@ -75,12 +75,6 @@ def test_a_source_that_gains_or_a_wider_margin_never_makes_a_loss_more_likely():
         assert all_gain.mean().value > found.mean().value
 
 
-def test_more_sources_that_agree_are_surer():
-    likely = [judge.Joined([0.0] * k, [1e-4] * k).above(-0.03) for k in (1, 2, 4, 8)]
-    assert likely == sorted(likely)
-    assert 0.5 < likely[0] < 0.95 < likely[-1]
-
-
 @pytest.mark.parametrize(
     ("likely", "word"), [(0.95, "yes"), (0.949, "open"), (0.051, "open"), (0.05, "no")]
 )

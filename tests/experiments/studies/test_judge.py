@@ -1,7 +1,6 @@
 """Rules from version 4 on judge as they say, accuracies as well as times."""
 
 import itertools
-import json
 import re
 from pathlib import Path
 
@@ -11,6 +10,7 @@ import pandas as pd
 import pytest
 import yaml
 
+from experiments.records.rows import pack_labels
 from experiments.reporting.table import records
 from experiments.studies.claims import judge, view
 from experiments.studies.claims import rules as written_rules
@@ -52,16 +52,10 @@ def lines(right, scenes="abc", draws=4):
     for scene, draw, n in itertools.product(scenes, range(draws), (5, 50)):
         for model in ("bits", "greys"):
             count = right[n, model] + (draw % 2)
-            line = {"experiment": "some", "scene": scene, "split": "counts", "seed": 0}
-            line |= {
-                "draw": draw,
-                "n": n,
-                "model": model,
-                "right": count,
-                "n_test": 400,
-                "kind": "grouped",
-            }
-            made += [line | {"loaded": False}, line | {"split": "random", "right": 0}]
+            line = {"experiment": "some", "scene": scene, "split": "counts", "seed": 0,
+                    "draw": draw, "n": n, "model": model, "right": count, "n_test": 400,
+                    "kind": "grouped", "loaded": False}  # fmt: skip
+            made += [line, line | {"split": "random", "right": 0}]
     return pd.DataFrame(made)
 
 
@@ -145,19 +139,6 @@ def test_recordings_of_one_source_are_one_unit():
     assert variances == pytest.approx(
         [0.005 / 2, 4e-4]
     )  # that between a and b is the larger
-
-
-def test_a_file_of_rules_names_what_is_wrong(tmp_path):
-    path = tmp_path / "rules.yaml"
-    right = json.loads(msgspec.json.encode(rules()))
-    path.write_text(yaml.safe_dump(right))
-    assert written_rules.read(path) == rules()
-    path.write_text(yaml.safe_dump(right | {"candidates": {"bits": list("abcdefg")}}))
-    with pytest.raises(ValueError, match=r"rules\.yaml: .*length <= 6.*candidates"):
-        written_rules.read(path)
-    path.write_text(yaml.safe_dump(right | {"fudge": 1}))
-    with pytest.raises(ValueError, match=r"rules\.yaml: .*fudge"):
-        written_rules.read(path)
 
 
 def test_a_recording_that_was_unseen_has_a_row_of_its_own():
@@ -269,61 +250,71 @@ def test_a_ratio_of_times_needs_both_statistics_of_both_measurements(made, word,
         assert row["mean_low"] == pytest.approx(row["mean_high"])
 
 
-def test_rules_4_are_of_models_and_recordings_that_there_are():
-    of = written_rules.read(FOLDER / "rules_4.yaml")
+# Rules 4 ------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def rules_4(monkeypatch, tmp_path):
+    """rules_4(dated) → the rules of the study as if they were of that date."""
+    text = (FOLDER / "rules_4.yaml").read_text("utf-8")
+    monkeypatch.setattr(view, "RULES", tmp_path / "rules.yaml")
+
+    def write(dated, more=""):
+        view.RULES.write_text(
+            re.sub(r"(?m)^dated: .*$", f"dated: {dated}", text) + more
+        )
+        return written_rules.read(view.RULES)
+
+    return write
+
+
+def test_rules_4_are_of_models_and_recordings_that_there_are(rules_4):
+    of = rules_4("null")
     configs = FOLDER.parents[2] / "configs"
-    for name in of.recordings:
-        assert (configs / "scene" / f"{name}.yaml").is_file(), name
     for each in of.claims.values():
         assert set(each.recordings) <= set(of.recordings)
     for family, candidates in of.candidates.items():
         written = yaml.safe_load((configs / "model" / f"{family}.yaml").read_text())
         assert tuple(written["model"]["forms"]) == candidates
-    named = {each.form for each in of.claims.values()} | {
-        each.rival for each in of.claims.values()
-    }
-    named |= {each.model for each in of.times.values()}
-    named |= {each.over for each in of.times.values()}
-    for model in named:
-        assert (configs / "model" / f"{model}.yaml").is_file(), model
+    models = {name for each in of.claims.values() for name in (each.form, each.rival)}
+    models |= {name for each in of.times.values() for name in (each.model, each.over)}
+    for group, names in (("model", models), ("scene", of.recordings)):
+        assert set(names) <= {path.stem for path in (configs / group).glob("*.yaml")}
+    with pytest.raises(ValueError, match=r"rules\.yaml: .*fudge"):
+        rules_4("null", "fudge: 1")
 
 
 def test_verdicts_are_open_without_numbers_until_the_rules_are_dated(
-    committed_results, monkeypatch, tmp_path
+    committed_results, rules_4
 ):
-    rules = (FOLDER / "rules_4.yaml").read_text("utf-8")
-    written = tmp_path / "rules.yaml"
-    monkeypatch.setattr(view, "RULES", written)
+    of = rules_4("null")
     frame = committed_results.frame(*view.VERDICTS.experiments)
-    written.write_text(re.sub(r"(?m)^dated: .*$", "dated: null", rules))
     undated = view.verdicts(frame)
     assert set(undated.word) == {"open"}
     assert undated.why.str.startswith(view.UNDATED).all()
     assert undated[["mean", "probability"]].isna().all(axis=None)
-    keys = undated[list(view.VERDICTS.key)]
-    assert not keys.duplicated().any()
-    of = written_rules.read(written)
-    assert set(keys.claim) == {*of.claims, *of.times}
-    written.write_text(re.sub(r"(?m)^dated: .*$", "dated: 2026-12-01", rules))
+    assert not undated[list(view.VERDICTS.key)].duplicated().any()
+    assert set(undated.claim) == {*of.claims, *of.times}
+    rules_4("2026-12-01")
     flips = view.verdicts(frame).set_index("claim").loc["flips"]
     assert abs(flips["mean"]) < 5  # from lines that have no draw and no n
 
 
-def test_recalibration_is_judged_on_what_each_session_has_right(
-    predicting, monkeypatch, tmp_path
-):
-    rules = (FOLDER / "rules_4.yaml").read_text("utf-8")
-    (tmp_path / "rules.yaml").write_text(re.sub(r"(?m)^dated: .*$", "dated: 1", rules))
-    monkeypatch.setattr(view, "RULES", tmp_path / "rules.yaml")
+def test_recalibration_is_judged_on_what_each_session_has_right(rules_4):
+    rules_4("2026-12-01")
     same = {"experiment": "drift", "scene": "wedge_days", "model": "hdc", "share": np.nan,
-            "old_split.kind": "leave_group_out", "n_test_new": 160, "n_test_old": 80}  # fmt: skip
+            "old_split.kind": "leave_group_out", "n_test_new": 160, "n_test_old": 80,
+            "labels": pack_labels([1] * 240)}  # fmt: skip
+
+    def predicted(new, old):
+        """Of each session so many are right: class 1, as all are."""
+        of_new, of_old = [1] * new + [0] * (160 - new), [1] * old + [0] * (80 - old)
+        return {"predicted": pack_labels(of_new + of_old)}
+
     rows = []
     for seed in range(10):
-        before = {"method": "stored", "p": np.nan, "n_new": 0, "right_new": 30}
-        after = {"method": "replace", "p": 0.75, "n_new": 50, "right_new": 144}
-        rows += [
-            predicting({"seed": seed, **same, **before, "right_old": 80}),
-            predicting({"seed": seed, **same, **after, "right_old": 10}),
-        ]
+        before = {"seed": seed, "method": "stored", "p": np.nan, "n_new": 0}
+        after = {"seed": seed, "method": "replace", "p": 0.75, "n_new": 50}
+        rows += [same | before | predicted(30, 80), same | after | predicted(144, 10)]
     found = view.verdicts(pd.DataFrame(rows)).set_index("claim").loc["recalibration"]
     assert (found.why, found.equal) == ("", pytest.approx(-10))  # 90 % after 100 %

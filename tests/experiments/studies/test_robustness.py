@@ -14,7 +14,7 @@ from experiments.protocol.settings import Split
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context
-from experiments.studies.robustness import measure, view
+from experiments.studies.robustness import measure
 from experiments.studies.robustness.disturbances import (
     OF_FRAMES,
     dead_pixels,
@@ -69,6 +69,14 @@ def test_disturbances_of_frames_have_their_size():
     assert (flipped_pixels(FRAMES, 1.0, random()) == 255 - FRAMES).all()
     changed = flipped_pixels(FRAMES, 0.1, random()) ^ FRAMES
     assert np.unpackbits(changed).sum() == near(0.1, 8 * FRAMES.size)
+
+
+@pytest.mark.parametrize(("dtype", "edge"), [(np.uint8, 0), (np.uint16, 65535)])
+def test_disturbances_stay_within_the_camera_s_range(dtype, edge):
+    given = np.full((50, 9, 9), edge, dtype)
+    apart = np.abs(dither(given, 2, random()).astype(int) - edge)
+    assert set(np.unique(apart)) == {0, 1, 2}
+    assert power(given, 0.2, random()).max() == edge
 
 
 # Bits ---------------------------------------------------------------------------------------------
@@ -183,35 +191,3 @@ def test_every_model_is_measured_and_left_as_it_was(name, cases, scene, monkeypa
     assert right["bit_flips", 0.5] < undisturbed
     if name == "ridge":
         assert min(right["bit_flips_int8", 0], right["bit_flips_int8", 1e-12]) > 18
-
-
-@pytest.mark.parametrize(("dtype", "edge"), [(np.uint8, 0), (np.uint16, 65535)])
-def test_disturbances_stay_within_the_camera_s_range(dtype, edge):
-    given = np.full((50, 9, 9), edge, dtype)
-    apart = np.abs(dither(given, 2, random()).astype(int) - edge)
-    assert set(np.unique(apart)) == {0, 1, 2}
-    assert power(given, 0.2, random()).max() == edge
-
-
-def test_a_change_is_paired_by_seed_and_weights_of_8_bits_flip():
-    def line(name, level, *rights):
-        of = {"scene": "gelsight", "model": "ridge", "disturbance": name, "n_test": 100}
-        return [
-            of | {"level": level, "seed": seed, "right": right}
-            for seed, right in enumerate(rights)
-        ]
-
-    rows = [
-        *line("none", 0, 90, 80),
-        *line("shift", 1, 50, 42),
-        *line("shift", 4, 0, 0),
-    ]
-    rows += [*line("bit_flips", 0.01, 20, 20), *line("bit_flips_int8", 0.01, 88, 79)]
-    found = view.cases(pd.DataFrame(rows)).set_index("disturbance")
-    assert found.index.tolist() == ["shift", "bit_flips"]
-    assert found.before.tolist() == pytest.approx([0.85, 0.85])
-    assert found.after.tolist() == pytest.approx([0.46, 0.835])
-    assert found.change.tolist() == pytest.approx([-0.39, -0.015])
-    # Student's t of one degree of freedom times the standard error of −40 and −38 points.
-    half = 12.706 * 0.01
-    assert found.change_high["shift"] == pytest.approx(-0.39 + half, abs=1e-4)

@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 from torch.nn import functional as F
 
 from experiments.protocol.evaluate import bank_of
-from experiments.protocol.task import Context
-from experiments.studies.limits.stiffness import measure, newton, view
+from experiments.studies.limits.stiffness import measure, newton
 from experiments.studies.limits.stiffness.problem import Problem, condition
 from scenes.frames import Frames
-from tests.experiments import composed
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 METHODS = measure.named_methods([1], 2000, {"lr": 0.1, "batch_size": None})
@@ -80,15 +77,6 @@ def test_the_condition_number_is_that_of_the_hessian_where_frames_tell_something
     told = values[-2 * 5 :]
     assert values[-2 * 5 - 1] == pytest.approx(1e-3, rel=1e-9)
     assert condition(problem, weights) == pytest.approx(told[-1] / told[0], rel=1e-6)
-
-
-@pytest.mark.parametrize("apart", [1e-2, 1e-4, 1e-6])
-def test_near_repetitions_stay_stiff_without_their_mean(apart):
-    """κ grows as the square of how near they are, and frames are centred."""
-    problem = problem_of(apart, apart**2 * 1e-2)
-    assert np.abs(problem.x[:, :-1].mean(0)).max() < 1e-14
-    kappa = condition(problem, optimum_of(problem)[0])
-    assert 1 < kappa * apart**2 < 100
 
 
 def test_the_condition_number_of_frames_is_that_of_the_hessian_of_the_solver_that_we_ship():
@@ -170,32 +158,3 @@ def test_a_method_that_does_not_arrive_says_why(
         monkeypatch.setattr(Problem, attribute, value)
     end = followed(name, problem, budget_s, least)[-1]
     assert end["ended"].startswith(ended)
-
-
-def test_the_table_has_the_best_rate_of_adam_and_the_curves_have_real_problems():
-    class OnFrames(Context):
-        def scene(self, config, seed):
-            if config == "missing":
-                raise ValueError("expected a folder")
-            labels = np.arange(60) % 3
-            frames = np.random.default_rng(0).integers(0, 190, (60, 8, 8))
-            frames += 60 * (labels == 0)[:, None, None]
-            images = torch.from_numpy(frames).byte()
-            return Frames(images, labels, ("a", "b", "c"), origin="simulated")
-
-    task = composed.task("stiffness") | {"seed": 0, "side": 4, "budget_s": 0.1}
-    task["real"] = {"touch": {"scene": {}}, "tactip": {"scene": "missing"}}
-    task["problems"] = task["problems"][:2]
-    del task["_target_"]
-    frame = pd.DataFrame(composed.made(measure.Stiffness, **task).rows(OnFrames()))
-    frame = frame.assign(scene="touch", split="random split")
-    ends = view.ends(frame)
-    assert len(ends) == 2 * len(view.COLOURS)
-    last = frame[
-        (frame.ended == "arrived") & frame.method.str.startswith("Adam", na=False)
-    ]
-    for end in ends[ends.method.str.startswith("Adam")].itertuples():
-        rates = last[last.kappa == end.kappa]
-        assert not len(rates) or end.evaluations == rates.evaluations.min()
-    assert view.curves(frame).real.dropna().tolist() == ["touch"]
-    assert view.ends(frame.drop(columns="apart")) is None

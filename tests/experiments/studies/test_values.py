@@ -75,36 +75,6 @@ def test_sets_hold_their_promise_and_noise_is_refused(scene):
 # Calibration --------------------------------------------------------------------------------------
 
 
-def bins_of(sure, right, draw=0):
-    """Lines of one model with these probabilities and right answers, by the definition."""
-    place = np.minimum(np.floor(10 * sure), 9)
-    lines = [
-        {"place": b, "answers": of.sum(), "right": right[of].sum(), "sure": sure[of].sum(),
-         "spread": (sure * (1 - sure))[of].sum()}
-        for b in range(10) for of in [place == b]
-    ]  # fmt: skip
-    same = {"scene": "tactip", "model": "hdc", "n": 50, "split": "random", "origin": "simulated",
-            "seed": 0, "draw": draw}  # fmt: skip
-    return pd.DataFrame(lines).assign(**same, **dict.fromkeys(view.OF_SETS, 1.0))
-
-
-def test_the_calibration_error_is_that_of_the_bins():
-    sure = np.array([0.95, 0.95, 0.95, 0.95, 0.55, 0.55, 1.0])
-    right = np.array([True, True, True, False, True, False, True])
-    (found,) = view.calibrated(bins_of(sure, right)).to_dict("records")
-    # Bins of 0.5 to 0.6 and of 0.9 to 1: 2 · |0.55 − 0.5| and 5 · |0.96 − 0.8|.
-    assert found["calibration"] == pytest.approx((2 * 0.05 + 5 * 0.16) / 7)
-    assert found["accuracy"] == pytest.approx(5 / 7)
-
-
-def test_perfect_probabilities_have_the_error_of_chance():
-    rng = np.random.default_rng(0)
-    sure = rng.uniform(0.5, 1, 1000)
-    lines = [bins_of(sure, rng.random(1000) < sure, draw) for draw in range(200)]
-    found = view.calibrated(pd.concat(lines))
-    assert found.perfect[0] == pytest.approx(found.calibration.mean(), rel=0.1)
-
-
 def test_ridge_of_values_is_that_of_scikit_learn():
     rng = np.random.default_rng(0)
     x, y = rng.normal(size=(30, 50)), rng.normal(size=20)

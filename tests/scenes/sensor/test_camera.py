@@ -39,14 +39,6 @@ def test_pruned_transform_is_the_whole_one():
     assert np.allclose(found, expected, rtol=1e-4, atol=1e-5)
 
 
-def test_floor_that_all_frames_share():
-    camera = Camera(grid=256, crop=250, pupil=120)
-    i = intensities(camera, 12).reshape(12, -1)
-    floor = np.corrcoef(i)[np.triu_indices(12, 1)].mean()
-    w, c = 0.275**2, 0.5
-    assert floor == pytest.approx(w / (w + c * (1 + w)), abs=0.01)
-
-
 def grey_distribution(camera, mean):
     """Exact probabilities of the grey levels: Poisson convolved with the read noise, rounded."""
     scale = camera.grey / camera.photons
@@ -95,13 +87,3 @@ def test_few_photons_are_counted_one_by_one():
     many = grey(100.0, 0.5)
     assert many.mean() == pytest.approx(50, rel=0.01)
     assert many.var() == pytest.approx(50**2 / 100 + 0.5**2 + 1 / 12, rel=0.03)
-
-
-@pytest.mark.parametrize(
-    ("name", "value"),
-    [("pupil", 600), ("crop", 513), ("pupil", 0), ("photons", -1.0), ("polarisations", 3)],
-)  # fmt: skip
-def test_bad_values_are_named(name, value):
-    message = rf"scene.sensor.camera.{name}: .*, found {value}"
-    with pytest.raises(ValueError, match=message):
-        Camera(**{name: value})

@@ -3,10 +3,8 @@
 import mpmath
 import numpy as np
 import pytest
-from scipy.integrate import quad
-from scipy.special import j0
 
-from scenes.sensor.elastomer import Layer, half_space, hertz_transform, layer_response
+from scenes.sensor.elastomer import Layer, half_space, layer_response
 
 A = 2.45e-3
 
@@ -59,17 +57,6 @@ def test_half_space_surface_is_hertz():
     assert np.allclose(sunk / sunk[0], closed, atol=2e-9)
 
 
-@pytest.mark.parametrize(("r", "d"), [(0.0, 1e-3), (1e-3, 2e-3), (6e-3, 0.5e-3)])
-def test_half_space_inside_is_its_integral(r, d):
-    def integrand(k):
-        decay = (1 + k * d) * np.exp(-k * d)
-        return j0(k * r) * hertz_transform(np.array(k * A)) * decay
-
-    found, _ = half_space(np.array(r), np.array(d), A)
-    expected, _ = quad(integrand, 0, 40 / d, limit=2000, epsabs=1e-9, epsrel=1e-11)
-    assert found == pytest.approx(expected, rel=1e-8)
-
-
 @pytest.mark.parametrize("thickness", [1e-5, 1e-3, 5e-3, 0.1])
 def test_base_is_fixed_surface_sinks_by_one(thickness):
     layer = Layer(thickness=thickness)
@@ -79,19 +66,6 @@ def test_base_is_fixed_surface_sinks_by_one(thickness):
     tolerance = 1e-12 * max(1.0, (A / thickness) ** 3)
     assert np.abs([u_r[:, 0], u_z[:, 0]]).max() < tolerance
     assert u_z[0, 1] == pytest.approx(-1, abs=tolerance)
-
-
-def test_divergence_vanishes():
-    layer, e = Layer(), 1e-6
-    r, z = np.array([1e-3, 4e-3, 9e-3]), np.array([1e-3, 3e-3])
-
-    def change(of):
-        return (of(e) - of(-e)) / (2 * e)
-
-    column = r[:, None]
-    outward = change(lambda e: layer.displacement(r + e, z, A)[0] * (column + e))
-    upward = change(lambda e: layer.displacement(r, z + e, A)[1])
-    assert np.abs(outward / column + upward).max() < 1e-5 * np.abs(upward).max()
 
 
 @pytest.mark.parametrize(("intervals", "finer"), [(50, 100), (100, 200)])

@@ -6,8 +6,6 @@ import pytest
 import torch
 
 from scenes.sensor.contact import ExactPress, ExpandedPress, Press, Touch
-from scenes.sensor.paths import Paths
-from scenes.sensor.sensor import Sensor
 
 
 def test_phase_is_the_change_of_the_optical_path(small):
@@ -52,15 +50,6 @@ def test_paths_lie_in_the_layer(small):
     assert mean < 4 / math.sqrt(small.phase.numel())
 
 
-def test_phases_are_linear_in_depth_and_zero_at_none(small):
-    press = Press((28e-3, 8e-3), 2.45e-3, 1.8e-3, 0.01, 0.02e-3).bind(small)
-    none, one, two = (
-        press(Touch(depth, 28.01e-3, 8e-3)) for depth in (0.0, 0.9e-3, 1.8e-3)
-    )
-    assert torch.allclose(two, 2 * one)
-    assert (none == 0).all()
-
-
 def test_float32_tables_are_exact_enough_for_a_deep_touch(small):
     """1.8 mm are 6,000 rad: the same paths with everything in float64."""
     paths, touch = small.path_set, Touch(1.8e-3, 28e-3, 8e-3)
@@ -82,23 +71,3 @@ def test_expansion_about_the_target_is_exact_enough(small):
     assert (near - exact).square().mean().sqrt() < 5e-3
     centred = ExactPress(press, small)(Touch(1.8e-3, 28e-3, 8e-3))
     assert (centred - exact).square().mean().sqrt() > 1  # the miss itself matters
-
-
-@pytest.mark.parametrize(
-    ("make", "message"),
-    [
-        (
-            lambda: Paths(vertices=0),
-            "scene.sensor.paths.vertices: expected .*, found 0",
-        ),
-        (lambda: Paths(surface=1.5), r"paths.surface: expected .*, found 1\.5"),
-        (lambda: Paths(wavelength=math.nan), "paths.wavelength: .*, found nan"),
-        (lambda: Paths(fibre=(0.0, 0.5)), "paths.fibre.*sensor's surface"),
-        (lambda: Press((0.01,), 1e-3, 1e-3), "two coordinates"),
-        (lambda: Press((0.01, 0.0), 0.0, 1e-3), "radius: .* found 0"),
-        (lambda: Sensor(seed=-1), "seed.sensor: expected .*, found -1"),
-    ],
-)
-def test_bad_values_are_named(make, message):
-    with pytest.raises(ValueError, match=message):
-        make()

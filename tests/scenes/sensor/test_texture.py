@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
-import torch
 
-from scenes.sensor.contact import Press, Touch
+from scenes.sensor.contact import Touch
 from scenes.sensor.elastomer import Layer
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
@@ -17,11 +16,6 @@ def touch(i=0, depth=0.8e-3, x=AT[0], y=AT[1]):
 
 def face(**values):
     return TexturedPress(AT, A, 0.8e-3, 0.01, 0.05e-3, **values)
-
-
-def test_smooth_face_is_a_press(small):
-    smooth, plain = face(spacing=None), Press(AT, A, 0.8e-3, 0.01, 0.05e-3)
-    assert torch.equal(smooth.bind(small)(touch()), plain.bind(small)(touch()))
 
 
 def test_many_equal_grains_are_nearly_smooth(small):
@@ -41,33 +35,12 @@ def test_forces_of_grains_vary_about_those_of_the_smooth_face(small):
     assert (force / smooth).var() == pytest.approx(0.5 / smooth.sum() ** 2, rel=0.15)
 
 
-def test_every_touch_meets_another_patch_unless_told(small):
-    for fresh in (True, False):
-        bound = face(spacing=0.6e-3, variance=1.0, fresh=fresh).bind(small)
-        same = torch.equal(bound(touch(0)), bound(touch(1)))
-        assert same is not fresh
-
-
 @pytest.fixture
 def near():
     """Every path scatters once, so that many lie within the grid."""
     return Sensor(
         seed=7, paths={"vertices": 1}, camera={"grid": 64, "crop": 60, "pupil": 48}
     )
-
-
-def test_displacement_on_the_grid_is_the_one_of_the_table(near):
-    """With its sign turned, a patch without grains is the smooth press itself."""
-    patch = Patch(near, AT, A, 0.25e-3, 256)  # 64 mm: no neighbour within its reach
-    none = np.zeros(0)
-    lonely = patch.phases(none, none, none, touch(depth=1.0))
-    whole = Press(AT, A, 1.0).bind(near)(touch(depth=1.0))
-    paths = near.path_set
-    far = (paths.x - AT[0]).abs().maximum(paths.y.abs()) < 9e-3
-    inside = far.all(dim=0)
-    assert inside.sum() > 100
-    difference = (lonely + whole)[inside].abs().max() / whole[inside].abs().max()
-    assert difference < 0.01
 
 
 def test_coarse_grids_lose_nothing_that_matters(near):
