@@ -95,23 +95,7 @@ MODULES = sorted(
 )
 
 
-# Modules with docstrings or messages that still have a fault; none enters this list.
-WAITING = Path(__file__).with_name("waiting.txt").read_text("utf-8").split()
-
-
-def test_what_waits_is_there():
-    assert set(WAITING) <= set(MODULES)
-
-
-@pytest.mark.parametrize(
-    "module",
-    [
-        pytest.param(name, marks=pytest.mark.xfail(reason="waits"))
-        if name in WAITING
-        else name
-        for name in MODULES
-    ],
-)
+@pytest.mark.parametrize("module", MODULES)
 def test_no_docstring_or_message_has_a_banned_opening_or_word(module):
     source = (CHECKOUT / module).read_text("utf-8")
     assert [fault for text in texts_of(source) for fault in faults(text)] == []
