@@ -5,8 +5,9 @@ Draws of a recording give a difference with its variance; recordings of one sour
 of the source, y_s with variance v_s, which few draws leave uncertain; so sources are joined by a
 hierarchical model with Student's t:
 
-    y_s ~ t(θ_s, √v_s) with four degrees of freedom    θ_s ~ normal(μ, τ)
-    μ ~ normal(0, 10 points)                           τ ~ half-normal(5 points)
+    y_s ~ t(θ_s, √v_s)    θ_s ~ normal(μ, τ)    μ ~ normal    τ ~ half-normal
+
+The rules state the degrees of freedom of t and the scales of both priors.
 
 *Yes* where the loss is below the margin with a probability of 95 %, *no* where it is so with 5 %,
 otherwise *open*; open, too, where a recording of the rules was not measured, or was disturbed. The
@@ -33,7 +34,9 @@ from experiments.reporting.estimates import (
 from experiments.studies.claims.rules import (
     LARGEST,
     TRAINED,
+    Choice,
     Claim,
+    Prior,
     Recording,
     Rules,
     Size,
@@ -41,7 +44,6 @@ from experiments.studies.claims.rules import (
 )
 
 YES, NO, OPEN = "yes", "no", "open"
-FREEDOM, PRIOR_MEAN, PRIOR_BETWEEN = 4, 0.1, 0.05
 
 
 def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
@@ -70,6 +72,12 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
         about |= {"by": times.by, "rival": times.model, "size": TRAINED}
         about["status"] = "all"
         rows.append(about | judge_times(times, lines))
+    for name, choice in rules.choices.items():
+        lines = of_experiment(frame, choice.experiment)
+        about = {"rules": rules.version, "claim": name, "says": choice.says}
+        about |= {"by": choice.by, "rival": choice.among[0], "size": choice.size}
+        about["status"] = "all"
+        rows.append(about | judge_choice(rules, choice, lines))
     return pd.DataFrame(rows)
 
 
@@ -113,13 +121,43 @@ def _judged(
     row["why"] = "; ".join(f"{why}: {', '.join(of)}" for why, of in reasons.items())
     values, variances = by_source(rules, found)
     if values:
-        joined = Joined(values, variances)
+        joined = Joined(values, variances, rules.prior)
         likely = joined.above(-rules.margin)
         row |= _points(joined.mean()).columns("mean") | {"probability": likely}
         row |= _points(mean_interval(values)).columns("equal")
         row["sources"] = len(values)
         row["word"] = OPEN if reasons else word_of(likely, rules.sure)
     return row
+
+
+def judge_choice(rules: Rules, choice: Choice, lines: pd.DataFrame) -> dict[str, Any]:
+    """The first form whose mean accuracy over sources is at most the margin below the best one's.
+
+    The word is the name of the form; its mean is the gain over the first form, with its interval
+    over sources of equal weight.
+    """
+    first, *others = choice.among
+    gains: dict[str, dict[str, Any]] = {first: {"equal": 0.0}}
+    for form in others:
+        claim = choice.against_the_first(form)
+        entering = {name: rules.recordings[name] for name in choice.recordings}
+        gains[form] = row = _judged(rules, claim, choice.size, entering, lines)
+        if row["why"]:
+            return {"word": OPEN, "unit": "points", "why": row["why"]}
+    best = max(row["equal"] for row in gains.values())
+    least = best - 100 * rules.margin
+    word = next(form for form, row in gains.items() if row["equal"] >= least)
+    about = {"word": word, "unit": "points", "why": ""}
+    kept = (
+        "mean",
+        "mean_low",
+        "mean_high",
+        "equal",
+        "equal_low",
+        "equal_high",
+        "sources",
+    )
+    return about | {key: gains[word][key] for key in kept if key in gains[word]}
 
 
 def judge_times(times: Times, lines: pd.DataFrame) -> dict[str, Any]:
@@ -260,16 +298,17 @@ N_SCALES = 12  # nodes for Student's t
 
 
 @functools.cache
-def _variances() -> tuple[
-    NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]
-]:
+def _variances(
+    prior: Prior,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     """τ²; and Student's t as a mixture of normals: factors of a variance, and their weights."""
     from scipy.special import ndtri, roots_genlaguerre
 
-    prior = (np.arange(N_BETWEEN) + 0.5) / N_BETWEEN
-    between = PRIOR_BETWEEN * ndtri((1 + prior) / 2)
-    nodes, weights = roots_genlaguerre(N_SCALES, FREEDOM / 2 - 1)
-    return between**2, FREEDOM / 2 / nodes, weights / weights.sum()
+    shares = (np.arange(N_BETWEEN) + 0.5) / N_BETWEEN
+    between = prior.between * ndtri((1 + shares) / 2)
+    half = prior.freedom / 2
+    nodes, weights = roots_genlaguerre(N_SCALES, half - 1)
+    return between**2, half / nodes, weights / weights.sum()
 
 
 class Joined:
@@ -278,17 +317,20 @@ class Joined:
     Args:
         values: a number of each source [k].
         variances: of each [k], above zero.
+        prior: of the mean and of what is between sources.
     """
 
-    def __init__(self, values: Sequence[float], variances: Sequence[float]) -> None:
-        between, factors, weights = _variances()
+    def __init__(
+        self, values: Sequence[float], variances: Sequence[float], prior: Prior
+    ) -> None:
+        between, factors, weights = _variances(prior)
         log = np.zeros((len(MEANS), len(between)))
         for value, variance in zip(values, variances, strict=True):
             of_each = between[:, None] + variance * factors
             squares = (value - MEANS)[:, None, None] ** 2
             density = weights / np.sqrt(of_each) * np.exp(-squares / (2 * of_each))
             log += np.log(density.sum(axis=2) + np.finfo(float).tiny)
-        log -= ((MEANS / PRIOR_MEAN) ** 2 / 2)[:, None]
+        log -= ((MEANS / prior.mean) ** 2 / 2)[:, None]
         posterior = np.exp(log - log.max()).sum(axis=1)
         self.shares = posterior / posterior.sum()
 

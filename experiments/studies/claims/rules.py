@@ -95,6 +95,52 @@ class Times(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     measurements: int
 
 
+class Choice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Which of some forms is used: the first that is at most the margin below the best.
+
+    Attributes:
+        says, by: what is chosen, by whom.
+        experiment: whose lines are the evidence.
+        split: as in :class:`Claim`.
+        among: models, the simplest first.
+        recordings: that enter.
+        size: training frames of a class.
+    """
+
+    says: str
+    by: str
+    experiment: str
+    split: str
+    among: Models
+    recordings: tuple[str, ...]
+    size: Size
+
+    def against_the_first(self, form: str) -> Claim:
+        """A form and the simplest one, as a claim has them."""
+        return Claim(
+            says=self.says,
+            by=self.by,
+            experiment=self.experiment,
+            split=self.split,
+            form=form,
+            rival=self.among[0],
+        )
+
+
+class Prior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """The hierarchical model of differences of sources, as shares of accuracy.
+
+    Attributes:
+        freedom: degrees of freedom of Student's t within a source.
+        mean: standard deviation of the normal prior of the mean over sources.
+        between: scale of the half-normal prior of the standard deviation between sources.
+    """
+
+    freedom: int
+    mean: float
+    between: float
+
+
 class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """A file of rules.
 
@@ -107,8 +153,9 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         shared: test frames over training frames of a draw. Draws share frames, so that the variance
             of their mean is that of one times 1/draws + shared (Nadeau and Bengio, Mach. Learn. 52,
             239 (2003)).
+        prior: the model that joins sources.
         candidates: models from which each family chooses its form, for those who train them.
-        recordings, claims, times: by name.
+        recordings, claims, times, choices: by name.
     """
 
     version: int
@@ -118,10 +165,12 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     sizes: tuple[Size, ...]
     draws: int
     shared: float
+    prior: Prior
     candidates: dict[str, Models]
     recordings: dict[str, Recording]
     claims: dict[str, Claim]
     times: dict[str, Times] = {}
+    choices: dict[str, Choice] = {}
 
 
 def read(path: Path) -> Rules:

@@ -56,7 +56,7 @@ def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
 
 def shown_word(row: Row) -> str:
     """The verdict of rules 4 in words; what leaves it open."""
-    word = WORDS[row["word"]]
+    word = WORDS.get(row["word"]) or display_name(row["word"])
     return f"{word}: {row['why']}" if row["why"] else word
 
 

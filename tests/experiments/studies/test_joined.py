@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 
 from experiments.studies.claims import judge
+from experiments.studies.claims.rules import Prior
 
 FREEDOM = 4
+PRIOR = Prior(freedom=FREEDOM, mean=0.10, between=0.05)
 
 
 def drawn(rng, sources, n):
@@ -38,7 +40,7 @@ def test_the_posterior_is_the_integral_of_the_model(values, errors):
         squares = ((value - truth) / error) ** 2
         weights *= normal @ (1 + squares / FREEDOM) ** (-(FREEDOM + 1) / 2)
     of_each = weights.sum(axis=1)
-    found = judge.Joined(values, np.square(errors))
+    found = judge.Joined(values, np.square(errors), PRIOR)
     assert found.mean().value == pytest.approx(
         np.average(mu, weights=of_each), abs=1e-3
     )
@@ -53,7 +55,7 @@ def test_intervals_hold_the_truth_and_words_are_as_sure_as_they_say():
     errors = rng.uniform(0.005, 0.03, truths.shape)
     seen = truths + errors * rng.standard_t(FREEDOM, truths.shape)
     for truth, values, of_each in zip(mu, seen, errors, strict=True):
-        found = judge.Joined(values, of_each**2)
+        found = judge.Joined(values, of_each**2, PRIOR)
         _, low, high = found.mean()
         held.append(low <= truth <= high)
         if judge.word_of(found.above(-0.03), 0.95) != judge.OPEN:
@@ -67,10 +69,10 @@ def test_a_source_that_gains_or_a_wider_margin_never_makes_a_loss_more_likely():
     rng = np.random.default_rng(3)
     for _ in range(20):
         values, variances = rng.normal(-0.03, 0.02, 4), rng.uniform(1e-5, 1e-3, 4)
-        found = judge.Joined(values, variances)
+        found = judge.Joined(values, variances, PRIOR)
         likely = [found.above(-margin) for margin in (0.01, 0.02, 0.03, 0.05)]
         assert likely == sorted(likely)
-        all_gain = judge.Joined(values + 0.01, variances)
+        all_gain = judge.Joined(values + 0.01, variances, PRIOR)
         assert all_gain.above(-0.03) > likely[2]
         assert all_gain.mean().value > found.mean().value
 

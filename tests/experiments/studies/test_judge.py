@@ -39,6 +39,7 @@ def rules(**changed):
         "sizes": [5, "largest"],
         "draws": 4,
         "shared": 0.25,
+        "prior": {"freedom": 4, "mean": 0.1, "between": 0.05},
         "candidates": {"bits": ["hdc"], "greys": ["lda_greys"]},
         "recordings": RECORDINGS,
         "claims": {"keeps_up": about | models | {"lines": {"split": "counts"}}},
@@ -294,7 +295,7 @@ def test_verdicts_are_open_without_numbers_until_the_rules_are_dated(
     assert undated.why.str.startswith(view.UNDATED).all()
     assert undated[["mean", "probability"]].isna().all(axis=None)
     assert not undated[list(view.VERDICTS.key)].duplicated().any()
-    assert set(undated.claim) == {*of.claims, *of.times}
+    assert set(undated.claim) == {*of.claims, *of.times, *of.choices}
     rules_4("2026-12-01")
     flips = view.verdicts(frame).set_index("claim").loc["flips"]
     assert abs(flips["mean"]) < 5  # from lines that have no draw and no n
@@ -318,3 +319,32 @@ def test_recalibration_is_judged_on_what_each_session_has_right(rules_4):
         rows += [same | before | predicted(30, 80), same | after | predicted(144, 10)]
     found = view.verdicts(pd.DataFrame(rows)).set_index("claim").loc["recalibration"]
     assert (found.why, found.equal) == ("", pytest.approx(-10))  # 90 % after 100 %
+
+
+@pytest.mark.parametrize(
+    ("right", "word"),
+    [
+        ((300, 380, 390), "lda"),  # 2.5 points below the best
+        ((300, 370, 390), "levels"),  # 5 points below
+        ((380, 370, 390), "hdc"),
+        ((300, 380, None), "open"),
+    ],
+)
+def test_the_simplest_form_within_the_margin_of_the_best_is_chosen(right, word):
+    choice = {"says": "the default", "by": "this repository", "experiment": "some",
+              "split": "kind", "among": ["hdc", "lda", "levels"], "recordings": ["a", "c"],
+              "size": 5}  # fmt: skip
+    of = rules(choices={"default": choice}, claims={})
+    measured = dict(zip(choice["among"], right, strict=True))
+    made = [
+        {"experiment": "some", "scene": scene, "kind": "grouped", "draw": draw, "n": 5,
+         "model": model, "right": count, "n_test": 400}
+        for scene, draw in itertools.product("ac", range(4))
+        for model, count in measured.items() if count
+    ]  # fmt: skip
+    (row,) = records(judge.judge(of, pd.DataFrame(made)))
+    assert row["word"] == word
+    assert row["why"] == ("0 of 4 draws measured: a, c" if word == "open" else "")
+    assert word == "open" or row["equal"] == pytest.approx(
+        (measured[word] - right[0]) / 4
+    )
