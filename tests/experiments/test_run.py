@@ -239,7 +239,10 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
 @pytest.mark.parametrize(
     ("overrides", "expected"),
     [
-        (["model=hcd"], r"error: model: expected one of .*hdc, .*, found hcd"),
+        (
+            ["model=hcd"],
+            r"error: model: expected one of .*hdc, .*, found hcd; did you mean hdc\?",
+        ),
         (["nothing"], r"error: Error parsing override 'nothing', missing EQUAL .*"),
         (
             ["+scene.colour=1"],

@@ -53,7 +53,7 @@ def test_a_model_is_asked_in_its_first_draws_alone(of_small):
     assert rows[rows.model == "hdc"].chose.isna().all()
     for wrong, message in (
         ({"hcd": {"draws": 1}}, r"limits: expected models among .* 'hcd'"),
-        ({"hdc": {"draw": 1}}, r"task\.limits\.hdc\.draw: expected"),
+        ({"hdc": {"draw": 1}}, r"task\.limits\.draw: expected no such key"),
     ):
         with pytest.raises(ValueError, match=message):
             ask(limits=wrong)
