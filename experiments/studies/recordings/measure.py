@@ -191,7 +191,7 @@ class RecordingCosts(Task, frozen=True):
     Arguments: configs/experiment/recording_costs.yaml.
     """
 
-    revision: ClassVar = 2
+    revision: ClassVar = 3
     uses: ClassVar = ("hdc.HDCClassifier",)
     timed: ClassVar = True
 
