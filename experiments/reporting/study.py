@@ -103,7 +103,7 @@ class Figure:
             texts = (self.title, self.details)
             title, details = (text_for(text, data) for text in texts)
             if title:
-                head(figure, title, literal(details))
+                head(figure, title, literal(details[:1].upper() + details[1:]))
         return figure
 
     def file(self) -> bytes:

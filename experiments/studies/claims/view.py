@@ -21,21 +21,14 @@ from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.study import Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import two_digits
-from experiments.studies.claims import judge
+from experiments.studies.claims import forest, judge
+from experiments.studies.claims.history import frozen
 from experiments.studies.claims.rules import read
 from experiments.studies.drift import numbers as drift
 
-HISTORY = Path(__file__).with_name("history.csv")
 RULES = Path(__file__).with_name("rules_4.yaml")
 COMMAND = "python -m experiments.reproduce --full --claim NAME"
 Row = Mapping[str, Any]
-
-
-def history() -> pd.DataFrame:
-    """The frozen verdicts, a row per version of the rules, claim, baseline and, where a recording
-    was unseen when they were written, recording."""
-    of_text = dict.fromkeys(("frozen", "digest", "judged"), str)
-    return pd.read_csv(HISTORY, dtype=of_text)
 
 
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
@@ -64,13 +57,6 @@ def size(row: Row) -> str:
     """Frames per class, and whether only unseen recordings count."""
     unseen = ", unseen recordings" if row["status"] == "confirmatory" else ""
     return f"{row['size']}{unseen}"
-
-
-def frozen() -> pd.DataFrame:
-    """The frozen verdicts whose interval is not all that a difference can be."""
-    every = history()
-    says_nothing = (every.mean_low <= -100) & (every.mean_high >= 0)
-    return every[~says_nothing]
 
 
 def rival_name(rival: str) -> str:
@@ -220,4 +206,5 @@ STUDY = Study(
     0,
     front=True,
     tables=[VERDICTS, CLAIMS],
+    figures=[forest.FIGURE],
 )
