@@ -209,7 +209,7 @@ BY_SCENE = Table(
 )
 STUDY = Study(
     "accuracy",
-    "Few samples, few pixels, every scene",
+    "Number of samples and pixels",
     "How many training samples are enough, and how many pixels? The paper exceeds 90 % for N > 20. "
     "How accurate is each model on every scene, own recordings included?",
     order=2,
