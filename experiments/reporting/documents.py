@@ -225,9 +225,9 @@ def _can_run(command: str) -> bool:
 
 
 def _figure(figure: Figure) -> str:
-    caption = markdown_text(figure.caption)
-    file = f"{_RESULTS}/figures/{figure.name}.{figure.kind}"
-    return f"![{figure.name}]({file})\n\n{caption}"
+    caption, title = map(markdown_text, (figure.caption, str(figure.title)))
+    file = f"{_RESULTS}/figures/{figure.name}.svg"
+    return f"![{title or figure.name}]({file})\n\n{caption}"
 
 
 def scene_list(results: Results) -> str:

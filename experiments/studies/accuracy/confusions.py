@@ -207,7 +207,9 @@ FIGURES = [
         ),
         draw_spatial,
         title="HDC: 51 positions, 1 mm apart (Fig. 7)",
-        details=lambda data: about(data).partition(", ")[2],  # the title names the scene
+        details=lambda data: about(data).partition(", ")[
+            2
+        ],  # the title names the scene
         caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
         size=(3.4, 3.9),
     ),

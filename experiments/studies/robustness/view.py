@@ -190,12 +190,12 @@ STUDY = Study(
             draw,
             title="Accuracy under disturbances after training, by data set and split",
             details="Dashed: chance. Bars: range over seeds for flips, otherwise 95 % intervals.",
-            caption="Accuracy that remains, a row of panels per data set. From left to right: dither "
-            "of the test frames; the camera has moved; flips of bits of the query; flips of bits "
-            "of the stored model, whose weights have 8 bits. Leftmost point: no disturbance. Error "
-            "bars: range over seeds for flips, otherwise 95 % intervals. 0 %: the damaged model "
-            "gives no answer. A row in which all models begin at 100 % is saturated: it shows which "
-            "disturbances harm, and ranks no models.",
+            caption="Accuracy that remains, a row of panels per data set. From left to right: "
+            "dither of the test frames; the camera has moved; flips of bits of the query; flips of "
+            "bits of the stored model, whose weights have 8 bits. Leftmost point: no disturbance. "
+            "Error bars: range over seeds for flips, otherwise 95 % intervals. 0 %: the damaged model "
+            "gives no answer. A row in which all models begin at 100 % is saturated: it shows "
+            "which disturbances harm, and ranks no models.",
         )
     ],
 )

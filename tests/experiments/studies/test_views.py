@@ -19,7 +19,6 @@ STUDIES = ROOT / "experiments" / "studies"
 NO_SPLIT = {
     "stability": "its inputs are made up",
     "footprint": "memory and time of loading what a scene needs",
-    "method": "pictures of frames",
 }
 SPLITS = ("split", "test frames of another")  # what a head says of it
 
@@ -66,8 +65,6 @@ def test_a_figure_draws_its_csv_alone_and_has_scene_and_split_in_its_title(commi
     for study in committed.studies:
         for figure in committed.figures(study):
             seen.add(figure.name)
-            if figure.kind == "webp":  # pictures are no values
-                continue
             data = read_back(figure.table)
             first, second = figure.draw(figure.table.data), figure.draw(data)
             for one, other in zip(drawn(first), drawn(second), strict=True):

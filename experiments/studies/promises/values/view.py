@@ -36,7 +36,7 @@ OF_SETS = ["covered", "size", "refused", "unknown_refused"]
 OF_BINS = ["accuracy", "calibration", "perfect"]
 SHARES = ("covered", "inside", "refused", "unknown_refused", "accuracy", "calibration")
 SHOWN = ("hdc", "hdc_lda", "hdc_kernel")
-"""Read-outs of the figure: published, the recommended one, and one with other probabilities."""
+"""Read-outs of the figure: published, and LDA and kernel of the same bits."""
 SESSIONS = {"random": "same", "counts": "next"}
 ROWS = {
     "random": "frames like those\nin training",
