@@ -55,7 +55,7 @@ def shown_word(row: Row) -> str:
 
 def size(row: Row) -> str:
     """Frames per class, and whether only unseen recordings count."""
-    unseen = ", unseen recordings" if row["status"] == "confirmatory" else ""
+    unseen = ", unseen data sets" if row["status"] == "confirmatory" else ""
     return f"{row['size']}{unseen}"
 
 
@@ -120,11 +120,11 @@ def _frames(row: Row) -> str:
 
 
 NOTE = (
-    "Points: accuracy of HDC minus that of the baseline, mean over laboratories (random "
+    "Points: accuracy of HDC minus that of the baseline, mean over sources (random "
     "effects), with the interval of the mean and the range for a sensor of another "
-    "laboratory; bounds end where the difference does: at ±100 points, and at 0 against "
-    "the paper's 100 %. Equal weights: a laboratory is one value, Student; a yes that they do not "
-    "bear out is read as undecided. One recording: unseen when its rules were written, with the "
+    "source; bounds end where the difference does: at ±100 points, and at 0 against "
+    "the paper's 100 %. Equal weights: a source is one value, Student; a yes that they do not "
+    "bear out is read as undecided. One data set: unseen when its rules were written, with the "
     "interval of its own resamples. ×: training time relative to HDC in the same implementation, "
     "the one with the least ratio. %: share of the loss by drift that came back. Contrast: of "
     "prototypes minus that of hypervectors or speckle, for each scene over seeds."
@@ -164,8 +164,8 @@ VERDICTS = Table(
     "probability of at least 95 %; does not hold: of at most 5 %; otherwise open, with the reason "
     "where something was not measured or was disturbed. Equal weights: each source is one value, "
     "Student. ×: ratio of training times by one thread, with the range of medians and minima of "
-    "both measurements; holds: all are at least 10. Exploratory recordings were known when the "
-    "rules were written; unseen recordings were not.",
+    "both measurements; holds: all are at least 10. Exploratory data sets were known when the "
+    "rules were written; unseen data sets were not.",
     columns={
         "says": Column("Claim"),
         "rival": Column("Held against", display_name),
