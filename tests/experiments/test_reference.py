@@ -134,7 +134,7 @@ def test_it_adopts_writes_the_tables_and_fills_readme_and_docs(target, write_run
     assert "98 [93" in (target / "tables" / "table1.md").read_text()
     filled = reference.README.read_text()
     assert filled.startswith(f"{begin}| Model | Seeds |")
-    assert "\n| HDC | 1 |" in filled
+    assert "\n| HDC as published | 1 |" in filled
     assert filled.endswith(f" | ×356, 93 |{end}")
 
     def files():

@@ -185,7 +185,7 @@ def test_a_disturbed_row_is_measured_again_within_a_minute_and_marked(
     }
     assert marked["Softmax"]
     assert marked["CNN, 1 layer"]
-    assert not marked["HDC"]
+    assert not marked["HDC as published"]
     assert not marked["CNN, 3 layers"]
 
 

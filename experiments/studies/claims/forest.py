@@ -26,13 +26,13 @@ if TYPE_CHECKING:
 
 WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
 MARGIN = 3  # points, the largest loss that the rules accept
-ALL = "all"
+ALL, EVERY = "all", "All data sets, "
 # Kinds of rows and their headings, from top to bottom.
 HEADINGS = {
     CAPTURED: "Captured by a camera",
     COMPUTED: "Computed from\nmeasured matrices",
     SIMULATED: "Simulated",
-    ALL: "All data sets, by source",
+    ALL: f"{EVERY}by source",
 }
 HELD = tuple(form for form in FORMS if form != RIVAL_FORM)  # against it
 SIZES = {"few": f"{FEW} frames per class", "most": "the most frames per class"}
@@ -59,7 +59,7 @@ def forest(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _pooled() -> list[dict[str, Any]]:
-    """The means over sources of the findings, a row per form; a row is named by its form."""
+    """The means over sources of the findings, a row per form."""
     every = history()
     every = every[(every.rules == RULES) & (every.rival == RIVAL_FORM)]
     of_all = every[every.recording.isna()].set_index("claim")
@@ -67,8 +67,9 @@ def _pooled() -> list[dict[str, Any]]:
     for form, claim in POOLED.items():
         names = ["mean", "mean_low", "mean_high"]
         mean = Estimate(*(of_all.loc[claim, names].astype(float) / 100))
-        about = {"recording": form, "kind": ALL, "size": "most", "form": form}
-        rows.append(about | mean.columns("difference"))
+        about = {"recording": f"{EVERY}{display_name(form)}", "kind": ALL}
+        at = {"size": "most", "form": form}
+        rows.append(about | at | mean.columns("difference"))
     return rows
 
 
@@ -98,7 +99,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
             )
         for missing in set(data.recording) - set(shown.recording):
             place: Any = {"ha": "right", "va": "center", "fontsize": 7, "color": "0.4"}
-            text = "see (b) " if missing in POOLED else "not measured "
+            text = "see (b) " if missing.startswith(EVERY) else "not measured "
             axes.text(0, rows.index(missing), text, **place)
         axes.set_title(f"({letter}) {title}", loc="left", fontsize=8, pad=3)
     panels[0].set_yticks(range(len(rows)), map(_name, rows), fontsize=8)
@@ -115,8 +116,7 @@ def _look(form: str) -> dict[str, Any]:
 
 def _name(row: str) -> str:
     """The label of a row: a heading, a form or a data set."""
-    name = display_name(row) if row in POOLED else scene_name(row)
-    return HEADINGS.get(row) or literal(name)
+    return HEADINGS.get(row) or literal(scene_name(row).removeprefix(EVERY))
 
 
 def _rows(data: pd.DataFrame) -> list[str]:

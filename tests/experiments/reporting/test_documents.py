@@ -59,7 +59,7 @@ def test_the_opening_counts_data_sets_on_which_models_are_fast_and_right():
     made = Table("costs", COSTS.make, of="", data=pd.DataFrame(rows, None, columns))
     text = documents.opening(made)
     assert "each of 3 to 4 other models on 1 of 2 public data sets" in text
-    assert "most of these models err less on 1." in text
+    assert "On 1 of them, most of these models err less." in text
     assert text.endswith("on 1.")
     assert documents.opening(None) == documents.NOT_MEASURED
 

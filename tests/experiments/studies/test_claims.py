@@ -9,14 +9,14 @@ from rich.console import Console
 
 from experiments.reporting.table import records
 from experiments.reproduction import claim
-from experiments.studies.claims import view
+from experiments.studies.claims.history import HISTORY
 
-FOLDER = view.HISTORY.parent
+FOLDER = HISTORY.parent
 
 
 @pytest.fixture(scope="module")
 def history():
-    with view.HISTORY.open(encoding="utf-8") as file:
+    with HISTORY.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -48,14 +48,14 @@ def test_the_words_of_rules_1_are_those_of_their_file(history):
 
 def test_the_table_shows_every_verdict_that_says_something(committed):
     table = committed.table("claims")
-    lines = view.HISTORY.read_text("utf-8").splitlines(keepends=True)
+    lines = HISTORY.read_text("utf-8").splitlines(keepends=True)
     assert table.csv() == "".join(line for line in lines if "-100,0," not in line)
     rows = zip(records(table.data), table.cells(), strict=True)
     shown = {tuple(row[key] or "" for key in table.key): cells for row, cells in rows}
     _, rival, word, mean, equal, predicted, *_ = shown[
         2, "accuracy_mended", "softmax_dual_standardised", ""
     ]
-    assert rival == "Converged softmax, standardised"
+    assert rival == "Softmax, standardised"
     assert word == "Undecided (rules 2: yes)"
     assert (mean, equal) == ("+3.3 points [−2.8, +9.5]", "−0.2 points [−11, +11]")
     assert predicted == "−12 to +19 points"
@@ -76,7 +76,7 @@ def test_one_claim_says_its_words_its_verdicts_and_what_judged(
     assert "d2b9112a2a45c681744fe3dc688de0ef001e70e3" in said
     assert "rules 4, as trained: open: the rules are not dated yet" in said
     claim.show("one_bit", Console(width=200, highlight=False))
-    assert "rules 4, 20, unseen recordings: open" in capsys.readouterr().out
+    assert "rules 4, 20, unseen data sets: open" in capsys.readouterr().out
     with pytest.raises(
         ValueError, match=r"expected one of bits, accuracy.*, found nothing"
     ):

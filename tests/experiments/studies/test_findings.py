@@ -64,7 +64,7 @@ HDC = "- rows: {hdc: {table: values, model: hdc}, soft: {table: values, model: s
         ("{soft.share:percent}", "100"),
         ("{hdc.ratio:two}", "2200"),
         ("{hdc.word}", "no"),
-        ("{hdc.model:model}", "HDC"),
+        ("{hdc.model:model}", "HDC as published"),
         ("{hdc[a.b]:loss}", "−25.0"),
         ("{hdc.gain:percentage interval}", "−4.2 percentage points [−6.0, −2.0]"),
     ],

@@ -20,7 +20,7 @@ NO_SPLIT = {
     "stability": "its inputs are made up",
     "footprint": "memory and time of loading what a scene needs",
 }
-SPLITS = ("split", "test frames of another")  # what a head says of it
+SPLITS = ("split", "frames are of another")  # what a head says of it
 
 
 def words(figure):
@@ -94,8 +94,10 @@ def test_no_two_models_look_alike_and_texts_of_a_figure_keep_their_digits():
 # Lists of models and recordings -------------------------------------------------------------------
 
 OWN_QUESTION = {
+    "claims/forest.py: POOLED": "forms whose means over sources the findings give",
     "promises/values/numbers.py: REGRESSORS": "the methods that the study compares",
     "promises/values/view.py: COUNTING": "forms whose vote is a count of samples",
+    "promises/values/view.py: SHOWN": "read-outs whose probabilities a figure compares",
     "recordings/tables.py: STEPS": "from grey values to HDC by one change after the other",
 }
 
