@@ -147,7 +147,7 @@ def test_each_row_is_shown_before_the_next_model_is_trained(
     assert lines[0] == "Table I: about 4 min on two quiet cores"
     left = [line for line in lines if line.endswith(" left")]
     assert left == [
-        "HDC; about 4 min left",
+        "HDC as published; about 4 min left",
         "Softmax; about 3 min left",
         "CNN, 1 layer; about 3 min left",
         "CNN, 3 layers; about 3 min left",
@@ -178,7 +178,7 @@ def test_a_disturbed_row_is_measured_again_within_a_minute_and_marked(
     ]  # fmt: skip
     lines = capsys.readouterr().out.splitlines()
     said = [line for line in lines if line.endswith("once more")]
-    assert said[0] == f"HDC: disturbed, {others}; once more"
+    assert said[0] == f"HDC as published: disturbed, {others}; once more"
     made = the_table(called.folder)
     marked = {
         cells[0]: "disturbed: others took 9%" in cells[1] for cells in made.cells()
@@ -224,7 +224,7 @@ def test_a_slow_machine_says_how_much_longer_it_takes(called, monkeypatch, capsy
     assert table1.main() == 0
     lines = capsys.readouterr().out.splitlines()
     assert [line for line in lines if line.endswith(" left")] == [
-        "HDC; about 4 min left",
+        "HDC as published; about 4 min left",
         "Softmax; about 11 min left",
         "CNN, 1 layer; about 17 min left",
         "CNN, 3 layers; about 8 min left",

@@ -266,7 +266,7 @@ def test_a_ratio_is_that_of_medians_of_what_nothing_disturbed(table, write_measu
     cells = {tuple(cells[:2]): cells[2:] for cells in made.cells()}
     assert cells["Converged softmax", "1"][2] == "5.0 (minima 8.0)"
     assert cells["Converged softmax", "1"][-1] == "4, 1 disturbed"
-    assert "HDC 7.0 s" in made.notes
+    assert "HDC as published 7.0 s" in made.notes
     assert "stops while frames are made" in made.notes
     assert "learns noise before" in made.notes
 
