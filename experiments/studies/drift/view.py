@@ -113,8 +113,7 @@ STUDY = Study(
             title="Re-referencing without labels, by data set",
             details=f"{SPLIT}; dashed: chance; error bars: 95 % intervals over seeds",
             caption="Accuracy in the new session, re-referenced without labels, and after training "
-            f"anew on {N_NEW} labelled frames. New frames come before those tested. Dashed: "
-            "chance. Error bars: 95 % intervals over seeds.",
+            f"anew on {N_NEW} labelled frames. New frames come before those tested.",
         ),
     ],
     numbers=[Numbers(quantities, of=["drift"])],

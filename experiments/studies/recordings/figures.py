@@ -114,7 +114,7 @@ FIGURE = Figure(
     title="Test error against training time, one data set of each source",
     details=_details,
     caption="Test error against training time at the most frames per class, one panel per "
-    "source (its first data set; the table has all), with compiled kernels if they are "
+    "source (its first data set; the table has all), with compiled kernels if "
     "faster. Grey line: the Pareto front, where no other model has less of both.",
     size=(7.0, 4.3),
 )

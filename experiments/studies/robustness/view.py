@@ -193,9 +193,8 @@ STUDY = Study(
             caption="Accuracy that remains, a row of panels per data set. From left to right: "
             "dither of the test frames; the camera has moved; flips of bits of the query; flips of "
             "bits of the stored model, whose weights have 8 bits. Leftmost point: no disturbance. "
-            "Error bars: range over seeds for flips, otherwise 95 % intervals. 0 %: the damaged "
-            "model gives no answer. A row in which all models begin at 100 % is saturated: it "
-            "shows which disturbances harm, and ranks no models.",
+            "0 %: the damaged model gives no answer. Rows in which all models begin at 100 % are "
+            "saturated and rank no models.",
         )
     ],
 )
