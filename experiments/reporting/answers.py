@@ -11,7 +11,7 @@ from typing import NamedTuple, TypeVar
 from experiments.records.results import RUNS, Results
 from experiments.reporting import comparison
 from experiments.reporting.study import Figure, Study
-from experiments.reporting.table import Table
+from experiments.reporting.table import Table, text_for
 from hdc.io import write_atomically
 
 MINE, RUNS_TABLE = "mine", "runs"
@@ -60,7 +60,11 @@ class Answers:
     def figures(self, study: Study) -> list[Figure]:
         """The figures of a study that have something to draw, each with the table that is made."""
         found = [(figure, self._of(study, figure.table)) for figure in study.figures]
-        return [replace(figure, table=made) for figure, made in found if made]
+        return [
+            replace(figure, table=made, title=text_for(figure.title, made.data))
+            for figure, made in found
+            if made
+        ]
 
     def every_table(self) -> Iterator[Table]:
         """The tables of all studies, and of none."""
@@ -154,8 +158,8 @@ class Answers:
                 made = self._tried(study, f"figure {figure.name}", figure.file)
                 if made is None:
                     continue
-                yield f"{figure.name}.{figure.kind}", made
-                if figure.table.name not in shown and figure.kind != "webp":
+                yield f"{figure.name}.svg", made
+                if figure.table.name not in shown:
                     yield f"{figure.name}.csv", figure.table.csv()
 
     def _of(self, study: Study, table: Table) -> Table | None:

@@ -95,7 +95,7 @@ COLUMNS: dict[str, Column] = {
         "Test accuracy, % [95 %]",
         percent,
         note="95 % intervals: Student over seeds, never narrower than the test set allows; Wilson "
-        "for one seed or one recording.",
+        "for one seed or one data set.",
     ),
     "over_hdc": Column(
         "Difference from HDC, points [95 %]",

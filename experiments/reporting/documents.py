@@ -12,6 +12,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pandas as pd
 from omegaconf import OmegaConf
 
@@ -19,7 +20,7 @@ from experiments.protocol.needs import sources_of
 from experiments.records import configs
 from experiments.records.results import Results, by_scene
 from experiments.reporting.answers import Answers
-from experiments.reporting.columns import Column
+from experiments.reporting.columns import Column, display_name
 from experiments.reporting.forms import FORMS
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
@@ -37,16 +38,6 @@ _BLOCK = re.compile(r"(<!-- begin (\w+) -->\n).*?(<!-- end \2 -->)", re.DOTALL)
 NOT_MEASURED = "*not measured yet*"
 # The data sets of the table of costs: a camera under an elastomer, laser speckle of a fibre.
 COSTS = ("gelsight", "fibre_grouped")
-# Names of its forms (:mod:`.forms`), as README introduces them.
-COSTS_OF = {
-    "hdc": "HDC as published",
-    "hdc_lda": "HDC, one bit, LDA",
-    "hdc_levels_lda": "HDC, seven bits, LDA",
-    "hdc_deviation_lda": "HDC, deviation, LDA",
-    "softmax_dual_standardised": "Softmax, standardised",
-    "mean_image": "Nearest class mean of grey values",
-    "thumbnail": "Softmax of 8 × 6 pixels (thumbnail)",
-}
 # The models of the paper, and the schedule that its accuracy of softmax needs.
 TABLE1_OF = ("hdc", "softmax", "softmax_descent", "cnn1", "cnn3")
 TABLE1_SHOWN = (
@@ -84,7 +75,7 @@ def fill(text: str, contents: Mapping[str, Callable[[], str]]) -> str:
 
 
 def costs(table: Table | None) -> str:
-    """Error on two recordings, and on the first of them training time, time per frame and size.
+    """Error on two data sets, and on the first of them training time, time per frame and size.
 
     Times are by NumPy or by the compiled kernels, whichever are less.
 
@@ -100,14 +91,16 @@ def costs(table: Table | None) -> str:
         if model not in first.index or model not in second.index:
             continue
         row = first.loc[model]
+        errors = 100 * row.error, 100 * second.error[model]
+        if np.isnan(errors).all():  # timed, and not asked
+            continue
         numbers = (
-            100 * row.error,
-            100 * second.error[model],
+            *errors,
             row.fit_best_s,
             1e3 * row.predict_frame_best_s,
             row.bytes / 1e3,
         )
-        lines.append([COSTS_OF[model], *(number(x, 2) for x in numbers)])
+        lines.append([display_name(model), *(number(x, 2) for x in numbers)])
     return _rows(lines)
 
 
@@ -133,9 +126,11 @@ def forms(table: Table | None) -> str:
     """
     if table is None:
         return NOT_MEASURED
-    lines = [["Data set", *COSTS_OF.values()]]
+    known = set(table.data.dropna(subset="error").model)
+    shown = [model for model in FORMS if model in known]
+    lines = [["Data set", *map(display_name, shown)]]
     for name in table.data.recording.unique():
-        errors = _of_most_frames(table.data, name).error.reindex([*COSTS_OF])
+        errors = _of_most_frames(table.data, name).error.reindex(shown)
         texts = [number(100 * error, 2) for error in errors]
         lowest = texts[int(errors.argmin())]
         marked = [f"**{text}**" if text == lowest else text for text in texts]
@@ -144,7 +139,7 @@ def forms(table: Table | None) -> str:
 
 
 def opening(table: Table | None) -> str:
-    """How published HDC and LDA of its bits stand in error and training time, in two sentences.
+    """How published HDC and LDA of its bits stand in error and training time, in three sentences.
 
     A model is on the Pareto front where no other has at most its error in at most its time.
 
@@ -166,7 +161,7 @@ def opening(table: Table | None) -> str:
     return (
         f"After {table.data.n.max()} training frames per class, HDC as published trains faster "
         f"than each of {min(others)} to {max(others)} other models on {fastest} of {len(names)} "
-        f"public data sets, and most of these models err less on {behind}. With linear "
+        f"public data sets. On {behind} of them, most of these models err less. With linear "
         f"discriminant analysis (LDA) of the same bits, HDC is on the Pareto front of error "
         f"against training time on {on_front}."
     )
@@ -225,9 +220,9 @@ def _can_run(command: str) -> bool:
 
 
 def _figure(figure: Figure) -> str:
-    caption = markdown_text(figure.caption)
-    file = f"{_RESULTS}/figures/{figure.name}.{figure.kind}"
-    return f"![{figure.name}]({file})\n\n{caption}"
+    caption, title = map(markdown_text, (figure.caption, str(figure.title)))
+    file = f"{_RESULTS}/figures/{figure.name}.svg"
+    return f"![{title or figure.name}]({file})\n\n{caption}"
 
 
 def scene_list(results: Results) -> str:
@@ -294,7 +289,7 @@ def _counts(results: Results) -> dict[str, str]:
 
 _SPLITS = {
     "ordered": "the last {share} of each class in time",
-    "grouped": "{share}, by {group}",
+    "grouped": "{share} of the groups{by}",
     "session": "the last session",
     "random": "{share} at random",
 }
@@ -306,7 +301,8 @@ def _split_of(line: pd.Series) -> str:
         line.get(f"splits.counts.{key}") for key in ("kind", "group", "test_fraction")
     )
     share = f"{100 * fraction:g} %"
-    return _SPLITS[kind].format(share=share, group=f"“{group}”")
+    by = "" if group == "group" else f" ({group})"
+    return _SPLITS[kind].format(share=share, by=by)
 
 
 def _scene(name: str, counts: str) -> str:

@@ -32,21 +32,17 @@ PAPER: Any = {
 }
 DASHED: Any = {"color": "0.5", "lw": 0.8, "ls": (0, (4, 3)), "zorder": 0}
 LETTERS = "abcdefghijklmnopqrstuvwxyz"  # of panels
-# How each kind of file is free of dates and small; speckle does not compress.
-_OPTIONS: dict[str, dict[str, Any]] = {
-    "svg": {"metadata": {"Date": None}},
-    "webp": {"pil_kwargs": {"quality": 40}},
-}
 _LINE = 60 / 3.4  # characters of a head's line, an inch
 
 
 def save(figure: Figure, kind: str) -> bytes:
-    """The figure as ``svg``, ``png`` or ``webp``, free of dates and random names."""
+    """The figure as ``svg`` or ``png``, free of dates and random names."""
     from matplotlib import rc_context
 
     stream = io.BytesIO()
     with rc_context(fname=STYLE):
-        figure.savefig(stream, format=kind, dpi=150, **_OPTIONS.get(kind, {}))
+        dates = {"Date": None} if kind == "svg" else {}
+        figure.savefig(stream, format=kind, dpi=150, metadata=dates)
     if kind != "svg":
         return stream.getvalue()
     # A hundredth of a point is finer than any screen; the page carries every figure. Only what

@@ -80,7 +80,6 @@ class Figure:
         caption: what it shows; also the alternative text.
         details: below the title, what it is of; or a function of the values.
         size: width and height in inches.
-        kind: ``svg``, or ``webp`` for pictures of frames, whose values are no table.
     """
 
     name: str
@@ -90,7 +89,6 @@ class Figure:
     title: Text = ""
     details: Text = about
     size: tuple[float, float] = (WIDTH, 2.6)
-    kind: str = "svg"
 
     def draw(self, data: pd.DataFrame) -> Canvas:
         """The matplotlib figure of some values."""
@@ -103,12 +101,12 @@ class Figure:
             texts = (self.title, self.details)
             title, details = (text_for(text, data) for text in texts)
             if title:
-                head(figure, title, literal(details))
+                head(figure, title, literal(details[:1].upper() + details[1:]))
         return figure
 
     def file(self) -> bytes:
-        """The content of its file."""
-        return save(self.draw(self.table.data), self.kind)
+        """The content of its file, an SVG."""
+        return save(self.draw(self.table.data), "svg")
 
 
 @dataclass(frozen=True)

@@ -12,6 +12,7 @@ from experiments.records.results import Results
 from experiments.reporting.columns import Row, scene_name
 from experiments.reporting.table import records
 from experiments.studies.claims import view
+from experiments.studies.claims.history import history
 
 
 def show(name: str, console: Console) -> None:
@@ -28,7 +29,7 @@ def show(name: str, console: Console) -> None:
 def lines(name: str) -> Iterator[str]:
     """The claim, its verdicts on own records, and those that are frozen."""
     own = view.verdicts(Results(results_dir()).frame(*view.VERDICTS.experiments))
-    every = view.history()
+    every = history()
     judged, frozen = (records(of[of.claim == name]) for of in (own, every))
     if not judged and not frozen:
         known = ", ".join(dict.fromkeys([*own.claim, *every.claim]))

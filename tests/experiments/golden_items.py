@@ -55,7 +55,7 @@ SMALL_SENSOR = (
 )
 # Experiments in small: words of the command line beside `experiment=`.
 EXPERIMENTS = {
-    "correlation": ("task.seeds=[0]", "task.crop=null", *SMALL_SENSOR),
+    "correlation": ("task.seeds=[0]", *SMALL_SENSOR),
     "drift": ("task.seeds=[0]", "task.n_test=20", "task.n_new=[5]", "task.p=[0.5]",
               "task.n_alone=[5]", "task.n_zero=[10]", "task.n_shares=[5]", *SMALL_SENSOR),
     "coverage": ("scene=touch", "task.n_per_class=[2,5]", "task.draws=1", *SMALL_SENSOR),

@@ -46,7 +46,7 @@ def test_each_row_is_shown_before_the_next_model_is_trained(
     ]
     assert reported == [{"brief": True}]
     shown = [line.partition(";")[0] for line in capsys.readouterr().out.splitlines()]
-    names = ["HDC", "Softmax", "CNN, 1 layer", "CNN, 3 layers"]
+    names = ["HDC as published", "Softmax", "CNN, 1 layer", "CNN, 3 layers"]
     begun = [shown.index(name) for name in names]
     for name, first, then in zip(names, begun, [*begun[1:], None], strict=True):
         assert [line for line in shown[first + 1 : then] if line.startswith(name)]
@@ -72,7 +72,7 @@ def test_a_disturbed_row_is_measured_again_within_a_minute_and_marked(
     ]  # fmt: skip
     lines = capsys.readouterr().out.splitlines()
     said = [line for line in lines if line.endswith("once more")]
-    assert said[0] == f"HDC: disturbed, {others}; once more"
+    assert said[0] == f"HDC as published: disturbed, {others}; once more"
     made = TABLE1.made(Results(called.folder).frame(*TABLE1.experiments))
     disturbed = {cells[0] for cells in made.cells() if others in cells[1]}
     assert disturbed == {"Softmax", "CNN, 1 layer"}

@@ -15,7 +15,7 @@ from experiments.reporting.columns import scene_name
 from experiments.reporting.facets import PRINTED, matrix
 from experiments.reporting.plot import LETTERS, panel, wrapped
 from experiments.reporting.resamples import mean_matrix
-from experiments.reporting.study import RUN, Figure
+from experiments.reporting.study import RUN, Figure, about
 from experiments.reporting.table import Table
 from experiments.reporting.text import SIMULATED
 from experiments.reporting.trained import split_of, whole
@@ -78,7 +78,8 @@ def draw_confusions(figure: Canvas, data: pd.DataFrame) -> None:
     """A panel per scene."""
     scenes = by_scene(data)
     down = -(-len(scenes) // 2)
-    figure.set_size_inches(3.4, 1.4 + 1.55 * down)
+    figure.set_size_inches(4.2, 1.1 + 1.95 * down)
+    figure.set_layout_engine("constrained", h_pad=0.1)  # titles have several lines
     for k, (letter, (scene, shares)) in enumerate(
         zip(LETTERS, scenes.items(), strict=False)
     ):
@@ -88,8 +89,15 @@ def draw_confusions(figure: Canvas, data: pd.DataFrame) -> None:
         axes.tick_params(axis="x", rotation=90)
         of_paper = configs.scene_display(scene)["figure"]
         of = f", {of_paper}" if of_paper else ""
-        accuracy = 100 * shares.accuracy.iloc[0]
-        panel(axes, letter, f"{wrapped(scene_name(scene), 20)}{of}\n{accuracy:.1f} %")
+        name = wrapped(f"{scene_name(scene)}{of}", 22)
+        first = shares.iloc[0]
+        accuracy = f"accuracy {100 * first.accuracy:.1f} %"
+        panel(axes, letter, f"{name}\n{wrapped(first.split, 26)}\n{accuracy}")
+
+
+def _details(data: pd.DataFrame) -> str:
+    """Kinds of frames and seeds; splits differ."""
+    return f"{about(data.drop(columns='split'))}; the split stands above each panel"
 
 
 def _draw_confusion(axes: Axes, shares: pd.DataFrame, gamma: float = 1) -> Colorbar:
@@ -157,8 +165,7 @@ def draw_spatial(figure: Canvas, data: pd.DataFrame) -> None:
     correlations = data[data.what == "correlation"]
     if len(correlations):
         matrix(left, _square(correlations, "true", "predicted", "share"), str)
-        left.set(xlabel="hypervectors of position (mm)")
-        left.set_ylabel("prototype of position (mm)")
+        left.set(xlabel="hypervectors at (mm)", ylabel="prototype at (mm)")
         panel(left, "a", "correlation $C^p$, held out")
     else:
         left.set_axis_off()
@@ -184,10 +191,11 @@ FIGURES = [
         "confusions",
         Table("confusions", confusions, of=RUNS, commands=[f"{RUN}all_scenes"]),
         draw_confusions,
-        title="Confusion by HDC, % of the true label",
+        title="Confusion by HDC as published, % of the true label",
+        details=_details,
         caption="Confusion of the classes by HDC, in percent of the true label (rows), test "
         "samples of all seeds together (Figs. 6(b) and 9(d)). Cells below 0.5 % "
-        "are blank. Scenes without errors are left out.",
+        "are blank. Data sets without errors are left out.",
     ),
     Figure(
         "fig7_spatial",
@@ -199,6 +207,9 @@ FIGURES = [
         ),
         draw_spatial,
         title="HDC: 51 positions, 1 mm apart (Fig. 7)",
+        details=lambda data: about(data).partition(", ")[
+            2
+        ],  # the title names the scene
         caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
         size=(3.4, 3.9),
     ),

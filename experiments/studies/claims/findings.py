@@ -22,6 +22,21 @@ from experiments.reporting.documents import NOT_MEASURED
 from experiments.reporting.table import ENDS
 from experiments.reporting.text import interval, number, percent, size, two_digits
 
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
+def _power(value: float) -> str:
+    """Two digits times a power of ten: 1.7 × 10⁻¹⁵."""
+    digits, exponent = f"{value:.1e}".split("e")
+    return f"{digits} × 10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
+
+
+def _on_each(numbers: str) -> str:
+    """``A: x; B: y`` as “x on A and y on B”."""
+    parts = (part.partition(": ") for part in numbers.split("; "))
+    return " and ".join(f"{number} on {scene}" for scene, _, number in parts)
+
+
 PATH = Path(__file__).with_name("findings.yaml")
 ANSWERS = Path(__file__).with_name("answers.yaml")
 FORMATS: Mapping[str, Callable[[Any], str]] = {
@@ -33,7 +48,9 @@ FORMATS: Mapping[str, Callable[[Any], str]] = {
     "number": number,
     "size": size,
     "two": two_digits,
+    "power": _power,
     "count": "{:.0f}".format,
+    "scenes": _on_each,
     "model": display_name,
     "scene": scene_name,
 }

@@ -44,6 +44,11 @@ from experiments.studies.claims.rules import (
 )
 
 YES, NO, OPEN = "yes", "no", "open"
+COLUMNS = [
+    *("rules", "claim", "says", "by", "rival", "size", "status", "word", "unit", "why"),
+    *("mean", "mean_low", "mean_high", "probability"),
+    *("equal", "equal_low", "equal_high", "sources"),
+]
 
 
 def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
@@ -78,7 +83,7 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
         about |= {"by": choice.by, "rival": choice.among[0], "size": choice.size}
         about["status"] = "all"
         rows.append(about | judge_choice(rules, choice, lines))
-    return pd.DataFrame(rows)
+    return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def recordings_of(
@@ -120,13 +125,13 @@ def _judged(
     row: dict[str, Any] = {"word": OPEN, "unit": "points"}
     row["why"] = "; ".join(f"{why}: {', '.join(of)}" for why, of in reasons.items())
     values, variances = by_source(rules, found)
-    if values:
+    if values and not reasons:
         joined = Joined(values, variances, rules.prior)
         likely = joined.above(-rules.margin)
         row |= _points(joined.mean()).columns("mean") | {"probability": likely}
         row |= _points(mean_interval(values)).columns("equal")
         row["sources"] = len(values)
-        row["word"] = OPEN if reasons else word_of(likely, rules.sure)
+        row["word"] = word_of(likely, rules.sure)
     return row
 
 

@@ -21,21 +21,14 @@ from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.study import Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import two_digits
-from experiments.studies.claims import judge
+from experiments.studies.claims import forest, judge
+from experiments.studies.claims.history import frozen
 from experiments.studies.claims.rules import read
 from experiments.studies.drift import numbers as drift
 
-HISTORY = Path(__file__).with_name("history.csv")
 RULES = Path(__file__).with_name("rules_4.yaml")
 COMMAND = "python -m experiments.reproduce --full --claim NAME"
 Row = Mapping[str, Any]
-
-
-def history() -> pd.DataFrame:
-    """The frozen verdicts, a row per version of the rules, claim, baseline and, where a recording
-    was unseen when they were written, recording."""
-    of_text = dict.fromkeys(("frozen", "digest", "judged"), str)
-    return pd.read_csv(HISTORY, dtype=of_text)
 
 
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
@@ -62,15 +55,8 @@ def shown_word(row: Row) -> str:
 
 def size(row: Row) -> str:
     """Frames per class, and whether only unseen recordings count."""
-    unseen = ", unseen recordings" if row["status"] == "confirmatory" else ""
+    unseen = ", unseen data sets" if row["status"] == "confirmatory" else ""
     return f"{row['size']}{unseen}"
-
-
-def frozen() -> pd.DataFrame:
-    """The frozen verdicts whose interval is not all that a difference can be."""
-    every = history()
-    says_nothing = (every.mean_low <= -100) & (every.mean_high >= 0)
-    return every[~says_nothing]
 
 
 def rival_name(rival: str) -> str:
@@ -134,11 +120,11 @@ def _frames(row: Row) -> str:
 
 
 NOTE = (
-    "Points: accuracy of HDC minus that of the baseline, mean over laboratories (random "
+    "Points: accuracy of HDC minus that of the baseline, mean over sources (random "
     "effects), with the interval of the mean and the range for a sensor of another "
-    "laboratory; bounds end where the difference does: at ±100 points, and at 0 against "
-    "the paper's 100 %. Equal weights: a laboratory is one value, Student; a yes that they do not "
-    "bear out is read as undecided. One recording: unseen when its rules were written, with the "
+    "source; bounds end where the difference does: at ±100 points, and at 0 against "
+    "the paper's 100 %. Equal weights: a source is one value, Student; a yes that they do not "
+    "bear out is read as undecided. One data set: unseen when its rules were written, with the "
     "interval of its own resamples. ×: training time relative to HDC in the same implementation, "
     "the one with the least ratio. %: share of the loss by drift that came back. Contrast: of "
     "prototypes minus that of hypervectors or speckle, for each scene over seeds."
@@ -178,8 +164,8 @@ VERDICTS = Table(
     "probability of at least 95 %; does not hold: of at most 5 %; otherwise open, with the reason "
     "where something was not measured or was disturbed. Equal weights: each source is one value, "
     "Student. ×: ratio of training times by one thread, with the range of medians and minima of "
-    "both measurements; holds: all are at least 10. Exploratory recordings were known when the "
-    "rules were written; unseen recordings were not.",
+    "both measurements; holds: all are at least 10. Exploratory data sets were known when the "
+    "rules were written; unseen data sets were not.",
     columns={
         "says": Column("Claim"),
         "rival": Column("Held against", display_name),
@@ -220,4 +206,5 @@ STUDY = Study(
     0,
     front=True,
     tables=[VERDICTS, CLAIMS],
+    figures=[forest.FIGURE],
 )

@@ -7,12 +7,10 @@ them Eq. 6 compares with the prototype. Here it is compared with the samples tha
 
 from __future__ import annotations
 
-import base64
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
-import cv2
 import numpy as np
 import torch
 from torch import Tensor
@@ -38,12 +36,11 @@ class Correlation(Task, frozen=True):
     """One row: mean correlation of two classes, C_ij of Eq. 4, 5 or 6, on one sensor.
 
     ``class_i`` is the class of the prototype in Eq. 6; ``n`` counts the samples of a class, and
-    ``undefined`` the constant samples of both. With a ``crop`` (top, left, edge, in
-    pixels) there follow rows of pictures of the first sensor: see :func:`pictures`.
+    ``undefined`` the constant samples of both.
     Arguments: configs/experiment/correlation.yaml.
     """
 
-    revision: ClassVar = 1
+    revision: ClassVar = 2
     uses: ClassVar = ("hdc.HDCClassifier",)
 
     scene: Mapping[str, Any]
@@ -51,7 +48,6 @@ class Correlation(Task, frozen=True):
     seeds: Sequence[int]
     kinds: Sequence[str] = KINDS
     samples: Sequence[str] = SAMPLES
-    crop: Sequence[int] | None = None
 
     def rows(self, context: Context) -> Iterator[Row]:
         if set(self.kinds) - set(KINDS):
@@ -62,35 +58,6 @@ class Correlation(Task, frozen=True):
             for row in correlations(sensor, self.split, seed, self.kinds, self.samples):
                 yield {"origin": sensor.origin, "seed": seed, **row}
             context.note(f"seed {seed}")
-        if self.crop is not None:
-            seed = self.seeds[0]
-            sensor = context.scene(self.scene, seed)
-            yield from pictures(sensor, self.split, seed, self.crop)
-
-
-def pictures(
-    sensor: Scene, split: Split, seed: int, crop: Sequence[int]
-) -> Iterator[Row]:
-    """One row: a picture of a class, the square ``crop`` (top, left, edge, in pixels) as a PNG in
-    base64 (``png``). ``picture`` is the ``speckle`` or ``hypervector`` of the first training
-    sample, or the ``prototype``."""
-    top, left, edge = crop
-    members = members_of(sensor, split, seed)["training"]
-    _, prototypes = add_up(sensor, {"training": members})
-    frames = sensor.frames(members[:, 0]).cpu()
-    ones = bits.unpack(Median().encode(frames), math.prod(sensor.shape))
-    white = [255 * bit.byte() for bit in (ones, prototypes)]
-    shown = dict(zip(KINDS, [frames, *white], strict=True))
-    for k, name in enumerate(sensor.classes):
-        for picture, images in shown.items():
-            image = images.view(frames.shape)[k, top : top + edge, left : left + edge]
-            _, png = cv2.imencode(".png", np.ascontiguousarray(image.numpy()))
-            yield {
-                "origin": sensor.origin,
-                "class": name,
-                "picture": picture,
-                "png": base64.b64encode(png.tobytes()).decode(),
-            }
 
 
 def correlations(

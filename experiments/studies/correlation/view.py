@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import base64
-import io
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas as pd
-from numpy.typing import NDArray
 
 from experiments.reporting import published
 from experiments.reporting.estimates import (
@@ -19,7 +16,7 @@ from experiments.reporting.estimates import (
     one_sensor,
 )
 from experiments.reporting.facets import matrix, spread
-from experiments.reporting.plot import PAPER, panel
+from experiments.reporting.plot import PAPER, entry, panel
 from experiments.reporting.resamples import matrices, mean_matrix
 from experiments.reporting.study import Figure, Numbers, Quantity, Study
 from experiments.reporting.table import Table
@@ -29,15 +26,6 @@ from experiments.studies.correlation.pairs import contrast
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
-# Pixels of the pictures that are lit evenly: elsewhere the lamp's edge is the clearest pattern.
-EVEN = (slice(48, 88), slice(32, 72))
-# Pictures of the method: title, and the brightest value that is told apart. Few pixels of a
-# speckle are above 0.6 of the camera's range.
-PICTURES = {
-    "speckle": ("1  speckle, touch {}", 0.6),
-    "hypervector": ("2  above its median", 1),
-    "prototype": ("3  majority of its class", 1),
-}
 # Signs of Fig. 4 by kind; and kinds and samples of its bars, of which the first are matrices.
 SIGNS = {"speckle": "s", "hypervector": "b", "prototype": "p"}
 CONTRASTS = (
@@ -124,54 +112,18 @@ def draw_correlations(figure: Canvas, data: pd.DataFrame) -> None:
         panel(axes, letter, f"$C^{sign}$: {kind}")
     contrasts = data[data.class_i.isna()]
     values, distances = spread(contrasts, "value")
-    names = "$ΔC^" + contrasts.kind.map(SIGNS) + "$, " + contrasts.samples
-    last.bar(names, values, 0.7, yerr=distances, color="#56B4E9")
-    last.plot(names, contrasts.published, zorder=4, **PAPER)
-    last.tick_params(labelsize=5.5)
-    last.tick_params(axis="x", rotation=90)
+    names = "$ΔC^" + contrasts.kind.map(SIGNS) + "$,\n" + contrasts.samples
+    last.barh(names, values, 0.7, xerr=distances, color="#56B4E9")
+    last.plot(contrasts.published, names, zorder=4, **PAPER)
+    last.tick_params(labelsize=6)
+    last.invert_yaxis()
+    last.legend(handles=[entry("paper", **PAPER)], handlelength=1, loc="upper right")
     panel(last, "e", "contrast $ΔC$")
 
 
 def _without_zero(value: float) -> str:
     """Three decimals, without the zero before the point."""
     return f"{value:.3f}".removeprefix("0")
-
-
-def pictures(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """PNG of each class and picture on the experiment's own scene."""
-    if "png" not in frame:
-        return None
-    return own_frames(frame)[["class", "picture", "png"]].dropna()
-
-
-def draw_method(figure: Canvas, data: pd.DataFrame) -> None:
-    """Speckle, hypervector and prototype of the first class, and how far that hypervector is from
-    the prototype of each class."""
-    first = data["class"].iloc[0]
-    seen = data.set_index(["class", "picture"]).png.map(_image)
-    *panels, last = figure.subplots(1, 4)
-    for axes, (picture, (title, brightest)) in zip(
-        panels, PICTURES.items(), strict=True
-    ):
-        axes.imshow(seen[first, picture], "gray", vmin=0, vmax=brightest)
-        axes.set_axis_off()
-        axes.set_title(title.format(first), fontsize=8, loc="left")
-    query = seen[first, "hypervector"] > 0.5
-    prototypes = seen.xs("prototype", level="picture")
-    differ = [100 * (query != (image > 0.5)).mean() for image in prototypes]
-    colours = np.where(prototypes.index == first, "#D55E00", "0.7")
-    last.barh(prototypes.index, differ, color=colours)
-    last.invert_yaxis()
-    last.axvline(50, color="0.4", lw=0.7, ls="--")
-    last.set_xlabel("bits that differ (%); 50: unrelated")
-    last.set_title("4  nearest prototype", fontsize=8, loc="left")
-
-
-def _image(png: str) -> NDArray[np.float64]:
-    """The evenly lit part, from 0 to 1."""
-    from matplotlib.image import imread
-
-    return np.asarray(imread(io.BytesIO(base64.b64decode(png)))[EVEN])
 
 
 STUDY = Study(
@@ -182,25 +134,15 @@ STUDY = Study(
     4,
     figures=[
         Figure(
-            "method",
-            Table("method", pictures, of="correlation"),
-            draw_method,
-            caption="The method in four pictures, on part of a frame of the paper's scene. A "
-            "touch makes a speckle. The pixels above the median are its hypervector. The "
-            "majority of a class's hypervectors is its prototype. The nearest prototype "
-            "is the answer.",
-            size=(7.0, 1.75),
-            kind="webp",
-        ),
-        Figure(
             "fig4_correlations",
             Table("fig4_correlations", correlations, of="correlation"),
             draw_correlations,
-            title="Correlations",
+            title="Correlations within and between classes (Fig. 4)",
             caption="Correlations within and between classes, on the paper's scene, mean over "
-            "seeds (Fig. 4(b) to (e)). (d): prototypes (rows) with held-out samples "
-            "(columns). (e): contrasts with 95 % intervals over seeds; stars: the paper.",
-            size=(3.4, 4.2),
+            "seeds; letters as in the paper (Fig. 4(b) to (e)). (d): prototypes (rows) with "
+            "held-out samples (columns). (e): contrasts with 95 % intervals over seeds; stars: the "
+            "paper.",
+            size=(4.6, 4.2),
         ),
     ],
     numbers=[Numbers(quantities, of=["correlation"])],

@@ -14,6 +14,7 @@ from experiments.reporting.plot import (
     DASHED,
     LETTERS,
     PAPER,
+    entry,
     legend_below,
     literal,
     look_of,
@@ -34,17 +35,17 @@ SHARES = (("#F3C19B", "o"), ("#E8924F", "s"), ("#D55E00", "D"), ("#7A3600", "^")
 WAYS: dict[str, Any] = {
     "stored": {"label": "not updated", "color": "0.3", "marker": "o", "mfc": "white"},
     "alike": {
-        "label": "re-referenced on 30 frames of all classes alike",
+        "label": "re-referenced by 30 frames, equally many of each class",
         "color": "#E8924F",
         "marker": "o",
     },
     "one_class": {
-        "label": "re-referenced on 30 frames of one class",
+        "label": "re-referenced by 30 frames of one class",
         "color": "#7A3600",
         "marker": "X",
     },
     "new": {
-        "label": f"trained on {N_NEW} labelled frames alone",
+        "label": f"trained anew on {N_NEW} labelled frames",
         "color": "#0072B2",
         "marker": "*",
     },
@@ -63,9 +64,11 @@ def draw_recalibrated(figure: Canvas, data: pd.DataFrame) -> None:
         line(new, of_share, "n_new", "updated", 100, **look)
         line(old, of_share, "n_new", "old", 100, **look)
     of_models = data[data.panel == "models"]
-    for (model, update), rows in of_models.groupby(["model", "update"], sort=False):
-        label = f"{literal(display_name(model))}:\n{update}"
-        line(models, rows, "n_new", "updated", 100, label=label, **look_of(model))
+    by_model = of_models.groupby(["model", "update"], sort=False)
+    for k, ((model, update), rows) in enumerate(by_model):  # set apart by a few percent
+        apart = rows.assign(n_new=rows.n_new * 1.04**k)
+        label = f"{literal(display_name(model))}:\n{wrapped(update, 24)}"
+        line(models, apart, "n_new", "updated", 100, label=label, **look_of(model))
     new.axhline(100 * of_hdc.stored.iloc[0], **DASHED)
     old.axhline(100 * of_hdc.before.iloc[0], **DASHED)
     if kind_of(data.origin.iloc[0]) == SIMULATED:
@@ -87,8 +90,10 @@ def _draw_published(axes: Axes) -> None:
     numbers = published.numbers()
     stored = numbers["drift/stored_accuracy"].value
     recovered = numbers["drift/recovered_accuracy"].value
-    axes.plot(0.015, stored, zorder=5, transform=axes.get_yaxis_transform(), **PAPER)
+    at_edge: Any = {"transform": axes.get_yaxis_transform(), "clip_on": False}
+    axes.plot(0.0, stored, zorder=5, **at_edge, **PAPER)
     axes.plot(N_NEW, recovered, zorder=5, **PAPER)
+    axes.legend(handles=[entry("paper", **PAPER)], loc="lower right")
 
 
 def draw_unlabelled(figure: Canvas, data: pd.DataFrame) -> None:

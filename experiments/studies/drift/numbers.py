@@ -18,11 +18,11 @@ KEYS = ["scene", "model", "method", "update", "share", "n_new", "p", "origin"]
 
 UPDATES = {
     "stored": "not updated",
-    "new": "new samples alone",
+    "new": "on new samples alone",
     "replace": "bits replaced, p = {:g}",
-    "pooled": "old and new together",
-    "balanced": "old and new, equal votes",
-    "from_old": "new, from the old weights",
+    "pooled": "on old and new samples together",
+    "balanced": "on old and new samples, equal weights",
+    "from_old": "on new samples, starting at the old weights",
     "zeroed": "re-referenced, all classes alike",
     "untouched": "re-referenced, no touch",
 }

@@ -48,7 +48,7 @@ COLUMNS = {
     "stored": Column("Not updated, %", percent),
     "updated": Column("New session, %", percent),
     "old": Column("Old session, %", percent),
-    "lost": Column("Lost, points", points),
+    "lost": Column("Lost, percentage points", points),
     "regained": Column("Regained, %", percent),
 }
 RATIO = "Regained: gain relative to loss, a ratio of means. Intervals: Student, 95 %, over seeds."
@@ -69,7 +69,7 @@ STUDY = Study(
             columns=COLUMNS,
             shown=("scene", "model", "update", "n_new", "updated", "old", "regained"),
             note="New samples come before those tested. New samples alone are the paper's p = 1 "
-            "for HDC. Equal votes: a new sample counts N_old/N_new times. From the old weights: "
+            "for HDC. Equal weights: a new sample counts N_old/N_new times. At the old weights: "
             "the penalty is on the distance from them. Re-referenced, without labels: every frame "
             "is standardised and a reference frame is subtracted, before the drift the mean of "
             "the training frames, afterwards the mean of unlabelled new frames that come before "
@@ -104,17 +104,16 @@ STUDY = Study(
             "updated and with p = 0.5 or 0.75. (b): in the old session; dashed: before the drift. "
             "(c): in the new session, the best update of each model on these test frames after "
             f"{N_NEW} samples, which favours it. Error bars: 95 % intervals over seeds.",
-            size=(7.0, 2.6),
+            size=(7.0, 3.2),
         ),
         Figure(
             "drift_unlabelled",
             Table("drift_unlabelled", numbers.unlabelled, of="drift"),
             figures.draw_unlabelled,
-            title="Re-referencing without labels, by scene",
+            title="Re-referencing without labels, by data set",
             details=f"{SPLIT}; dashed: chance; error bars: 95 % intervals over seeds",
             caption="Accuracy in the new session, re-referenced without labels, and after training "
-            f"on {N_NEW} labelled frames alone. New frames come before those tested. Dashed: "
-            "chance. Error bars: 95 % intervals over seeds.",
+            f"anew on {N_NEW} labelled frames. New frames come before those tested.",
         ),
     ],
     numbers=[Numbers(quantities, of=["drift"])],

@@ -61,7 +61,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     left, right = figure.subplots(1, 2, sharey=True)
     for axes, name, label, scale in (
         (left, "peak_bytes", "peak memory (MB)", 1e-6),
-        (right, "first_prediction_s", "first prediction (s)", 1),
+        (right, "first_prediction_s", "time to the first\nprediction (s)", 1),
     ):
         values, distances = spread(of_hdc, name, scale)
         places = of_hdc.scene.map(scene_name)
@@ -102,8 +102,10 @@ STUDY = Study(
             "footprint",
             FOOTPRINT,
             draw,
-            caption="Peak memory of a process that learns ten frames of a scene with HDC, and its "
-            "time to the first prediction.",
+            title="Memory and time of HDC with ten frames",
+            details="",
+            caption="Peak memory of a process that learns ten frames of a data set with HDC, and "
+            "its time to the first prediction.",
             size=(3.4, 2.4),
         )
     ],

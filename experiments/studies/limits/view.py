@@ -8,7 +8,7 @@ from experiments.studies.limits.stiffness import view as stiffness
 STUDY = Study(
     "limits",
     "Numbers at their limits",
-    "Where do the obvious formulas lose digits, and do ours keep them? How much time does "
+    "Where do naive formulas lose digits, and do ours keep them? How much time does "
     "another digit cost? Which training method survives a stiff problem?",
     order=9,
     tables=[stability.TABLE, numerics.TABLE, stiffness.TABLE],

@@ -5,7 +5,7 @@ from experiments.studies.promises.values import view as values
 
 STUDY = Study(
     "promises",
-    "Promises",
+    "Calibration and coverage",
     "How accurate are predicted numbers, in mm, µm or refractive index? How often do "
     "intervals, label sets, rejection and probabilities keep their promise?",
     order=2.8,

@@ -63,10 +63,11 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
         look = {**look_of(str(model)), "ms": 4} if model in FORMS else _OTHER
         factors = [1.0, *rows.factor, end]
         shares = [0.0, *rows.share, rows.share.max()]
-        axes.step(factors, shares, where="post", **look)
+        measured = slice(1, len(factors) - 1)
+        axes.step(factors, shares, where="post", markevery=measured, **look)
     axes.set(xscale="log", xlim=(0.95, end), ylim=(0, 1.03))
-    axes.set_xlabel("training time relative to the fastest that errs no more")
-    axes.set_ylabel("share of recordings")
+    axes.set_xlabel("training time relative to the fastest model of no more error")
+    axes.set_ylabel("share of data sets")
     plain_decades(axes)
     names = [handle(model) for model in FORMS if model in set(data.model)]
     legend_below(figure, [*names, entry("other models", **_OTHER)], 2)
@@ -78,7 +79,7 @@ FIGURE = Figure(
     draw,
     title="How often a model is fast for its accuracy",
     details=SPLIT,
-    caption="Share of the recordings on which a model trains within a factor of the fastest model "
+    caption="Share of the data sets on which a model trains within a factor of the fastest model "
     "that errs no more than it does, at the most frames per class, with compiled kernels if they "
     "are faster. At a factor of 1, a model is the fastest of its accuracy.",
     size=(3.4, 3.4),

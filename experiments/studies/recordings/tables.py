@@ -89,14 +89,14 @@ class Accuracies:
 
 
 NOTE = (
-    "Split by time, session, group or position, as each recording states, so that near "
+    "Split by time, session, group or position, as each data set states, so that near "
     "copies of a test frame do not train. Brackets: Student over seeds (input fields, "
     "fibres) for fibres, the central 95 % of at least ten resamples for cameras, each of "
     "which is one sensor. Standardised: each frame with mean 0 and deviation 1. Networks are "
-    "not judged on recordings."
+    "not judged on these data sets."
 )
 ABOUT = {
-    "recording": Column("Recording", scene_name),
+    "recording": Column("Data set", scene_name),
     "kind": Column("Kind"),
     "frames": Column("Frames"),
     "n": Column("Frames per class"),
@@ -231,17 +231,17 @@ TABLES = [
         "recordings",
         front,
         of="recordings",
-        title="Accuracy on public recordings",
+        title="Accuracy on public data sets",
         note=NOTE,
         key=("recording", "n"),
-        columns={**ABOUT, "recording": Column("Recording", cell=_recording_at)},
+        columns={**ABOUT, "recording": Column("Data set", cell=_recording_at)},
         shown=("recording", *FORMS),
     ),
     Table(
         "decomposition",
         decomposition,
         of="recordings",
-        title="Where HDC loses its points: accuracy by one change of the model after the other",
+        title="Where HDC loses accuracy: one change of the model after the other",
         columns={
             "recording": ABOUT["recording"],
             "n": ABOUT["n"],
@@ -250,7 +250,7 @@ TABLES = [
             "after": Column("To", display_name),
             "before_accuracy": Column("From, %", percent),
             "after_accuracy": Column("To, %", percent),
-            "change": Column("Change, points", points),
+            "change": Column("Change, percentage points", points),
         },
         note=f"{NOTE} Every step changes the encoder or the read-out alone; at the most frames per "
         "class.",
@@ -261,7 +261,7 @@ COSTS = Table(
     "recording_costs",
     costs,
     of=COSTS_OF,
-    title="Error and run time on recordings",
+    title="Error and run time on public data sets",
     columns={
         "recording": ABOUT["recording"],
         "n": ABOUT["n"],
@@ -282,10 +282,9 @@ COSTS = Table(
     ),
     note="Stored: all that a prediction needs. Times: one process, frames in memory and nothing "
     "computed of them before, the least of several interleaved repetitions; by NumPy, and by the "
-    "compiled kernels where the model has them; prediction in batches of 100 frames. Training of "
-    "a chosen form includes the choice. Relative to softmax: by the faster implementation, over "
-    "converged softmax on grey values. Error: by the split that counts, mean over the same draws "
-    "for all models.",
+    "compiled kernels where the model has them; prediction in batches of 100 frames. Relative to "
+    "softmax: by the faster implementation, over converged softmax on grey values. Error: by the "
+    "held-out split, mean over the same draws for all models.",
     key=("recording", "n", "model"),
 )
 TABLES.append(COSTS)

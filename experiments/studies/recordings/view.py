@@ -5,11 +5,11 @@ from experiments.studies.recordings import figures, profile, tables
 
 STUDY = Study(
     "recordings",
-    "Public recordings",
+    "Public data sets",
     "Is HDC more accurate than the baselines on public frames of several optical sensors, and "
     "which changes win back its losses?",
     0.5,
     front=True,
     tables=tables.TABLES,
-    figures=[*figures.FIGURES, profile.FIGURE],
+    figures=[figures.FIGURE, profile.FIGURE],
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import pandas as pd
 from experiments.reporting.columns import Column, scene_name
 from experiments.reporting.estimates import Estimate, mean_interval, mean_share
 from experiments.reporting.facets import facets
-from experiments.reporting.plot import DASHED, handle, legend_below, look_of, wrapped
+from experiments.reporting.plot import DASHED, handle, legend_below, wrapped
 from experiments.reporting.resamples import models_of
 from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import ENDS, Table
@@ -38,8 +37,6 @@ CASES = {
     "dither": (1, "±1 grey level"),
     "bit_flips": (0.01, "1 % of stored bits flipped"),
 }
-# Of models, HDC first: its forms have one colour elsewhere.
-COLOURS = ("#E8924F", "#332288", "#D55E00", "#7A3600")
 # Panels of the figure, by disturbance: label of the axis.
 PANELS = {
     "dither": "dither (± grey levels)",
@@ -122,33 +119,22 @@ def levels(frame: pd.DataFrame) -> pd.DataFrame:
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
     """A row per scene, a column per disturbance, a line per model."""
     models = models_of(data)
-    colours = dict(zip(models, itertools.cycle(COLOURS), strict=False))
-
-    def look(model: str) -> dict[str, Any]:
-        return {**look_of(model), "color": colours[model], "mfc": None}
-
     figure.set_size_inches(7.0, 1.2 + 1.35 * data.scene.nunique())
     names = ("level", "accuracy", "model", "scene", "panel")
-    panels = facets(figure, data, *names, scale=100, look=look, sharey=True)
+    panels = facets(figure, data, *names, scale=100, sharey=True)
     for (scene, name), axes in panels.items():
         axes.set(xlabel=PANELS[name], ylim=(0, 103))
-        axes.set_ylabel(f"{wrapped(scene_name(scene), 22)}\naccuracy (%)")
-        axes.label_outer()
         of_scene = data[data.scene == scene]
+        split = wrapped(of_scene.split.iloc[0], 26)
+        axes.set_ylabel(f"{wrapped(scene_name(scene), 22)},\n{split}\naccuracy (%)")
+        axes.label_outer()
         axes.axhline(100 / of_scene.n_classes.iloc[0], **DASHED)
         if name in FLIPS:
             axes.set_xscale("symlog", linthresh=0.001)
             axes.set_xlim(-0.0002, 0.5)
             axes.set_xticks([0, 0.001, 0.01, 0.1, 0.3], ["0", "0.1", "1", "10", "30"])
             axes.set_xticks([], minor=True)
-    handles = [handle(model, **look(model)) for model in models]
-    legend_below(figure, handles, len(models))
-
-
-def _details(data: pd.DataFrame) -> str:
-    """The splits of the scenes, and what lines and bars are."""
-    bars = "bars: range over seeds for flips, otherwise 95 % intervals"
-    return "; ".join([*data.split.unique(), "dashed: chance", bars])
+    legend_below(figure, map(handle, models), len(models))
 
 
 NOTE = (
@@ -187,7 +173,7 @@ STUDY = Study(
                 "disturbance": Column("Disturbance", lambda name: CASES[name][1]),
                 "before": Column("Undisturbed, %", percent),
                 "after": Column("Disturbed, %", percent),
-                "change": Column("Change, points", points),
+                "change": Column("Change, percentage points", points),
             },
             shown=(
                 *("scene", "model", "disturbance"),
@@ -202,13 +188,13 @@ STUDY = Study(
             "robustness",
             Table("robustness_levels", levels, of="robustness"),
             draw,
-            title="Accuracy under disturbances after training, by scene",
-            details=_details,
-            caption="Accuracy that remains, a row of panels per scene. From left to right: dither "
-            "of the test frames; the camera has moved; flips of bits of the query; flips of bits "
-            "of the stored model, whose weights have 8 bits. Leftmost point: no disturbance. Error "
-            "bars: range over seeds for flips, otherwise 95 % intervals. 0 %: the damaged model "
-            "gives no answer.",
+            title="Accuracy under disturbances after training, by data set and split",
+            details="Dashed: chance. Bars: range over seeds for flips, otherwise 95 % intervals.",
+            caption="Accuracy that remains, a row of panels per data set. From left to right: "
+            "dither of the test frames; the camera has moved; flips of bits of the query; flips of "
+            "bits of the stored model, whose weights have 8 bits. Leftmost point: no disturbance. "
+            "0 %: the damaged model gives no answer. Rows in which all models begin at 100 % are "
+            "saturated and rank no models.",
         )
     ],
 )

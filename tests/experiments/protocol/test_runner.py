@@ -91,7 +91,7 @@ def test_a_training_says_what_it_was_and_what_came_out(
     assert (entry.scene.name, entry.scene.label) == ("recorded", label)
     assert (entry.model.name, entry.model.label, entry.stop) == ("hdc", "hdc", "paper")
     shown = entry.model.display["name"], entry.scene.display["name"]
-    assert shown == ("HDC", "Own recording")
+    assert shown == ("HDC as published", "Own recording")
     # Every figure again, from the predictions in the record.
     frames, labels = frames_and_labels()
     tested, truth, answer = (

@@ -222,7 +222,18 @@ def test_reading_records_changes_nothing_but_what_is_shown_while_it_is_asked_for
     before = names()
     results = Results(tmp_path)
     results.frame(RUNS)
-    assert names() == before == ["HDC", "own", "other", "Touch", "mine", "others"]
+    assert (
+        names()
+        == before
+        == ["HDC as published", "own", "other", "Touch", "mine", "others"]
+    )
     with configs.shown_as(results.displays):
-        assert names() == ["HDC", "Mine", "other", "Touch", "My sensor", "others"]
+        assert names() == [
+            "HDC as published",
+            "Mine",
+            "other",
+            "Touch",
+            "My sensor",
+            "others",
+        ]
     assert names() == before

@@ -8,14 +8,14 @@ import yaml
 from rich.console import Console
 
 from experiments.reproduction import claim
-from experiments.studies.claims import view
+from experiments.studies.claims.history import HISTORY
 
-FOLDER = view.HISTORY.parent
+FOLDER = HISTORY.parent
 
 
 @pytest.fixture(scope="module")
 def history():
-    with view.HISTORY.open(encoding="utf-8") as file:
+    with HISTORY.open(encoding="utf-8") as file:
         return list(csv.DictReader(file))
 
 
@@ -54,7 +54,7 @@ def test_one_claim_says_its_words_its_verdicts_and_what_judged(
     assert "the paper says: Recalibration restores accuracy (32 to 95 %)" in said
     assert "against its own loss: Undecided (rules 2: no), 40 % [32, 48]" in said
     assert "digest dcbc15c1f131" in said
-    assert "rules 4, as trained: open: the rules are not dated yet" in said
+    assert "rules 4, as trained: open: not measured" in said
     with pytest.raises(
         ValueError, match=r"expected one of bits, accuracy.*, found nothing"
     ):

@@ -60,7 +60,7 @@ HDC = "- rows: {hdc: {table: values, model: hdc}, soft: {table: values, model: s
         ("{soft.gain:points interval}", "+0.0 points"),
         ("{hdc.share:percent}", "88.4"),
         ("{hdc.ratio:two}", "2200"),
-        ("{hdc.model:model}", "HDC"),
+        ("{hdc.model:model}", "HDC as published"),
         ("{hdc[a.b]:loss}", "−25.0"),
     ],
 )

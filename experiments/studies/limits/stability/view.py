@@ -24,7 +24,7 @@ NAMES = [
 NONE, LOST = 1e-19, 1e19
 _POINT: dict[str, Any] = {"ls": "", "ms": 3.2, "alpha": 0.5}
 LOOKS = {
-    "naive": {**_POINT, "color": "#E69F00", "marker": "o"},
+    "naive computation": {**_POINT, "color": "#E69F00", "marker": "o"},
     "this library": {**_POINT, "color": "#0072B2", "marker": "s"},
 }
 
@@ -42,14 +42,18 @@ def error(value: float) -> str:
 def counted(data: pd.DataFrame) -> str:
     """The title: how many cases hold."""
     holding = (data.verdict == "holds").sum()
-    return f"Numbers at their limits: {holding} of {len(data)} cases hold"
+    shown = "all" if holding == len(data) else holding
+    return f"{len(data)} edge cases: {shown} hold in this library"
 
 
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
     """Both errors of each case in multiples of the tolerance, a row per family."""
     axes = figure.subplots()
     unit = data.tolerance.mask(data.tolerance == 0, 1)  # a bit or a label
-    errors = {"naive": data.error_naive / unit, "this library": data.error_ours / unit}
+    errors = {
+        "naive computation": data.error_naive / unit,
+        "this library": data.error_ours / unit,
+    }
     shares = pd.DataFrame(errors).clip(NONE, LOST).fillna(LOST).assign(part=data.part)
     shares = shares.melt("part", var_name="way")
     families = data.part.value_counts(sort=False)

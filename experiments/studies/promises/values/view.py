@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -12,7 +11,7 @@ import pandas as pd
 from experiments.records.results import by_scene
 from experiments.reporting.columns import Column, display_name, scene_name
 from experiments.reporting.facets import facets
-from experiments.reporting.plot import handle, legend_below, look_of, wrapped
+from experiments.reporting.plot import handle, legend_below, wrapped
 from experiments.reporting.resamples import (
     models_of,
     over_units,
@@ -21,7 +20,7 @@ from experiments.reporting.resamples import (
 )
 from experiments.reporting.study import Figure
 from experiments.reporting.table import ENDS, Table
-from experiments.reporting.text import percent, points
+from experiments.reporting.text import SIMULATED, kind_of, percent, points
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -36,9 +35,13 @@ RESAMPLE = [*BY, "origin", "seed", "draw"]
 OF_SETS = ["covered", "size", "refused", "unknown_refused"]
 OF_BINS = ["accuracy", "calibration", "perfect"]
 SHARES = ("covered", "inside", "refused", "unknown_refused", "accuracy", "calibration")
-# Okabe and Ito's: all models are HDC, and of one colour elsewhere.
-COLOURS = ("#D55E00", "#0072B2", "#E69F00", "#009E73", "#56B4E9", "#CC79A7", "black")
+SHOWN = ("hdc", "hdc_lda", "hdc_kernel")
+"""Read-outs of the figure: published, and LDA and kernel of the same bits."""
 SESSIONS = {"random": "same", "counts": "next"}
+ROWS = {
+    "random": "frames like those\nin training",
+    "counts": "another session,\ntime or position",
+}
 COLUMNS = {
     "recording": Column("Frames", scene_name),
     "answer": Column("Value"),
@@ -51,8 +54,8 @@ COLUMNS = {
     "inside": Column("In its intervals, of 90 %", percent),
     "covered": Column("Covered, of 90 %", percent),
     "size": Column("Labels of a set"),
-    "calibration": Column("Calibration error, points", points),
-    "perfect": Column("that of perfect probabilities, points", points),
+    "calibration": Column("Calibration error, percentage points", points),
+    "perfect": Column("that of perfect probabilities, percentage points", points),
     "same": Column("Covered, same session, %", percent),
     "same_least": Column("lowest, %", percent),
     "same_size": Column("Labels of a set"),
@@ -155,11 +158,12 @@ def promise(model: str, n: int) -> str:
 
 
 def reliability(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """After most training frames, the mean ``probability`` and the share of ``right`` answers of
-    each bin with enough answers, in percent."""
+    """At the most training frames, the mean ``probability`` and the share of ``right`` answers of
+    each bin with enough answers, in percent: of :data:`SHOWN`, on frames that are not simulated."""
     if "answers" not in frame:
         return None
     most = frame[frame.n == frame.groupby("scene").n.transform("max")]
+    most = most[most.model.isin(SHOWN) & (most.origin.map(kind_of) != SIMULATED)]
     by = ["scene", "split", "model", "place"]
     bins = (
         most.groupby(by, sort=False)[["answers", "right", "sure"]].sum().reset_index()
@@ -171,28 +175,16 @@ def reliability(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
     """A panel per session and scene, a line per model."""
-    colours = dict(zip(models_of(data), itertools.cycle(COLOURS), strict=False))
-
-    def look(model: str) -> dict[str, Any]:
-        return {
-            **look_of(model),
-            "color": colours[model],
-            "mfc": None,
-            "ls": "-",
-            "ms": 3,
-        }
-
     names = ("probability", "right", "model", "split", "scene")
-    panels = facets(figure, data, *names, look=look, sharex=True, sharey=True)
+    panels = facets(figure, data, *names, sharex=True, sharey=True)
     for (split, _), axes in panels.items():
         axes.plot([0, 100], [0, 100], color="0.6", lw=0.8)
         axes.set(xlim=(0, 103), ylim=(0, 103), xlabel="probability (%)")
-        axes.set_ylabel(f"{SESSIONS.get(split, split)} session\nright (%)")
+        axes.set_ylabel(f"{ROWS.get(split, split)}\nright (%)")
         axes.label_outer()
     for scene, axes in zip(data.scene.unique(), figure.axes, strict=False):
         axes.set_title(wrapped(scene_name(scene), 20), fontsize=6.5, loc="left")
-    handles = [handle(model, **look(model)) for model in colours]
-    legend_below(figure, handles, 4)
+    legend_below(figure, map(handle, models_of(data)), 3)
 
 
 TABLES = [
@@ -207,7 +199,7 @@ TABLES = [
             *("model", "n", "promised"),
             *("same", "same_least", "same_size", "next", "next_least"),
         ),
-        note="HDCClassifier.predict_set with alpha = 0.1, means over recordings, and the one with "
+        note="HDCClassifier.predict_set with alpha = 0.1, means over data sets, and the one with "
         f"the lowest. {SESSION}The promise is for the same session alone. At least: proven for "
         "every distribution of frames; about: by leave-one-out scores, or of classes with fewer "
         "than nine frames compared together. A class of one to three frames is in every set.",
@@ -216,7 +208,7 @@ TABLES = [
         "coverage",
         coverage,
         of="coverage",
-        title="Label sets and probabilities of each recording and read-out",
+        title="Label sets and probabilities of each data set and read-out",
         key=("recording", "model", "n", "split"),
         columns=COLUMNS,
         shown=(
@@ -248,7 +240,7 @@ TABLES = [
         "proven for the same session, about 1 − alpha is expected. The CSV has its nearest frame, "
         "and prototypes of ten bins of the value that stand for the mean of the bin's training "
         f"frames. Ridge: the penalty of the least leave-one-out error. {BRACKETS} A saturated "
-        "recording ranks nothing.",
+        "data set ranks nothing.",
     ),
 ]
 FIGURES = [
@@ -257,11 +249,11 @@ FIGURES = [
         Table("calibration", reliability, of="coverage"),
         draw,
         title="Share of right answers against their probability",
-        details="same session: random split; next session: split by session, time or position",
-        caption="Share of right answers against their probability, after most training frames; "
-        "a row of panels per session, a column per recording. On the grey diagonal probabilities "
-        f"are perfect; below it they promise too much. Points of fewer than {FEWEST} answers are "
-        "left out.",
-        size=(7.0, 4.2),
+        details="Above: random split; below: split by session, time or position",
+        caption="Share of right answers against their probability, at the most training frames; "
+        "a column of panels per data set; above, test frames like those in training, below, of "
+        "another session, time or position. On the grey diagonal probabilities are perfect; below "
+        f"it they are too high. Points of fewer than {FEWEST} answers are left out.",
+        size=(7.0, 4.4),
     )
 ]
