@@ -14,9 +14,10 @@ from experiments.reporting.forms import FORMS, RIVAL_FORM
 from experiments.reporting.plot import handle, legend_below, literal, look_of
 from experiments.reporting.resamples import place_of
 from experiments.reporting.study import RUN, Figure
-from experiments.reporting.table import Table
+from experiments.reporting.table import ENDS, Table
 from experiments.reporting.text import CAPTURED, COMPUTED, SIMULATED, kind_of
-from experiments.studies.claims.history import history
+from experiments.studies.claims.judge import judge
+from experiments.studies.claims.rules import LARGEST, RULES, read
 from experiments.studies.recordings.figures import SPLIT
 from experiments.studies.recordings.tables import FEW, Accuracies, recordings
 
@@ -36,9 +37,7 @@ HEADINGS = {
 }
 HELD = tuple(form for form in FORMS if form != RIVAL_FORM)  # against it
 SIZES = {"few": f"{FEW} frames per class", "most": "the most frames per class"}
-# Claims whose means over sources the findings give: by the rules, of the forms of HDC.
-RULES = 2
-POOLED = {"hdc": "accuracy", "hdc_levels_lda": "accuracy_mended"}
+OF_RULES = {FEW: "few", LARGEST: "most"}
 
 
 def forest(frame: pd.DataFrame) -> pd.DataFrame:
@@ -55,20 +54,20 @@ def forest(frame: pd.DataFrame) -> pd.DataFrame:
                 if not math.isnan(gap.value):
                     at = {"size": size, "n": n, "form": form}
                     lines.append(about | at | gap.columns("difference"))
-    return pd.DataFrame([*lines, *_pooled()] if lines else [])
+    return pd.DataFrame([*lines, *_pooled(frame)] if lines else [])
 
 
-def _pooled() -> list[dict[str, Any]]:
-    """The means over sources of the findings, a row per form."""
-    every = history()
-    every = every[(every.rules == RULES) & (every.rival == RIVAL_FORM)]
-    of_all = every[every.recording.isna()].set_index("claim")
+def _pooled(frame: pd.DataFrame) -> list[dict[str, Any]]:
+    """The means over sources by the rules, a row per form and size."""
+    rules = read(RULES)
+    judged = judge(rules, frame).dropna(subset="mean")
+    judged = judged[(judged.rival == RIVAL_FORM) & (judged.status == "all")]
     rows = []
-    for form, claim in POOLED.items():
-        names = ["mean", "mean_low", "mean_high"]
-        mean = Estimate(*(of_all.loc[claim, names].astype(float) / 100))
+    for row in judged[judged["size"].isin(OF_RULES)].to_dict("records"):
+        form = rules.claims[row["claim"]].form
         about = {"recording": f"{EVERY}{display_name(form)}", "kind": ALL}
-        at = {"size": "most", "form": form}
+        at = {"size": OF_RULES[row["size"]], "form": form}
+        mean = Estimate(*(row[f"mean{end}"] / 100 for end in ENDS))
         rows.append(about | at | mean.columns("difference"))
     return rows
 
@@ -99,8 +98,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
             )
         for missing in set(data.recording) - set(shown.recording):
             place: Any = {"ha": "right", "va": "center", "fontsize": 7, "color": "0.4"}
-            text = "see (b) " if missing.startswith(EVERY) else "not measured "
-            axes.text(0, rows.index(missing), text, **place)
+            axes.text(0, rows.index(missing), "not measured ", **place)
         axes.set_title(f"({letter}) {title}", loc="left", fontsize=8, pad=3)
     panels[0].set_yticks(range(len(rows)), map(_name, rows), fontsize=8)
     for label, name in zip(panels[0].get_yticklabels(), rows, strict=True):
@@ -135,7 +133,8 @@ def _frame(axes: Axes, rows: list[str]) -> None:
     for y, name in enumerate(rows):
         if name not in HEADINGS:
             axes.axhline(y, color="0.93", lw=0.5, zorder=0)
-    axes.axhline(rows.index(ALL) - 0.5, color="0.4", lw=0.7, zorder=1)
+    if ALL in rows:
+        axes.axhline(rows.index(ALL) - 0.5, color="0.4", lw=0.7, zorder=1)
     axes.set_ylim(len(rows) - 0.4, -0.6)
     axes.set_xlabel("accuracy minus softmax\n(percentage points)", fontsize=8)
     axes.tick_params(axis="x", labelsize=8)
@@ -153,6 +152,6 @@ FIGURE = Figure(
     "standardised frames, fitted to convergence. Right of zero: more accurate than softmax. Grey "
     f"band: ±{MARGIN:g} points, the largest loss that rules 4 accept. Bars: 95 %, Student over "
     "input fields or seeds, the central 95 % of draws for cameras; no bar where fewer than ten "
-    f"draws were made. Last two rows: means over sources by rules {RULES}.",
+    "draws were made. Last rows: means over sources by rules 4.",
     size=(WIDTH, 3.8),
 )

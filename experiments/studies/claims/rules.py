@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import datetime
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import msgspec
 import yaml
 
+RULES = Path(__file__).with_name("rules_4.yaml")
 LARGEST, TRAINED = "largest", "as trained"
 Size = int | Literal["largest", "as trained"]
 Models = Annotated[tuple[str, ...], msgspec.Meta(max_length=6)]
@@ -159,7 +161,7 @@ class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """
 
     version: int
-    dated: Any
+    dated: datetime.date
     margin: float
     sure: float
     sizes: tuple[Size, ...]

@@ -8,10 +8,8 @@ that code read.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -23,28 +21,20 @@ from experiments.reporting.table import Table
 from experiments.reporting.text import two_digits
 from experiments.studies.claims import forest, judge
 from experiments.studies.claims.history import frozen
-from experiments.studies.claims.rules import read
+from experiments.studies.claims.rules import RULES, read
 from experiments.studies.drift import numbers as drift
 
-RULES = Path(__file__).with_name("rules_4.yaml")
 COMMAND = "python -m experiments.reproduce --full --claim NAME"
 Row = Mapping[str, Any]
 
 
 def verdicts(frame: pd.DataFrame) -> pd.DataFrame:
-    """The verdicts of rules 4 on the lines of the experiments of :data:`VERDICTS`; while the rules
-    are not dated, every claim is open and has no number."""
+    """The verdicts of rules 4 on the lines of the experiments of :data:`VERDICTS`."""
     recalibrated = of_experiment(frame, "drift")
     if len(recalibrated):
         others = frame[frame.experiment != "drift"]
         frame = pd.concat([others, drift.accuracies(recalibrated)], ignore_index=True)
-    rules = read(RULES)
-    data = judge.judge(rules, frame)
-    if rules.dated is None:
-        data[data.select_dtypes("float").columns] = math.nan
-        data["word"] = judge.OPEN
-        data["why"] = ["; ".join(filter(None, [UNDATED, why])) for why in data.why]
-    return data
+    return judge.judge(read(RULES), frame)
 
 
 def shown_word(row: Row) -> str:
@@ -152,7 +142,6 @@ def current(table: Table) -> Table:
 
 
 WORDS = {judge.YES: "holds", judge.NO: "does not hold", judge.OPEN: "open"}
-UNDATED = "the rules are not dated yet"
 VERDICTS = Table(
     "verdicts",
     verdicts,

@@ -1,7 +1,6 @@
 """Rules from version 4 on judge as they say, accuracies as well as times."""
 
 import itertools
-import re
 from pathlib import Path
 
 import msgspec
@@ -254,23 +253,11 @@ def test_a_ratio_of_times_needs_both_statistics_of_both_measurements(made, word,
 # Rules 4 ------------------------------------------------------------------------------------------
 
 
-@pytest.fixture
-def rules_4(monkeypatch, tmp_path):
-    """rules_4(dated) → the rules of the study as if they were of that date."""
-    text = (FOLDER / "rules_4.yaml").read_text("utf-8")
-    monkeypatch.setattr(view, "RULES", tmp_path / "rules.yaml")
-
-    def write(dated, more=""):
-        view.RULES.write_text(
-            re.sub(r"(?m)^dated: .*$", f"dated: {dated}", text) + more
-        )
-        return written_rules.read(view.RULES)
-
-    return write
+RULES_4 = written_rules.read(written_rules.RULES)
 
 
-def test_rules_4_are_of_models_and_recordings_that_there_are(rules_4):
-    of = rules_4("null")
+def test_rules_4_are_of_models_and_recordings_that_there_are(tmp_path):
+    of = RULES_4
     configs = FOLDER.parents[2] / "configs"
     for each in of.claims.values():
         assert set(each.recordings) <= set(of.recordings)
@@ -281,28 +268,21 @@ def test_rules_4_are_of_models_and_recordings_that_there_are(rules_4):
     models |= {name for each in of.times.values() for name in (each.model, each.over)}
     for group, names in (("model", models), ("scene", of.recordings)):
         assert set(names) <= {path.stem for path in (configs / group).glob("*.yaml")}
+    path = tmp_path / "rules.yaml"
+    path.write_text(written_rules.RULES.read_text("utf-8") + "fudge: 1")
     with pytest.raises(ValueError, match=r"rules\.yaml: .*fudge"):
-        rules_4("null", "fudge: 1")
+        written_rules.read(path)
 
 
-def test_verdicts_are_open_without_numbers_until_the_rules_are_dated(
-    committed_results, rules_4
-):
-    of = rules_4("null")
-    frame = committed_results.frame(*view.VERDICTS.experiments)
-    undated = view.verdicts(frame)
-    assert set(undated.word) == {"open"}
-    assert undated.why.str.startswith(view.UNDATED).all()
-    assert undated[["mean", "probability"]].isna().all(axis=None)
-    assert not undated[list(view.VERDICTS.key)].duplicated().any()
-    assert set(undated.claim) == {*of.claims, *of.times, *of.choices}
-    rules_4("2026-12-01")
-    flips = view.verdicts(frame).set_index("claim").loc["flips"]
+def test_every_claim_has_its_verdicts(committed_results):
+    found = view.verdicts(committed_results.frame(*view.VERDICTS.experiments))
+    assert not found[list(view.VERDICTS.key)].duplicated().any()
+    assert set(found.claim) == {*RULES_4.claims, *RULES_4.times, *RULES_4.choices}
+    flips = found.set_index("claim").loc["flips"]
     assert flips["why"] or abs(flips["mean"]) < 5  # of lines without a draw and n
 
 
-def test_recalibration_is_judged_on_what_each_session_has_right(rules_4):
-    rules_4("2026-12-01")
+def test_recalibration_is_judged_on_what_each_session_has_right():
     same = {"experiment": "drift", "scene": "wedge_days", "model": "hdc", "share": np.nan,
             "old_split.kind": "leave_group_out", "n_test_new": 160, "n_test_old": 80,
             "labels": pack_labels([1] * 240)}  # fmt: skip

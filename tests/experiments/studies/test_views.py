@@ -94,7 +94,6 @@ def test_no_two_models_look_alike_and_texts_of_a_figure_keep_their_digits():
 # Lists of models and recordings -------------------------------------------------------------------
 
 OWN_QUESTION = {
-    "claims/forest.py: POOLED": "forms whose means over sources the findings give",
     "promises/values/numbers.py: REGRESSORS": "the methods that the study compares",
     "promises/values/view.py: COUNTING": "forms whose vote is a count of samples",
     "promises/values/view.py: SHOWN": "read-outs whose probabilities a figure compares",
