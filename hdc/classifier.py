@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from math import prod
 from typing import Any, ClassVar, Self
@@ -21,6 +20,7 @@ from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
 from hdc.rejection import grouped, of_words
 from hdc.sample import Reservoir, Sample
+from hdc.warning import warn
 
 KNOWN = "known"
 """The class of training frames without labels."""
@@ -145,11 +145,10 @@ class HDCClassifier(Adapting):
         """Warn of larger classes, which a read-out with default parameters may favour."""
         more = max(seen) / min(seen) - 1
         if isinstance(self.readout, str) and more > _UNEQUAL:
-            warnings.warn(
+            warn(
                 f"fit: the largest class has {more:.0%} more frames than the smallest and may be "
                 "favoured; record as many of each (in Python, "
                 "Majority(class_weight='balanced') counts classes alike)",
-                stacklevel=3,
             )
 
     @needs("add")

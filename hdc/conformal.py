@@ -35,7 +35,6 @@ are zero).
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -50,6 +49,7 @@ from hdc.inputs import Label
 from hdc.readouts.base import HeldOut
 from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
 from hdc.sample import Sample
+from hdc.warning import warn
 
 RATE = 0.05
 """Default α, the share of known frames that are refused."""
@@ -182,7 +182,7 @@ class Conformal:
         """
         rule = self._rule(alpha)
         if rule.warning:
-            warnings.warn(rule.warning, stacklevel=4)
+            warn(rule.warning)
         if self.prototypes is None:
             distances = -scores
         else:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -23,6 +22,7 @@ from hdc.readouts.majority import Counting
 from hdc.rejection import Rejection, by_frames, of_words
 from hdc.sample import Reservoir, Sample
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
+from hdc.warning import warn
 
 _ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
 
@@ -275,9 +275,8 @@ class Head:
             return self.held_out
         # A user's read-out may fail to learn four fifths of the frames.
         except Exception as error:
-            warnings.warn(
+            warn(
                 f"save: the loaded model will have no sets and probabilities: {error}",
-                stacklevel=5,
             )
             return None
 
@@ -330,10 +329,9 @@ def _warn_of_missing(missing: Sequence[Label]) -> None:
     if not missing:
         return
     named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
-    warnings.warn(
+    warn(
         f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
         "alike, frames of these classes will be taken for the others",
-        stacklevel=5,
     )
 
 

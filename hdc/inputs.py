@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
 from typing import Any, Protocol
@@ -14,6 +13,7 @@ import torch
 from torch import Tensor
 
 from hdc.hypervectors import Hypervectors
+from hdc.warning import warn
 
 Label = str | int | float | bool
 _LABELS = (str, int, float, bool)
@@ -246,10 +246,9 @@ def _without_column(labels: Any) -> Any:
         return labels
     module = sys.modules.get("sklearn.exceptions")
     kind = getattr(module, "DataConversionWarning", UserWarning)
-    warnings.warn(
+    warn(
         "A column-vector y was passed when a 1d array was expected; its labels are taken",
         kind,
-        stacklevel=5,
     )
     return labels[:, 0]
 

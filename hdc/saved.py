@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from math import prod
@@ -17,6 +16,7 @@ from hdc.described import describe, rebuild
 from hdc.encoders import Encoder
 from hdc.estimator import Estimator
 from hdc.tensors import prefixed, without_prefix
+from hdc.warning import warn
 
 
 class Saved(Estimator):
@@ -153,10 +153,9 @@ class Saved(Estimator):
         for name in self.parts if isinstance(made_by, Mapping) else ():
             now = getattr(self, f"{name}_").revision
             if made_by.get(name, now) != now:
-                warnings.warn(
+                warn(
                     f"{path}: made by revision {made_by[name]} of the {name}, now {now}, which "
                     "gives other numbers; fit anew",
-                    stacklevel=3,
                 )
 
     @abstractmethod
@@ -175,9 +174,8 @@ def _available(device: str, path: str | Path) -> str:
     except ValueError:
         if torch.device(device).type not in ("cuda", "mps", "xpu"):
             raise
-        warnings.warn(
+        warn(
             f"{path}: trained on {device!r}, which is not here: on the CPU",
-            stacklevel=3,
         )
         return "cpu"
     return device

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import functools
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -26,6 +25,7 @@ from hdc.encoders.base import Encoder
 from hdc.encoders.thresholds import one_by_one
 from hdc.encoders.ties import TIES, in_order
 from hdc.parameters import check_choice
+from hdc.warning import warn
 
 # Pixels of several frames ordered at once, at up to 30 bytes each; a GPU needs more to be busy.
 _STEP, _STEP_ON_GPU = 2**20, 2**25
@@ -87,10 +87,9 @@ class RankEncoder(Encoder):
         if share <= self.tied_share or self._warned:
             return
         self._warned = True
-        warnings.warn(
+        warn(
             f"{share:.0%} of the pixels of a frame equal its threshold: which of them become ones "
             f"is decided by the order of pixels (ties={self.ties!r}), not by light",
-            stacklevel=4,
         )
 
 
@@ -156,9 +155,8 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
     if len(constant) > len(listed):
         listed.append("…")
     reason = "every pixel is equal, so the hypervector carries no information"
-    warnings.warn(
+    warn(
         f"{len(constant)} constant frame(s), at index {', '.join(listed)}: {reason}",
-        stacklevel=5,
     )
 
 

@@ -21,7 +21,6 @@ differ in their last digits, and rarely a weight by one.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -42,6 +41,7 @@ from hdc.readouts.discriminant import (
     held_out_of,
     spread_over,
 )
+from hdc.warning import warn
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
@@ -122,9 +122,8 @@ class LDA(Readout):
         known, place = rows.unique(return_inverse=True)
         problem = problem_of(words, place)
         if problem.is_empty:
-            warnings.warn(
+            warn(
                 "lda: no class has two different frames, so the nearest mean is learned",
-                stacklevel=3,
             )
         alpha, solution = shrunken(problem, dimension, self.shrinkage)
         weights, offsets, products = solution
