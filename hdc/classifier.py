@@ -210,17 +210,19 @@ class HDCClassifier(Adapting):
         self._check_kind(other)
         other._check_is_trained()
         assert theirs is not None
-        start = other if head is None else self
         if head is None:
+            start = other
+            backend = backends.choose_backend(self.backend, self.device)
             head = self._empty(theirs.labels, theirs.dimension)
         else:
+            start, backend = self, self.backend_
             kind = type(self).__name__
             inputs.check_shape(other.frame_shape_, self.frame_shape_, kind)
             self._check_columns(other._columns)
             check_alike(self.encoder_, other.encoder_, "merge")
         merged = head.merged(theirs)
         columns = self._columns or other._columns
-        self._begin(start.encoder_, start.frame_shape_, start.backend_, columns)
+        self._begin(start.encoder_, start.frame_shape_, backend, columns)
         self._head = merged
         return self
 

@@ -170,7 +170,7 @@ class Estimator(Parametrised):
             )
         for name, used in self._used.items():
             now = getattr(self, name)
-            if now is used or (isinstance(now, str | float) and now == used):
+            if now is used or (isinstance(now, str | int | float) and now == used):
                 continue
             if name == "backend":
                 self.backend_ = backends.choose_backend(self.backend, self.device)

@@ -40,7 +40,7 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         shape: shape (H, W) of a frame, if known; a single frame then becomes a batch of one.
 
     Raises:
-        TypeError: for a sparse matrix.
+        TypeError: for a sparse matrix, a loader of batches, or what is no sequence.
         ValueError: for frames of different sizes, a single row of pixels, frames of more than one
             channel, or masked pixels.
     """
@@ -75,9 +75,14 @@ def source(
     columns = columns_of(frames)
     if not isinstance(frames, Hypervectors):
         frames = indexable(frames, shape)
+    check_any(frames)
+    return frames, columns
+
+
+def check_any(frames: Any) -> None:
+    """Raise ValueError for no frames."""
     if len(frames) == 0:
         raise ValueError("frames: expected at least one frame, found none")
-    return frames, columns
 
 
 def columns_of(frames: Any) -> list[str | int] | None:
@@ -91,7 +96,7 @@ def columns_of(frames: Any) -> list[str | int] | None:
 def _check_axes(found: tuple[int, ...]) -> None:
     """Raise ValueError unless frames have the shape [N, H, W] or [N, D]."""
     wrong = ""
-    if len(found) == 1 and found[0]:
+    if len(found) < 2 and found != (0,):
         wrong = f"{found}; Reshape your data: of one frame, frames[None] is a batch"
     elif len(found) > 3:
         wrong = f"{found}; take one channel of each frame"
@@ -104,6 +109,9 @@ def _check_axes(found: tuple[int, ...]) -> None:
 def _as_array(frames: Any) -> np.ndarray:
     """A sequence of frames of one shape, or a data frame, as one array."""
     if not hasattr(frames, "__array__"):
+        if not np.iterable(frames):
+            expected = "expected shape [N, H, W] or [N, D]"
+            raise TypeError(f"frames: {expected}, found {frames!r}")
         frames = list(frames)
         for frame in frames:
             _check_unmasked("frames", frame)
@@ -275,9 +283,6 @@ def check_discrete(labels: Sequence[Label]) -> None:
 
 def one_a_frame(name: str, values: Any, n: int) -> Any:
     """Values, one for each of n frames, as an array or a list."""
-    if isinstance(values, set | frozenset | Mapping):  # without order, or keys only
-        found = type(values).__name__
-        raise ValueError(f"{name}: expected a list or an array, found a {found}")
     if values is None:
         raise ValueError(
             f"{name}: expected {n}, one a frame, found None: the estimator requires y to be "
@@ -291,7 +296,11 @@ def one_a_frame(name: str, values: Any, n: int) -> Any:
     _check_unmasked(name, values)
     if hasattr(values, "__array__"):
         values = np.asarray(values)
-    else:
+    # A text would be taken letter by letter, a set in any order, a dictionary by its keys.
+    if not np.iterable(values) or isinstance(values, str | set | frozenset | Mapping):
+        found = type(values).__name__
+        raise ValueError(f"{name}: expected a list or an array, found a {found}")
+    if not isinstance(values, np.ndarray):
         values = list(values)
         for value in values:
             _check_unmasked(name, value)

@@ -164,13 +164,18 @@ class HDCRegressor(Saved):
     def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor]:
         """Hypervectors of frames, and their targets float64 [N, T]."""
         frames, _ = self._given(frames)
-        values = _numbers(y, len(frames))
+        table = self._more_targets(y, len(frames))
+        return joined(self._encoded(frames)), table
+
+    def _more_targets(self, y: Any, n: int) -> Tensor:
+        """Targets of n frames, as many a frame as in training."""
+        values = _numbers(y, n)
         table = self._targets(values)
         if table.shape[1] != self.state_.targets.shape[1]:
             raise ValueError(
                 f"targets: expected as many a frame as before, found {values.shape}"
             )
-        return joined(self._encoded(frames)), table
+        return table
 
     @property
     def residuals_(self) -> np.ndarray:
@@ -236,10 +241,16 @@ class HDCRegressor(Saved):
         return torch.from_numpy(circular.to_plane(table.numpy(), self.period))
 
     def score(self, frames: Any, y: Any) -> float:
-        """R², the share of the variance that is predicted, averaged over the targets."""
+        """R², the share of the variance that is predicted, averaged over the targets.
+
+        Raises:
+            ValueError: as :meth:`predict`; for no frames; or for numbers that :meth:`fit` refuses,
+                or more or fewer a frame than in training.
+        """
         found = self.predict(frames)
-        values = _numbers(y, len(found)).reshape(found.shape)
-        truth, answers = self._targets(values).numpy(), self._targets(found).numpy()
+        inputs.check_any(found)
+        truth = self._more_targets(y, len(found)).numpy()
+        answers = self._targets(found).numpy()
         pairs = zip(truth.T, answers.T, strict=True)
         return float(np.mean([r_squared(*pair) for pair in pairs]))
 

@@ -84,6 +84,9 @@ NO_LABELS = {
     "bool beside number": ([1, True, 2], TWO_KINDS),
     "text beside number": (["1", 1, 2], TWO_KINDS),
     "a set": ({"a", "b", "c"}, NO_ORDER),
+    "a text of three letters": ("abc", NO_ORDER),
+    "a number": (5, NO_ORDER),
+    "an array without axes": (np.array(5), NO_ORDER),
     "a dictionary": ({"a": 0, "b": 1, "c": 2}, NO_ORDER),
     "masked": (np.ma.array([0, 1, 2], mask=[0, 1, 0]), "labels, found masked ones"),
     "sparse": (torch.eye(3)[0].to_sparse(), "labels: expected plain numbers, found a"),
@@ -104,6 +107,12 @@ def test_labels_of_another_kind_are_refused_by_every_call(call):
     with pytest.raises(ValueError, match=TWO_KINDS):
         getattr(model, call)(THREE, ["0", "1", "2"])
     assert model.score(FRAMES, [5] * 60) == 0.0
+
+
+def test_the_score_of_no_frames_is_refused():
+    model = HDCClassifier().fit(FRAMES, LABELS)
+    with pytest.raises(ValueError, match="frames: expected at least one frame, found"):
+        model.score(FRAMES[:0], [])
 
 
 def test_depths_are_labels_and_a_continuous_quantity_is_none():
@@ -189,6 +198,8 @@ with warnings.catch_warnings(action="ignore"):  # torch will drop them
     QUANTISED = torch.quantize_per_tensor(torch.eye(60), 1.0, 0, torch.quint8)
 NO_FRAMES = {
     "channels": (np.ones((60, 2, 2, 3)), r"found \(60, 2, 2, 3\); take one channel"),
+    "a number": (5, "frames: expected shape .* found 5"),
+    "without axes": (np.array(5.0), r"frames: expected shape .* found \(\); Reshape"),
     "of two shapes": ([np.ones((3, 4)), np.ones((3, 5))], "frames of one shape"),
     "meta": (torch.empty(60, 8, 8, device="meta"), DENSE + "a meta tensor"),
     "sparse of torch": (torch.eye(60).to_sparse(), DENSE + "a sparse tensor"),
