@@ -94,6 +94,7 @@ class Adapting(Answering):
 
         Raises:
             ValueError: for no frames, or frames of another shape; the model is then unchanged.
+            TypeError: for hypervectors, which hold no grey values.
             AttributeError: if the encoder has no reference; ``hasattr`` is then False.
         """
         self._check_is_trained()

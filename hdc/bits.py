@@ -125,10 +125,10 @@ def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
         ValueError: if the two do not have the same number of words.
     """
     _check_words("hamming", queries, prototypes)
-    widths = queries.shape[-1], prototypes.shape[-1]
-    if widths[0] != widths[1]:
+    asked_width, width = queries.shape[-1], prototypes.shape[-1]
+    if asked_width != width:
         raise ValueError(
-            "hamming: expected equal widths, found {} and {} words".format(*widths)
+            f"hamming: expected equal widths, found {asked_width} and {width} words"
         )
     if queries.device.type != "cpu":
         return _hamming_by_torch(queries, prototypes)

@@ -114,7 +114,8 @@ class Head:
     ) -> Head:
         """A head that is adapted to N hypervectors by the arguments of ``recalibrate``."""
         rows = self.rows_of(labels)
-        missing = [name for name in self.index if name not in set(labels)]
+        found = set(labels)
+        missing = [name for name in self.index if name not in found]
         _warn_of_missing(missing)
         readout: Any = self.readout
         used = [options[name] for name in readout.adapts_by]

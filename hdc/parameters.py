@@ -36,13 +36,13 @@ class Parametrised:
         return super().__new__(cls)
 
     @classmethod
-    def _check_names(cls, given: Iterable[str]) -> None:
+    def _check_names(cls, given: Collection[str]) -> None:
         """Raise TypeError for an old name of a parameter."""
-        for old in cls.renamed.keys() & given:
-            new = cls.renamed[old]
-            raise TypeError(
-                f"{cls.__name__}: expected {new}, found {old!r}, its old name"
-            )
+        for old, new in cls.renamed.items():
+            if old in given:
+                raise TypeError(
+                    f"{cls.__name__}: expected {new}, found {old!r}, its old name"
+                )
 
     @classmethod
     def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:

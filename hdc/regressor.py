@@ -83,10 +83,6 @@ class HDCRegressor(Saved):
         self.backend = backend
         self.period = period
 
-    def _check_parameters(self) -> None:
-        super()._check_parameters()
-        self._check_period()
-
     def _check_period(self) -> None:
         given = self.period
         if given is not None and (not is_number(given) or given <= 0):
@@ -277,7 +273,7 @@ class HDCRegressor(Saved):
         self._one = bool(header["one"])
         self.period = self._used["period"] = header.get("period")
         self._is_signed = bool(header.get("signed", False))
-        self._check_parameters()
+        self._check_period()
         readout = self.fresh("readout")
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)

@@ -55,10 +55,15 @@ class Saved(Estimator):
         with self._computing():
             header, tensors = self._stored()
         tensors |= prefixed("encoder", self.encoder_.state())
-        header = {"kind": type(self).__name__, **header}
-        header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
-        header |= {"revisions": revisions}
-        header |= {"columns": self._columns, "metadata": metadata}
+        header = {
+            "kind": type(self).__name__,
+            **header,
+            "parameters": parameters,
+            "frame_shape": self.frame_shape_,
+            "revisions": revisions,
+            "columns": self._columns,
+            "metadata": metadata,
+        }
         io.write_model(Path(path), header, tensors, self._check_loads)
         self.metadata_ = metadata
 
@@ -92,8 +97,9 @@ class Saved(Estimator):
                 does not have it, the CPU with a warning.
 
         Raises:
+            FileNotFoundError: if there is no such file.
             ValueError: naming the file, if it is no saved model, a model of another class, or
-                damaged.
+                damaged; or for a device that this machine does not have.
         """
         if isinstance(trusted, str):  # or each letter would be a name
             trusted = (trusted,)
@@ -133,7 +139,7 @@ class Saved(Estimator):
             part = rebuild(parameters[name], name, cls._known[name], trusted)
             parameters[name] = part
         model = cls(**parameters)
-        model._check_parameters()
+        backend = backends.choose_backend(model.backend, model.device)
         shape = header["frame_shape"]
         whole = all(type(n) is int and n > 0 for n in shape)
         if not whole or not 1 <= len(shape) <= 2:
@@ -141,7 +147,6 @@ class Saved(Estimator):
         own = {name: tensor.to(model.device) for name, tensor in tensors.items()}
         encoder: Encoder = model.fresh("encoder")
         encoder.restore(without_prefix("encoder", own), prod(shape))
-        backend = backends.choose_backend(model.backend, model.device)
         model._begin(encoder, shape, backend, header.get("columns"))
         others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
         model._restore(header, others)

@@ -289,11 +289,8 @@ def check_memory(
     size = n if dimension is None else min(n, dimension)
     if size <= MOST_FRAMES:
         return
-    expected, found, fewer = (
-        f"{MOST_FRAMES} frames",
-        f"{n}",
-        "fewer frames of each class",
-    )
+    expected, found = f"{MOST_FRAMES} frames", f"{n}"
+    fewer = "fewer frames of each class"
     if dimension is not None:
         expected += f" or {MOST_FRAMES} bits"
         found += f" frames of {dimension} bits"

@@ -15,7 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -34,6 +34,7 @@ from hdc.readouts.discriminant import (
     evenly,
     held_out_of,
 )
+from hdc.tensors import Kinds
 from hdc.warning import warn
 
 _LOWEST = -1e300  # offset of a class without training frames
@@ -43,7 +44,7 @@ _LOWEST = -1e300  # offset of a class without training frames
 class Expansion(State):
     """The kernel expansion of each class: a weight for every training frame."""
 
-    kinds = {  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {
         "frames": "int64 N W",
         "dual": "float64 N L",
         "offsets": "float64 L",

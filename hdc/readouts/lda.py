@@ -22,7 +22,7 @@ differ in their last digits, and rarely a weight by one.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
@@ -41,6 +41,7 @@ from hdc.readouts.discriminant import (
     held_out_of,
     spread_over,
 )
+from hdc.tensors import Kinds
 from hdc.warning import warn
 
 SHRINKAGES = ("ledoit_wolf", "oas")
@@ -55,7 +56,7 @@ _NOWHERE = -(2**62)  # offset of a class without training frames
 class Discriminants(State):
     """The score of a query x for a class is scale·(q·x) + offset."""
 
-    kinds = {  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {
         "weights": "int64 L 4 W",
         "scales": "int64 L",
         "offsets": "int64 L",

@@ -16,6 +16,7 @@ from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_choice, check_share
 from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
 from hdc.readouts.base import HeldOut, State, Updatable
+from hdc.tensors import Kinds
 
 METHODS = ("replace", "merge")
 WEIGHTS = (None, "balanced")
@@ -27,7 +28,7 @@ EXTRAS = (-2, -1, 0, 1, 2)
 class Counted(State):
     """Counts of ones per class, and their majority."""
 
-    kinds = {  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {
         "planes": "int64 L P W",
         "n": "int64 L",
         "prototypes": "int64 L W",
@@ -217,8 +218,10 @@ class Counting(Updatable):
         number = int(state.recalibrated)
         drawn = replaced_bits(len(state.n), new.dimension, share, seed, number)
         mask = drawn[classes].to(state.prototypes.device)
-        size = smallest(new.n) if self.class_weight is not None else None
-        fresh = new.majority(self.ties, self.random_state, size)
+        bundled = new
+        if self.class_weight is not None:
+            bundled = new.thinned(smallest(new.n), self.random_state)
+        fresh = bundled.majority(self.ties, self.random_state)
         counted = replace(state, planes=new.planes, n=new.n)
         near = torch.stack([self._deciding_of(counted, i) for i in range(len(classes))])
         before = state.prototypes[classes]
