@@ -31,7 +31,7 @@ from hdc import bits
 from hdc.bits import combinations, dot, gram
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.readouts.among_bits import Primal
+from hdc.readouts.among_bits import ProblemAmongBits
 from hdc.readouts.base import HeldOut, Readout, State
 from hdc.readouts.discriminant import (
     Problem,
@@ -128,7 +128,7 @@ class LDA(Readout):
             )
         alpha, solution = shrunken(problem, dimension, self.shrinkage)
         weights, offsets, products = solution
-        if isinstance(problem, Primal):
+        if isinstance(problem, ProblemAmongBits):
             weights = weights.T.float()
         else:
             weights = combinations(weights, packed)[:, :dimension]
@@ -184,6 +184,64 @@ class LDA(Readout):
         return twice // 2 * scales + offsets
 
 
+def problem_of(words: Hypervectors, rows: Tensor) -> Problem | ProblemAmongBits:
+    """The equations among frames or among bits, whichever are fewer; all classes occur."""
+    if len(rows) > words.dimension:
+        return ProblemAmongBits.of(words, rows)
+    return Problem.of(gram(words.packed, words.packed, words.dimension), rows)
+
+
+def shrunken(
+    problem: Problem | ProblemAmongBits, dimension: int, shrinkage: float | str
+) -> tuple[float, Solution]:
+    """α for a problem in D dimensions, and its solution; α = 1 is the nearest mean."""
+    if problem.is_empty:
+        alpha = 1.0
+    elif isinstance(shrinkage, str):
+        squares = float((problem.products**2).sum())
+        degrees = max(1, len(problem.diagonal) - problem.n_classes)
+        alpha = closed_form(
+            shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
+        )
+    else:
+        alpha = float(shrinkage)
+    if alpha == 1:
+        return alpha, problem.solve(None)
+    return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
+
+
+def closed_form(
+    kind: str, trace: float, squares: float, diagonal: Tensor, n: int, d: int
+) -> float:
+    """α in closed form, for a covariance with n degrees of freedom in D dimensions.
+
+    Args:
+        kind: one of :data:`SHRINKAGES`.
+        trace, squares, diagonal: tr K, ‖K‖²_F and K_ii.
+        n: frames minus classes.
+        d: D.
+    """
+    first = trace / n
+    second = squares / n**2
+    spread = second - first**2 / d
+    if spread <= 0:
+        return 1.0
+    if kind == "ledoit_wolf":
+        fourth = float((diagonal**2).sum()) / n**2
+        share = (fourth - second / n) / spread
+    else:
+        numerator = (1 - 2 / d) * second + first**2
+        share = numerator / ((n + 1 - 2 / d) * spread)
+    return min(1.0, max(0.0, share))
+
+
+def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:
+    """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
+    onehot = torch.nn.functional.one_hot(rows, n_classes)
+    sums = combinations(onehot, words)[:, :dimension]
+    return sums / onehot.sum(0)[:, None]
+
+
 def _stored(
     learned: tuple[Tensor, Tensor, Tensor],
     known: Tensor,
@@ -212,64 +270,6 @@ def _stored(
     state.scales[known] = (scales * unit).round().long()
     state.offsets[known] = (offsets * unit).round().long()
     return state, unit
-
-
-def closed_form(
-    kind: str, trace: float, squares: float, diagonal: Tensor, n: int, d: int
-) -> float:
-    """α in closed form, for a covariance with n degrees of freedom in D dimensions.
-
-    Args:
-        kind: one of :data:`SHRINKAGES`.
-        trace, squares, diagonal: tr K, ‖K‖²_F and K_ii.
-        n: frames minus classes.
-        d: D.
-    """
-    first = trace / n
-    second = squares / n**2
-    spread = second - first**2 / d
-    if spread <= 0:
-        return 1.0
-    if kind == "ledoit_wolf":
-        fourth = float((diagonal**2).sum()) / n**2
-        share = (fourth - second / n) / spread
-    else:
-        numerator = (1 - 2 / d) * second + first**2
-        share = numerator / ((n + 1 - 2 / d) * spread)
-    return min(1.0, max(0.0, share))
-
-
-def problem_of(words: Hypervectors, rows: Tensor) -> Problem | Primal:
-    """The equations among frames or among bits, whichever are fewer; all classes occur."""
-    if len(rows) > words.dimension:
-        return Primal.of(words, rows)
-    return Problem.of(gram(words.packed, words.packed, words.dimension), rows)
-
-
-def shrunken(
-    problem: Problem | Primal, dimension: int, shrinkage: float | str
-) -> tuple[float, Solution]:
-    """α for a problem in D dimensions, and its solution; α = 1 is the nearest mean."""
-    if problem.is_empty:
-        alpha = 1.0
-    elif isinstance(shrinkage, str):
-        squares = float((problem.products**2).sum())
-        degrees = max(1, len(problem.diagonal) - problem.n_classes)
-        alpha = closed_form(
-            shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
-        )
-    else:
-        alpha = float(shrinkage)
-    if alpha == 1:
-        return alpha, problem.solve(None)
-    return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
-
-
-def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:
-    """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
-    onehot = torch.nn.functional.one_hot(rows, n_classes)
-    sums = combinations(onehot, words)[:, :dimension]
-    return sums / onehot.sum(0)[:, None]
 
 
 def _quantised(
