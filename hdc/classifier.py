@@ -18,7 +18,7 @@ from hdc.estimator import check_alike, joined
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
-from hdc.rejection import grouped, of_words
+from hdc.rejection import Groups, grouped, of_words
 from hdc.sample import Reservoir, Sample
 from hdc.warning import warn
 
@@ -293,32 +293,48 @@ def _learned(
     groups = None
     if together is not None:
         groups = grouped(together, rows, classes.tolist(), readout, dimension, device)
-    if not isinstance(readout, Updatable):
+    if groups is not None:
+        batches = _counted(batches, groups)
+    calibrated = training = None
+    if isinstance(readout, Updatable):
+        reservoir = Reservoir()
+        drawn = _drawn(batches, rows, labels, reservoir)
+        state = readout.add(readout.empty(n_classes, dimension, device), drawn)
+        sample = reservoir.sample()
+    else:
         words = joined(batches)
         state = readout.fit(words, rows, n_classes)
         counts = torch.bincount(rows, minlength=n_classes).tolist()
         sample = Sample(dict(zip(index, counts, strict=True)))
         closed = type(readout).held_out is not Readout.held_out
-        training = None if closed or state.held_out is not None else (words, rows)
-        calibrated = of_words(words, rows, n_classes)
-        if groups is not None:
-            groups.add(words.packed)
-            calibrated = groups.rejection()
-        return Head(
-            readout, state, sample, classes, dimension, calibrated, training=training
-        )
-    reservoir = Reservoir()
+        if not closed and state.held_out is None:
+            training = words, rows
+        if groups is None:
+            calibrated = of_words(words, rows, n_classes)
+    if groups is not None:
+        calibrated = groups.rejection()
+    return Head(
+        readout, state, sample, classes, dimension, calibrated, training=training
+    )
 
-    def drawn() -> Iterator[tuple[Hypervectors, Tensor]]:
-        start = 0
-        for words in batches:
-            stop = start + len(words.packed)
-            reservoir.add(words.packed, labels[start:stop])
-            if groups is not None:
-                groups.add(words.packed)
-            yield words, rows[start:stop]
-            start = stop
 
-    state = readout.add(readout.empty(n_classes, dimension, device), drawn())
-    found = None if groups is None else groups.rejection()
-    return Head(readout, state, reservoir.sample(), classes, dimension, found)
+def _counted(batches: Iterable[Hypervectors], groups: Groups) -> Iterator[Hypervectors]:
+    """The batches, counted by group as they pass."""
+    for words in batches:
+        groups.add(words.packed)
+        yield words
+
+
+def _drawn(
+    batches: Iterable[Hypervectors],
+    rows: Tensor,
+    labels: Sequence[inputs.Label],
+    reservoir: Reservoir,
+) -> Iterator[tuple[Hypervectors, Tensor]]:
+    """The batches and their classes int64 [n]; a sample is drawn as they pass."""
+    start = 0
+    for words in batches:
+        stop = start + len(words)
+        reservoir.add(words.packed, labels[start:stop])
+        yield words, rows[start:stop]
+        start = stop

@@ -59,77 +59,6 @@ FEWEST = 4
 
 
 @dataclass(frozen=True)
-class Peers:
-    """Training frames of one class, and their distances if a new frame joins the class."""
-
-    held_out: np.ndarray
-    """[m], leave-one-out distances."""
-    most: np.ndarray
-    """[m], the largest d_i for any frame x."""
-    masks: Tensor | None = None
-    """int64 [1 + m, W] where d_i depends on x: the bits of the prototype that become one if x has a
-    one where x_i has none; and of each x_i those that are not lost, or not gained, where x has a
-    one, too."""
-    twice: np.ndarray | None = None
-    """int64 [m], 2·d_i without the distances of x to the masks."""
-
-    @classmethod
-    def of(cls, words: Tensor, prototypes: Tensor) -> Self:
-        """Peers from stored hypervectors [m, W] and the five prototypes [5, W] of EXTRAS."""
-        if_gained, if_zero, prototype, if_one, if_lost = prototypes
-        lost = prototype & ~if_lost
-        gained = if_gained & ~prototype
-        shared = words & (lost | gained)
-        # d_i of a black x; another adds |x ∧ gained| − |x ∧ shared_i|, where |x ∧ b| is half of
-        # |x| + |b| − Ham(x, b).
-        black = bits.count_ones(words ^ prototype) + bits.count_ones(words & lost)
-        n_gained = bits.count_ones(gained)
-        twice = 2 * black + n_gained - bits.count_ones(shared)
-        without = (words & if_one) | (~words & if_zero)
-        return cls(
-            held_out=bits.count_ones(words ^ without).numpy(force=True),
-            most=(black + n_gained).numpy(force=True),
-            masks=torch.cat((gained[None], shared)),
-            twice=twice.numpy(force=True),
-        )
-
-    def __len__(self) -> int:
-        return len(self.most)
-
-    def compared(self, words: Tensor) -> np.ndarray:
-        """Distances d_i [Q, m] if each of the hypervectors [Q, W] joins this class.
-
-        The shape is [1, m] if they do not depend on the hypervector.
-        """
-        if self.masks is None:
-            return self.most[None]
-        to_masks = bits.hamming(words, self.masks).numpy(force=True)
-        found: np.ndarray = (self.twice + to_masks[:, 1:] - to_masks[:, :1]) // 2
-        return found
-
-    @property
-    def deviations(self) -> np.ndarray:
-        """Leave-one-out distances minus their mean; empty for too few frames."""
-        if len(self) < FEWEST:
-            return np.empty(0)
-        return self.held_out - self.held_out.mean()
-
-
-@dataclass(frozen=True)
-class Rule:
-    """The data that p-values for one α are computed from, class by class."""
-
-    pools: Sequence[np.ndarray | None]
-    """Sorted deviations of the other classes, for a class that is pooled with them."""
-    least: np.ndarray
-    """[L], the p-value of a frame that is farther out than all."""
-    far: np.ndarray
-    """[L], a distance d from which on a frame is farther out than all others."""
-    warning: str
-    """Not empty if some class is in every set, so that no frame is refused."""
-
-
-@dataclass(frozen=True)
 class Conformal:
     """Training frames to compare with, by class; None for a class without any."""
 
@@ -235,6 +164,77 @@ class Conformal:
         return self._rules[alpha]
 
 
+@dataclass(frozen=True)
+class Rule:
+    """The data that p-values for one α are computed from, class by class."""
+
+    pools: Sequence[np.ndarray | None]
+    """Sorted deviations of the other classes, for a class that is pooled with them."""
+    least: np.ndarray
+    """[L], the p-value of a frame that is farther out than all."""
+    far: np.ndarray
+    """[L], a distance d from which on a frame is farther out than all others."""
+    warning: str
+    """Not empty if some class is in every set, so that no frame is refused."""
+
+
+@dataclass(frozen=True)
+class Peers:
+    """Training frames of one class, and their distances if a new frame joins the class."""
+
+    held_out: np.ndarray
+    """[m], leave-one-out distances."""
+    most: np.ndarray
+    """[m], the largest d_i for any frame x."""
+    masks: Tensor | None = None
+    """int64 [1 + m, W] where d_i depends on x: the bits of the prototype that become one if x has a
+    one where x_i has none; and of each x_i those that are not lost, or not gained, where x has a
+    one, too."""
+    twice: np.ndarray | None = None
+    """int64 [m], 2·d_i without the distances of x to the masks."""
+
+    @classmethod
+    def of(cls, words: Tensor, prototypes: Tensor) -> Self:
+        """Peers from stored hypervectors [m, W] and the five prototypes [5, W] of EXTRAS."""
+        if_gained, if_zero, prototype, if_one, if_lost = prototypes
+        lost = prototype & ~if_lost
+        gained = if_gained & ~prototype
+        shared = words & (lost | gained)
+        # d_i of a black x; another adds |x ∧ gained| − |x ∧ shared_i|, where |x ∧ b| is half of
+        # |x| + |b| − Ham(x, b).
+        black = bits.count_ones(words ^ prototype) + bits.count_ones(words & lost)
+        n_gained = bits.count_ones(gained)
+        twice = 2 * black + n_gained - bits.count_ones(shared)
+        without = (words & if_one) | (~words & if_zero)
+        return cls(
+            held_out=bits.count_ones(words ^ without).numpy(force=True),
+            most=(black + n_gained).numpy(force=True),
+            masks=torch.cat((gained[None], shared)),
+            twice=twice.numpy(force=True),
+        )
+
+    def __len__(self) -> int:
+        return len(self.most)
+
+    def compared(self, words: Tensor) -> np.ndarray:
+        """Distances d_i [Q, m] if each of the hypervectors [Q, W] joins this class.
+
+        The shape is [1, m] if they do not depend on the hypervector.
+        """
+        if self.masks is None:
+            return self.most[None]
+        to_masks = bits.hamming(words, self.masks).numpy(force=True)
+        found: np.ndarray = (self.twice + to_masks[:, 1:] - to_masks[:, :1]) // 2
+        return found
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """Leave-one-out distances minus their mean; empty for too few frames."""
+        if len(self) < FEWEST:
+            return np.empty(0)
+        return self.held_out - self.held_out.mean()
+
+
 def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:
     """p-values [Q] of distances d [Q], for d_i [Q or 1, m] and deviations of other classes."""
     m = d_i.shape[1]
@@ -262,6 +262,16 @@ def _farthest(own: Peers, pool: np.ndarray | None) -> float:
     return found + 1e-9 * abs(found) + _ROUNDING
 
 
+def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
+    """Sorted leave-one-out distances of all classes but c, each minus the mean of its class.
+
+    Classes with fewer frames than :data:`FEWEST` are left out.
+    """
+    others = [own for b, own in enumerate(peers) if own is not None and b != c]
+    found = [own.deviations for own in others]
+    return np.sort(np.concatenate([np.empty(0), *found]))
+
+
 def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
     """A warning if some class is in every set, so that no frame is refused; else empty."""
     kept = [len(peer) for peer in peers if peer is not None]
@@ -275,13 +285,3 @@ def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
     else:
         return ""
     return f"alpha={alpha:g} {text}; no frame is refused"
-
-
-def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
-    """Sorted leave-one-out distances of all classes but c, each minus the mean of its class.
-
-    Classes with fewer frames than :data:`FEWEST` are left out.
-    """
-    others = [own for b, own in enumerate(peers) if own is not None and b != c]
-    found = [own.deviations for own in others]
-    return np.sort(np.concatenate([np.empty(0), *found]))

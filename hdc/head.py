@@ -317,8 +317,8 @@ class Head:
         own = without_prefix("known", tensors)
         calibrated = Rejection.restored(own, dimension) if own else None
         head = cls(readout, state, sample, labels, dimension, calibrated, recalibrated)
-        found = header.get("sharpness")  # of version 2.0
-        if found is not None:
+        found = header.get("sharpness")
+        if found is not None:  # version 2.0 kept it in place of the scores
             if not is_number(found) or found <= 0:
                 raise ValueError(f"sharpness {found!r}")
             vars(head)["sharpness"] = found

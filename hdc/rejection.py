@@ -24,7 +24,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Self
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -239,13 +239,22 @@ class Groups:
 
 
 def grouped(
-    groups: Sequence[Label], rows: Tensor, classes: Sequence[Label], *given: Any
+    groups: Sequence[Label],
+    rows: Tensor,
+    classes: Sequence[Label],
+    readout: Readout,
+    dimension: int,
+    device: torch.device | str,
 ) -> Groups | None:
     """Counters by group for N frames; None if every class has a single group.
 
-    A warning names classes with a single group. `given` are the other arguments of :class:`Groups`.
+    A warning names classes with a single group.
+
+    Args:
+        classes: the label of each row.
+        groups, rows, readout, dimension, device: as of :class:`Groups`.
     """
-    found = Groups(rows, groups, *given)
+    found = Groups(rows, groups, readout, dimension, device)
     single = found.single
     if single:
         named = ", ".join(repr(classes[row]) for row in single[:5])
