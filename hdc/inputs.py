@@ -18,7 +18,6 @@ from hdc.warning import warn
 Label = str | int | float | bool
 _LABELS = (str, int, float, bool)
 _TIMES = (np.datetime64, np.timedelta64)
-_VALUES = {"frames": "pixels", "labels": "labels", "targets": "numbers"}
 _CONTINUOUS = 30
 """More frames than this with fractional labels that all differ are no classes."""
 
@@ -123,8 +122,7 @@ def _as_array(frames: Any) -> np.ndarray:
 def _check_unmasked(name: str, values: Any) -> None:
     """Raise ValueError for a masked array of numpy with masked values."""
     if np.ma.is_masked(values):
-        what = _VALUES[name]
-        raise ValueError(f"{name}: expected all {what}, found masked ones")
+        raise ValueError(f"{name}: expected all to have a value, found masked ones")
 
 
 def tensor(frames: Any) -> Tensor:
@@ -241,9 +239,8 @@ def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
 
 def _as_python(label: Any) -> Any:
     """A number or text of numpy or torch as Python's; other objects, such as dates, unchanged."""
-    if isinstance(label, Tensor) and label.ndim == 0:
-        return label.item()
-    if isinstance(label, np.generic) and not isinstance(label, _TIMES):
+    of_numpy = isinstance(label, np.generic) and not isinstance(label, _TIMES)
+    if of_numpy or (isinstance(label, Tensor) and label.ndim == 0):
         return label.item()
     return label
 

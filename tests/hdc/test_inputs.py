@@ -88,7 +88,10 @@ NO_LABELS = {
     "a number": (5, NO_ORDER),
     "an array without axes": (np.array(5), NO_ORDER),
     "a dictionary": ({"a": 0, "b": 1, "c": 2}, NO_ORDER),
-    "masked": (np.ma.array([0, 1, 2], mask=[0, 1, 0]), "labels, found masked ones"),
+    "masked": (
+        np.ma.array([0, 1, 2], mask=[0, 1, 0]),
+        "labels: expected all to have .* found masked",
+    ),
     "sparse": (torch.eye(3)[0].to_sparse(), "labels: expected plain numbers, found a"),
     "infinite": ([np.inf, -np.inf, np.inf], "labels: expected classes, found inf"),
 }
@@ -107,6 +110,14 @@ def test_labels_of_another_kind_are_refused_by_every_call(call):
     with pytest.raises(ValueError, match=TWO_KINDS):
         getattr(model, call)(THREE, ["0", "1", "2"])
     assert model.score(FRAMES, [5] * 60) == 0.0
+
+
+def test_masked_groups_are_named():
+    groups = np.ma.array(LABELS, mask=LABELS == 2)
+    with pytest.raises(
+        ValueError, match=r"^groups: expected all to have .* found masked"
+    ):
+        HDCClassifier().fit(FRAMES, LABELS, groups=groups)
 
 
 def test_the_score_of_no_frames_is_refused():
@@ -133,8 +144,8 @@ def test_targets_that_are_no_numbers_are_named(call):
     masked = np.ma.array(LABELS.astype(float), mask=LABELS == 2)
     for targets, found in (
         (np.arange(60).astype("M8[s]"), "expected numbers, found "),
-        (masked, "expected all numbers, found masked"),
-        (list(masked[:, None]), "expected all numbers, found masked"),
+        (masked, "expected all to have a value, found masked"),
+        (list(masked[:, None]), "expected all to have a value, found masked"),
     ):
         model = HDCRegressor().fit(FRAMES, LABELS)
         with pytest.raises(ValueError, match=f"^targets: {found}"):
@@ -192,7 +203,7 @@ class Slices:
 
 HIDDEN = (np.arange(60) >= 40)[:, None, None]
 ONE_HIDDEN = np.ma.array(FRAMES, mask=np.arange(7200).reshape(FRAMES.shape) == 873)
-ALL_PIXELS = "frames: expected all pixels, found masked ones"
+ALL_PIXELS = "frames: expected all to have a value, found masked"
 DENSE = "frames: expected plain numbers, found "
 with warnings.catch_warnings(action="ignore"):  # torch will drop them
     QUANTISED = torch.quantize_per_tensor(torch.eye(60), 1.0, 0, torch.quint8)
