@@ -205,8 +205,9 @@ class Answering(Saved):
 
     @property
     def left_out_(self) -> str:
+        head = self._trained
         with self._computing():
-            return self._trained.rejection.unit
+            return head.rejection.unit
 
     @property
     def prediction_bytes_(self) -> int:

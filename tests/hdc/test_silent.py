@@ -60,6 +60,13 @@ def test_hypervectors_are_found_in_a_list():
     assert [first, second].index(second) == 1
 
 
+@pytest.mark.parametrize("call", ["partial_fit", "recalibrate"])
+def test_angles_below_zero_that_are_learnt_later_are_predicted(call):
+    model = HDCRegressor(period=360).fit(X, np.arange(12.0))
+    getattr(model, call)(255 - X, np.arange(12.0) - 40)
+    assert (model.predict(255 - X[:1]) < 0).all()
+
+
 # Whole or nothing --------------------------------------------------------------------------------
 
 
