@@ -239,13 +239,19 @@ def not_among(value: Any, choices: Iterable[Any], others: str = "") -> str:
     return text
 
 
-def check_integer(name: str, value: Any, least: int, most: int | None = None) -> None:
+def check_integer(
+    name: str, value: Any, least: float = -math.inf, most: float = math.inf
+) -> None:
     """Raise ValueError unless a parameter is an integer in a range."""
     whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-    if whole and least <= value and (most is None or value <= most):
+    if whole and least <= value <= most:
         return
-    expected = f"≥ {least}" if most is None else f"from {least} to {most}"
-    raise ValueError(f"{name}: expected an integer {expected}, found {value!r}")
+    expected = "an integer"
+    if most < math.inf:
+        expected += f" from {least} to {most}"
+    elif least > -math.inf:
+        expected += f" ≥ {least}"
+    raise ValueError(f"{name}: expected {expected}, found {value!r}")
 
 
 def is_number(value: Any) -> bool:

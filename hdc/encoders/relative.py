@@ -71,7 +71,7 @@ class RelativeEncoder(Encoder):
                 "frame: expected the reference frame that the model was given, which its file does "
                 "not keep; set it, or None to learn one"
             )
-        given = torch.as_tensor(np.asarray(self.frame))
+        given = inputs.tensor(self.frame)
         expected = tuple(frames.shape[1:])
         found = tuple(given.shape)
         if found == expected:

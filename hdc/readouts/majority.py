@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral
 from typing import Any, ClassVar
 
 import torch
@@ -13,7 +12,7 @@ from torch import Tensor
 
 from hdc import bits, planes
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import check_choice, check_share
+from hdc.parameters import check_choice, check_integer, check_share
 from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
 from hdc.readouts.base import HeldOut, State, Updatable
 from hdc.tensors import Kinds
@@ -76,9 +75,7 @@ class Counting(Updatable):
     def check(self) -> None:
         check_choice("ties", self.ties, planes.TIES)
         check_choice("class_weight", self.class_weight, WEIGHTS)
-        given = self.random_state
-        if isinstance(given, bool) or not isinstance(given, Integral):
-            raise ValueError(f"random_state: expected an integer, found {given!r}")
+        check_integer("random_state", self.random_state)
 
     @classmethod
     def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -175,10 +172,11 @@ class Counting(Updatable):
                 None is the first of `methods`.
 
         Raises:
-            ValueError: for a share outside [0, 1], an unknown method, or bits to be replaced in a
-                class without a prototype.
+            ValueError: for a share outside [0, 1], a seed that is no integer, an unknown method, or
+                bits to be replaced in a class without a prototype.
         """
         check_share("p", share, "[0, 1]")
+        check_integer("random_state", random_state)
         method = self.methods[0] if method is None else method
         check_choice("method", method, self.methods)
         classes = rows.unique().tolist()

@@ -178,6 +178,7 @@ UNUSED = "does not use it, found"
     [
         ("majority", {"method": "add"}, "method: expected one of replace, merge, found 'add'"),
         ("majority", {"p": 1.5}, r"p: expected .*\[0, 1\]"),
+        ("majority", {"random_state": 1.5}, "random_state: expected an integer, found 1.5"),
         ("majority", {"y": [9, 9]}, r"labels: expected classes among \[0, 1, 2\], found 9"),
         ("counts", {"method": "replace"}, "method: expected one of merge, found 'repl"),
         ("ridge", {"p": 0.75}, f"p: expected 0.5 .*{UNUSED} 0.75"),
