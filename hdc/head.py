@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -123,10 +124,11 @@ class Head:
         if missing and state.held_out is not None:
             # The old and the new scores have different units.
             state = replace(state, held_out=None)
-        sample = self.sample.replaced(words.packed, labels)
         calibrated = None
-        if not isinstance(readout, Updatable):
-            sample = Sample(sample.seen)
+        if isinstance(readout, Updatable):
+            sample = self.sample.replaced(words.packed, labels)
+        else:
+            sample = Sample({**self.sample.seen, **Counter(labels)})
             if not missing:
                 calibrated = of_words(words, rows, len(self.index))
         return replace(
