@@ -139,6 +139,7 @@ def test_what_cannot_be_merged_is_named():
 
 
 def test_an_untrained_model_that_takes_over_another_keeps_its_backend():
+    pytest.importorskip("numba")
     frames, labels = touches()
     trained = HDCClassifier(backend="compiled").fit(frames, labels)
     assert HDCClassifier(backend="numpy").merge(trained).backend_ == "numpy"
