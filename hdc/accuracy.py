@@ -13,14 +13,14 @@ def accuracy(predicted: np.ndarray, labels: np.ndarray) -> float:
     return float((np.asarray(predicted) == labels).mean())
 
 
-def wilson(n_right: float, n: float, level: float = 0.95) -> tuple[float, float]:
-    """Wilson interval of a fraction p = n_right / n (JASA 22, 209 (1927)).
+def wilson(n_right: float, n: float) -> tuple[float, float]:
+    """Wilson's 95 % interval of a fraction p = n_right / n (JASA 22, 209 (1927)).
 
-    (p + z²/2n ± z·√(p(1 − p)/n + z²/4n²)) / (1 + z²/n)
+    (p + z²/2n ± z·√(p(1 − p)/n + z²/4n²)) / (1 + z²/n), with the normal quantile z of 97.5 %.
 
     Written out here, since importing scipy.stats takes as long as a short run.
     """
-    z = NormalDist().inv_cdf((1 + level) / 2)
+    z = NormalDist().inv_cdf(0.975)
     p, z2_n = n_right / n, z * z / n
     variance = p * (1 - p) + z2_n / 4
     half = math.sqrt(z2_n * variance)

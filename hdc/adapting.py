@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import inspect
-import warnings
 from collections.abc import Mapping
 from typing import Any, Self
 
@@ -12,6 +11,7 @@ from hdc.answers import Answering
 from hdc.availability import needs, renamed
 from hdc.estimator import joined
 from hdc.hypervectors import Hypervectors
+from hdc.warning import warn
 
 
 class Adapting(Answering):
@@ -94,6 +94,7 @@ class Adapting(Answering):
 
         Raises:
             ValueError: for no frames, or frames of another shape; the model is then unchanged.
+            TypeError: for hypervectors, which hold no grey values.
             AttributeError: if the encoder has no reference; ``hasattr`` is then False.
         """
         self._check_is_trained()
@@ -109,11 +110,10 @@ class Adapting(Answering):
             words = joined(self._batches(frames, encoder, self.frame_shape_))
             found = len(self._head.scores(words).argmax(1).unique())
         if 2 * found < len(self.classes_):
-            warnings.warn(
+            warn(
                 f"rezero: the {len(frames)} frames are put into {found} of {len(self.classes_)} "
                 "classes; they have to show all classes about as often as the training frames did, "
                 "or the model is spoiled",
-                stacklevel=2,
             )
         self.encoder_ = encoder
         return self

@@ -26,7 +26,11 @@ class Answering(Saved):
 
     @renamed("reject", "is_known(frames, alpha), which says what is to be rejected")
     def predict(self, frames: Any) -> np.ndarray:
-        """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W]."""
+        """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W].
+
+        Raises:
+            ValueError: as :meth:`encode`.
+        """
         best = self._scores(frames).argmax(1)
         return self.classes_[best.numpy(force=True)]
 
@@ -113,10 +117,11 @@ class Answering(Saved):
         """Fraction of frames whose predicted label is right.
 
         Raises:
-            ValueError: as :meth:`predict`, or for labels of another kind than in training, such as
-                the text "0" instead of the number 0.
+            ValueError: as :meth:`predict`; for no frames; or for labels of another kind than in
+                training, such as the text "0" instead of the number 0.
         """
         predicted = self.predict(frames).tolist()
+        inputs.check_any(predicted)
         labels = inputs.label_array(y, len(predicted)).tolist()
         inputs.check_one_kind([*labels, *self.classes_.tolist()])
         right = [a == b for a, b in zip(predicted, labels, strict=True)]
@@ -200,8 +205,9 @@ class Answering(Saved):
 
     @property
     def left_out_(self) -> str:
+        head = self._trained
         with self._computing():
-            return self._trained.rejection.unit
+            return head.rejection.unit
 
     @property
     def prediction_bytes_(self) -> int:

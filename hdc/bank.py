@@ -105,14 +105,17 @@ class Bank:
         of_training = train.tobytes()
         kept = self._learned.get(key)
         if kept is None or kept.train != of_training:
-            learned = self.learned(encoder, train)
+            frames = self.frames[torch.from_numpy(train)]
+            learned = encoder.unlearned().fit(frames)
             if kept is None or not _are_alike(kept.encoder, learned):
                 kept = self._learned[key] = self._nothing_encoded(learned)
             kept.train = of_training
         new = np.unique(rows)
         new = new[~kept.is_encoded[new]]
         if len(new):
-            kept.words[torch.from_numpy(new)] = self.encoded(kept.encoder, new)
+            parts = torch.from_numpy(new).split(_BATCH)
+            words = [kept.encoder.encode(self.frames[part]) for part in parts]
+            kept.words[torch.from_numpy(new)] = torch.cat(words)
             kept.is_encoded[new] = True
         return kept.encoder, kept.words[torch.from_numpy(rows)]
 
@@ -121,15 +124,6 @@ class Bank:
         shape = len(self), width
         words = torch.empty(shape, dtype=torch.int64, device=self.frames.device)
         return _Learned(encoder, words, np.zeros(len(self), bool))
-
-    def learned(self, encoder: Encoder, train: np.ndarray) -> Encoder:
-        """The encoder, trained on some frames."""
-        return encoder.unlearned().fit(self.frames[torch.from_numpy(train)])
-
-    def encoded(self, encoder: Encoder, rows: np.ndarray) -> Tensor:
-        """Words [n, W] of some frames by a trained encoder."""
-        parts = torch.from_numpy(rows).split(_BATCH)
-        return torch.cat([encoder.encode(self.frames[part]) for part in parts])
 
 
 @dataclass

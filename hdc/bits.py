@@ -84,14 +84,6 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
     return torch.from_numpy(ones.view(np.bool_))
 
 
-def _check_words(name: str, *tensors: Tensor) -> None:
-    """Raise TypeError for tensors that are not of packed words."""
-    for words in tensors:
-        if words.dtype != torch.int64:
-            found = str(words.dtype).removeprefix("torch.")
-            raise TypeError(f"{name}: expected packed words of int64, found {found}")
-
-
 def popcount(words: Tensor) -> Tensor:
     """Number of ones of each word: int64 [...] to uint8 [...].
 
@@ -125,10 +117,10 @@ def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
         ValueError: if the two do not have the same number of words.
     """
     _check_words("hamming", queries, prototypes)
-    widths = queries.shape[-1], prototypes.shape[-1]
-    if widths[0] != widths[1]:
+    asked_width, width = queries.shape[-1], prototypes.shape[-1]
+    if asked_width != width:
         raise ValueError(
-            "hamming: expected equal widths, found {} and {} words".format(*widths)
+            f"hamming: expected equal widths, found {asked_width} and {width} words"
         )
     if queries.device.type != "cpu":
         return _hamming_by_torch(queries, prototypes)
@@ -161,6 +153,25 @@ def _hamming_by_numpy(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray
             column = distances[start : start + step, j]
             np.bitwise_count(block ^ prototype).sum(-1, out=column)
     return distances
+
+
+def _popcount_by_numpy(words: Tensor) -> np.ndarray:
+    """Ones of each word [...] on the CPU, as uint8.
+
+    The words are viewed as unsigned, since of signed ones numpy counts the magnitude.
+    """
+    return np.bitwise_count(words.numpy().view(np.uint64))
+
+
+def _swar_popcount(words: Tensor) -> Tensor:
+    """Population count by adding neighbouring fields (Warren, Hacker's Delight, 5-1).
+
+    Torch shifts int64 arithmetically, so every shift is followed by a mask that clears the sign.
+    """
+    words = words - ((words >> 1) & 0x5555555555555555)
+    words = (words & 0x3333333333333333) + ((words >> 2) & 0x3333333333333333)
+    words = (words + (words >> 4)) & 0x0F0F0F0F0F0F0F0F
+    return ((words * 0x0101010101010101) >> 56) & 0x7F
 
 
 # Products ----------------------------------------------------------------------------------------
@@ -293,23 +304,15 @@ def seed_sequence(seed: int, stream: tuple[int, ...]) -> np.random.SeedSequence:
     return np.random.SeedSequence(not_negative, spawn_key=stream)
 
 
-def _popcount_by_numpy(words: Tensor) -> np.ndarray:
-    """Ones of each word [...] on the CPU, as uint8.
-
-    The words are viewed as unsigned, since of signed ones numpy counts the magnitude.
-    """
-    return np.bitwise_count(words.numpy().view(np.uint64))
+# Checks -------------------------------------------------------------------------------------------
 
 
-def _swar_popcount(words: Tensor) -> Tensor:
-    """Population count by adding neighbouring fields (Warren, Hacker's Delight, 5-1).
-
-    Torch shifts int64 arithmetically, so every shift is followed by a mask that clears the sign.
-    """
-    words = words - ((words >> 1) & 0x5555555555555555)
-    words = (words & 0x3333333333333333) + ((words >> 2) & 0x3333333333333333)
-    words = (words + (words >> 4)) & 0x0F0F0F0F0F0F0F0F
-    return ((words * 0x0101010101010101) >> 56) & 0x7F
+def _check_words(name: str, *tensors: Tensor) -> None:
+    """Raise TypeError for tensors that are not of packed words."""
+    for words in tensors:
+        if words.dtype != torch.int64:
+            found = str(words.dtype).removeprefix("torch.")
+            raise TypeError(f"{name}: expected packed words of int64, found {found}")
 
 
 def check_width(words: Tensor, dimension: int) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from math import prod
 from typing import Any, ClassVar, Self
@@ -19,8 +18,9 @@ from hdc.estimator import check_alike, joined
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
-from hdc.rejection import grouped, of_words
+from hdc.rejection import Groups, grouped, of_words
 from hdc.sample import Reservoir, Sample
+from hdc.warning import warn
 
 KNOWN = "known"
 """The class of training frames without labels."""
@@ -69,8 +69,11 @@ class HDCClassifier(Adapting):
             and trained; zeros for a class without training frames.
         prediction_bytes_: bytes of memory that a prediction needs.
         n_features_in_: pixels of a frame.
+        feature_names_in_: array of the column names, if training was on a data frame with text as
+            names.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
+        backend_: ``"numpy"`` or ``"compiled"``, as chosen at fit or load.
         left_out_: ``"group"`` if :meth:`is_known` is calibrated for frames of another group, else
             ``"frame"``.
         metadata_: the metadata that were saved with the model.
@@ -145,11 +148,10 @@ class HDCClassifier(Adapting):
         """Warn of larger classes, which a read-out with default parameters may favour."""
         more = max(seen) / min(seen) - 1
         if isinstance(self.readout, str) and more > _UNEQUAL:
-            warnings.warn(
+            warn(
                 f"fit: the largest class has {more:.0%} more frames than the smallest and may be "
                 "favoured; record as many of each (in Python, "
                 "Majority(class_weight='balanced') counts classes alike)",
-                stacklevel=3,
             )
 
     @needs("add")
@@ -211,17 +213,19 @@ class HDCClassifier(Adapting):
         self._check_kind(other)
         other._check_is_trained()
         assert theirs is not None
-        start = other if head is None else self
         if head is None:
+            start = other
+            backend = backends.choose_backend(self.backend, self.device)
             head = self._empty(theirs.labels, theirs.dimension)
         else:
+            start, backend = self, self.backend_
             kind = type(self).__name__
             inputs.check_shape(other.frame_shape_, self.frame_shape_, kind)
             self._check_columns(other._columns)
             check_alike(self.encoder_, other.encoder_, "merge")
         merged = head.merged(theirs)
         columns = self._columns or other._columns
-        self._begin(start.encoder_, start.frame_shape_, start.backend_, columns)
+        self._begin(start.encoder_, start.frame_shape_, backend, columns)
         self._head = merged
         return self
 
@@ -292,32 +296,48 @@ def _learned(
     groups = None
     if together is not None:
         groups = grouped(together, rows, classes.tolist(), readout, dimension, device)
-    if not isinstance(readout, Updatable):
+    if groups is not None:
+        batches = _counted(batches, groups)
+    calibrated = training = None
+    if isinstance(readout, Updatable):
+        reservoir = Reservoir()
+        drawn = _drawn(batches, rows, labels, reservoir)
+        state = readout.add(readout.empty(n_classes, dimension, device), drawn)
+        sample = reservoir.sample()
+    else:
         words = joined(batches)
         state = readout.fit(words, rows, n_classes)
         counts = torch.bincount(rows, minlength=n_classes).tolist()
         sample = Sample(dict(zip(index, counts, strict=True)))
         closed = type(readout).held_out is not Readout.held_out
-        training = None if closed or state.held_out is not None else (words, rows)
-        calibrated = of_words(words, rows, n_classes)
-        if groups is not None:
-            groups.add(words.packed)
-            calibrated = groups.rejection()
-        return Head(
-            readout, state, sample, classes, dimension, calibrated, training=training
-        )
-    reservoir = Reservoir()
+        if not closed and state.held_out is None:
+            training = words, rows
+        if groups is None:
+            calibrated = of_words(words, rows, n_classes)
+    if groups is not None:
+        calibrated = groups.rejection()
+    return Head(
+        readout, state, sample, classes, dimension, calibrated, training=training
+    )
 
-    def drawn() -> Iterator[tuple[Hypervectors, Tensor]]:
-        start = 0
-        for words in batches:
-            stop = start + len(words.packed)
-            reservoir.add(words.packed, labels[start:stop])
-            if groups is not None:
-                groups.add(words.packed)
-            yield words, rows[start:stop]
-            start = stop
 
-    state = readout.add(readout.empty(n_classes, dimension, device), drawn())
-    found = None if groups is None else groups.rejection()
-    return Head(readout, state, reservoir.sample(), classes, dimension, found)
+def _counted(batches: Iterable[Hypervectors], groups: Groups) -> Iterator[Hypervectors]:
+    """The batches, counted by group as they pass."""
+    for words in batches:
+        groups.add(words.packed)
+        yield words
+
+
+def _drawn(
+    batches: Iterable[Hypervectors],
+    rows: Tensor,
+    labels: Sequence[inputs.Label],
+    reservoir: Reservoir,
+) -> Iterator[tuple[Hypervectors, Tensor]]:
+    """The batches and their classes int64 [n]; a sample is drawn as they pass."""
+    start = 0
+    for words in batches:
+        stop = start + len(words)
+        reservoir.add(words.packed, labels[start:stop])
+        yield words, rows[start:stop]
+        start = stop

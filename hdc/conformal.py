@@ -35,7 +35,6 @@ are zero).
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from fractions import Fraction
@@ -50,12 +49,133 @@ from hdc.inputs import Label
 from hdc.readouts.base import HeldOut
 from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
 from hdc.sample import Sample
+from hdc.warning import warn
 
 RATE = 0.05
 """Default α, the share of known frames that are refused."""
 _ROUNDING = 1e-300  # keeps a limit of zero above distances of zero
 FEWEST = 4
 """Training frames of a class from which on it is pooled with other classes."""
+
+
+@dataclass(frozen=True)
+class Conformal:
+    """Training frames to compare with, by class; None for a class without any."""
+
+    peers: Sequence[Peers | None]
+    prototypes: Tensor | None = None
+    """int64 [L, W], for distances to these prototypes instead of minus the scores."""
+    _rules: dict[float, Rule] = field(default_factory=dict, init=False, repr=False)
+
+    @classmethod
+    def of_counting(
+        cls, readout: Counting, state: Counted, sample: Sample, labels: Sequence[Label]
+    ) -> Self:
+        """P-values by exchanging a stored frame for the new one in the counters of a read-out."""
+        deciding = readout.deciding(state)
+        peers: list[Peers | None] = []
+        for row, label in enumerate(labels):
+            own = None
+            if sample.seen.get(label):
+                own = Peers.of(sample.kept[label], deciding[row])
+            peers.append(own)
+        whole = deciding[:, EXTRAS.index(0)]
+        # For classes of unequal size, the prototypes of the scores may be thinned.
+        same = isinstance(readout, Majority) and torch.equal(whole, state.prototypes)
+        return cls(peers, None if same else whole.contiguous())
+
+    @classmethod
+    def of_scores(cls, held_out: HeldOut, counts: Tensor) -> Self:
+        """P-values by the scores of left-out training frames.
+
+        Args:
+            held_out: the scores; the only frame of a class says nothing, and is not used.
+            counts: training frames of each class, int64 [L].
+        """
+        peers: list[Peers | None] = []
+        for c, n in enumerate(counts.tolist()):
+            own = held_out.scores[held_out.rows == c, c] if n > 1 else torch.empty(0)
+            distances = -own.double().numpy()
+            peers.append(Peers(distances, distances) if n else None)
+        return cls(peers)
+
+    def p_values(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
+        """p-values p_c(x) [Q, L] of Q frames for L classes, to be compared with α.
+
+        A class without training frames has p = 0.
+
+        Args:
+            words: hypervectors int64 [Q, W].
+            scores: scores of the read-out [Q, L].
+            alpha: α.
+        """
+        rule = self._rule(alpha)
+        if rule.warning:
+            warn(rule.warning)
+        if self.prototypes is None:
+            distances = -scores
+        else:
+            distances = bits.hamming(words, self.prototypes)
+        d = distances.numpy(force=True)
+        if d.dtype.kind == "f":
+            d = d.astype(np.float64)
+        found = np.repeat(rule.least[None], len(d), axis=0)
+        near = d <= rule.far
+        for c in np.flatnonzero(near.any(0)).tolist():
+            own = self.peers[c]
+            assert own is not None
+            asked = near[:, c]
+            of_asked = words
+            if own.masks is not None and not asked.all():
+                of_asked = words[torch.from_numpy(asked)]
+            d_i = own.compared(of_asked)
+            found[asked, c] = _p_values(d[asked, c], d_i, rule.pools[c])
+        return found
+
+    def possible(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
+        """Prediction sets of Q frames, bool [Q, L]; arguments as in :meth:`p_values`.
+
+        A set that is not empty contains the class of the largest score.
+        """
+        found = self.p_values(words, scores, alpha) > alpha
+        known = found.any(1)
+        best = scores.argmax(1).numpy(force=True)
+        found[known, best[known]] = True
+        return found
+
+    def _rule(self, alpha: float) -> Rule:
+        """The cached rule for one α."""
+        if alpha in self._rules:
+            return self._rules[alpha]
+        n_classes = len(self.peers)
+        pools: list[np.ndarray | None] = []
+        least = np.zeros(n_classes)
+        far = np.full(n_classes, -np.inf)
+        for c, own in enumerate(self.peers):
+            pool = None
+            if own is not None:
+                m = len(own)
+                if (m + 1) * alpha < 1 and m >= FEWEST:
+                    pool = _held_out_of_others(self.peers, c)
+                least[c] = 1 / (m + 1 + (0 if pool is None else len(pool)))
+                far[c] = _farthest(own, pool)
+            pools.append(pool)
+        self._rules[alpha] = Rule(pools, least, far, _of_few(self.peers, alpha))
+        return self._rules[alpha]
+
+
+@dataclass(frozen=True)
+class Rule:
+    """The data that p-values for one α are computed from, class by class."""
+
+    pools: Sequence[np.ndarray | None]
+    """Sorted deviations of the other classes, for a class that is pooled with them."""
+    least: np.ndarray
+    """[L], the p-value of a frame that is farther out than all."""
+    far: np.ndarray
+    """[L], a distance d from which on a frame is farther out than all others."""
+    warning: str
+    """Not empty if some class is in every set, so that no frame is refused."""
 
 
 @dataclass(frozen=True)
@@ -115,126 +235,6 @@ class Peers:
         return self.held_out - self.held_out.mean()
 
 
-@dataclass(frozen=True)
-class Rule:
-    """The data that p-values for one α are computed from, class by class."""
-
-    pools: Sequence[np.ndarray | None]
-    """Sorted deviations of the other classes, for a class that is pooled with them."""
-    least: np.ndarray
-    """[L], the p-value of a frame that is farther out than all."""
-    far: np.ndarray
-    """[L], a distance d from which on a frame is farther out than all others."""
-    warning: str
-    """Not empty if some class is in every set, so that no frame is refused."""
-
-
-@dataclass(frozen=True)
-class Conformal:
-    """Training frames to compare with, by class; None for a class without any."""
-
-    peers: Sequence[Peers | None]
-    prototypes: Tensor | None = None
-    """int64 [L, W], for distances to these prototypes instead of minus the scores."""
-    _rules: dict[float, Rule] = field(default_factory=dict, init=False, repr=False)
-
-    @classmethod
-    def of_counting(
-        cls, readout: Counting, state: Counted, sample: Sample, labels: Sequence[Label]
-    ) -> Self:
-        """P-values by exchanging a stored frame for the new one in the counters of a read-out."""
-        deciding = readout.deciding(state)
-        peers: list[Peers | None] = []
-        for row, label in enumerate(labels):
-            own = None
-            if sample.seen.get(label):
-                own = Peers.of(sample.kept[label], deciding[row])
-            peers.append(own)
-        whole = deciding[:, EXTRAS.index(0)]
-        # For classes of unequal size, the prototypes of the scores may be thinned.
-        same = isinstance(readout, Majority) and torch.equal(whole, state.prototypes)
-        return cls(peers, None if same else whole.contiguous())
-
-    @classmethod
-    def of_scores(cls, held_out: HeldOut, counts: Tensor) -> Self:
-        """P-values by the scores of left-out training frames.
-
-        Args:
-            held_out: the scores; the only frame of a class says nothing, and is not used.
-            counts: training frames of each class, int64 [L].
-        """
-        peers: list[Peers | None] = []
-        for c, n in enumerate(counts.tolist()):
-            own = held_out.scores[held_out.rows == c, c] if n > 1 else torch.empty(0)
-            distances = -own.double().numpy()
-            peers.append(Peers(distances, distances) if n else None)
-        return cls(peers)
-
-    def p_values(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
-        """p-values p_c(x) [Q, L] of Q frames for L classes, to be compared with α.
-
-        A class without training frames has p = 0.
-
-        Args:
-            words: hypervectors int64 [Q, W].
-            scores: scores of the read-out [Q, L].
-            alpha: α.
-        """
-        rule = self._rule(alpha)
-        if rule.warning:
-            warnings.warn(rule.warning, stacklevel=4)
-        if self.prototypes is None:
-            distances = -scores
-        else:
-            distances = bits.hamming(words, self.prototypes)
-        d = distances.numpy(force=True)
-        if d.dtype.kind == "f":
-            d = d.astype(np.float64)
-        found = np.repeat(rule.least[None], len(d), axis=0)
-        near = d <= rule.far
-        for c in np.flatnonzero(near.any(0)).tolist():
-            own = self.peers[c]
-            assert own is not None
-            asked = near[:, c]
-            of_asked = words
-            if own.masks is not None and not asked.all():
-                of_asked = words[torch.from_numpy(asked)]
-            d_i = own.compared(of_asked)
-            found[asked, c] = _p_values(d[asked, c], d_i, rule.pools[c])
-        return found
-
-    def possible(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
-        """Prediction sets of Q frames, bool [Q, L]; arguments as in :meth:`p_values`.
-
-        A set that is not empty contains the class of the largest score.
-        """
-        found = self.p_values(words, scores, alpha) > alpha
-        known = found.any(1)
-        best = scores.argmax(1).numpy(force=True)
-        found[known, best[known]] = True
-        return found
-
-    def _rule(self, alpha: float) -> Rule:
-        """The cached rule for one α."""
-        if alpha in self._rules:
-            return self._rules[alpha]
-        n_classes = len(self.peers)
-        pools: list[np.ndarray | None] = []
-        least = np.zeros(n_classes)
-        far = np.full(n_classes, -np.inf)
-        for c, own in enumerate(self.peers):
-            pool = None
-            if own is not None:
-                m = len(own)
-                if (m + 1) * alpha < 1 and m >= FEWEST:
-                    pool = _held_out_of_others(self.peers, c)
-                least[c] = 1 / (m + 1 + (0 if pool is None else len(pool)))
-                far[c] = _farthest(own, pool)
-            pools.append(pool)
-        self._rules[alpha] = Rule(pools, least, far, _of_few(self.peers, alpha))
-        return self._rules[alpha]
-
-
 def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:
     """p-values [Q] of distances d [Q], for d_i [Q or 1, m] and deviations of other classes."""
     m = d_i.shape[1]
@@ -262,6 +262,16 @@ def _farthest(own: Peers, pool: np.ndarray | None) -> float:
     return found + 1e-9 * abs(found) + _ROUNDING
 
 
+def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
+    """Sorted leave-one-out distances of all classes but c, each minus the mean of its class.
+
+    Classes with fewer frames than :data:`FEWEST` are left out.
+    """
+    others = [own for b, own in enumerate(peers) if own is not None and b != c]
+    found = [own.deviations for own in others]
+    return np.sort(np.concatenate([np.empty(0), *found]))
+
+
 def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
     """A warning if some class is in every set, so that no frame is refused; else empty."""
     kept = [len(peer) for peer in peers if peer is not None]
@@ -275,13 +285,3 @@ def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
     else:
         return ""
     return f"alpha={alpha:g} {text}; no frame is refused"
-
-
-def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
-    """Sorted leave-one-out distances of all classes but c, each minus the mean of its class.
-
-    Classes with fewer frames than :data:`FEWEST` are left out.
-    """
-    others = [own for b, own in enumerate(peers) if own is not None and b != c]
-    found = [own.deviations for own in others]
-    return np.sort(np.concatenate([np.empty(0), *found]))

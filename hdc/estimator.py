@@ -149,11 +149,6 @@ class Estimator(Parametrised):
         self.dimension_ = encoder.dimension(self.n_features_in_)
         self._used = self.get_params(deep=False)
 
-    def _check_parameters(self) -> None:
-        for name in self.parts:
-            self._part(name).check()
-        backends.check_device(self.device)
-
     def _part(self, name: str) -> Any:
         """The part, such as the encoder, that a parameter gives as a name or an object."""
         given = getattr(self, name)
@@ -170,7 +165,7 @@ class Estimator(Parametrised):
             )
         for name, used in self._used.items():
             now = getattr(self, name)
-            if now is used or (isinstance(now, str | float) and now == used):
+            if now is used or (isinstance(now, str | int | float) and now == used):
                 continue
             if name == "backend":
                 self.backend_ = backends.choose_backend(self.backend, self.device)
@@ -182,8 +177,8 @@ class Estimator(Parametrised):
     @property
     def feature_names_in_(self) -> np.ndarray:
         """Column names of the training frames, object [D], if all are text."""
-        names = self._columns or [0]
-        if not all(isinstance(name, str) for name in names):
+        names = self._columns
+        if names is None or not all(isinstance(name, str) for name in names):
             raise AttributeError(
                 f"{type(self).__name__}: expected training on a data frame with names, found none"
             )

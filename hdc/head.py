@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import functools
-import warnings
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, fields, replace
 from typing import Any
@@ -23,6 +23,7 @@ from hdc.readouts.majority import Counting
 from hdc.rejection import Rejection, by_frames, of_words
 from hdc.sample import Reservoir, Sample
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
+from hdc.warning import warn
 
 _ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
 
@@ -114,7 +115,8 @@ class Head:
     ) -> Head:
         """A head that is adapted to N hypervectors by the arguments of ``recalibrate``."""
         rows = self.rows_of(labels)
-        missing = [name for name in self.index if name not in set(labels)]
+        found = set(labels)
+        missing = [name for name in self.index if name not in found]
         _warn_of_missing(missing)
         readout: Any = self.readout
         used = [options[name] for name in readout.adapts_by]
@@ -122,10 +124,11 @@ class Head:
         if missing and state.held_out is not None:
             # The old and the new scores have different units.
             state = replace(state, held_out=None)
-        sample = self.sample.replaced(words.packed, labels)
         calibrated = None
-        if not isinstance(readout, Updatable):
-            sample = Sample(sample.seen)
+        if isinstance(readout, Updatable):
+            sample = self.sample.replaced(words.packed, labels)
+        else:
+            sample = Sample({**self.sample.seen, **Counter(labels)})
             if not missing:
                 calibrated = of_words(words, rows, len(self.index))
         return replace(
@@ -275,9 +278,8 @@ class Head:
             return self.held_out
         # A user's read-out may fail to learn four fifths of the frames.
         except Exception as error:
-            warnings.warn(
+            warn(
                 f"save: the loaded model will have no sets and probabilities: {error}",
-                stacklevel=5,
             )
             return None
 
@@ -317,8 +319,8 @@ class Head:
         own = without_prefix("known", tensors)
         calibrated = Rejection.restored(own, dimension) if own else None
         head = cls(readout, state, sample, labels, dimension, calibrated, recalibrated)
-        found = header.get("sharpness")  # of version 2.0
-        if found is not None:
+        found = header.get("sharpness")
+        if found is not None:  # version 2.0 kept it in place of the scores
             if not is_number(found) or found <= 0:
                 raise ValueError(f"sharpness {found!r}")
             vars(head)["sharpness"] = found
@@ -330,10 +332,9 @@ def _warn_of_missing(missing: Sequence[Label]) -> None:
     if not missing:
         return
     named = ", ".join(map(repr, missing[:5])) + (" …" if len(missing) > 5 else "")
-    warnings.warn(
+    warn(
         f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
         "alike, frames of these classes will be taken for the others",
-        stacklevel=5,
     )
 
 

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Hypervectors:
     """N packed hypervectors (:mod:`hdc.bits`) of one dimension.
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 import sys
-import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from numbers import Integral
 from typing import Any, Protocol
@@ -14,11 +13,11 @@ import torch
 from torch import Tensor
 
 from hdc.hypervectors import Hypervectors
+from hdc.warning import warn
 
 Label = str | int | float | bool
 _LABELS = (str, int, float, bool)
 _TIMES = (np.datetime64, np.timedelta64)
-_VALUES = {"frames": "pixels", "labels": "labels", "targets": "numbers"}
 _CONTINUOUS = 30
 """More frames than this with fractional labels that all differ are no classes."""
 
@@ -40,7 +39,7 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         shape: shape (H, W) of a frame, if known; a single frame then becomes a batch of one.
 
     Raises:
-        TypeError: for a sparse matrix.
+        TypeError: for a sparse matrix, a loader of batches, or what is no sequence.
         ValueError: for frames of different sizes, a single row of pixels, frames of more than one
             channel, or masked pixels.
     """
@@ -75,9 +74,14 @@ def source(
     columns = columns_of(frames)
     if not isinstance(frames, Hypervectors):
         frames = indexable(frames, shape)
+    check_any(frames)
+    return frames, columns
+
+
+def check_any(frames: Any) -> None:
+    """Raise ValueError for no frames."""
     if len(frames) == 0:
         raise ValueError("frames: expected at least one frame, found none")
-    return frames, columns
 
 
 def columns_of(frames: Any) -> list[str | int] | None:
@@ -91,7 +95,7 @@ def columns_of(frames: Any) -> list[str | int] | None:
 def _check_axes(found: tuple[int, ...]) -> None:
     """Raise ValueError unless frames have the shape [N, H, W] or [N, D]."""
     wrong = ""
-    if len(found) == 1 and found[0]:
+    if len(found) < 2 and found != (0,):
         wrong = f"{found}; Reshape your data: of one frame, frames[None] is a batch"
     elif len(found) > 3:
         wrong = f"{found}; take one channel of each frame"
@@ -104,6 +108,9 @@ def _check_axes(found: tuple[int, ...]) -> None:
 def _as_array(frames: Any) -> np.ndarray:
     """A sequence of frames of one shape, or a data frame, as one array."""
     if not hasattr(frames, "__array__"):
+        if not np.iterable(frames):
+            expected = "expected shape [N, H, W] or [N, D]"
+            raise TypeError(f"frames: {expected}, found {frames!r}")
         frames = list(frames)
         for frame in frames:
             _check_unmasked("frames", frame)
@@ -115,8 +122,7 @@ def _as_array(frames: Any) -> np.ndarray:
 def _check_unmasked(name: str, values: Any) -> None:
     """Raise ValueError for a masked array of numpy with masked values."""
     if np.ma.is_masked(values):
-        what = _VALUES[name]
-        raise ValueError(f"{name}: expected all {what}, found masked ones")
+        raise ValueError(f"{name}: expected all to have a value, found masked ones")
 
 
 def tensor(frames: Any) -> Tensor:
@@ -233,9 +239,8 @@ def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
 
 def _as_python(label: Any) -> Any:
     """A number or text of numpy or torch as Python's; other objects, such as dates, unchanged."""
-    if isinstance(label, Tensor) and label.ndim == 0:
-        return label.item()
-    if isinstance(label, np.generic) and not isinstance(label, _TIMES):
+    of_numpy = isinstance(label, np.generic) and not isinstance(label, _TIMES)
+    if of_numpy or (isinstance(label, Tensor) and label.ndim == 0):
         return label.item()
     return label
 
@@ -246,10 +251,9 @@ def _without_column(labels: Any) -> Any:
         return labels
     module = sys.modules.get("sklearn.exceptions")
     kind = getattr(module, "DataConversionWarning", UserWarning)
-    warnings.warn(
+    warn(
         "A column-vector y was passed when a 1d array was expected; its labels are taken",
         kind,
-        stacklevel=5,
     )
     return labels[:, 0]
 
@@ -276,9 +280,6 @@ def check_discrete(labels: Sequence[Label]) -> None:
 
 def one_a_frame(name: str, values: Any, n: int) -> Any:
     """Values, one for each of n frames, as an array or a list."""
-    if isinstance(values, set | frozenset | Mapping):  # without order, or keys only
-        found = type(values).__name__
-        raise ValueError(f"{name}: expected a list or an array, found a {found}")
     if values is None:
         raise ValueError(
             f"{name}: expected {n}, one a frame, found None: the estimator requires y to be "
@@ -292,7 +293,11 @@ def one_a_frame(name: str, values: Any, n: int) -> Any:
     _check_unmasked(name, values)
     if hasattr(values, "__array__"):
         values = np.asarray(values)
-    else:
+    # A text would be taken letter by letter, a set in any order, a dictionary by its keys.
+    if not np.iterable(values) or isinstance(values, str | set | frozenset | Mapping):
+        found = type(values).__name__
+        raise ValueError(f"{name}: expected a list or an array, found a {found}")
+    if not isinstance(values, np.ndarray):
         values = list(values)
         for value in values:
             _check_unmasked(name, value)

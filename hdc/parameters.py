@@ -36,13 +36,13 @@ class Parametrised:
         return super().__new__(cls)
 
     @classmethod
-    def _check_names(cls, given: Iterable[str]) -> None:
+    def _check_names(cls, given: Collection[str]) -> None:
         """Raise TypeError for an old name of a parameter."""
-        for old in cls.renamed.keys() & given:
-            new = cls.renamed[old]
-            raise TypeError(
-                f"{cls.__name__}: expected {new}, found {old!r}, its old name"
-            )
+        for old, new in cls.renamed.items():
+            if old in given:
+                raise TypeError(
+                    f"{cls.__name__}: expected {new}, found {old!r}, its old name"
+                )
 
     @classmethod
     def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -239,13 +239,19 @@ def not_among(value: Any, choices: Iterable[Any], others: str = "") -> str:
     return text
 
 
-def check_integer(name: str, value: Any, least: int, most: int | None = None) -> None:
+def check_integer(
+    name: str, value: Any, least: float = -math.inf, most: float = math.inf
+) -> None:
     """Raise ValueError unless a parameter is an integer in a range."""
     whole = isinstance(value, numbers.Integral) and not isinstance(value, bool)
-    if whole and least <= value and (most is None or value <= most):
+    if whole and least <= value <= most:
         return
-    expected = f"≥ {least}" if most is None else f"from {least} to {most}"
-    raise ValueError(f"{name}: expected an integer {expected}, found {value!r}")
+    expected = "an integer"
+    if most < math.inf:
+        expected += f" from {least} to {most}"
+    elif least > -math.inf:
+        expected += f" ≥ {least}"
+    raise ValueError(f"{name}: expected {expected}, found {value!r}")
 
 
 def is_number(value: Any) -> bool:

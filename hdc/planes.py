@@ -18,9 +18,7 @@ from torch import Tensor
 from hdc import backends
 from hdc.parameters import not_among
 
-_BLOCK = (
-    4096  # words of a row that numpy adds at a time, so that they stay in the cache
-)
+_BLOCK = 4096  # words of a row that numpy adds at a time: they stay in the cache
 WORD = 64
 TIES = ("zero", "one", "random")
 _UNPACKED = 2**25  # bits at a time, at 8 bytes each, that a GPU adds up

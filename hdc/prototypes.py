@@ -109,18 +109,14 @@ class Counters:
                 found.planes[c, p] = bits.pack(ones >> p & 1 == 1)
         return found
 
-    def majority(
-        self, ties: str = "zero", seed: int = 0, size: int | None = None
-    ) -> Tensor:
+    def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
         """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty.
 
         With ``ties="random"``, the ties of class c are broken by the random hypervector of
-        (seed, c). For `size`, see :meth:`thinned`.
+        (seed, c).
         """
-        counters = self if size is None else self.thinned(size, seed)
         breaker = functools.partial(tie_breaker, self.dimension, seed)
-        rows = range(len(self.n))
-        return planes.majorities(counters.planes, counters.n, rows, ties, breaker)
+        return planes.majorities(self.planes, self.n, range(len(self.n)), ties, breaker)
 
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""

@@ -48,8 +48,11 @@ class HDCRegressor(Saved):
             period, of the cosines followed by the sines.
         mean_: mean of the training numbers, float64 [T].
         n_features_in_: pixels of a frame.
+        feature_names_in_: array of the column names, if training was on a data frame with text as
+            names.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
+        backend_: ``"numpy"`` or ``"compiled"``, as chosen at fit or load.
         metadata_: the metadata that were saved with the model.
 
     Example:
@@ -82,10 +85,6 @@ class HDCRegressor(Saved):
         self.device = device
         self.backend = backend
         self.period = period
-
-    def _check_parameters(self) -> None:
-        super()._check_parameters()
-        self._check_period()
 
     def _check_period(self) -> None:
         given = self.period
@@ -138,10 +137,11 @@ class HDCRegressor(Saved):
             )
         before = self.state_
         with self._computing():
-            words, values = self._pairs(frames, y)
+            words, values, is_signed = self._pairs(frames, y)
             words = joined([before.words, words])
             values = torch.cat((before.targets, values))
             self.state_ = self.readout_.fit(words, values)
+        self._is_signed |= is_signed
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
@@ -155,22 +155,28 @@ class HDCRegressor(Saved):
         """
         self._check_is_trained()
         with self._computing():
-            words, values = self._pairs(frames, y)
+            words, values, is_signed = self._pairs(frames, y)
             _check_enough(words)
             self.state_ = self.readout_.adapt(self.state_, words, values)
+        self._is_signed |= is_signed
         self._recalibrated = True
         return self
 
-    def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor]:
-        """Hypervectors of frames, and their targets float64 [N, T]."""
+    def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor, bool]:
+        """Hypervectors of frames, their targets, and whether a number is below zero."""
         frames, _ = self._given(frames)
         values = _numbers(y, len(frames))
+        table = self._more_targets(values)
+        return joined(self._encoded(frames)), table, bool((values < 0).any())
+
+    def _more_targets(self, values: np.ndarray) -> Tensor:
+        """:meth:`_targets` of further numbers; ValueError unless as many a frame as in training."""
         table = self._targets(values)
         if table.shape[1] != self.state_.targets.shape[1]:
             raise ValueError(
                 f"targets: expected as many a frame as before, found {values.shape}"
             )
-        return joined(self._encoded(frames)), table
+        return table
 
     @property
     def residuals_(self) -> np.ndarray:
@@ -211,15 +217,14 @@ class HDCRegressor(Saved):
             raise ValueError("return_interval: expected numbers without a period")
         readout, state = self.readout_, self.state_
         with self._computing():
+            batches = self._encoded(frames)
             if not return_interval:
-                words = self._encoded(frames)
-                return self._shaped([readout.values(state, part) for part in words])
+                return self._shaped([readout.values(state, words) for words in batches])
             parts = []
-            for words_ in self._encoded(frames):
-                centre, without = readout.without(state, words_)
+            for words in batches:
+                centre, without = readout.without(state, words)
                 parts.append((centre, *_ends(without, state.residuals, share)))
-        centres, lowers, uppers = zip(*parts, strict=True)
-        return self._shaped(centres), self._shaped(lowers), self._shaped(uppers)
+        return tuple(self._shaped(part) for part in zip(*parts, strict=True))
 
     def _shaped(self, parts: Sequence[Tensor]) -> np.ndarray:
         """Predictions [Q, T] in parts, as one array in the shape of the training numbers."""
@@ -236,10 +241,16 @@ class HDCRegressor(Saved):
         return torch.from_numpy(circular.to_plane(table.numpy(), self.period))
 
     def score(self, frames: Any, y: Any) -> float:
-        """R², the share of the variance that is predicted, averaged over the targets."""
+        """R², the share of the variance that is predicted, averaged over the targets.
+
+        Raises:
+            ValueError: as :meth:`predict`; for no frames; or for numbers that :meth:`fit` refuses,
+                or more or fewer a frame than in training.
+        """
         found = self.predict(frames)
-        values = _numbers(y, len(found)).reshape(found.shape)
-        truth, answers = self._targets(values).numpy(), self._targets(found).numpy()
+        inputs.check_any(found)
+        truth = self._more_targets(_numbers(y, len(found))).numpy()
+        answers = self._targets(found).numpy()
         pairs = zip(truth.T, answers.T, strict=True)
         return float(np.mean([r_squared(*pair) for pair in pairs]))
 
@@ -266,7 +277,7 @@ class HDCRegressor(Saved):
         self._one = bool(header["one"])
         self.period = self._used["period"] = header.get("period")
         self._is_signed = bool(header.get("signed", False))
-        self._check_parameters()
+        self._check_period()
         readout = self.fresh("readout")
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)

@@ -21,11 +21,10 @@ without a frame or a group follow from the counts with it.
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
-from typing import Any, Self
+from typing import Self
 
 import torch
 from torch import Tensor
@@ -38,6 +37,7 @@ from hdc.readouts.base import Readout
 from hdc.readouts.majority import Counting, Majority
 from hdc.sample import Reservoir
 from hdc.tensors import checked
+from hdc.warning import warn
 
 VERSION = 2
 """Version of the rule, which an exported header names."""
@@ -71,10 +71,9 @@ class Rejection:
         m = len(self.distances)
         farther = math.floor(share * (m + 1))
         if farther == 0:
-            warnings.warn(
+            warn(
                 f"alpha={alpha:g} needs at least {math.ceil(1 / share) - 1} training frames to "
                 f"leave out, found {m}; no frame is refused",
-                stacklevel=4,
             )
             return planes.WORD * self.prototypes.shape[1]
         return int(self.distances[-farther])
@@ -240,19 +239,27 @@ class Groups:
 
 
 def grouped(
-    groups: Sequence[Label], rows: Tensor, classes: Sequence[Label], *given: Any
+    groups: Sequence[Label],
+    rows: Tensor,
+    classes: Sequence[Label],
+    readout: Readout,
+    dimension: int,
+    device: torch.device | str,
 ) -> Groups | None:
     """Counters by group for N frames; None if every class has a single group.
 
-    A warning names classes with a single group. `given` are the other arguments of :class:`Groups`.
+    A warning names classes with a single group.
+
+    Args:
+        classes: the label of each row.
+        groups, rows, readout, dimension, device: as of :class:`Groups`.
     """
-    found = Groups(rows, groups, *given)
+    found = Groups(rows, groups, readout, dimension, device)
     single = found.single
     if single:
         named = ", ".join(repr(classes[row]) for row in single[:5])
-        warnings.warn(
+        warn(
             f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
             "not calibrated for another group of these",
-            stacklevel=4,
         )
     return found if len(single) < len(classes) else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import warnings
 from abc import abstractmethod
 from collections.abc import Collection, Mapping
 from math import prod
@@ -17,6 +16,7 @@ from hdc.described import describe, rebuild
 from hdc.encoders import Encoder
 from hdc.estimator import Estimator
 from hdc.tensors import prefixed, without_prefix
+from hdc.warning import warn
 
 
 class Saved(Estimator):
@@ -55,10 +55,15 @@ class Saved(Estimator):
         with self._computing():
             header, tensors = self._stored()
         tensors |= prefixed("encoder", self.encoder_.state())
-        header = {"kind": type(self).__name__, **header}
-        header |= {"parameters": parameters, "frame_shape": self.frame_shape_}
-        header |= {"revisions": revisions}
-        header |= {"columns": self._columns, "metadata": metadata}
+        header = {
+            "kind": type(self).__name__,
+            **header,
+            "parameters": parameters,
+            "frame_shape": self.frame_shape_,
+            "revisions": revisions,
+            "columns": self._columns,
+            "metadata": metadata,
+        }
         io.write_model(Path(path), header, tensors, self._check_loads)
         self.metadata_ = metadata
 
@@ -92,8 +97,9 @@ class Saved(Estimator):
                 does not have it, the CPU with a warning.
 
         Raises:
+            FileNotFoundError: if there is no such file.
             ValueError: naming the file, if it is no saved model, a model of another class, or
-                damaged.
+                damaged; or for a device that this machine does not have.
         """
         if isinstance(trusted, str):  # or each letter would be a name
             trusted = (trusted,)
@@ -133,7 +139,7 @@ class Saved(Estimator):
             part = rebuild(parameters[name], name, cls._known[name], trusted)
             parameters[name] = part
         model = cls(**parameters)
-        model._check_parameters()
+        backend = backends.choose_backend(model.backend, model.device)
         shape = header["frame_shape"]
         whole = all(type(n) is int and n > 0 for n in shape)
         if not whole or not 1 <= len(shape) <= 2:
@@ -141,7 +147,6 @@ class Saved(Estimator):
         own = {name: tensor.to(model.device) for name, tensor in tensors.items()}
         encoder: Encoder = model.fresh("encoder")
         encoder.restore(without_prefix("encoder", own), prod(shape))
-        backend = backends.choose_backend(model.backend, model.device)
         model._begin(encoder, shape, backend, header.get("columns"))
         others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
         model._restore(header, others)
@@ -153,10 +158,9 @@ class Saved(Estimator):
         for name in self.parts if isinstance(made_by, Mapping) else ():
             now = getattr(self, f"{name}_").revision
             if made_by.get(name, now) != now:
-                warnings.warn(
+                warn(
                     f"{path}: made by revision {made_by[name]} of the {name}, now {now}, which "
                     "gives other numbers; fit anew",
-                    stacklevel=3,
                 )
 
     @abstractmethod
@@ -175,9 +179,8 @@ def _available(device: str, path: str | Path) -> str:
     except ValueError:
         if torch.device(device).type not in ("cuda", "mps", "xpu"):
             raise
-        warnings.warn(
+        warn(
             f"{path}: trained on {device!r}, which is not here: on the CPU",
-            stacklevel=3,
         )
         return "cpu"
     return device

@@ -23,7 +23,8 @@ from hdc.compiled.operations import (
     ones,
     share,
 )
-from hdc.compiled.ties import RULES, add_ties, rotations_of
+from hdc.compiled.ties import add_ties, rotations_of
+from hdc.encoders.ties import MULTIPLIER, TIES
 
 _BINS = 256
 _TRIALS = 4  # of bins that the sample proposes
@@ -34,7 +35,7 @@ def encode(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fill words [N, ⌈T·D/64⌉] with the hypervectors of images [N, D] at T thresholds.
 
-    Threshold t makes the n_ones[t] largest pixels ones, ties by a rule of :data:`RULES`.
+    Threshold t makes the n_ones[t] largest pixels ones, ties by a rule of :data:`TIES`.
 
     Returns:
         How many pixels equal each threshold, int64 [N, T], and whether only some of them are ones.
@@ -43,7 +44,7 @@ def encode(
     wanted = np.array(n_ones, np.int64)
     n_equal = np.empty((len(images), len(wanted)), np.int64)
     missing = np.empty_like(n_equal)
-    code = RULES.index(rule)
+    code = TIES.index(rule)
 
     def work(start: int, stop: int) -> None:
         rows = slice(start, stop)
@@ -68,7 +69,7 @@ def _draw(images, i, sample, bins):
     low = high = np.int64(images[i, 0])
     for w in range(len(values)):
         # At varying places, so that the sample does not follow a pattern.
-        j = w * WORD + (w * 0x9E37_79B1 >> 8) % WORD
+        j = w * WORD + (w * MULTIPLIER >> 8) % WORD
         value = np.int64(images[i, min(j, n_pixels - 1)])
         values[w] = value
         low, high = min(low, value), max(high, value)

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from hdc.compiled.operations import compile_kernel, ones
+from hdc.encoders.ties import MULTIPLIER, TIES
 
-RULES = ("spread", "raster", "below")
-_SPREAD, _RASTER, _BELOW = range(3)
+_SPREAD, _RASTER = TIES.index("spread"), TIES.index("raster")
 
 
 @compile_kernel("uint64[::1](int64)")
@@ -15,7 +15,7 @@ def rotations_of(width):
     """h(w) of :mod:`hdc.encoders.ties`, [W]."""
     rotations = np.empty(width, np.uint64)
     for w in range(width):
-        rotations[w] = ((w * 0x9E37_79B1) & 0xFFFF_FFFF) >> 26
+        rotations[w] = ((w * MULTIPLIER) & 0xFFFF_FFFF) >> 26
     return rotations
 
 
@@ -92,7 +92,7 @@ def _add_first(equals, words, missing):
 
 @compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64, int64)")
 def add_ties(equals, words, rotations, missing, n_equal, rule):
-    """Add ties to words [W] until `missing` are added, by a rule of :data:`RULES`."""
+    """Add ties to words [W] until `missing` are added, by the place of a rule in :data:`TIES`."""
     if missing == n_equal:
         for w in range(len(equals)):
             words[w] |= np.int64(equals[w])

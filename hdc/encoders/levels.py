@@ -13,7 +13,7 @@ from hdc.encoders.ranks import RankEncoder, check_finite
 from hdc.parameters import check_integer, check_share
 from hdc.tensors import checked
 
-CHUNK = 64  # training frames summed at a time
+_STEP = 64  # training frames summed at a time
 
 
 class Levels(RankEncoder):
@@ -72,8 +72,8 @@ class Levels(RankEncoder):
         if not self.learns:
             return self
         total: Any = 0
-        for start in range(0, len(frames), CHUNK):
-            part = inputs.tensor(frames[start : start + CHUNK])
+        for start in range(0, len(frames), _STEP):
+            part = inputs.tensor(frames[start : start + _STEP])
             values = part.flatten(1).cpu().double()
             if part.is_floating_point():
                 check_finite(values, start)

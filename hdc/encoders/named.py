@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable, Mapping
-from typing import Any
+from collections.abc import Callable
+from typing import Any, ClassVar
 
 from torch import Tensor
 
@@ -38,13 +38,10 @@ make_encoder: Callable[..., Encoder] = functools.partial(
 class Around(Encoder):
     """An encoder that uses another one, its parameter `base`: a name or an object."""
 
+    parts: ClassVar = {"base": functools.partial(make_encoder, what="base")}
     numbered = True
 
     base: Any
-
-    @property
-    def parts(self) -> Mapping[str, Callable[[Any], Any]]:  # type: ignore[override]
-        return {"base": functools.partial(make_encoder, what="base")}
 
     @property
     def base_(self) -> Encoder:

@@ -30,21 +30,21 @@ class Quantile(RankEncoder):
 
     @property
     def quantiles(self) -> tuple[Fraction, ...]:  # type: ignore[override]
-        return (exact_quantile("at", self.at),)
+        return (_exact(self.at),)
 
 
-def exact_quantile(name: str, value: Any) -> Fraction:
+def _exact(value: Any) -> Fraction:
     """A quantile as an exact fraction, from ``"3/4"``, ``0.9`` or a Fraction.
 
     It is read from the text, since ⌊(1 − .9)·250000⌋ is 24999 in floating point.
 
     Raises:
-        ValueError: naming the argument, unless it is a number in (0, 1).
+        ValueError: unless it is a number in (0, 1).
     """
     try:
         quantile = Fraction(str(value))
     except (ValueError, ZeroDivisionError):
         quantile = Fraction(0)
     if not 0 < quantile < 1:
-        raise ValueError(f"{name}: expected a quantile in (0, 1), found {value!r}")
+        raise ValueError(f"at: expected a quantile in (0, 1), found {value!r}")
     return quantile

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import functools
 import math
-import warnings
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -26,6 +25,7 @@ from hdc.encoders.base import Encoder
 from hdc.encoders.thresholds import one_by_one
 from hdc.encoders.ties import TIES, in_order
 from hdc.parameters import check_choice
+from hdc.warning import warn
 
 # Pixels of several frames ordered at once, at up to 30 bytes each; a GPU needs more to be busy.
 _STEP, _STEP_ON_GPU = 2**20, 2**25
@@ -72,14 +72,14 @@ class RankEncoder(Encoder):
             TypeError: for a dtype that has no order (bool, complex).
         """
         words, ties = encode_ranks(frames, self.quantiles, self.ties, first)
-        self.warn(ties, frames.shape[1:].numel(), first)
+        self._warn_of(ties, frames.shape[1:].numel(), first)
         return words
 
     def ones(self, n_pixels: int) -> list[int]:
         """How many of n_pixels become ones, for each quantile."""
-        return count_ones(self.quantiles, n_pixels)
+        return numbers_of_ones(self.quantiles, n_pixels)
 
-    def warn(self, ties: Ties, n_pixels: int, first: int) -> None:
+    def _warn_of(self, ties: Ties, n_pixels: int, first: int) -> None:
         """Warn of constant frames, by index, and once of frames with many ties."""
         if ties.constant:
             warn_of_constant(ties.constant, first)
@@ -87,10 +87,9 @@ class RankEncoder(Encoder):
         if share <= self.tied_share or self._warned:
             return
         self._warned = True
-        warnings.warn(
+        warn(
             f"{share:.0%} of the pixels of a frame equal its threshold: which of them become ones "
             f"is decided by the order of pixels (ties={self.ties!r}), not by light",
-            stacklevel=4,
         )
 
 
@@ -118,18 +117,16 @@ def encode_ranks(
     Arguments and errors as in :meth:`RankEncoder.encode`; `rule` is its `ties`.
     """
     inputs.check_frames(frames)
-    if rule not in TIES:
-        check_choice("ties", rule, TIES)
+    check_choice("ties", rule, TIES)
     n = len(frames)
     n_pixels = frames.shape[1:].numel()
-    ones = count_ones(quantiles, n_pixels)
-    kernels = backends.in_use.get()
-    if n == 0 or (kernels and frames.dtype in _COMPILED):
-        width = bits.words_for(len(ones) * n_pixels)
-        words = torch.empty(n, width, dtype=torch.int64, device=frames.device)
+    ones = numbers_of_ones(quantiles, n_pixels)
+    width = bits.words_for(len(ones) * n_pixels)
     if n == 0:
-        return words, Ties([], 0)
+        return frames.new_empty((0, width), dtype=torch.int64), Ties([], 0)
+    kernels = backends.in_use.get()
     if kernels and frames.dtype in _COMPILED:
+        words = torch.empty(n, width, dtype=torch.int64)
         images = frames.reshape(n, n_pixels).numpy()
         equal, split = kernels.encode(images, words.numpy(), ones, rule)
         return words, ties_of(equal, split, n_pixels)
@@ -143,7 +140,7 @@ def encode_ranks(
     return words, ties_of(*counts, n_pixels)
 
 
-def count_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
+def numbers_of_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
     """⌊(1 − q)·D⌋ for each quantile q."""
     return [
         (q.denominator - q.numerator) * n_pixels // q.denominator for q in quantiles
@@ -156,9 +153,8 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
     if len(constant) > len(listed):
         listed.append("…")
     reason = "every pixel is equal, so the hypervector carries no information"
-    warnings.warn(
+    warn(
         f"{len(constant)} constant frame(s), at index {', '.join(listed)}: {reason}",
-        stacklevel=5,
     )
 
 

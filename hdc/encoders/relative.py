@@ -71,7 +71,7 @@ class RelativeEncoder(Encoder):
                 "frame: expected the reference frame that the model was given, which its file does "
                 "not keep; set it, or None to learn one"
             )
-        given = torch.as_tensor(np.asarray(self.frame))
+        given = inputs.tensor(self.frame)
         expected = tuple(frames.shape[1:])
         found = tuple(given.shape)
         if found == expected:
@@ -88,8 +88,7 @@ class RelativeEncoder(Encoder):
         Raises:
             ValueError: for no frames, or pixels that are not finite.
         """
-        if len(frames) == 0:
-            raise ValueError("frames: expected at least one frame, found none")
+        inputs.check_any(frames)
         total: Any = 0
         step = _frames_at_a_time(frames)
         for start in range(0, len(frames), step):

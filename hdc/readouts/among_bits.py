@@ -33,7 +33,7 @@ _SIGNS = 2**20  # bits unpacked to floats at a time
 
 
 @dataclass(frozen=True)
-class Primal:
+class ProblemAmongBits:
     """The equations among D bits, in place of :class:`hdc.readouts.discriminant.Problem`.
 
     Attributes:

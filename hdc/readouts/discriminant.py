@@ -45,38 +45,6 @@ LEAST = 1e-10  # least penalty, the rounding error, in units of the mean of K's 
 
 
 @dataclass(frozen=True)
-class Products:
-    """Products with M⁻¹, or, for the nearest mean, where ℓ is infinite, with the identity.
-
-    Attributes:
-        frames: d_iᵀ·M⁻¹·m_c, float64 [N, L].
-        means: m_cᵀ·M⁻¹·m_k, float64 [L, L].
-        left: (n − 1)/n − d_iᵀ·M⁻¹·d_i of the frames :func:`spread_over`, in a class of n frames,
-            float64 [m].
-        penalty: ℓ; None if it is infinite.
-    """
-
-    frames: Tensor
-    means: Tensor
-    left: Tensor
-    penalty: float | None
-
-
-class Solution(NamedTuple):
-    """Discriminants for one penalty.
-
-    Attributes:
-        dual: A, float64 [N, L]; if solved among bits, w [D, L].
-        offsets: b, float64 [L].
-        products: products for the scores of left-out frames.
-    """
-
-    dual: Tensor
-    offsets: Tensor
-    products: Products
-
-
-@dataclass(frozen=True)
 class Problem:
     """The part of the equations that does not depend on the penalty.
 
@@ -167,6 +135,38 @@ class Problem:
     def _offsets(self, dual: Tensor) -> Tensor:
         halfway = self.of_means + self.of_means.mean(1, keepdim=True)
         return -0.5 * (halfway * dual).sum(0)
+
+
+class Solution(NamedTuple):
+    """Discriminants for one penalty.
+
+    Attributes:
+        dual: A, float64 [N, L]; if solved among bits, w [D, L].
+        offsets: b, float64 [L].
+        products: products for the scores of left-out frames.
+    """
+
+    dual: Tensor
+    offsets: Tensor
+    products: Products
+
+
+@dataclass(frozen=True)
+class Products:
+    """Products with M⁻¹, or, for the nearest mean, where ℓ is infinite, with the identity.
+
+    Attributes:
+        frames: d_iᵀ·M⁻¹·m_c, float64 [N, L].
+        means: m_cᵀ·M⁻¹·m_k, float64 [L, L].
+        left: (n − 1)/n − d_iᵀ·M⁻¹·d_i of the frames :func:`spread_over`, in a class of n frames,
+            float64 [m].
+        penalty: ℓ; None if it is infinite.
+    """
+
+    frames: Tensor
+    means: Tensor
+    left: Tensor
+    penalty: float | None
 
 
 def _centre_within_classes(
@@ -289,11 +289,8 @@ def check_memory(
     size = n if dimension is None else min(n, dimension)
     if size <= MOST_FRAMES:
         return
-    expected, found, fewer = (
-        f"{MOST_FRAMES} frames",
-        f"{n}",
-        "fewer frames of each class",
-    )
+    expected, found = f"{MOST_FRAMES} frames", f"{n}"
+    fewer = "fewer frames of each class"
     if dimension is not None:
         expected += f" or {MOST_FRAMES} bits"
         found += f" frames of {dimension} bits"

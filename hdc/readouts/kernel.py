@@ -13,10 +13,9 @@ last digits, and the predicted class may differ if two scores are that close.
 
 from __future__ import annotations
 
-import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 import torch
@@ -35,6 +34,8 @@ from hdc.readouts.discriminant import (
     evenly,
     held_out_of,
 )
+from hdc.tensors import Kinds
+from hdc.warning import warn
 
 _LOWEST = -1e300  # offset of a class without training frames
 
@@ -43,7 +44,7 @@ _LOWEST = -1e300  # offset of a class without training frames
 class Expansion(State):
     """The kernel expansion of each class: a weight for every training frame."""
 
-    kinds = {  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {
         "frames": "int64 N W",
         "dual": "float64 N L",
         "offsets": "float64 L",
@@ -106,9 +107,8 @@ class Kernel(Readout):
         best = fewest_errors(distances, place, self.scales, self.penalties)
         products = best.solution.products
         if products.penalty is None:
-            warnings.warn(
+            warn(
                 "kernel: no class has two different frames, so the nearest mean is learned",
-                stacklevel=3,
             )
         dual = torch.zeros(n, n_classes, dtype=torch.float64)
         offsets = torch.full((n_classes,), _LOWEST, dtype=torch.float64)

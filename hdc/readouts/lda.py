@@ -21,9 +21,8 @@ differ in their last digits, and rarely a weight by one.
 
 from __future__ import annotations
 
-import warnings
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
@@ -32,7 +31,7 @@ from hdc import bits
 from hdc.bits import combinations, dot, gram
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.readouts.among_bits import Primal
+from hdc.readouts.among_bits import ProblemAmongBits
 from hdc.readouts.base import HeldOut, Readout, State
 from hdc.readouts.discriminant import (
     Problem,
@@ -42,6 +41,8 @@ from hdc.readouts.discriminant import (
     held_out_of,
     spread_over,
 )
+from hdc.tensors import Kinds
+from hdc.warning import warn
 
 SHRINKAGES = ("ledoit_wolf", "oas")
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
@@ -55,7 +56,7 @@ _NOWHERE = -(2**62)  # offset of a class without training frames
 class Discriminants(State):
     """The score of a query x for a class is scale·(q·x) + offset."""
 
-    kinds = {  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {
         "weights": "int64 L 4 W",
         "scales": "int64 L",
         "offsets": "int64 L",
@@ -122,13 +123,12 @@ class LDA(Readout):
         known, place = rows.unique(return_inverse=True)
         problem = problem_of(words, place)
         if problem.is_empty:
-            warnings.warn(
+            warn(
                 "lda: no class has two different frames, so the nearest mean is learned",
-                stacklevel=3,
             )
         alpha, solution = shrunken(problem, dimension, self.shrinkage)
         weights, offsets, products = solution
-        if isinstance(problem, Primal):
+        if isinstance(problem, ProblemAmongBits):
             weights = weights.T.float()
         else:
             weights = combinations(weights, packed)[:, :dimension]
@@ -184,6 +184,64 @@ class LDA(Readout):
         return twice // 2 * scales + offsets
 
 
+def problem_of(words: Hypervectors, rows: Tensor) -> Problem | ProblemAmongBits:
+    """The equations among frames or among bits, whichever are fewer; all classes occur."""
+    if len(rows) > words.dimension:
+        return ProblemAmongBits.of(words, rows)
+    return Problem.of(gram(words.packed, words.packed, words.dimension), rows)
+
+
+def shrunken(
+    problem: Problem | ProblemAmongBits, dimension: int, shrinkage: float | str
+) -> tuple[float, Solution]:
+    """α for a problem in D dimensions, and its solution; α = 1 is the nearest mean."""
+    if problem.is_empty:
+        alpha = 1.0
+    elif isinstance(shrinkage, str):
+        squares = float((problem.products**2).sum())
+        degrees = max(1, len(problem.diagonal) - problem.n_classes)
+        alpha = closed_form(
+            shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
+        )
+    else:
+        alpha = float(shrinkage)
+    if alpha == 1:
+        return alpha, problem.solve(None)
+    return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
+
+
+def closed_form(
+    kind: str, trace: float, squares: float, diagonal: Tensor, n: int, d: int
+) -> float:
+    """α in closed form, for a covariance with n degrees of freedom in D dimensions.
+
+    Args:
+        kind: one of :data:`SHRINKAGES`.
+        trace, squares, diagonal: tr K, ‖K‖²_F and K_ii.
+        n: frames minus classes.
+        d: D.
+    """
+    first = trace / n
+    second = squares / n**2
+    spread = second - first**2 / d
+    if spread <= 0:
+        return 1.0
+    if kind == "ledoit_wolf":
+        fourth = float((diagonal**2).sum()) / n**2
+        share = (fourth - second / n) / spread
+    else:
+        numerator = (1 - 2 / d) * second + first**2
+        share = numerator / ((n + 1 - 2 / d) * spread)
+    return min(1.0, max(0.0, share))
+
+
+def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:
+    """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
+    onehot = torch.nn.functional.one_hot(rows, n_classes)
+    sums = combinations(onehot, words)[:, :dimension]
+    return sums / onehot.sum(0)[:, None]
+
+
 def _stored(
     learned: tuple[Tensor, Tensor, Tensor],
     known: Tensor,
@@ -212,64 +270,6 @@ def _stored(
     state.scales[known] = (scales * unit).round().long()
     state.offsets[known] = (offsets * unit).round().long()
     return state, unit
-
-
-def closed_form(
-    kind: str, trace: float, squares: float, diagonal: Tensor, n: int, d: int
-) -> float:
-    """α in closed form, for a covariance with n degrees of freedom in D dimensions.
-
-    Args:
-        kind: one of :data:`SHRINKAGES`.
-        trace, squares, diagonal: tr K, ‖K‖²_F and K_ii.
-        n: frames minus classes.
-        d: D.
-    """
-    first = trace / n
-    second = squares / n**2
-    spread = second - first**2 / d
-    if spread <= 0:
-        return 1.0
-    if kind == "ledoit_wolf":
-        fourth = float((diagonal**2).sum()) / n**2
-        share = (fourth - second / n) / spread
-    else:
-        numerator = (1 - 2 / d) * second + first**2
-        share = numerator / ((n + 1 - 2 / d) * spread)
-    return min(1.0, max(0.0, share))
-
-
-def problem_of(words: Hypervectors, rows: Tensor) -> Problem | Primal:
-    """The equations among frames or among bits, whichever are fewer; all classes occur."""
-    if len(rows) > words.dimension:
-        return Primal.of(words, rows)
-    return Problem.of(gram(words.packed, words.packed, words.dimension), rows)
-
-
-def shrunken(
-    problem: Problem | Primal, dimension: int, shrinkage: float | str
-) -> tuple[float, Solution]:
-    """α for a problem in D dimensions, and its solution; α = 1 is the nearest mean."""
-    if problem.is_empty:
-        alpha = 1.0
-    elif isinstance(shrinkage, str):
-        squares = float((problem.products**2).sum())
-        degrees = max(1, len(problem.diagonal) - problem.n_classes)
-        alpha = closed_form(
-            shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
-        )
-    else:
-        alpha = float(shrinkage)
-    if alpha == 1:
-        return alpha, problem.solve(None)
-    return alpha, problem.solve(alpha / (1 - alpha) * problem.trace / dimension)
-
-
-def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:
-    """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
-    onehot = torch.nn.functional.one_hot(rows, n_classes)
-    sums = combinations(onehot, words)[:, :dimension]
-    return sums / onehot.sum(0)[:, None]
 
 
 def _quantised(

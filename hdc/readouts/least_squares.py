@@ -30,63 +30,6 @@ PENALTIES = tuple(10.0**k for k in range(-4, 5))
 """Penalties tried, in units of the mean of K's diagonal."""
 
 
-def smoother_of(words: Hypervectors, penalty: float) -> Dual | Primal:
-    """The smoother of N training frames for a penalty λ."""
-    kind = Primal if len(words) > words.dimension else Dual
-    return kind.of(words, penalty)
-
-
-class Dual(NamedTuple):
-    """The smoother S(x) of the fit among frames, for leave-one-out predictions of new frames.
-
-    In double precision, since with few frames and a small penalty three digits of single precision
-    remain.
-    """
-
-    words: Hypervectors
-    inverse: Tensor  # (K + λ)⁻¹, float64 [N, N]
-    means: Tensor  # of the rows of the Gram matrix, [N]
-
-    @classmethod
-    def of(cls, words: Hypervectors, penalty: float) -> Self:
-        products = gram(words.packed, words.packed, words.dimension)
-        means = products.mean(1)
-        products -= means
-        products -= means[:, None] - means.mean()
-        products.diagonal().add_(penalty)
-        factor = torch.linalg.cholesky(products)
-        return cls(words, torch.cholesky_inverse(factor), means)
-
-    def of_queries(self, words: Hypervectors) -> Tensor:
-        """S_i(x) of Q frames: float64 [Q, N]."""
-        products = gram(words.packed, self.words.packed, words.dimension)
-        shift = self.means - self.means.mean()
-        own_means = products.mean(1, keepdim=True)
-        centred = products - own_means - shift
-        return 1 / len(self.means) + centred @ self.inverse
-
-
-class Primal(NamedTuple):
-    """The smoother :class:`Dual` of more frames than bits, among the bits."""
-
-    words: Hypervectors
-    inverse: Tensor  # (C + λ)⁻¹, float64 [D, D]
-    mean: Tensor  # of the frames in ±1, [D]
-
-    @classmethod
-    def of(cls, words: Hypervectors, penalty: float) -> Self:
-        products, mean = _scatter(words)
-        products.diagonal().add_(penalty)
-        factor = torch.linalg.cholesky(products)
-        return cls(words, torch.cholesky_inverse(factor), mean)
-
-    def of_queries(self, words: Hypervectors) -> Tensor:
-        """S_i(x) of Q frames: float64 [Q, N]."""
-        along = (signs(words) - self.mean) @ self.inverse
-        each = [along @ x.T for _, x in _centred(self.words, self.mean)]
-        return 1 / len(self.words) + torch.cat(each, 1)
-
-
 def solve(
     words: Hypervectors,
     targets: Tensor,
@@ -178,6 +121,32 @@ def _among_frames(
     return Found(chosen, residuals, weights_in, means @ dual)
 
 
+def least_error(
+    spectrum: Tensor, vectors: Tensor, targets: Tensor, penalties: list[float]
+) -> tuple[float, Tensor]:
+    """The penalty with the least leave-one-out error, and its residuals r_i [N, T].
+
+    Args:
+        spectrum, vectors: eigenvalues [N], not negative, and eigenvectors of K.
+        targets: targets minus their mean, float64 [N, T].
+        penalties: values of λ to try.
+    """
+    n = len(spectrum)
+    rotated = vectors.T @ targets
+    # A single frame has no leave-one-out prediction: r_i = y_i − ȳ.
+    least = 1e-9 if n > 1 else 1.0
+    tried = []
+    for penalty in penalties:
+        kept = penalty / (spectrum + penalty)
+        left = ((vectors**2) @ kept - 1 / n).clamp(min=least)  # 1 − S_ii
+        errors = vectors @ (kept[:, None] * rotated)
+        residuals = errors / left[:, None]
+        total = float((residuals**2).sum())
+        tried.append((total, penalty, residuals))
+    _, penalty, residuals = min(tried, key=lambda found: found[0])
+    return penalty, residuals
+
+
 def _among_bits(
     words: Hypervectors,
     targets: Tensor,
@@ -212,6 +181,63 @@ def _among_bits(
     return Found(chosen, residuals[chosen], weights_in, weights @ mean)
 
 
+def smoother_of(words: Hypervectors, penalty: float) -> Dual | Primal:
+    """The smoother of N training frames for a penalty λ."""
+    kind = Primal if len(words) > words.dimension else Dual
+    return kind.of(words, penalty)
+
+
+class Dual(NamedTuple):
+    """The smoother S(x) of the fit among frames, for leave-one-out predictions of new frames.
+
+    In double precision, since with few frames and a small penalty three digits of single precision
+    remain.
+    """
+
+    words: Hypervectors
+    inverse: Tensor  # (K + λ)⁻¹, float64 [N, N]
+    means: Tensor  # of the rows of the Gram matrix, [N]
+
+    @classmethod
+    def of(cls, words: Hypervectors, penalty: float) -> Self:
+        products = gram(words.packed, words.packed, words.dimension)
+        means = products.mean(1)
+        products -= means
+        products -= means[:, None] - means.mean()
+        products.diagonal().add_(penalty)
+        factor = torch.linalg.cholesky(products)
+        return cls(words, torch.cholesky_inverse(factor), means)
+
+    def of_queries(self, words: Hypervectors) -> Tensor:
+        """S_i(x) of Q frames: float64 [Q, N]."""
+        products = gram(words.packed, self.words.packed, words.dimension)
+        shift = self.means - self.means.mean()
+        own_means = products.mean(1, keepdim=True)
+        centred = products - own_means - shift
+        return 1 / len(self.means) + centred @ self.inverse
+
+
+class Primal(NamedTuple):
+    """The smoother :class:`Dual` of more frames than bits, among the bits."""
+
+    words: Hypervectors
+    inverse: Tensor  # (C + λ)⁻¹, float64 [D, D]
+    mean: Tensor  # of the frames in ±1, [D]
+
+    @classmethod
+    def of(cls, words: Hypervectors, penalty: float) -> Self:
+        products, mean = _scatter(words)
+        products.diagonal().add_(penalty)
+        factor = torch.linalg.cholesky(products)
+        return cls(words, torch.cholesky_inverse(factor), mean)
+
+    def of_queries(self, words: Hypervectors) -> Tensor:
+        """S_i(x) of Q frames: float64 [Q, N]."""
+        along = (signs(words) - self.mean) @ self.inverse
+        each = [along @ x.T for _, x in _centred(self.words, self.mean)]
+        return 1 / len(self.words) + torch.cat(each, 1)
+
+
 def _scatter(words: Hypervectors) -> tuple[Tensor, Tensor]:
     """C, float64 [D, D], and the mean [D] of the frames in ±1."""
     of_one_class = torch.zeros(len(words), dtype=torch.int64)
@@ -223,29 +249,3 @@ def _centred(words: Hypervectors, mean: Tensor) -> Iterator[tuple[slice, Tensor]
     """Slices of frames, and their bits in ±1 minus the mean, float64 [B, D]."""
     for part in in_parts(words):
         yield part, signs(words[part]) - mean
-
-
-def least_error(
-    spectrum: Tensor, vectors: Tensor, targets: Tensor, penalties: list[float]
-) -> tuple[float, Tensor]:
-    """The penalty with the least leave-one-out error, and its residuals r_i [N, T].
-
-    Args:
-        spectrum, vectors: eigenvalues [N], not negative, and eigenvectors of K.
-        targets: targets minus their mean, float64 [N, T].
-        penalties: values of λ to try.
-    """
-    n = len(spectrum)
-    rotated = vectors.T @ targets
-    # A single frame has no leave-one-out prediction: r_i = y_i − ȳ.
-    least = 1e-9 if n > 1 else 1.0
-    tried = []
-    for penalty in penalties:
-        kept = penalty / (spectrum + penalty)
-        left = ((vectors**2) @ kept - 1 / n).clamp(min=least)  # 1 − S_ii
-        errors = vectors @ (kept[:, None] * rotated)
-        residuals = errors / left[:, None]
-        total = float((residuals**2).sum())
-        tried.append((total, penalty, residuals))
-    _, penalty, residuals = min(tried, key=lambda found: found[0])
-    return penalty, residuals

@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 import torch
@@ -14,6 +15,7 @@ from hdc import bits
 from hdc.bits import dot
 from hdc.hypervectors import Hypervectors
 from hdc.readouts.base import State
+from hdc.tensors import Kinds
 
 _OFFSET, _PLANES = 128, 8  # weights are stored as q + 128, bit-sliced
 _STEP = 32  # words unpacked at a time; for some hundred frames they stay in the cache
@@ -23,7 +25,7 @@ _STEP = 32  # words unpacked at a time; for some hundred frames they stay in the
 class Linear(State):
     """L linear functions of packed bits, with weights scale·q_j of 8 bits each."""
 
-    kinds = {  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {
         "weights": "int64 L 8 W",
         "scales": "float64 L",
         "intercepts": "float64 L",

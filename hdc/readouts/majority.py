@@ -5,7 +5,6 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from numbers import Integral
 from typing import Any, ClassVar
 
 import torch
@@ -13,9 +12,10 @@ from torch import Tensor
 
 from hdc import bits, planes
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import check_choice, check_share
+from hdc.parameters import check_choice, check_integer, check_share
 from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
 from hdc.readouts.base import HeldOut, State, Updatable
+from hdc.tensors import Kinds
 
 METHODS = ("replace", "merge")
 WEIGHTS = (None, "balanced")
@@ -27,7 +27,7 @@ EXTRAS = (-2, -1, 0, 1, 2)
 class Counted(State):
     """Counts of ones per class, and their majority."""
 
-    kinds = {  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {
         "planes": "int64 L P W",
         "n": "int64 L",
         "prototypes": "int64 L W",
@@ -75,9 +75,7 @@ class Counting(Updatable):
     def check(self) -> None:
         check_choice("ties", self.ties, planes.TIES)
         check_choice("class_weight", self.class_weight, WEIGHTS)
-        given = self.random_state
-        if isinstance(given, bool) or not isinstance(given, Integral):
-            raise ValueError(f"random_state: expected an integer, found {given!r}")
+        check_integer("random_state", self.random_state)
 
     @classmethod
     def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -174,10 +172,11 @@ class Counting(Updatable):
                 None is the first of `methods`.
 
         Raises:
-            ValueError: for a share outside [0, 1], an unknown method, or bits to be replaced in a
-                class without a prototype.
+            ValueError: for a share outside [0, 1], a seed that is no integer, an unknown method, or
+                bits to be replaced in a class without a prototype.
         """
         check_share("p", share, "[0, 1]")
+        check_integer("random_state", random_state)
         method = self.methods[0] if method is None else method
         check_choice("method", method, self.methods)
         classes = rows.unique().tolist()
@@ -217,8 +216,10 @@ class Counting(Updatable):
         number = int(state.recalibrated)
         drawn = replaced_bits(len(state.n), new.dimension, share, seed, number)
         mask = drawn[classes].to(state.prototypes.device)
-        size = smallest(new.n) if self.class_weight is not None else None
-        fresh = new.majority(self.ties, self.random_state, size)
+        bundled = new
+        if self.class_weight is not None:
+            bundled = new.thinned(smallest(new.n), self.random_state)
+        fresh = bundled.majority(self.ties, self.random_state)
         counted = replace(state, planes=new.planes, n=new.n)
         near = torch.stack([self._deciding_of(counted, i) for i in range(len(classes))])
         before = state.prototypes[classes]

@@ -13,13 +13,14 @@ from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_integer
 from hdc.readouts.base import HeldOut, State, Updatable
+from hdc.tensors import Kinds
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Kept(State):
     """All training frames."""
 
-    kinds = {"frames": "int64 N W", "rows": "int64 N"}  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {"frames": "int64 N W", "rows": "int64 N"}
     frames: Tensor
     """int64 [N, W], their hypervectors."""
     rows: Tensor

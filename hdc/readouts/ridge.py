@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import torch
 from torch import Tensor
@@ -15,6 +15,7 @@ from hdc.readouts.base import HeldOut, Readout
 from hdc.readouts.least_squares import Dual, Primal, smoother_of, solve
 from hdc.readouts.linear import Linear
 from hdc.readouts.values import RESIDUALS, ValueReadout, ValueState
+from hdc.tensors import Kinds
 
 _LOWEST = -1e300  # intercept of a class without frames
 
@@ -70,7 +71,7 @@ def _of_classes(
 class LinearValues(Linear, ValueState):
     """A linear function of each number."""
 
-    kinds = Linear.kinds | RESIDUALS
+    kinds: ClassVar[Kinds] = {**Linear.kinds, **RESIDUALS}
 
     @functools.cached_property
     def smoother(self) -> Dual | Primal:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import torch
 from torch import Tensor
@@ -12,6 +13,7 @@ from hdc.bits import combinations
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_integer, check_share
 from hdc.readouts.base import Readout, State
+from hdc.tensors import Kinds
 
 _FAR = 2**62
 
@@ -20,7 +22,7 @@ _FAR = 2**62
 class Corrected(State):
     """Corrected prototypes."""
 
-    kinds = {"prototypes": "int64 L W", "empty": "int64 L"}  # noqa: RUF012
+    kinds: ClassVar[Kinds] = {"prototypes": "int64 L W", "empty": "int64 L"}
     prototypes: Tensor
     """int64 [L, W]."""
     empty: Tensor

@@ -15,9 +15,9 @@ from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import Part, check_integer
 from hdc.readouts.base import State
-from hdc.tensors import checked
+from hdc.tensors import Kinds, checked
 
-RESIDUALS = {"residuals": "float64 N L"}
+RESIDUALS: Kinds = {"residuals": "float64 N L"}
 _ROWS = 256  # frames that are compared with all others at a time
 
 
@@ -48,7 +48,7 @@ class ValueState(State):
 class LeftOut(ValueState):
     """A state with leave-one-out errors only."""
 
-    kinds = RESIDUALS
+    kinds: ClassVar[Kinds] = RESIDUALS
 
 
 class ValueReadout(Part, ABC):
@@ -117,9 +117,8 @@ class NeighbourValues(ValueReadout):
         for start in range(0, len(words), _ROWS):  # not all pairs at a time
             distances = _distances(words[start : start + _ROWS], words)
             own = np.arange(len(distances))
-            distances[own, start + own] = (
-                words.dimension + 1
-            )  # a frame is not its own neighbour
+            # A frame is not its own neighbour.
+            distances[own, start + own] = words.dimension + 1
             means.append(values[self._nearest(distances)[:, :k]].mean(1))
         residuals = values - torch.cat(means)
         return LeftOut(words=words, targets=values, residuals=residuals)

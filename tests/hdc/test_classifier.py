@@ -138,6 +138,13 @@ def test_what_cannot_be_merged_is_named():
     assert model.counts_.tolist() == [20, 20, 20]
 
 
+def test_an_untrained_model_that_takes_over_another_keeps_its_backend():
+    pytest.importorskip("numba")
+    frames, labels = touches()
+    trained = HDCClassifier(backend="compiled").fit(frames, labels)
+    assert HDCClassifier(backend="numpy").merge(trained).backend_ == "numpy"
+
+
 def test_equal_distances_go_to_the_first_class():
     frames = np.array([[9, 0, 0, 9], [0, 9, 9, 0]], np.uint8)
     model = HDCClassifier().fit(frames, ["b", "a"])

@@ -84,8 +84,14 @@ NO_LABELS = {
     "bool beside number": ([1, True, 2], TWO_KINDS),
     "text beside number": (["1", 1, 2], TWO_KINDS),
     "a set": ({"a", "b", "c"}, NO_ORDER),
+    "a text of three letters": ("abc", NO_ORDER),
+    "a number": (5, NO_ORDER),
+    "an array without axes": (np.array(5), NO_ORDER),
     "a dictionary": ({"a": 0, "b": 1, "c": 2}, NO_ORDER),
-    "masked": (np.ma.array([0, 1, 2], mask=[0, 1, 0]), "labels, found masked ones"),
+    "masked": (
+        np.ma.array([0, 1, 2], mask=[0, 1, 0]),
+        "labels: expected all to have .* found masked",
+    ),
     "sparse": (torch.eye(3)[0].to_sparse(), "labels: expected plain numbers, found a"),
     "infinite": ([np.inf, -np.inf, np.inf], "labels: expected classes, found inf"),
 }
@@ -106,6 +112,20 @@ def test_labels_of_another_kind_are_refused_by_every_call(call):
     assert model.score(FRAMES, [5] * 60) == 0.0
 
 
+def test_masked_groups_are_named():
+    groups = np.ma.array(LABELS, mask=LABELS == 2)
+    with pytest.raises(
+        ValueError, match=r"^groups: expected all to have .* found masked"
+    ):
+        HDCClassifier().fit(FRAMES, LABELS, groups=groups)
+
+
+def test_the_score_of_no_frames_is_refused():
+    model = HDCClassifier().fit(FRAMES, LABELS)
+    with pytest.raises(ValueError, match="frames: expected at least one frame, found"):
+        model.score(FRAMES[:0], [])
+
+
 def test_depths_are_labels_and_a_continuous_quantity_is_none():
     depths = np.arange(60) / 8 + 0.1  # one frame a depth
     assert HDCClassifier().fit(FRAMES[:30], depths[:30]).classes_.size == 30
@@ -124,8 +144,8 @@ def test_targets_that_are_no_numbers_are_named(call):
     masked = np.ma.array(LABELS.astype(float), mask=LABELS == 2)
     for targets, found in (
         (np.arange(60).astype("M8[s]"), "expected numbers, found "),
-        (masked, "expected all numbers, found masked"),
-        (list(masked[:, None]), "expected all numbers, found masked"),
+        (masked, "expected all to have a value, found masked"),
+        (list(masked[:, None]), "expected all to have a value, found masked"),
     ):
         model = HDCRegressor().fit(FRAMES, LABELS)
         with pytest.raises(ValueError, match=f"^targets: {found}"):
@@ -183,12 +203,14 @@ class Slices:
 
 HIDDEN = (np.arange(60) >= 40)[:, None, None]
 ONE_HIDDEN = np.ma.array(FRAMES, mask=np.arange(7200).reshape(FRAMES.shape) == 873)
-ALL_PIXELS = "frames: expected all pixels, found masked ones"
+ALL_PIXELS = "frames: expected all to have a value, found masked"
 DENSE = "frames: expected plain numbers, found "
 with warnings.catch_warnings(action="ignore"):  # torch will drop them
     QUANTISED = torch.quantize_per_tensor(torch.eye(60), 1.0, 0, torch.quint8)
 NO_FRAMES = {
     "channels": (np.ones((60, 2, 2, 3)), r"found \(60, 2, 2, 3\); take one channel"),
+    "a number": (5, "frames: expected shape .* found 5"),
+    "without axes": (np.array(5.0), r"frames: expected shape .* found \(\); Reshape"),
     "of two shapes": ([np.ones((3, 4)), np.ones((3, 5))], "frames of one shape"),
     "meta": (torch.empty(60, 8, 8, device="meta"), DENSE + "a meta tensor"),
     "sparse of torch": (torch.eye(60).to_sparse(), DENSE + "a sparse tensor"),

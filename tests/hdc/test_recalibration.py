@@ -90,7 +90,7 @@ def test_votes_above_their_bits_are_halved_and_so_are_those_of_a_new_frame():
 @pytest.mark.parametrize("weight", [None, "balanced"])
 @pytest.mark.parametrize("ties", planes.TIES)
 def test_balanced_votes_are_of_as_many_as_the_smallest_class(ties, weight):
-    """Old ones are drawn by the seed of the read-out, new ones by that of the recalibration."""
+    """New votes are drawn by the seed of the recalibration, all else by that of the read-out."""
     rng = np.random.default_rng(0)
     drawn = []
     for numbers in ([9, 4, 6], [7, 5, 3]):
@@ -101,6 +101,9 @@ def test_balanced_votes_are_of_as_many_as_the_smallest_class(ties, weight):
         drawn.append((words, rows, counters))
     (words, rows, old), (new_words, new_rows, new) = drawn
     model = fitted(Majority(ties, weight, random_state=11), words, rows, 3, 700)
+    replaced = model.adapted(new_words, new_rows, 1, 5, "replace")
+    bundled = new.thinned(3, seed=11) if weight else new
+    assert torch.equal(replaced.prototypes_, bundled.majority(ties, 11))
     model = model.adapted(new_words, new_rows, 0.6, 5, "merge")
     if weight:
         old, new = old.thinned(4, seed=11), new.thinned(3, seed=5)
@@ -175,6 +178,7 @@ UNUSED = "does not use it, found"
     [
         ("majority", {"method": "add"}, "method: expected one of replace, merge, found 'add'"),
         ("majority", {"p": 1.5}, r"p: expected .*\[0, 1\]"),
+        ("majority", {"random_state": 1.5}, "random_state: expected an integer, found 1.5"),
         ("majority", {"y": [9, 9]}, r"labels: expected classes among \[0, 1, 2\], found 9"),
         ("counts", {"method": "replace"}, "method: expected one of merge, found 'repl"),
         ("ridge", {"p": 0.75}, f"p: expected 0.5 .*{UNUSED} 0.75"),

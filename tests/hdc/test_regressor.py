@@ -149,6 +149,19 @@ def test_targets_whose_sums_overflow_are_refused():
         HDCRegressor().fit(frames, np.where(z > 0, 1e308, -1e308))
 
 
+@pytest.mark.parametrize(
+    ("n", "shape", "found"),
+    [
+        (4, (4, 3), r"targets: expected as many a frame as before, found \(4, 3\)"),
+        (0, (0,), "frames: expected at least one frame, found none"),
+    ],
+)
+def test_a_score_without_an_answer_is_refused(n, shape, found):
+    frames, z = presses(10, 0)
+    with pytest.raises(ValueError, match=f"^{found}"):
+        HDCRegressor().fit(frames, z).score(frames[:n], np.zeros(shape))
+
+
 def test_equal_targets_are_predicted_exactly_or_score_nothing():
     frames, _ = presses(10, 0)
     model = HDCRegressor().fit(frames, np.full(10, 3.0))

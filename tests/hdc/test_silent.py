@@ -44,6 +44,8 @@ def test_a_parameter_that_is_set_after_training_is_refused(model, change, advice
             call(X)
     model.set_params(**{name: before})
     assert model.predict(X).shape == (12,)
+    same = type(before)(str(before))  # another object
+    assert model.set_params(**{name: same}).predict(X).shape == (12,)
 
 
 def test_a_period_of_numpy_is_saved(tmp_path):
@@ -51,6 +53,18 @@ def test_a_period_of_numpy_is_saved(tmp_path):
     model.save(tmp_path / "m")
     loaded = HDCRegressor.load(tmp_path / "m")
     assert (loaded.predict(X) == model.predict(X)).all()
+
+
+def test_hypervectors_are_found_in_a_list():
+    first, second = (HDCClassifier().fit(X, Y).encode(X) for _ in range(2))
+    assert [first, second].index(second) == 1
+
+
+@pytest.mark.parametrize("call", ["partial_fit", "recalibrate"])
+def test_angles_below_zero_that_are_learnt_later_are_predicted(call):
+    model = HDCRegressor(period=360).fit(X, np.arange(12.0))
+    getattr(model, call)(255 - X, np.arange(12.0) - 40)
+    assert (model.predict(255 - X[:1]) < 0).all()
 
 
 # Whole or nothing --------------------------------------------------------------------------------

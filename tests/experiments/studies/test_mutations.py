@@ -92,7 +92,7 @@ MUTANTS = {
     # Others.
     "dark pixels are ones": (Median, "encode", inverted, "Median, 16-bit pixels of 4,097"),
     "one bit more": (
-        ranks, "count_ones", after(lambda ones: [n + 1 for n in ones]),
+        ranks, "numbers_of_ones", after(lambda ones: [n + 1 for n in ones]),
         "Median, a rising frame of 4,097"),
     "a level less": (Levels, "quantiles", fewer_levels, "Levels, a rising frame of 65"),
     "without the sign": (relative, "standardised", after(abs), "Reference, 65 pixels"),

@@ -128,6 +128,20 @@ def test_a_given_frame_is_the_reference(tmp_path):
             HDCClassifier(Reference(frame=other)).fit(frames, labels)
 
 
+@pytest.mark.parametrize(
+    "turned",
+    [np.flipud, lambda frame: frame.astype(">f4"), np.ndarray.tolist, torch.from_numpy],
+    ids=["mirrored", "of another byte order", "a list", "a tensor"],
+)
+def test_a_given_frame_may_be_any_that_is_predicted(turned):
+    frames = np.random.default_rng(3).integers(0, 256, (4, 6, 9)).astype(np.uint8)
+    given = turned(frames[0])
+    plain = np.array(given, order="C")
+    plain = torch.from_numpy(plain.astype(plain.dtype.newbyteorder("=")))
+    expected = standardised(plain[None])[0]
+    assert torch.equal(Reference(frame=given).fit(frames).reference_, expected)
+
+
 def test_of_several_given_frames_the_standardised_mean_is_the_reference():
     """Frames of very different brightness and contrast count alike; one as it counts alone."""
     rng = np.random.default_rng(5)

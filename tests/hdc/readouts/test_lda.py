@@ -13,7 +13,7 @@ from hdc import backends, bits
 from hdc.bits import combinations, gram
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import LDA, among_bits
-from hdc.readouts.among_bits import Primal, scatter
+from hdc.readouts.among_bits import ProblemAmongBits, scatter
 from hdc.readouts.discriminant import Problem
 from hdc.readouts.discriminant import discriminants as left_out
 from hdc.readouts.lda import shrunken
@@ -84,7 +84,7 @@ def test_among_frames_and_among_bits_it_is_the_same(n, d, shrinkage, monkeypatch
     monkeypatch.setattr(among_bits, "_SIGNS", 7 * d)
     x, words, rows = problem(n, d, 4, 1)
     alpha, frames = dual(words, rows, d, shrinkage)
-    given = Primal.of(Hypervectors(words, d), rows)
+    given = ProblemAmongBits.of(Hypervectors(words, d), rows)
     other, bits_ = shrunken(given, d, shrinkage)
     assert other == pytest.approx(alpha, rel=1e-12)
     close = {"rtol": 1e-7, "atol": 1e-9}
