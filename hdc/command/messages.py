@@ -181,7 +181,7 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
     found = [
         f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}{by}), {round(share * n)} of "
         f"{n} frames",
-        f"a guess of {guessed}, the largest class: accuracy {result['guess']:.1%}",
+        f"majority-class baseline (always {guessed}): accuracy {result['guess']:.1%}",
     ]
     if "refused" in result:
         found.append(_refused_of(result, n))
@@ -211,7 +211,7 @@ def limit_of_refused(reject: float, left_out: str) -> str:
 def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:
     error, guess = (_number(own[key], own) for key in ("mean_absolute_error", "guess"))
     return (
-        f"{printable(name)}: mean absolute error {error} (a guess of the mean {guess}), R² "
+        f"{printable(name)}: mean absolute error {error} (mean baseline {guess}), R² "
         f"{own['r_squared']:.3f}, {n} frames"
     )
 

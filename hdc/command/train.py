@@ -183,7 +183,7 @@ def chosen(
     best = judge.best(tried)
     mine, published = (float(tried[form].losses.mean()) for form in (best, forms[0]))
     if recording.values is not None:
-        found = f"{mine:.3g} of a guess's error, {forms[0].name} {published:.3g}"
+        found = f"{mine:.3g} of the constant baseline's error, {forms[0].name} {published:.3g}"
     else:
         found = f"accuracy {1 - mine:.1%}, the published form {1 - published:.1%}"
     lines = [f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"]

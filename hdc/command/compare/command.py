@@ -266,7 +266,7 @@ def _sentences(result: Mapping[str, Any]) -> list[str]:
     else:
         won = f"{100 * result['gain']:+.1f} points of accuracy"
         if "values" in result:
-            won = f"{result['gain']:.3g} of a guess's error less"
+            won = f"{result['gain']:.3g} of the constant baseline's error less"
         lines.append(f"{chosen} over {published}: {won}, {_clear(result)}.")
     first, *others = result["models"][chosen].get("accuracy", (0,))
     if others and first - others[-1] > messages.FALL:
