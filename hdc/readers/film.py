@@ -233,6 +233,8 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
             streams[0].thread_type = "NONE"
             streams[0].codec_context.options = {"err_detect": "explode"}
             yield container, streams[0]
+    except GeneratorExit:  # at the end of Python, when the names below are gone
+        raise
     except (av.error.FFmpegError, UnicodeDecodeError) as error:
         found = getattr(error, "strerror", "") or "text that is damaged"
         raise BadFrame(f"{path}: expected a whole video, found: {found}") from error
