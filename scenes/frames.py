@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.validate import is_number, require
+from hdc.parameters import is_number
+from scenes.validate import require
 
 Indices = Sequence[int] | np.ndarray | Tensor
 """Numbers of samples, [k]."""

@@ -9,7 +9,7 @@ import torch
 from hydra.errors import InstantiationException
 
 from scenes import listing, measured
-from scenes.export import compose
+from scenes.export import scene_of
 from scenes.frames import Scene
 from scenes.listing import show
 from scenes.measured import MeasuredScene
@@ -194,7 +194,7 @@ def test_a_comment_makes_no_public_recording(tmp_path, monkeypatch):
 def test_the_public_recordings(name):
     """Their files are those of the digest in the YAML, or opening them fails."""
     try:
-        scene = compose([f"scene={name}"])
+        scene = scene_of([f"scene={name}"])
     except InstantiationException as error:
         if isinstance(error.__cause__, FileNotFoundError):
             pytest.skip(f"{name}: {error.__cause__}")
