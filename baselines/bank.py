@@ -17,6 +17,7 @@ from torch import Tensor
 
 import hdc.bank
 from baselines import products
+from baselines.base import FRAME_TYPES
 from baselines.products import Moments
 from baselines.smoothing import smoothed
 from hdc import backends
@@ -25,7 +26,6 @@ from hdc.parameters import check_choice
 
 KERNELS = ("unit", "unit_centred", "raw", "standard_global", "standardised", "bits")
 """Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""
-_WHITE = {torch.uint8: 255, torch.uint16: 65535}
 
 
 class Bank(hdc.bank.Bank):
@@ -46,11 +46,11 @@ class Bank(hdc.bank.Bank):
         n_classes: int,
         groups: np.ndarray | None = None,
     ) -> None:
-        if frames.dtype not in _WHITE:
+        if frames.dtype not in FRAME_TYPES:
             raise ValueError(f"frames: expected uint8 or uint16, found {frames.dtype}")
         super().__init__(frames, labels, n_classes)
         self.groups = groups
-        self.white = _WHITE[frames.dtype]
+        self.white = FRAME_TYPES[frames.dtype]
         self._smoothed: dict[int, Bank] = {}
 
     def groups_of(self, rows: np.ndarray) -> np.ndarray | None:
@@ -200,3 +200,9 @@ def deviations(moments: Moments, dimension: int) -> Tensor:
     # The least variance of a frame of whole numbers that is not constant is about 1/D.
     varies = variance > 0.1 / dimension
     return torch.where(varies, variance, 1.0).sqrt()
+
+
+def squared_lengths(moments: Moments, dimension: int) -> Tensor:
+    """Squared lengths of standardised frames [n]: D, and 0 of a constant frame."""
+    variance = moments.second - moments.first**2 / dimension
+    return variance / deviations(moments, dimension) ** 2
