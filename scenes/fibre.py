@@ -270,7 +270,8 @@ def _stepped(
     """A fibre whose matrices lie one press step apart in one array."""
     if not file or not step:
         raise ValueError(
-            "scene.file, scene.step: expected with scene.source, found none"
+            "scene.source: expected scene.file and scene.step with it, found "
+            f"{file!r} and {step!r}"
         )
     folder = source.folder()
     matrices = _array(folder / file, (None, outputs, None))

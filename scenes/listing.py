@@ -24,6 +24,8 @@ from scenes.fibre import PRESSED, FibreScene
 from scenes.source import DATA, Source
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
+SPLITS = {"random": "random", "ordered": "in time", "session": "in time"}
+"""Kinds of splits in the words of TabArena; the others are "grouped"."""
 
 
 def public_names() -> list[str]:
@@ -73,10 +75,6 @@ def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
     return table, list(commands)
 
 
-SPLITS = {"random": "random", "ordered": "in time", "session": "in time"}
-"""Kinds of splits in the words of TabArena; those by group are grouped."""
-
-
 def _present(name: str, split: Any) -> tuple[str, ...]:
     """Whether the files can be read; number and shape of the frames; classes; how they are split;
     and numbers of sessions and groups, where they are known."""
@@ -86,8 +84,11 @@ def _present(name: str, split: Any) -> tuple[str, ...]:
         return "unreadable", *[""] * 6  # details say what was found
     height, width = scene.shape
     return (
-        *("yes", str(len(scene)), f"{height} × {width}"),
-        *(str(len(scene.classes)), SPLITS.get(split.kind, "grouped")),
+        "yes",
+        str(len(scene)),
+        f"{height} × {width}",
+        str(len(scene.classes)),
+        SPLITS.get(split.kind, "grouped"),
         _count(scene, "session"),
         _count(scene, split.group or "group"),
     )

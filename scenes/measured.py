@@ -112,7 +112,10 @@ class MeasuredScene(PublicScene):
 
     def _levels(self, levels: Mapping[str, Any]) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the classes [L] of a value, and the class name of each frame [N]."""
-        k = self.value_names.index(levels["value"])
+        names, name = self.value_names, levels["value"]
+        expected = f"a name in scene.values ({', '.join(names)})"
+        require(name in names, "scene.levels.value", name, expected)
+        k = names.index(name)
         value, edges = self.values[:, k], levels["edges"]
         classes, labels = level_classes(value, edges, self.units[k])
         expected = f"a last edge of {value.max():g} or more"

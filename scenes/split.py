@@ -12,8 +12,8 @@ import numpy as np
 
 from scenes.validate import is_integer, require
 
-# That every scene can have; "grouped" needs groups besides.
 KINDS = ("random", "ordered")
+"""Kinds of splits that need no groups; ``"grouped"`` does."""
 
 
 def split(

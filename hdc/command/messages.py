@@ -83,7 +83,7 @@ def learnt(recording: Recording) -> str:
     return f"values of {', '.join(names)}"
 
 
-def reading_line(recording: Recording) -> list[str]:
+def reading_lines(recording: Recording) -> list[str]:
     """How the file was read, where it could be read otherwise; or nothing."""
     return [f"read: {'; '.join(recording.notes)}"] if recording.notes else []
 

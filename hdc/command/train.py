@@ -93,7 +93,7 @@ def train(
     model.save(output, metadata=metadata)
     advice = "" if choose else "; --choose tries others"
     lines.append(messages.form_line(model, output) + advice)
-    lines += messages.reading_line(frames)
+    lines += messages.reading_lines(frames)
     lines += messages.circular_lines(frames, period)
     first = f"{output}: {len(rows)} frames, {messages.whole(frames)}"
     messages.say(first, *lines)

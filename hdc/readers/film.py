@@ -98,11 +98,12 @@ class Film:
             return (self._kept[number] for number in numbers)
         ordered = sorted(set(numbers))
         if ordered == numbers:
-            return self._decoded(ordered)
-        found = dict(zip(ordered, self._decoded(ordered), strict=True))
+            return self._of_numbers(ordered)
+        found = dict(zip(ordered, self._of_numbers(ordered), strict=True))
         return (found[number] for number in numbers)
 
-    def _decoded(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
+    def _of_numbers(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
+        """Frames of these numbers, which increase."""
         frames = enumerate(stream_video(self.path, self._window))
         for wanted in ordered:
             found = (frame for number, (_, frame) in frames if number == wanted)

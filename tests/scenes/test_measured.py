@@ -108,6 +108,9 @@ def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
     message = r"scene\.levels\.edges: expected a last edge of 6 or more"
     with pytest.raises(ValueError, match=message):
         touches(**settings, levels={"value": "depth", "edges": [3, 5]})
+    message = r"scene\.levels\.value: expected a name in scene\.values \(depth, roll\), found 'yaw'"
+    with pytest.raises(ValueError, match=message):
+        touches(**settings, levels={"value": "yaw", "edges": [3, 5]})
 
 
 def test_unknown_frames_are_a_scene_of_their_own(root):

@@ -220,7 +220,7 @@ def _about(
     why = f", for {reason}" if reason else ""
     return [
         f"{len(frames)} frames, {messages.whole(frames)}",
-        *messages.reading_line(frames),
+        *messages.reading_lines(frames),
         *messages.circular_lines(frames, period),
         f"chosen by {folds.how}{why}",
         *(

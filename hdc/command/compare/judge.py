@@ -114,7 +114,8 @@ class Row:
     """Answers of a model.
 
     Attributes:
-        losses: 1 for a wrong label, or the mean error of T values in units of a guess's, [Q].
+        losses: [Q], 1 for a wrong label, 0 for a right one; of values the mean over the T of each
+            error as a multiple of :func:`constant_errors`.
         errors: of each value [Q, T]; [Q, 0] of classes.
         train_s: seconds to learn, a mean over the splits; those to encode are among them.
         frame_ms: milliseconds a frame to predict, likewise.
@@ -152,13 +153,15 @@ def judged(candidate: Candidate, data: Data, test: Test) -> Row:
         return Row(losses, np.empty((len(truth), 0)), *times)
     errors = circular.errors(found.reshape(truth.shape), truth, data.period)
     trainable = np.unique(np.concatenate([train for train, _ in test.splits]))
-    guess = guesses(data.truth[trainable], data.period)
-    return Row((errors / guess).mean(axis=1), errors, *times)
+    of_constant = constant_errors(data.truth[trainable], data.period)
+    return Row((errors / of_constant).mean(axis=1), errors, *times)
 
 
-def guesses(values: np.ndarray, period: float | None) -> np.ndarray:
-    """Mean error [T] of a guess of the median, or of the mean direction of values that go round;
-    1 of values that are all equal."""
+def constant_errors(values: np.ndarray, period: float | None) -> np.ndarray:
+    """Mean error [T] of the constant baseline; 1 where all values are equal.
+
+    It is the median of the values [N, T], or the mean direction of values that go round.
+    """
     middle = np.median(values, axis=0)
     if period is not None:
         plane = circular.to_plane(values, period).mean(axis=0)
