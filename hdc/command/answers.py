@@ -205,7 +205,7 @@ def _value_row(model: Any, own: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-def table_row(answer: Mapping[str, Any], units: Sequence[str] = ()) -> dict[str, str]:
+def table_row(answer: Mapping[str, Any], units: Sequence[str]) -> dict[str, str]:
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():

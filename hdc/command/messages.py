@@ -27,6 +27,8 @@ DIFFERS = (
 )
 LISTED = 12
 """Names of classes or sessions that one line shows."""
+WIDE = 12
+"""Characters of the head of a column of confusions."""
 
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
@@ -253,9 +255,9 @@ def confusions(result: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def _shortened(names: Sequence[str], least: int = 12) -> list[str]:
-    """The beginnings of names, so long that they differ."""
-    for length in range(least, max(map(len, names))):
+def _shortened(names: Sequence[str]) -> list[str]:
+    """The beginnings of names: :data:`WIDE` characters, or as many more as make them differ."""
+    for length in range(WIDE, max(map(len, names))):
         found = [name[:length] for name in names]
         if len(set(found)) == len(names):
             return found
