@@ -179,7 +179,8 @@ def chosen(
     data, (folds,) = judge.prepared(recording, rows, period=period)
     forms = candidates.forms((), (), recording.values is not None, period)
     shown = with_progress(forms, len(forms), "Choosing")
-    tried = {form: found for form, (found,) in judge.compared(shown, data, [folds], {})}
+    answers = judge.compared(shown, data, [folds])
+    tried = {form: rows[0] for form, rows in answers if not isinstance(rows, str)}
     best = judge.best(tried)
     mine, published = (float(tried[form].losses.mean()) for form in (best, forms[0]))
     if recording.values is not None:

@@ -94,9 +94,12 @@ def compare(
     tried: dict[Candidate, list[Row]] = {}
     left_out: dict[str, str] = {}
     try:
-        for candidate, rows in judge.compared(listed, data, of_each, left_out):
-            tried[candidate] = rows
-            say(_line(candidate.name, _numbers(candidate, rows, frames), heads))
+        for candidate, found in judge.compared(listed, data, of_each):
+            if isinstance(found, str):
+                left_out[candidate.name] = found
+            else:
+                tried[candidate] = found
+                say(_line(candidate.name, _numbers(candidate, found, frames), heads))
     except KeyboardInterrupt:
         say("interrupted: the rows above are whole")
     if listed[0] not in tried:

@@ -171,25 +171,20 @@ def constant_errors(values: np.ndarray, period: float | None) -> np.ndarray:
 
 
 def compared(
-    candidates: Iterable[Candidate],
-    data: Data,
-    tests: Sequence[Test],
-    refused: dict[str, str],
-) -> Iterator[tuple[Candidate, list[Row]]]:
-    """Each candidate with its answers in each test.
-
-    One that refuses the frames is left out, and noted among the `refused` with its reason.
-    """
+    candidates: Iterable[Candidate], data: Data, tests: Sequence[Test]
+) -> Iterator[tuple[Candidate, list[Row] | str]]:
+    """Each candidate with its answers in each test, or with its reason to refuse the frames."""
     for candidate in candidates:
         try:
             with warnings.catch_warnings():
                 # Of each model and each fold they would be the same ones.
                 warnings.simplefilter("ignore", UserWarning)
-                rows = [judged(candidate, data, test) for test in tests]
+                found: list[Row] | str = [
+                    judged(candidate, data, test) for test in tests
+                ]
         except ValueError as error:
-            refused[candidate.name] = str(error)
-            continue
-        yield candidate, rows
+            found = str(error)
+        yield candidate, found
 
 
 def best(tried: Mapping[Candidate, Row]) -> Candidate:
