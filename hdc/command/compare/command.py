@@ -87,7 +87,8 @@ def compare(
     if later is not None:
         _check_alike(frames, later)
     data, of_each = judge.prepared(frames, np.arange(len(frames)), later, period)
-    tests = dict(zip((FOLDS, str(other)), of_each, strict=False))
+    second = f"./{other}" if str(other) == FOLDS else str(other)
+    tests = dict(zip((FOLDS, second), of_each, strict=False))
     say = _nothing if as_json else messages.say
     heads = _heads(frames, tests)
     say(*_about(frames, tests, period), "  ".join(heads))

@@ -209,6 +209,15 @@ def test_the_line_to_type_trains_the_chosen_model(hdc, tmp_path, monkeypatch):
     assert model.frame_shape_ == (8, 16)
 
 
+def test_another_recording_may_be_called_folds(hdc, folder, monkeypatch):
+    """It took the place of the folds."""
+    monkeypatch.chdir(folder.parent)
+    folder.rename("folds")
+    one = ("--encoder", "median", "--readout", "majority")
+    (line,) = hdc("compare", "folds", "--test", "folds", *one, "--json")[1]
+    assert json.loads(line)["tests"] == {"folds": 36, "./folds": 36}
+
+
 def test_another_recording_is_tested_and_chooses_nothing(hdc, archive, tmp_path):
     """Its classes are patterns of another sensor: all forms fail, and that is said."""
     other = tmp_path / "tomorrow.npz"
