@@ -37,6 +37,9 @@ class Bank(hdc.bank.Bank):
         n_classes: L.
         groups: of each frame [N]. Frames of one group, such as a session or an object, are alike
             and belong on one side of a split. None where groups are not known.
+
+    Raises:
+        ValueError: frames of another type.
     """
 
     def __init__(
@@ -102,8 +105,8 @@ class Bank(hdc.bank.Bank):
         A mean over training frames is over these; one that occurs k times counts k times.
 
         Args:
-            train, queries: indices of frames.
-            pixels: one of :data:`KERNELS`.
+            train, queries: indices of frames, n and Q.
+            pixels: one of :data:`KERNELS`; others raise a ValueError.
         """
         check_choice("pixels", pixels, KERNELS)
         rows = np.concatenate([train, queries])

@@ -21,7 +21,13 @@ from scenes.validate import require
 
 
 def export(scene: Scene, folder: Path) -> Path:
-    """Write all frames of a scene into a new or empty folder; returns the path of the manifest."""
+    """Write all frames of a scene into a new or empty folder; returns the path of the manifest.
+
+    Raises:
+        FileExistsError: the folder has files.
+        ValueError: the name of a class cannot be the name of a folder.
+        OSError: a file cannot be written.
+    """
     import cv2
 
     if folder.is_dir() and any(folder.iterdir()):

@@ -112,6 +112,9 @@ def level_classes(
         edges: upper ends of the L classes, increasing; values above all get the index L.
         unit: of the names, in which an edge is shown after multiplication by ``scale``.
         key: of the edges in the configuration, for errors.
+
+    Raises:
+        ValueError: the edges are not two or more increasing numbers.
     """
     expected = "two or more increasing numbers"
     numbers = isinstance(edges, Sequence) and all(map(is_number, edges))

@@ -22,7 +22,7 @@ def score(
     reject: float | None = None,
     interval: float | None = None,
 ) -> dict[str, Any]:
-    """Accuracy, confusions and wrong frames, or errors of values, of the frames `index`.
+    """Accuracy, confusions and wrong frames, or errors of values, of the n frames `index`.
 
     With a share to `reject` also how many frames were refused, and with an `interval` how often
     the truth was in the intervals or sets.

@@ -95,7 +95,13 @@ def prepared(
     other: Recording | None = None,
     period: float | None = None,
 ) -> tuple[Data, list[Test]]:
-    """The folds of some frames of a recording, and after them the test on another recording."""
+    """Frames in memory: the `rows` of a recording, then all of the other; and how they are tested.
+
+    The tests are the folds of the former and, where there is another recording, the test on it.
+
+    Raises:
+        ValueError: a class has a single frame, or a single group.
+    """
     made, unit = splits.folds(recording, rows)
     folds = Test(made, unit)
     tests = [replace(folds, units=replace(unit, of=unit.of[folds.rows]))]
