@@ -53,7 +53,7 @@ class FilmScene(PublicScene):
 
     Raises:
         FileNotFoundError: the repository is not there; the message says how to get it.
-        ValueError: its files are not those of ``source.sha256``, or a setting does not fit.
+        ValueError: its files do not have the digest ``source.sha256``, or a setting does not fit.
     """
 
     def __init__(

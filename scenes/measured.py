@@ -48,7 +48,7 @@ class MeasuredScene(PublicScene):
 
     Raises:
         FileNotFoundError: the repository is not there; the message says how to get it.
-        ValueError: its files are not those of ``source.sha256``, or a setting does not fit.
+        ValueError: its files do not have the digest ``source.sha256``, or a setting does not fit.
     """
 
     def __init__(
