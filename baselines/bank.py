@@ -24,7 +24,7 @@ from hdc import backends
 from hdc.bits import gram
 from hdc.parameters import check_choice
 
-KERNELS = ("unit", "unit_centred", "raw", "standard_global", "standardised", "bits")
+KERNELS = ("unit", "unit_centred", "raw", "standardised", "bits")
 """Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""
 
 
@@ -148,13 +148,10 @@ class Bank(hdc.bank.Bank):
         """Products of scale·(x − offset), the same two numbers for all pixels."""
         ours = self.moments.of(rows)
         theirs = self.moments.of(train)
-        mean = float(theirs.first.mean()) / self.dimension
-        centred = pixels in ("unit_centred", "standard_global")
-        offset = mean if centred else -products.constant_of(self.frames)
+        offset = float(-products.constant_of(self.frames))
+        if pixels == "unit_centred":
+            offset = float(theirs.first.mean()) / self.dimension
         scale = 1.0 if pixels == "raw" else 1 / self.white
-        if pixels == "standard_global":
-            square = float(theirs.second.mean()) / self.dimension
-            scale = (square - mean**2) ** -0.5
         shift = offset * (ours.first[:, None] + theirs.first)
         constant = offset**2 * self.dimension
         greys = self.greys[np.ix_(rows, train)]
