@@ -17,15 +17,15 @@ from torch import Tensor
 
 import hdc.bank
 from baselines import products
+from baselines.base import FRAME_TYPES
 from baselines.products import Moments
 from baselines.smoothing import smoothed
 from hdc import backends
 from hdc.bits import gram
 from hdc.parameters import check_choice
 
-KERNELS = ("unit", "unit_centred", "raw", "standard_global", "standardised", "bits")
+KERNELS = ("unit", "unit_centred", "raw", "standardised", "bits")
 """Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""
-_WHITE = {torch.uint8: 255, torch.uint16: 65535}
 
 
 class Bank(hdc.bank.Bank):
@@ -37,6 +37,9 @@ class Bank(hdc.bank.Bank):
         n_classes: L.
         groups: of each frame [N]. Frames of one group, such as a session or an object, are alike
             and belong on one side of a split. None where groups are not known.
+
+    Raises:
+        ValueError: frames of another type.
     """
 
     def __init__(
@@ -46,11 +49,11 @@ class Bank(hdc.bank.Bank):
         n_classes: int,
         groups: np.ndarray | None = None,
     ) -> None:
-        if frames.dtype not in _WHITE:
+        if frames.dtype not in FRAME_TYPES:
             raise ValueError(f"frames: expected uint8 or uint16, found {frames.dtype}")
         super().__init__(frames, labels, n_classes)
         self.groups = groups
-        self.white = _WHITE[frames.dtype]
+        self.white = FRAME_TYPES[frames.dtype]
         self._smoothed: dict[int, Bank] = {}
 
     def groups_of(self, rows: np.ndarray) -> np.ndarray | None:
@@ -102,8 +105,8 @@ class Bank(hdc.bank.Bank):
         A mean over training frames is over these; one that occurs k times counts k times.
 
         Args:
-            train, queries: indices of frames.
-            pixels: one of :data:`KERNELS`.
+            train, queries: indices of frames, n and Q.
+            pixels: one of :data:`KERNELS`; others raise a ValueError.
         """
         check_choice("pixels", pixels, KERNELS)
         rows = np.concatenate([train, queries])
@@ -145,13 +148,10 @@ class Bank(hdc.bank.Bank):
         """Products of scale·(x − offset), the same two numbers for all pixels."""
         ours = self.moments.of(rows)
         theirs = self.moments.of(train)
-        mean = float(theirs.first.mean()) / self.dimension
-        centred = pixels in ("unit_centred", "standard_global")
-        offset = mean if centred else -products.constant_of(self.frames)
+        offset = float(-products.constant_of(self.frames))
+        if pixels == "unit_centred":
+            offset = float(theirs.first.mean()) / self.dimension
         scale = 1.0 if pixels == "raw" else 1 / self.white
-        if pixels == "standard_global":
-            square = float(theirs.second.mean()) / self.dimension
-            scale = (square - mean**2) ** -0.5
         shift = offset * (ours.first[:, None] + theirs.first)
         constant = offset**2 * self.dimension
         greys = self.greys[np.ix_(rows, train)]
@@ -200,3 +200,9 @@ def deviations(moments: Moments, dimension: int) -> Tensor:
     # The least variance of a frame of whole numbers that is not constant is about 1/D.
     varies = variance > 0.1 / dimension
     return torch.where(varies, variance, 1.0).sqrt()
+
+
+def squared_lengths(moments: Moments, dimension: int) -> Tensor:
+    """Squared lengths of standardised frames [n]: D, and 0 of a constant frame."""
+    variance = moments.second - moments.first**2 / dimension
+    return variance / deviations(moments, dimension) ** 2

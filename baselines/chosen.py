@@ -124,9 +124,10 @@ def simplest(losses: Mapping[str, np.ndarray], margin: float) -> str:
         margin: in standard errors of the mean of the paired differences.
     """
     best = min(losses.values(), key=lambda own: own.mean())
-    for name, own in losses.items():
+
+    def is_close(own: np.ndarray) -> bool:
         more = own - best
         error = more.std(ddof=1) / np.sqrt(len(more))
-        if more.mean() <= margin * error:
-            return name
-    raise ValueError("losses: expected at least one form, found none")
+        return bool(more.mean() <= margin * error)
+
+    return next(name for name, own in losses.items() if is_close(own))

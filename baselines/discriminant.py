@@ -15,7 +15,7 @@ import numpy as np
 from torch import Tensor
 
 from baselines import products
-from baselines.bank import Bank, deviations, standardised
+from baselines.bank import Bank, squared_lengths, standardised
 from baselines.base import Classifier, FrameSource
 from baselines.linear import DualLinearClassifier
 from baselines.products import Moments
@@ -159,11 +159,6 @@ class GreysKernel(Classifier):
             height, width = self.shape_
             n = height * width
             across = standardised(greys, rows, columns, n)
-            squares = _lengths(rows, n)[:, None] + _lengths(columns, n) - 2 * across
+            ours, theirs = squared_lengths(rows, n), squared_lengths(columns, n)
+            squares = ours[:, None] + theirs - 2 * across
         return squares.clamp_(min=0).sqrt_()
-
-
-def _lengths(moments: Moments, dimension: int) -> Tensor:
-    """Squared lengths of standardised frames [n]: D, and 0 of a constant frame."""
-    variance = moments.second - moments.first**2 / dimension
-    return variance / deviations(moments, dimension) ** 2

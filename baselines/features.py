@@ -155,24 +155,3 @@ class Thumbnail(FeatureClassifier):
             picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
             pictures.append(torch.from_numpy(picture))
         return torch.stack(pictures).flatten(1).double()
-
-    def predict_zeroed(
-        self,
-        bank: Bank,
-        train: np.ndarray,
-        queries: np.ndarray,
-        before: np.ndarray,
-        after: np.ndarray,
-    ) -> np.ndarray:
-        """Like :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`.
-
-        A pixel of the picture is a mean, so the picture of a difference of frames is the difference
-        of their pictures.
-        """
-        model = replace(self)
-        targets = model.start(bank.at(train), bank.labels[train])
-        features = model._features_of(bank)
-        model._fit(features[train], targets)
-        moved = features[queries] + features[before].mean(0) - features[after].mean(0)
-        best = model._logits(moved).argmax(dim=1)
-        return model.classes_[best.numpy()]

@@ -35,7 +35,7 @@ class DualLinearClassifier(Classifier):
     All N frames are held at once, as bytes. One pass over them makes K, a second the weights.
 
     Args:
-        pixels: a scaling of baselines.pixels other than ``standard``, by name.
+        pixels: one of the scalings in baselines.pixels, by name.
         device: where it is computed; needs float64.
 
     Attributes:
@@ -73,7 +73,7 @@ class DualLinearClassifier(Classifier):
         self._scaling = fit_scaling(self.pixels, self, frames)
         factor = 1.0
         if isinstance(self._scaling, PixelScaling):  # folded into the weights
-            factor = float(self._scaling.scale) ** 2
+            factor = self._scaling.scale**2
             self._scaling = PixelScaling()
         sums = self._combine(images)
         self.weight_ = sums[:-1].mul_(factor)

@@ -11,7 +11,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from baselines import products
-from baselines.bank import Bank, deviations, standardised
+from baselines.bank import Bank, squared_lengths, standardised
 from baselines.base import Classifier, FrameSource
 from baselines.products import Moments
 from hdc import bits
@@ -104,34 +104,6 @@ class NearestNeighbour(Classifier):
         votes = self._votes(distances, targets, len(model.classes_))
         return model.classes_[votes.argmax(1).numpy(force=True)]
 
-    def predict_zeroed(
-        self,
-        bank: Bank,
-        train: np.ndarray,
-        queries: np.ndarray,
-        before: np.ndarray,
-        after: np.ndarray,
-    ) -> np.ndarray:
-        """Like :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`, of grey values.
-
-        A query q is as far from a training frame t as q + before − after, whose products with t are
-        the products of these three.
-        """
-        if self.pixels == "bits":
-            raise ValueError("pixels: expected raw or standardised greys, found 'bits'")
-        model = replace(self)
-        model.check()
-        targets = model.start(bank.at(train), bank.labels[train])
-        asked = np.concatenate([queries, before, after])
-        inside, across = bank.kernel(train, asked, self.pixels)
-        of_queries, of_before, of_after = across.split(
-            [len(queries), len(before), len(after)]
-        )
-        moved = of_queries + of_before.mean(0) - of_after.mean(0)
-        distances = inside.diagonal() - 2 * moved
-        votes = self._votes(distances, targets, len(model.classes_))
-        return model.classes_[votes.argmax(1).numpy(force=True)]
-
     def state_tensors(self) -> dict[str, Tensor]:
         """frames and labels [N]."""
         return {"frames": self.frames_, "labels": self.labels_}
@@ -142,10 +114,8 @@ class NearestNeighbour(Classifier):
         """Squared distances [n, N] from products and moments of greys, up to a constant per row."""
         if self.pixels == "raw":
             return columns.second - 2 * greys
-        variance = columns.second - columns.first**2 / dimension
-        # Squares are D, and 0 for a constant frame.
-        squares = variance / deviations(columns, dimension) ** 2
-        return squares - 2 * standardised(greys, rows, columns, dimension)
+        across = standardised(greys, rows, columns, dimension)
+        return squared_lengths(columns, dimension) - 2 * across
 
     def _votes(
         self,

@@ -21,7 +21,7 @@ from torch.nn import functional as F
 
 from baselines import optimisers
 from baselines.base import Classifier, FrameSource, in_memory_order
-from baselines.pixels import PixelScaling, fit_scaling
+from baselines.pixels import fit_scaling
 from hdc.parameters import check_choice
 
 INITS = ("linear", "normal", "zeros")
@@ -158,15 +158,9 @@ class IterativeClassifier(Classifier):
             return self.network_(inputs).float()
 
     def state_tensors(self) -> dict[str, Tensor]:
-        """The parameters of the network, and the maps of a pixel-by-pixel scaling."""
-        state = {}
-        if isinstance(self.scaling_, PixelScaling):
-            for name, value in vars(self.scaling_).items():
-                if isinstance(value, Tensor):
-                    state[f"pixel_{name}"] = value
-        for name, parameter in self.network_.named_parameters():
-            state[name] = in_memory_order(parameter.detach())
-        return state
+        """The parameters of the network."""
+        parameters = self.network_.named_parameters()
+        return {name: in_memory_order(tensor.detach()) for name, tensor in parameters}
 
     def _epochs(
         self, frames: FrameSource, targets: Tensor, optimizer: torch.optim.Optimizer

@@ -21,7 +21,13 @@ from scenes.validate import require
 
 
 def export(scene: Scene, folder: Path) -> Path:
-    """Write all frames of a scene into a new or empty folder; returns the path of the manifest."""
+    """Write all frames of a scene into a new or empty folder; returns the path of the manifest.
+
+    Raises:
+        FileExistsError: the folder has files.
+        ValueError: the name of a class cannot be the name of a folder.
+        OSError: a file cannot be written.
+    """
     import cv2
 
     if folder.is_dir() and any(folder.iterdir()):
@@ -49,20 +55,19 @@ def export(scene: Scene, folder: Path) -> Path:
     return manifest
 
 
-def composed(overrides: Sequence[str]) -> Any:
+def config_of(overrides: Sequence[str]) -> Any:
     """The config that is configs/config.yaml with these overrides."""
-    from hydra import compose as hydra_compose
-    from hydra import initialize_config_module
+    from hydra import compose, initialize_config_module
 
     with initialize_config_module("configs", version_base="1.3"):
-        return hydra_compose("config", overrides=list(overrides))
+        return compose("config", overrides=list(overrides))
 
 
-def compose(overrides: Sequence[str]) -> Any:
+def scene_of(overrides: Sequence[str]) -> Any:
     """The scene of configs/config.yaml with these overrides."""
     from hydra.utils import instantiate
 
-    config = composed(overrides)
+    config = config_of(overrides)
     torch.set_num_threads(config.threads or torch.get_num_threads())
     return instantiate(config.scene, _convert_="all")
 
@@ -81,7 +86,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     from hydra.errors import HydraException, InstantiationException
 
     try:
-        scene = compose(overrides)
+        scene = scene_of(overrides)
         manifest = export(scene, Path(out[0]).expanduser())
     except InstantiationException as error:
         sys.exit(f"error: {error.__cause__}")

@@ -29,9 +29,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hdc.parameters import check_integer
 from scenes.frames import Indices, level_classes, row_numbers
 from scenes.source import Source
-from scenes.validate import require, require_integer, require_number
+from scenes.validate import require, require_number
 
 PRESSED = Source(
     repository="wavefrontshaping/article_MMF_disorder",
@@ -100,15 +101,15 @@ class FibreScene:
         file: str | None = None,
         step: float | None = None,
     ) -> None:
-        require_integer("scene.samples_per_class", samples_per_class, 1)
-        require_integer("scene.n_fields", n_fields, 1)
+        check_integer("scene.samples_per_class", samples_per_class, 1)
+        check_integer("scene.n_fields", n_fields, 1)
         require_number("scene.perturbation", perturbation, 0)
         require_number("scene.photons", photons, 0)
         require_number("scene.saturation", saturation, 0, strict=True)
         data = _locate(path)
         self._modes = _array(data / MODES, (None, None))
         self._grid = math.isqrt(self._modes.shape[1])
-        require_integer("scene.side", side, self._grid)
+        check_integer("scene.side", side, self._grid)
         outputs = 2 * len(self._modes)
         if source is None:
             measured = _pressed(data, outputs)
@@ -269,7 +270,8 @@ def _stepped(
     """A fibre whose matrices lie one press step apart in one array."""
     if not file or not step:
         raise ValueError(
-            "scene.file, scene.step: expected with scene.source, found none"
+            "scene.source: expected scene.file and scene.step with it, found "
+            f"{file!r} and {step!r}"
         )
     folder = source.folder()
     matrices = _array(folder / file, (None, outputs, None))

@@ -10,18 +10,19 @@ import hashlib
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import readers
+from hdc.parameters import check_integer
 from hdc.readers.film import stream_video
 from hdc.readers.template import Template
 from scenes.frames import Indices, row_numbers
-from scenes.source import Source
-from scenes.validate import require, require_integer
+from scenes.source import PublicScene, Source
+from scenes.validate import require
 
 
 class _Film(NamedTuple):
@@ -31,7 +32,7 @@ class _Film(NamedTuple):
     session: int
 
 
-class FilmScene:
+class FilmScene(PublicScene):
     """Frames of the films of a public repository.
 
     The frame that differs most from the first frame of a film is pressed, and so are the frames
@@ -48,18 +49,12 @@ class FilmScene:
     Attributes:
         samples: ``order``, ``group`` (the number of a film among the films of its label and
             session) and ``session``.
-        sha256: digest of the files that are read; others: see :class:`scenes.frames.Scene`.
+        others: see :class:`scenes.source.PublicScene`.
 
     Raises:
         FileNotFoundError: the repository is not there; the message says how to get it.
-        ValueError: its files do not have the digests of ``source.sha256``, or a setting does not
-            fit.
+        ValueError: its files do not have the digest ``source.sha256``, or a setting does not fit.
     """
-
-    origin = "measured"
-    revision: ClassVar[int] = 1
-    """Raised by hand in the commit that changes the frames it reads."""
-    cacheable = False
 
     def __init__(
         self,
@@ -69,8 +64,8 @@ class FilmScene:
         frames_per_film: int = 20,
         subsample: int = 1,
     ) -> None:
-        require_integer("scene.frames_per_film", frames_per_film, 1)
-        require_integer("scene.subsample", subsample, 1)
+        check_integer("scene.frames_per_film", frames_per_film, 1)
+        check_integer("scene.subsample", subsample, 1)
         self.source = Source(**source)
         root = self.source.folder()
         films = _films(root, sessions, labels)
@@ -90,9 +85,6 @@ class FilmScene:
             "group": _numbers_of_groups(films)[film_of],
             "session": np.array([film.session for film in films])[film_of],
         }
-
-    def __len__(self) -> int:
-        return len(self.labels)
 
     def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 [len(indices), H, W]."""

@@ -16,7 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.validate import is_number, require
+from hdc.parameters import is_number
+from scenes.validate import require
 
 Indices = Sequence[int] | np.ndarray | Tensor
 """Numbers of samples, [k]."""
@@ -111,6 +112,9 @@ def level_classes(
         edges: upper ends of the L classes, increasing; values above all get the index L.
         unit: of the names, in which an edge is shown after multiplication by ``scale``.
         key: of the edges in the configuration, for errors.
+
+    Raises:
+        ValueError: the edges are not two or more increasing numbers.
     """
     expected = "two or more increasing numbers"
     numbers = isinstance(edges, Sequence) and all(map(is_number, edges))

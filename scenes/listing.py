@@ -19,11 +19,13 @@ from omegaconf import OmegaConf
 from rich.console import Console
 from rich.table import Table
 
-from scenes.export import compose, composed
+from scenes.export import config_of, scene_of
 from scenes.fibre import PRESSED, FibreScene
 from scenes.source import DATA, Source
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
+SPLITS = {"random": "random", "ordered": "in time", "session": "in time"}
+"""Kinds of splits in the words of TabArena; the others are "grouped"."""
 
 
 def public_names() -> list[str]:
@@ -61,7 +63,7 @@ def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
     table.add_column("Licence")
     commands: dict[str, None] = {}  # in order, each once
     for name in names:
-        config = composed([f"scene={name}"])
+        config = config_of([f"scene={name}"])
         wanted = sources(config.scene)
         absent = [source for source in wanted if source.find() is None]
         licences = ", ".join(source.licence for source in wanted)
@@ -73,21 +75,20 @@ def overview(names: Sequence[str]) -> tuple[Table, list[str]]:
     return table, list(commands)
 
 
-SPLITS = {"random": "random", "ordered": "in time", "session": "in time"}
-"""Kinds of splits in the words of TabArena; those by group are grouped."""
-
-
 def _present(name: str, split: Any) -> tuple[str, ...]:
     """Whether the files can be read; number and shape of the frames; classes; how they are split;
     and numbers of sessions and groups, where they are known."""
     try:
-        scene = compose([f"scene={name}"])
+        scene = scene_of([f"scene={name}"])
     except InstantiationException:
         return "unreadable", *[""] * 6  # details say what was found
     height, width = scene.shape
     return (
-        *("yes", str(len(scene)), f"{height} × {width}"),
-        *(str(len(scene.classes)), SPLITS.get(split.kind, "grouped")),
+        "yes",
+        str(len(scene)),
+        f"{height} × {width}",
+        str(len(scene.classes)),
+        SPLITS.get(split.kind, "grouped"),
         _count(scene, "session"),
         _count(scene, split.group or "group"),
     )
@@ -104,7 +105,7 @@ def _count(scene: Any, name: str) -> str:
 def details(name: str) -> str:
     """Contents and source of a data set, or how to get it."""
     try:
-        scene = compose([f"scene={name}"])
+        scene = scene_of([f"scene={name}"])
     except InstantiationException as error:
         return f"{name}: {error.__cause__}"
     counts = ", ".join(map(str, np.bincount(scene.labels)))

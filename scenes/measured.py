@@ -12,7 +12,7 @@ import posixpath
 import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 import torch
@@ -20,13 +20,13 @@ from torch import Tensor
 
 from hdc import readers
 from scenes.frames import Indices, level_classes, row_numbers
-from scenes.source import Source
+from scenes.source import PublicScene, Source
 from scenes.validate import require
 
 MEMORY_BYTES = 2**30  # decoded frames are kept up to this size
 
 
-class MeasuredScene:
+class MeasuredScene(PublicScene):
     """Frames that a camera took, in folders of a public repository.
 
     Args:
@@ -40,23 +40,16 @@ class MeasuredScene:
         unknown: labels of frames that belong to no class.
         damaged: files that are damaged in their repository; they are left out.
         rename: new names of labels, such as where a class is spelled in two ways.
-        saturated: why accuracies on this data set cannot rank models, or null.
 
     Attributes:
         unknown: the scene of the frames that belong to no class, or None. It has indices of its
             own, so no split can train on them.
-        sha256: digest of the files that are read; others: see :class:`scenes.frames.Scene`.
+        others: see :class:`scenes.source.PublicScene`.
 
     Raises:
         FileNotFoundError: the repository is not there; the message says how to get it.
-        ValueError: its files do not have the digests of ``source.sha256``, or a setting does not
-            fit.
+        ValueError: its files do not have the digest ``source.sha256``, or a setting does not fit.
     """
-
-    origin = "measured"
-    revision: ClassVar[int] = 1
-    """Raised by hand in the commit that changes the frames it reads."""
-    cacheable = False
 
     def __init__(
         self,
@@ -70,12 +63,10 @@ class MeasuredScene:
         unknown: Sequence[str] = (),
         crop: Sequence[int] | None = None,
         subsample: int = 1,
-        saturated: str | None = None,
         rename: Mapping[str, str] | None = None,
         damaged: Sequence[str] = (),
     ) -> None:
         self.source = Source(**source)
-        self.saturated = saturated
         root = self.source.folder()
         columns = [value["column"] for value in values if "column" in value]
         try:
@@ -121,7 +112,10 @@ class MeasuredScene:
 
     def _levels(self, levels: Mapping[str, Any]) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the classes [L] of a value, and the class name of each frame [N]."""
-        k = self.value_names.index(levels["value"])
+        names, name = self.value_names, levels["value"]
+        expected = f"a name in scene.values ({', '.join(names)})"
+        require(name in names, "scene.levels.value", name, expected)
+        k = names.index(name)
         value, edges = self.values[:, k], levels["edges"]
         classes, labels = level_classes(value, edges, self.units[k])
         expected = f"a last edge of {value.max():g} or more"
@@ -143,9 +137,6 @@ class MeasuredScene:
         self.labels = np.array(labels)
         self.samples = {key: column[chosen] for key, column in self.samples.items()}
         self.values = self.values[chosen]
-
-    def __len__(self) -> int:
-        return len(self.labels)
 
     def frames(self, indices: Indices) -> Tensor:
         """Frames uint8 or uint16 [len(indices), H, W]."""

@@ -10,8 +10,8 @@ import torch
 from torch import Tensor
 
 from hdc import readers
+from hdc.parameters import check_integer
 from scenes.frames import Indices
-from scenes.validate import require_integer
 
 
 class RecordedScene:
@@ -60,7 +60,7 @@ def open_recording(path: str | Path, **settings: Any) -> RecordedScene:
         ValueError: as there; a setting is named as in the configuration, ``scene.crop``.
     """
     if "memory_bytes" in settings:
-        require_integer("scene.memory_bytes", settings["memory_bytes"], 0)
+        check_integer("scene.memory_bytes", settings["memory_bytes"], 0)
     try:
         return RecordedScene(readers.open_recording(path, **settings))
     except readers.SettingError as error:

@@ -13,6 +13,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
+from typing import ClassVar
+
+import numpy as np
 
 DATA = "MEASURED_DATA"
 
@@ -93,6 +96,27 @@ class Source:
                 f"with scene.source.sha256={self.sha256}, found {found}"
             )
         return found
+
+
+class PublicScene:
+    """A scene of frames that a camera took, read from a public repository.
+
+    Attributes:
+        source: the repository.
+        sha256: digest of the files that are read.
+        others: see :class:`scenes.frames.Scene`.
+    """
+
+    origin = "measured"
+    revision: ClassVar[int] = 1
+    """Raised by hand, in the subclass whose frames a commit changes."""
+    cacheable = False
+    source: Source
+    sha256: str
+    labels: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.labels)
 
 
 @lru_cache(maxsize=16)

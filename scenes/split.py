@@ -12,8 +12,8 @@ import numpy as np
 
 from scenes.validate import is_integer, require
 
-# That every scene can have; "grouped" needs groups besides.
 KINDS = ("random", "ordered")
+"""Kinds of splits that need no groups; ``"grouped"`` does."""
 
 
 def split(
@@ -171,6 +171,9 @@ def learning_curve_subsets(
 
     Returns:
         {n: indices [n]} in increasing n.
+
+    Raises:
+        ValueError: a size is not as above.
     """
     classes, class_of, counts = _classes(labels[train])
     low, high = len(classes), len(train)
@@ -222,7 +225,11 @@ def sessions_by_name(names: Sequence[str]) -> tuple[list[str], list[str]] | None
 def by_session(
     sessions: np.ndarray, train: object = 0, test: object = 1
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Indices of the samples of one session and of another one, from the session of each [N]."""
+    """Indices of the samples of one session and of another one, from the session of each [N].
+
+    Raises:
+        ValueError: the two are the same, or there is no session ``test``.
+    """
     present = np.unique(sessions).tolist()
     expected = f"a session other than {train!r} of the sessions {present}"
     require(train != test and test in present, "split.test", test, expected)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
 import numpy as np
+
+from hdc.parameters import is_number
 
 
 def is_integer(value: object) -> bool:
@@ -13,13 +14,6 @@ def is_integer(value: object) -> bool:
     if isinstance(value, bool):
         return False
     return isinstance(value, int | np.integer)
-
-
-def is_number(value: object) -> bool:
-    """Whether a value is a finite real number of Python or NumPy; True and False are not."""
-    if isinstance(value, float | np.floating):
-        return math.isfinite(value)
-    return is_integer(value)
 
 
 def require(
@@ -31,20 +25,6 @@ def require(
     """Raise a ValueError that names the configuration key unless the condition holds."""
     if not condition:
         raise ValueError(f"{key}: expected {expected}, found {found!r}")
-
-
-def require_integer(
-    key: str,
-    value: Any,
-    low: int,
-    high: float = math.inf,
-) -> None:
-    """Raise a ValueError unless the value is an integer in [low, high]."""
-    expected = f"an integer in [{low}, {high}]"
-    if high == math.inf:
-        expected = f"an integer ≥ {low}"
-    inside = is_integer(value) and low <= value <= high
-    require(inside, key, value, expected)
 
 
 def require_number(

@@ -118,15 +118,25 @@ def ask(
     and labels the ``set`` of all classes that may be. With probabilities the best class has a
     ``probability``, and every class has one in ``probabilities``. The `settings` are ``template``,
     ``axes`` and ``image_column`` of :func:`hdc.readers.open_recording`.
+
+    Raises:
+        ValueError: a template or axes where all files are images and videos, a file cannot be read,
+            or its frames do not fit the model.
     """
+    settings = settings or {}
     kinds = {file: kind_of(readers.split_name(file)[0]) for file in files}
     images = [file for file in files if not kinds[file]]
+    videos = [file for file in files if kinds[file] == VIDEO]
+    others = [file for file in files if kinds[file] not in ("", VIDEO)]
+    for name in ("template", "axes"):
+        if settings.get(name) and not others:
+            wanted_files = "a folder or a file of arrays"
+            raise ValueError(f"--{name}: expected {wanted_files}, found {files[0]}")
     stills = zip(images, stream_files(images, window), strict=True)
     yield from _rows(model, stills, wanted)
-    for array in [f for f in files if kinds[f] not in ("", VIDEO)]:
-        frames = _recorded(model, array, window, settings or {})
-        yield from _rows(model, frames, wanted)
-    for video in [f for f in files if kinds[f] == VIDEO]:
+    for path in others:
+        yield from _rows(model, _recorded(model, path, window, settings), wanted)
+    for video in videos:
         # All before the first is given: at its end a video may turn out to be cut off.
         yield from list(_rows(model, _of_video(video, window), wanted))
 
@@ -195,7 +205,7 @@ def _value_row(model: Any, own: Mapping[str, Any]) -> dict[str, Any]:
     return row
 
 
-def table_row(answer: Mapping[str, Any], units: Sequence[str] = ()) -> dict[str, str]:
+def table_row(answer: Mapping[str, Any], units: Sequence[str]) -> dict[str, str]:
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():

@@ -93,9 +93,9 @@ def _arrays(path: Path) -> list[str]:
 
 
 def _video(path: Path) -> list[str]:
-    from hdc.readers.film import opened
+    from hdc.readers import film  # late: PyAV is of the extra files
 
-    with opened(path) as (_, stream):
+    with film.opened(path) as (_, stream):
         rate = float(stream.average_rate or 0)
         size = messages.size((stream.height, stream.width))
         return [
@@ -143,8 +143,8 @@ def _described(words: list[str], frames: Recording) -> list[str]:
     if frames.group is not None:
         n = len(np.unique(frames.group))
         lines.append(f"groups: {n}, each learnt or tested as a whole")
-    lines += messages.reading_line(frames)
-    lines += [*_twins_line(words, frames), *_unit_lines(frames)]
+    lines += messages.reading_lines(frames)
+    lines += [*_twins_lines(words, frames), *_unit_lines(frames)]
     test = ("--test-fraction", "0.2", "-o", "model.safetensors")
     return [*lines, shlex.join(["hdc", "train", *words, *test])]
 
@@ -165,7 +165,7 @@ def _unit_lines(frames: Recording) -> list[str]:
     return lines
 
 
-def _twins_line(words: list[str], frames: Recording) -> list[str]:
+def _twins_lines(words: list[str], frames: Recording) -> list[str]:
     """A question, where names of classes differ in a number alone; or nothing."""
     template = numbered(frames.classes)
     if not template:

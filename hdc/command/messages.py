@@ -27,6 +27,8 @@ DIFFERS = (
 )
 LISTED = 12
 """Names of classes or sessions that one line shows."""
+WIDE = 12
+"""Characters of the head of a column of confusions."""
 
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
@@ -83,7 +85,7 @@ def learnt(recording: Recording) -> str:
     return f"values of {', '.join(names)}"
 
 
-def reading_line(recording: Recording) -> list[str]:
+def reading_lines(recording: Recording) -> list[str]:
     """How the file was read, where it could be read otherwise; or nothing."""
     return [f"read: {'; '.join(recording.notes)}"] if recording.notes else []
 
@@ -181,7 +183,7 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
     found = [
         f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}{by}), {round(share * n)} of "
         f"{n} frames",
-        f"a guess of {guessed}, the largest class: accuracy {result['guess']:.1%}",
+        f"majority-class baseline (always {guessed}): accuracy {result['guess']:.1%}",
     ]
     if "refused" in result:
         found.append(_refused_of(result, n))
@@ -211,7 +213,7 @@ def limit_of_refused(reject: float, left_out: str) -> str:
 def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:
     error, guess = (_number(own[key], own) for key in ("mean_absolute_error", "guess"))
     return (
-        f"{printable(name)}: mean absolute error {error} (a guess of the mean {guess}), R² "
+        f"{printable(name)}: mean absolute error {error} (mean baseline {guess}), R² "
         f"{own['r_squared']:.3f}, {n} frames"
     )
 
@@ -253,9 +255,9 @@ def confusions(result: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def _shortened(names: Sequence[str], least: int = 12) -> list[str]:
-    """The beginnings of names, so long that they differ."""
-    for length in range(least, max(map(len, names))):
+def _shortened(names: Sequence[str]) -> list[str]:
+    """The beginnings of names: :data:`WIDE` characters, or as many more as make them differ."""
+    for length in range(WIDE, max(map(len, names))):
         found = [name[:length] for name in names]
         if len(set(found)) == len(names):
             return found

@@ -63,10 +63,10 @@ def recalibrate(
     check_replaceable(output)
     found, window = load(model)
     frames = frames_for(found, window, source, fewest_classes=0)
-    given = {"p": p, "method": method, "random_state": seed}
-    options = {name: value for name, value in given.items() if value is not None}
+    every = {"p": p, "method": method, "random_state": seed}
+    given = {name: value for name, value in every.items() if value is not None}
     if hasattr(found, "classes_") and frames.labels is None:
-        _refuse(options, (), "frames without labels")
+        _refuse(given, (), "frames without labels")
         if not hasattr(found, "rezero"):
             raise ValueError(
                 f"{source.path}: expected labels, or a model with an encoder such as reference, "
@@ -75,16 +75,16 @@ def recalibrate(
         found.rezero(frames)
         line = f"re-referenced by {len(frames)} new frames without labels"
     elif hasattr(found, "classes_"):
-        line = _by_labels(found, frames, options)
+        line = _by_labels(found, frames, given)
     else:
-        _refuse(options, (), "numbers")
+        _refuse(given, (), "numbers")
         found.recalibrate(_batches(frames), frames.values)
         line = f"{len(frames)} new frames, {learnt(frames)}"
     found.save(output)
     say(f"{output}: {line}")
 
 
-def _by_labels(model: Any, frames: Recording, options: dict[str, Any]) -> str:
+def _by_labels(model: Any, frames: Recording, given: dict[str, Any]) -> str:
     """Recalibrate a classifier; a line on what by."""
     if not hasattr(model, "recalibrate"):
         raise ValueError(
@@ -93,23 +93,23 @@ def _by_labels(model: Any, frames: Recording, options: dict[str, Any]) -> str:
         )
     readout = model.readout_
     used = readout.adapts_by
-    _refuse(options, used, f"the read-out {type(readout).__name__}")
+    _refuse(given, used, f"the read-out {type(readout).__name__}")
     by_name = {str(c): c for c in model.classes_.tolist()}
     labels = [by_name[name] for name in frames.names]
-    model.recalibrate(_batches(frames), labels, **options)
+    model.recalibrate(_batches(frames), labels, **given)
     names, counts = np.unique(frames.names, return_counts=True)
     line = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
     if hasattr(readout, "methods"):
-        method = options.get("method", readout.methods[0])
+        method = given.get("method", readout.methods[0])
         line += f", {method}"
         if method == "replace":
             warnings.warn(PUBLISHED, stacklevel=2)
-    return f"{line}, p = {options.get('p', 0.5):g}" if "p" in used else line
+    return f"{line}, p = {given.get('p', 0.5):g}" if "p" in used else line
 
 
-def _refuse(options: dict[str, Any], used: tuple[str, ...], what: str) -> None:
+def _refuse(given: dict[str, Any], used: tuple[str, ...], what: str) -> None:
     """Raise a UsageError for an option that changes nothing."""
-    unused = [name for name in options if name not in used]
+    unused = [name for name in given if name not in used]
     wrong = ["--seed" if name == "random_state" else f"--{name}" for name in unused]
     if wrong:
         raise click.UsageError(f"expected no {' or '.join(wrong)} for {what}")

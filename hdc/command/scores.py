@@ -22,7 +22,7 @@ def score(
     reject: float | None = None,
     interval: float | None = None,
 ) -> dict[str, Any]:
-    """Accuracy, confusions and wrong frames, or errors of values, of the frames `index`.
+    """Accuracy, confusions and wrong frames, or errors of values, of the n frames `index`.
 
     With a share to `reject` also how many frames were refused, and with an `interval` how often
     the truth was in the intervals or sets.
@@ -42,7 +42,7 @@ def _of_classes(
     found: Mapping[str, Any],
     wanted: Wanted,
 ) -> dict[str, Any]:
-    """Accuracy with its interval and that of a guess, confusions, and the frames that are wrong."""
+    """Accuracy with its interval, that of the majority-class baseline, confusions, wrong frames."""
     names = [str(label) for label in model.classes_]
     row = {name: k for k, name in enumerate(names)}
     truth = np.array([row[name] for name in np.array(recording.names)[index].tolist()])

@@ -93,7 +93,7 @@ def train(
     model.save(output, metadata=metadata)
     advice = "" if choose else "; --choose tries others"
     lines.append(messages.form_line(model, output) + advice)
-    lines += messages.reading_line(frames)
+    lines += messages.reading_lines(frames)
     lines += messages.circular_lines(frames, period)
     first = f"{output}: {len(rows)} frames, {messages.whole(frames)}"
     messages.say(first, *lines)
@@ -179,11 +179,12 @@ def chosen(
     data, (folds,) = judge.prepared(recording, rows, period=period)
     forms = candidates.forms((), (), recording.values is not None, period)
     shown = with_progress(forms, len(forms), "Choosing")
-    tried = {form: found for form, (found,) in judge.compared(shown, data, [folds], {})}
+    answers = judge.compared(shown, data, [folds])
+    tried = {form: rows[0] for form, rows in answers if not isinstance(rows, str)}
     best = judge.best(tried)
     mine, published = (float(tried[form].losses.mean()) for form in (best, forms[0]))
     if recording.values is not None:
-        found = f"{mine:.3g} of a guess's error, {forms[0].name} {published:.3g}"
+        found = f"{mine:.3g} of the constant baseline's error, {forms[0].name} {published:.3g}"
     else:
         found = f"accuracy {1 - mine:.1%}, the published form {1 - published:.1%}"
     lines = [f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"]

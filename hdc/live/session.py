@@ -232,9 +232,8 @@ def _classifier(samples: Sequence[Sample]) -> HDCClassifier | None:
     """A classifier taught and recalibrated lesson by lesson; None with fewer than two classes."""
     if len({sample.label for sample in samples}) < 2:
         return None
-    model = HDCClassifier(
-        readout=Majority(class_weight="balanced")
-    )  # lessons are of any length
+    # Lessons are of any length.
+    model = HDCClassifier(readout=Majority(class_weight="balanced"))
     for lesson in sorted({sample.lesson for sample in samples}):
         own = [sample for sample in samples if sample.lesson == lesson]
         frames = np.stack([sample.frame for sample in own])

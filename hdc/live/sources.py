@@ -118,8 +118,8 @@ class Recorded:
             found = f"frames {recording.frame_shape}, classes {recording.classes}"
             raise ValueError(f"{path}: expected images with labels, found {found}")
         if recording.dtype not in (np.uint8, np.uint16):
-            found = f"{recording.dtype}"
-            raise ValueError(f"{path}: expected frames of 8 or 16 bits, found {found}")
+            wanted = "frames of 8 or 16 bits"
+            raise ValueError(f"{path}: expected {wanted}, found {recording.dtype}")
         self.title = f"Recording {path.name}"
         self.metadata = _kept(window)
         self.shape: tuple[int, ...] = recording.frame_shape

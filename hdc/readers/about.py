@@ -23,8 +23,6 @@ KNOWN = ("order", "session", "group")
 _INTEGER = re.compile(r"[-+]?\d+", re.ASCII)
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
 """Texts for a missing number, in upper or lower case."""
-
-
 _OF_UNITS = re.compile(
     r"(?:^|[^a-z])(?:session|trial|run|day|date|take|rep|repetition|batch|block|visit)s?"
     r"(?:[^a-z]|no|nr|id|num|number|$)"

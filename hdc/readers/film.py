@@ -98,11 +98,12 @@ class Film:
             return (self._kept[number] for number in numbers)
         ordered = sorted(set(numbers))
         if ordered == numbers:
-            return self._decoded(ordered)
-        found = dict(zip(ordered, self._decoded(ordered), strict=True))
+            return self._of_numbers(ordered)
+        found = dict(zip(ordered, self._of_numbers(ordered), strict=True))
         return (found[number] for number in numbers)
 
-    def _decoded(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
+    def _of_numbers(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
+        """Frames of these numbers, which increase."""
         frames = enumerate(stream_video(self.path, self._window))
         for wanted in ordered:
             found = (frame for number, (_, frame) in frames if number == wanted)
@@ -233,6 +234,8 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
             streams[0].thread_type = "NONE"
             streams[0].codec_context.options = {"err_detect": "explode"}
             yield container, streams[0]
+    except GeneratorExit:  # at the end of Python, when the names below are gone
+        raise
     except (av.error.FFmpegError, UnicodeDecodeError) as error:
         found = getattr(error, "strerror", "") or "text that is damaged"
         raise BadFrame(f"{path}: expected a whole video, found: {found}") from error

@@ -62,7 +62,7 @@ def is_whole(file: Path) -> bool:
 
 
 def decoded(place: str, data: bytes) -> np.ndarray:
-    """The same, of bytes that are of a place."""
+    """:func:`decode` of the bytes of a file; errors name the `place`."""
     if data.startswith(TIFF):
         from hdc.readers import tiff
 

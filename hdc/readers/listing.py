@@ -25,8 +25,6 @@ from hdc.readers.template import Template
 
 MANIFEST = "manifest.csv"
 SUFFIXES = (".png", ".jpg", ".jpeg", ".bmp", ".tif", ".tiff")
-
-
 Reader = Callable[[str], dict[str, str] | None]
 """Texts that the path of an image says, by column; None where it says none."""
 

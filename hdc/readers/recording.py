@@ -188,12 +188,13 @@ class Recording(About):
         """Frames of the given indices for a model, which takes them batch by batch, once."""
         return Batches(self, indices)
 
-    def left_out(self, most: int = 3) -> str:
-        """One line on the files that are no frames, with the first names; or nothing."""
+    def left_out(self) -> str:
+        """One line on the files that are no frames, with the first three names; or nothing."""
         if not self.other_files:
             return ""
-        shown = [*self.other_files[:most], *(["…"] if self.other_files[most:] else [])]
-        return f"left out {len(self.other_files)} other files: {', '.join(shown)}"
+        more = ["…"] if len(self.other_files) > 3 else []
+        shown = ", ".join([*self.other_files[:3], *more])
+        return f"left out {len(self.other_files)} other files: {shown}"
 
     def fingerprint(self) -> str:
         """SHA-256 over the recorded bytes, the pixels kept of them, labels, values and order."""

@@ -154,9 +154,8 @@ def _add(store: Store, found: dict[str, Any], before: str) -> None:
         if array.dtype == object and all(isinstance(c, str) for c in array.flat):
             array = np.array(array.ravel().tolist())  # a cell array of texts
         if array.dtype.kind == "U":
-            array = np.asarray(
-                np.char.rstrip(array)
-            )  # rows of characters are equally long
+            # MATLAB's rows of characters are equally long.
+            array = np.asarray(np.char.rstrip(array))
         if array.dtype.kind not in "iufbU":
             store.unread[path] = not_plain(name)
         else:

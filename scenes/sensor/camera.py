@@ -20,7 +20,8 @@ import torch
 from scipy.optimize import brentq
 from torch import Tensor
 
-from scenes.validate import require_integer, require_number
+from hdc.parameters import check_integer
+from scenes.validate import require_number
 
 KEY = "scene.sensor.camera"
 CONTINUOUS = 20.0
@@ -52,13 +53,13 @@ class Camera:
     read_noise: float = 0.7
 
     def __post_init__(self) -> None:
-        require_integer(f"{KEY}.grid", self.grid, 1)
+        check_integer(f"{KEY}.grid", self.grid, 1)
         for name, high in (
             ("pupil", self.grid),
             ("crop", self.grid),
             ("polarisations", 2),
         ):
-            require_integer(f"{KEY}.{name}", getattr(self, name), 1, high)
+            check_integer(f"{KEY}.{name}", getattr(self, name), 1, high)
         for name in ("unevenness", "read_noise"):
             require_number(f"{KEY}.{name}", getattr(self, name), 0)
         for name in ("photons", "grey"):

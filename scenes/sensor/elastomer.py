@@ -21,7 +21,8 @@ from numpy.typing import NDArray
 from scipy import special
 from scipy.interpolate import CubicSpline
 
-from scenes.validate import require_integer, require_number
+from hdc.parameters import check_integer
+from scenes.validate import require_number
 
 Array = NDArray[np.float64]
 
@@ -173,7 +174,7 @@ class Layer:
 
     def __post_init__(self) -> None:
         require_number("scene.sensor.layer.thickness", self.thickness, 0, strict=True)
-        require_integer("scene.sensor.layer.levels", self.levels, 1)
+        check_integer("scene.sensor.layer.levels", self.levels, 1)
 
     @cached_property
     def heights(self) -> Array:

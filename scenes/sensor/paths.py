@@ -16,8 +16,9 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hdc.parameters import check_integer
 from scenes.sensor.elastomer import Layer, RadialTable
-from scenes.validate import require, require_integer, require_number
+from scenes.validate import require, require_number
 
 KEY = "scene.sensor.paths"
 
@@ -55,7 +56,7 @@ class Paths:
     def __post_init__(self) -> None:
         for name in ("wavelength", "index", "reach", "length", "width", "spread"):
             require_number(f"{KEY}.{name}", getattr(self, name), 0, strict=True)
-        require_integer(f"{KEY}.vertices", self.vertices, 1)
+        check_integer(f"{KEY}.vertices", self.vertices, 1)
         require_number(f"{KEY}.forward", self.forward, 0)
         require(
             0 <= self.surface <= 1, f"{KEY}.surface", self.surface, "a share in [0, 1]"

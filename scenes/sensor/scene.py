@@ -12,12 +12,13 @@ import numpy as np
 import torch
 from torch import Tensor
 
+from hdc.parameters import check_integer
 from scenes.frames import Indices, row_numbers
 from scenes.sensor.contact import BoundContact, Press, Touch
 from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
-from scenes.validate import require, require_integer
+from scenes.validate import require
 
 CPU_BATCH = 1  # a frame's arrays fill a core's cache
 DEVICE_BATCH = 64  # a GPU wants many
@@ -53,13 +54,13 @@ class SpeckleScene:
         sessions: Sequence[Room] = (Room(),),
         seed: int = 0,
     ) -> None:
-        require_integer("seed.samples", seed, 0)
+        check_integer("seed.samples", seed, 0)
         require(len(classes) > 0, "scene.classes", classes, "at least one class")
         require(len(sessions) > 0, "scene.sessions", sessions, "at least one session")
         self.sensor = sensor
         self.sessions = tuple(sessions)
         self.seed = seed
-        require_integer("scene.samples_per_class", samples_per_class, 1)
+        check_integer("scene.samples_per_class", samples_per_class, 1)
         self.classes = tuple(map(str, classes))
         self._counts = [samples_per_class] * len(self.classes)
         self.contacts: list[Press | None] = []

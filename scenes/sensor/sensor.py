@@ -9,12 +9,12 @@ from functools import cached_property
 import torch
 from torch import Tensor
 
+from hdc.parameters import check_integer
 from scenes.sensor.camera import Camera, MountedCamera
 from scenes.sensor.elastomer import Layer
 from scenes.sensor.environment import Thermal
 from scenes.sensor.paths import Paths, PathSet, Table
 from scenes.sensor.seeds import stream
-from scenes.validate import require_integer
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Sensor:
     camera: Camera = field(default_factory=Camera)
 
     def __post_init__(self) -> None:
-        require_integer("seed.sensor", self.seed, 0)
+        check_integer("seed.sensor", self.seed, 0)
         for kind in (Layer, Paths, Thermal, Camera):
             name = kind.__name__.lower()
             part = getattr(self, name)

@@ -10,18 +10,17 @@ from tests.experiments.composed import tree
 
 NAMES = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Okabe and Ito's colours, told apart by people with any kind of colour vision; then an indigo of
-# Tol's and a light one of ColorBrewer's, which are safe as well: for softmax at its optimum.
+# Tol's and a light one of ColorBrewer's, which are safe as well: for softmax at its optimum. The
+# last three, a lighter and a darker vermilion and a purple, are of forms of HDC.
 COLOURS = {
     *("#000000", "#E69F00", "#56B4E9", "#009E73", "#F0E442", "#0072B2", "#D55E00"),
-    *("#CC79A7", "#332288", "#8DA0CB"),
+    *("#CC79A7", "#332288", "#8DA0CB", "#E8924F", "#7A3600", "#A5178A"),
 }
 GROUPS = {"paper", "fast", "beyond", "other"}
 
 
 @pytest.mark.parametrize("name", NAMES)
 def test_makes_a_model_and_says_how_it_is_shown(name):
-    if name.startswith("torchhd"):
-        pytest.importorskip("torchhd")
     cfg = tree(f"model={name}", "seed.init=5")
     display = cfg.display
     assert set(display) == {"name", "colour", "marker", "line", "group"}

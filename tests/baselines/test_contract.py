@@ -32,8 +32,6 @@ NAMES = [name for name in ALL if not name.startswith("hdc") and name not in VARI
 
 def make(name):
     """The model of a config, quick enough for small frames."""
-    if name.startswith("torchhd"):
-        pytest.importorskip("torchhd")
     model = instantiate(tree(f"model={name}").model, _convert_="all")
     if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
         return replace(model, lr=1e-2, max_epochs=20)

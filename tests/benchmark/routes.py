@@ -18,7 +18,6 @@ from typing import Any, NamedTuple
 import numpy as np
 import torch
 
-from baselines.libraries import multisets
 from experiments.protocol.clock import synchronise
 from hdc import HDCClassifier, bits
 from hdc.encoders import Median
@@ -96,6 +95,13 @@ def train_routes(case):
     yield Route(
         TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames)))
     )
+
+
+def multisets(classes):
+    """Prototypes bool [L, D] by torchhd, of hypervectors bool [N_l, D] of each class."""
+    torchhd = load("torchhd")
+    prototypes = [torchhd.multiset(torchhd.BSCTensor(ones)) for ones in classes]
+    return torch.stack(prototypes).as_subclass(torch.Tensor)
 
 
 def predict_routes(case):

@@ -11,7 +11,6 @@ import functools
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
-from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -187,15 +186,9 @@ def hdc_numbers(
     return found
 
 
-_NEEDS = {"torchhd": "torchhd"}  # models of the extra peers
-
-
 def of_models() -> Iterator[tuple[str, Item]]:
     """Labels of every model of ``configs/model/`` after a few steps."""
     for path in sorted((configs.CONFIGS / "model").glob("*.yaml")):
-        needed = _NEEDS.get(path.stem.partition("_")[0])
-        if needed and find_spec(needed) is None:
-            continue
         model = part("model", path.stem)["model"]
         make = functools.partial(labels_of, model)
         yield f"model {path.stem}", Item(model, make)

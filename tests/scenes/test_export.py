@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenes.export import compose, export, main
+from scenes.export import export, main, scene_of
 from scenes.recorded import open_recording
 
 SMALL = [
@@ -14,7 +14,7 @@ SMALL = [
 
 
 def test_the_same_scene_comes_back(tmp_path):
-    made = compose(["scene=drift", *SMALL])
+    made = scene_of(["scene=drift", *SMALL])
     export(made, tmp_path / "out")
     read = open_recording(tmp_path / "out")
     assert read.classes == made.classes

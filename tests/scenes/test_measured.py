@@ -9,7 +9,7 @@ import torch
 from hydra.errors import InstantiationException
 
 from scenes import listing, measured
-from scenes.export import compose
+from scenes.export import scene_of
 from scenes.frames import Scene
 from scenes.listing import show
 from scenes.measured import MeasuredScene
@@ -108,6 +108,9 @@ def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
     message = r"scene\.levels\.edges: expected a last edge of 6 or more"
     with pytest.raises(ValueError, match=message):
         touches(**settings, levels={"value": "depth", "edges": [3, 5]})
+    message = r"scene\.levels\.value: expected a name in scene\.values \(depth, roll\), found 'yaw'"
+    with pytest.raises(ValueError, match=message):
+        touches(**settings, levels={"value": "yaw", "edges": [3, 5]})
 
 
 def test_unknown_frames_are_a_scene_of_their_own(root):
@@ -194,7 +197,7 @@ def test_a_comment_makes_no_public_recording(tmp_path, monkeypatch):
 def test_the_public_recordings(name):
     """Their files are those of the digest in the YAML, or opening them fails."""
     try:
-        scene = compose([f"scene={name}"])
+        scene = scene_of([f"scene={name}"])
     except InstantiationException as error:
         if isinstance(error.__cause__, FileNotFoundError):
             pytest.skip(f"{name}: {error.__cause__}")

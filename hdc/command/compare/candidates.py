@@ -93,7 +93,7 @@ def forms(
     return found
 
 
-def baselines(learns_values: bool, period: float | None = None) -> list[Candidate]:
+def baselines(learns_values: bool, period: float | None) -> list[Candidate]:
     """Models of grey values, each pixel standardised over the training frames."""
     from sklearn.linear_model import RidgeClassifierCV, RidgeCV
     from sklearn.multioutput import MultiOutputRegressor

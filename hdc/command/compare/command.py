@@ -87,16 +87,20 @@ def compare(
     if later is not None:
         _check_alike(frames, later)
     data, of_each = judge.prepared(frames, np.arange(len(frames)), later, period)
-    tests = dict(zip((FOLDS, str(other)), of_each, strict=False))
+    second = f"./{other}" if str(other) == FOLDS else str(other)
+    tests = dict(zip((FOLDS, second), of_each, strict=False))
     say = _nothing if as_json else messages.say
     heads = _heads(frames, tests)
     say(*_about(frames, tests, period), "  ".join(heads))
     tried: dict[Candidate, list[Row]] = {}
     left_out: dict[str, str] = {}
     try:
-        for candidate, rows in judge.compared(listed, data, of_each, left_out):
-            tried[candidate] = rows
-            say(_line(candidate.name, _numbers(candidate, rows, frames), heads))
+        for candidate, found in judge.compared(listed, data, of_each):
+            if isinstance(found, str):
+                left_out[candidate.name] = found
+            else:
+                tried[candidate] = found
+                say(_line(candidate.name, _numbers(candidate, found, frames), heads))
     except KeyboardInterrupt:
         say("interrupted: the rows above are whole")
     if listed[0] not in tried:
@@ -220,7 +224,7 @@ def _about(
     why = f", for {reason}" if reason else ""
     return [
         f"{len(frames)} frames, {messages.whole(frames)}",
-        *messages.reading_line(frames),
+        *messages.reading_lines(frames),
         *messages.circular_lines(frames, period),
         f"chosen by {folds.how}{why}",
         *(
@@ -266,7 +270,7 @@ def _sentences(result: Mapping[str, Any]) -> list[str]:
     else:
         won = f"{100 * result['gain']:+.1f} points of accuracy"
         if "values" in result:
-            won = f"{result['gain']:.3g} of a guess's error less"
+            won = f"{result['gain']:.3g} of the constant baseline's error less"
         lines.append(f"{chosen} over {published}: {won}, {_clear(result)}.")
     first, *others = result["models"][chosen].get("accuracy", (0,))
     if others and first - others[-1] > messages.FALL:

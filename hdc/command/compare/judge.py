@@ -95,7 +95,13 @@ def prepared(
     other: Recording | None = None,
     period: float | None = None,
 ) -> tuple[Data, list[Test]]:
-    """The folds of some frames of a recording, and after them the test on another recording."""
+    """Frames in memory: the `rows` of a recording, then all of the other; and how they are tested.
+
+    The tests are the folds of the former and, where there is another recording, the test on it.
+
+    Raises:
+        ValueError: a class has a single frame, or a single group.
+    """
     made, unit = splits.folds(recording, rows)
     folds = Test(made, unit)
     tests = [replace(folds, units=replace(unit, of=unit.of[folds.rows]))]
@@ -114,7 +120,8 @@ class Row:
     """Answers of a model.
 
     Attributes:
-        losses: 1 for a wrong label, or the mean error of T values in units of a guess's, [Q].
+        losses: [Q], 1 for a wrong label, 0 for a right one; of values the mean over the T of each
+            error as a multiple of :func:`constant_errors`.
         errors: of each value [Q, T]; [Q, 0] of classes.
         train_s: seconds to learn, a mean over the splits; those to encode are among them.
         frame_ms: milliseconds a frame to predict, likewise.
@@ -152,13 +159,15 @@ def judged(candidate: Candidate, data: Data, test: Test) -> Row:
         return Row(losses, np.empty((len(truth), 0)), *times)
     errors = circular.errors(found.reshape(truth.shape), truth, data.period)
     trainable = np.unique(np.concatenate([train for train, _ in test.splits]))
-    guess = guesses(data.truth[trainable], data.period)
-    return Row((errors / guess).mean(axis=1), errors, *times)
+    of_constant = constant_errors(data.truth[trainable], data.period)
+    return Row((errors / of_constant).mean(axis=1), errors, *times)
 
 
-def guesses(values: np.ndarray, period: float | None) -> np.ndarray:
-    """Mean error [T] of a guess of the median, or of the mean direction of values that go round;
-    1 of values that are all equal."""
+def constant_errors(values: np.ndarray, period: float | None) -> np.ndarray:
+    """Mean error [T] of the constant baseline; 1 where all values are equal.
+
+    It is the median of the values [N, T], or the mean direction of values that go round.
+    """
     middle = np.median(values, axis=0)
     if period is not None:
         plane = circular.to_plane(values, period).mean(axis=0)
@@ -168,25 +177,20 @@ def guesses(values: np.ndarray, period: float | None) -> np.ndarray:
 
 
 def compared(
-    candidates: Iterable[Candidate],
-    data: Data,
-    tests: Sequence[Test],
-    refused: dict[str, str],
-) -> Iterator[tuple[Candidate, list[Row]]]:
-    """Each candidate with its answers in each test.
-
-    One that refuses the frames is left out, and noted among the `refused` with its reason.
-    """
+    candidates: Iterable[Candidate], data: Data, tests: Sequence[Test]
+) -> Iterator[tuple[Candidate, list[Row] | str]]:
+    """Each candidate with its answers in each test, or with its reason to refuse the frames."""
     for candidate in candidates:
         try:
             with warnings.catch_warnings():
                 # Of each model and each fold they would be the same ones.
                 warnings.simplefilter("ignore", UserWarning)
-                rows = [judged(candidate, data, test) for test in tests]
+                found: list[Row] | str = [
+                    judged(candidate, data, test) for test in tests
+                ]
         except ValueError as error:
-            refused[candidate.name] = str(error)
-            continue
-        yield candidate, rows
+            found = str(error)
+        yield candidate, found
 
 
 def best(tried: Mapping[Candidate, Row]) -> Candidate:

@@ -235,7 +235,7 @@ def test_a_score_of_values_is_complete(tmp_path):
         },
     }
     assert messages.score_lines(found)[0] == (
-        "force: mean absolute error 1.333 N (a guess of the mean 2 N), R² 0.211, 3 frames"
+        "force: mean absolute error 1.333 N (mean baseline 2 N), R² 0.211, 3 frames"
     )
     wide = scores.score(Read(), recording, np.array([4]), interval=0.8)
     assert messages.score_lines(wide)[3].endswith("mean width inf")

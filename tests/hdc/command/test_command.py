@@ -95,7 +95,7 @@ def test_held_out_frames_are_not_learnt(hdc, folder, frames, tmp_path):
     out = hdc(*words, "--encoder", "reference")[1]
     assert out[3:5] == [
         "held out at random: accuracy 100.0% (95 % interval 70.1% to 100.0%), 9 of 9 frames",
-        "a guess of a, the largest class: accuracy 33.3%",
+        "majority-class baseline (always a): accuracy 33.3%",
     ]
     assert out[5].startswith("held out at random because no sessions are known")
     (learnt, _), _ = splits.hold_out(open_recording(folder), 0.25)

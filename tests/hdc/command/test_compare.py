@@ -122,18 +122,18 @@ def test_a_row_of_values_is_the_plain_computation(of_values):
         assert row.losses.mean() == pytest.approx((expected / spread).mean(), rel=1e-4)
 
 
-def test_losses_of_values_are_in_units_of_a_guess_on_the_line_or_the_circle(of_values):
+def test_losses_of_values_are_multiples_of_those_of_the_constant_baseline(of_values):
     away = np.random.default_rng(0).uniform(-180, 180, (2000, 1))
-    assert judge.guesses(away, 360) == pytest.approx(90, rel=0.05)
-    assert judge.guesses(np.ones((12, 1)), None) == [1.0]  # of equal values
+    assert judge.constant_errors(away, 360) == pytest.approx(90, rel=0.05)
+    assert judge.constant_errors(np.ones((12, 1)), None) == [1.0]  # of equal values
     kept = dict(np.load(of_values))
     angles = (kept["values"][:, :1] * 20 - 160) % 360  # to either side of zero
     kept |= {"values": angles, "value_names": ["yaw"], "value_units": ["deg"]}
     np.savez(of_values, **kept)
     row = judge.judged(candidates.forms((), (), True)[0], *prepared(of_values, 360))
     assert row.errors.mean() < 30
-    guess = judge.guesses(angles, 360)
-    assert row.losses == pytest.approx((row.errors / guess)[:, 0])
+    constant = judge.constant_errors(angles, 360)
+    assert row.losses == pytest.approx((row.errors / constant)[:, 0])
 
 
 def test_a_gain_is_tested_by_whole_units():
@@ -207,6 +207,15 @@ def test_the_line_to_type_trains_the_chosen_model(hdc, tmp_path, monkeypatch):
     assert repr(model.encoder).startswith("Levels(")
     assert repr(model.readout).startswith("LDA(")
     assert model.frame_shape_ == (8, 16)
+
+
+def test_another_recording_may_be_called_folds(hdc, folder, monkeypatch):
+    """It took the place of the folds."""
+    monkeypatch.chdir(folder.parent)
+    folder.rename("folds")
+    one = ("--encoder", "median", "--readout", "majority")
+    (line,) = hdc("compare", "folds", "--test", "folds", *one, "--json")[1]
+    assert json.loads(line)["tests"] == {"folds": 36, "./folds": 36}
 
 
 def test_another_recording_is_tested_and_chooses_nothing(hdc, archive, tmp_path):

@@ -40,6 +40,8 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tm
         (("predict", folder / "a" / "0.png", model), f"{folder}/a/0.png: expected"),
         (("predict", model, "no\n.png"), "no .png: expected a readable file, found none"),
         (("predict", model, tmp_path / "empty"), f"{tmp_path}/empty: expected images (.png"),
+        (("predict", model, folder / "a" / "0.png", "--template", "{label}/*.png"),
+         f"--template: expected a folder or a file of arrays, found {folder}/a/0.png"),
         (("predict", tmp_path / "n", folder, "--reject"),
          "--reject: expected a model of classes, found HDCRegressor"),
         (("evaluate", folder, model), "found a folder (the MODEL comes first)"),

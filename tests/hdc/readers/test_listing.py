@@ -27,7 +27,8 @@ def test_folders_as_they_are(folder, pixels):
     assert recording.samples["file"][8:10].tolist() == ["b/deep/9.png", "b/deep/10.png"]
     others = {".cache/", "a/meta.json", "empty/", "loose.png", "README.txt", "unseen/"}
     assert set(recording.other_files) == others
-    assert recording.left_out(2) == "left out 6 other files: .cache/, a/meta.json, …"
+    first = ".cache/, a/meta.json, empty/"
+    assert recording.left_out() == f"left out 6 other files: {first}, …"
 
 
 def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):

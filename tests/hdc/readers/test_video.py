@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from hdc.readers import BadFrame, Window, open_recording
+from hdc.readers import film as film_module
 from hdc.readers.film import _pixels, check_whole, stream_video
 
 RATE, N = 10, 60
@@ -89,6 +90,14 @@ def test_times_are_those_of_the_container(tmp_path):
     check(recording, numbers)
     assert np.allclose(recording.samples["time"], times[numbers], atol=1e-3)
     assert recording.labels.tolist() == [0] * 20 + [1] * 5 + [0] * 4
+
+
+def test_a_video_may_be_left_unread_at_the_end_of_python(monkeypatch):
+    """Names of modules are None by then."""
+    frames = stream_video(VIDEOS / "interlaced.mkv", Window())
+    next(frames)
+    monkeypatch.setattr(film_module, "av", None)
+    frames.close()
 
 
 def test_times_count_from_the_first_frame(tmp_path):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenes.export import compose
+from scenes.export import scene_of
 from scenes.frames import Scene
 
 TINY = ("sensor.camera.grid=64", "sensor.camera.crop=60", "sensor.camera.pupil=24")
@@ -13,7 +13,7 @@ ALL = ("touch", "finger", "spatial", "drift", "tactile")
 
 def scene(name, sensor, samples, overrides=()):
     changed = (f"++scene.{override}" for override in overrides)
-    return compose(
+    return scene_of(
         [f"scene={name}", f"seed.sensor={sensor}", f"seed.samples={samples}", *changed]
     )
 
