@@ -209,8 +209,7 @@ def _made(
 ) -> Record:
     """Carry out a task and add its record; one that breaks off is recorded as far as it came."""
     name = begun.model.name if begun.model else begun.experiment
-    scene = begun.scene.name if begun.scene else ""
-    context = Context(name, scene, how.cache, how.force, console, begun)
+    context = Context(name, how.cache, how.force, console, begun)
     rows: list[Row] = []
     start = time.perf_counter()
     try:
