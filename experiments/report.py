@@ -186,9 +186,9 @@ def _show(
     console: Console, sets: Sequence[Answers], numbers: pd.DataFrame, brief: bool
 ) -> None:
     """Table I, and what stands beside it: :func:`write` says what is brief."""
-    every = [table for answers in sets if (table := answers.table("table1"))]
-    if every:
-        show_table1(console, *every)
+    first, *others = (answers.table("table1") for answers in sets)
+    if first is not None:
+        show_table1(console, first, *filter(None, others))
     if brief:
         differing = compare.differing(numbers)
         for sentence in differing.sentence[differing.table == "table1"]:
@@ -247,6 +247,8 @@ def _about(results: Results) -> str:
     where = [f"{cpu}, {counted(n, 'thread')}" for cpu, n in sorted(machines)]
     runs = counted(len(results.runs), "run")
     counts = f"{runs} and {counted(len(results.measurements), 'measurement')}"
+    if not where:
+        return counts
     text = f"{counts} on {'; '.join(where)}"
     old = [record for record in results.finished if record.outdated]
     if not old:

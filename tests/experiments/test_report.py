@@ -111,6 +111,22 @@ def test_own_numbers_stand_beside_the_reference_unless_some_alone_are_asked_for(
     assert files["report.html"].decode().count('id="table1"') == 1
 
 
+@pytest.mark.usefixtures("beside_the_reference")
+def test_table_1_of_the_reference_is_shown_where_there_are_no_own_results(
+    tmp_path, write_run
+):
+    """It stood above own results on another scene, as if it were theirs."""
+    title = "Table I, published and measured"
+    assert title in written(tmp_path)[0]
+    write_run("hdc", scene="finger")
+    assert title not in written(tmp_path)[0]
+
+
+def test_no_record_is_said_to_be_on_no_machine(tmp_path, alone):
+    text, _ = written(tmp_path)
+    assert "mine: 0 runs and 0 measurements\n" in text
+
+
 def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):
     first = written(tmp_path, tex=True)
     assert first == written(tmp_path, tex=True)
