@@ -18,6 +18,7 @@ from experiments.reporting.text import number, percent, two_digits
 from experiments.reporting.trained import same
 
 NAME, BUSY = "times", "times_busy"
+SLOWEST = "cnn3"  # the model of which a fit takes minutes
 RATIOS = {"over_hdc": "hdc", "over_compiled": "hdc_compiled"}
 Line = Mapping[str, Any]
 
@@ -112,13 +113,17 @@ def note(data: pd.DataFrame) -> str:
         for line in records(data)
         if line["threads"] == 1 and line["cold_s"] is not None
     ]
+    slowest = data.threads[data.model == SLOWEST]
+    by_two = (
+        "; three layers are timed by two threads only" if set(slowest) == {2} else ""
+    )
     rules = (
         "The clock counts what a model does until its training accuracy exceeds 90 % (one that "
         "learns in one pass or is solved: until it is done); it stops while frames are made and "
         "while the model is tested. Each model learns noise before, so that the clock counts no "
         "loading and no compiling. Medians of fits that nothing else on the machine disturbed; a "
         "ratio of two measurements is their geometric mean [lower, higher]. HDC by NumPy computes "
-        "with one thread whatever it is given; three layers are timed by two threads only."
+        f"with one thread whatever it is given{by_two}."
     )
     if not cold:
         return rules
