@@ -22,6 +22,7 @@ from hdc.accuracy import wilson
 
 # Columns of runs that a paired difference needs.
 _PAIRED = ["seeds", "test_set", "origin", "n_test", "right", "labels", "predicted"]
+_LEVEL = 0.9  # the accuracy that the paper exceeds for N > 20
 ONE_SENSOR = "of one sensor, Student over seeds"
 
 
@@ -179,24 +180,19 @@ def are_of_one_recording(runs: pd.DataFrame) -> bool:
     return kind_of(runs.origin.iloc[0]) == CAPTURED
 
 
-def crossing(
-    n: Sequence[float],
-    accuracy: Sequence[float],
-    level: float = 0.9,
-) -> float:
-    """N at which a curve first rises above the level, between two N on a line; NaN if it never
-    does."""
+def crossing(n: Sequence[float], accuracy: Sequence[float]) -> float:
+    """N at which a curve first rises above 90 %, between two N on a line; NaN if it never does."""
     order = np.argsort(n)
     x = np.asarray(n, float)[order]
     y = np.asarray(accuracy, float)[order]
-    above = np.flatnonzero(y > level)
+    above = np.flatnonzero(y > _LEVEL)
     if not len(above):
         return math.nan
     k = int(above[0])
     if k == 0:
         return float(x[0])
     pair = slice(k - 1, k + 1)
-    return float(np.interp(level, y[pair], x[pair]))
+    return float(np.interp(_LEVEL, y[pair], x[pair]))
 
 
 def _student(

@@ -43,8 +43,6 @@ if TYPE_CHECKING:  # matplotlib is slow to load
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
-
-
 MOST_NAMES = 2  # of scenes below a title; with more, each panel has its own
 
 
@@ -106,7 +104,7 @@ class Figure:
 
     def file(self) -> bytes:
         """The content of its file, an SVG."""
-        return save(self.draw(self.table.data), "svg")
+        return save(self.draw(self.table.data))
 
 
 @dataclass(frozen=True)

@@ -12,10 +12,9 @@ from experiments.reporting import estimates
 from experiments.reporting.estimates import Estimate
 
 N_NEW = 50  # at which the paper reports the recovered accuracy
+N_ZERO = 30  # frames without labels, of the figure
 UNLABELLED = ("zeroed", "untouched")
 KEYS = ["scene", "model", "method", "update", "share", "n_new", "p", "origin"]
-
-
 UPDATES = {
     "stored": "not updated",
     "new": "on new samples alone",
@@ -146,9 +145,9 @@ def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
     return pd.concat([shares, of_models.assign(panel="models")])
 
 
-def unlabelled(frame: pd.DataFrame, n_frames: int = 30) -> pd.DataFrame:
-    """Rows of :func:`regained`: models re-referenced by so many frames without labels, and the
-    updates that these are compared with.
+def unlabelled(frame: pd.DataFrame) -> pd.DataFrame:
+    """Rows of :func:`regained`: models re-referenced by :data:`N_ZERO` frames without labels, and
+    the updates that these are compared with.
 
     Returns:
         DataFrame: ``way`` is ``stored`` before the update, ``alike`` with frames of all classes
@@ -156,7 +155,7 @@ def unlabelled(frame: pd.DataFrame, n_frames: int = 30) -> pd.DataFrame:
         frames alone.
     """
     found = regained(frame)
-    zeroed = found[(found.method == "zeroed") & (found.n_new == n_frames)]
+    zeroed = found[(found.method == "zeroed") & (found.n_new == N_ZERO)]
     alike = zeroed[zeroed.share.isna()]
     new = found[(found.method == "new") & (found.n_new == N_NEW)]
     stored = alike.drop(columns=["updated", "updated_low", "updated_high"])
