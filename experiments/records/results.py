@@ -188,6 +188,11 @@ def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:
     return frame[frame.experiment == experiment].infer_objects().copy()
 
 
+def own_frames(frame: pd.DataFrame) -> pd.DataFrame:
+    """The lines on the frames of their experiment's own config."""
+    return frame[~frame.elsewhere.astype(bool)] if len(frame) else frame
+
+
 def by_scene(lines: pd.DataFrame) -> dict[str, pd.DataFrame]:
     """The lines of each scene, in their order."""
     if not len(lines):

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from experiments.records import configs
+from experiments.records.results import own_frames
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.plot import STYLE, head, literal, save
@@ -159,7 +160,7 @@ class Numbers:
 
     def made(self, frame: pd.DataFrame) -> list[Quantity]:
         """The numbers, if there are lines."""
-        own = frame[~frame.elsewhere.astype(bool)] if len(frame) else frame
+        own = own_frames(frame)
         return list(self.make(own)) if len(own) else []
 
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from experiments.records.results import own_frames
 from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates
 from experiments.reporting.estimates import Estimate
@@ -131,7 +132,7 @@ def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
         where new samples stand alone; ``models`` for the update of each model that is the best
         after :data:`N_NEW` samples. Models that are updated without labels are left out.
     """
-    own = frame[~frame.elsewhere.astype(bool)]
+    own = own_frames(frame)
     found = regained(own if len(own) else frame[frame.scene == frame.scene.iloc[0]])
     of_hdc = found[(found.model == "hdc") & found.method.isin(("new", "replace"))]
     if not len(of_hdc):

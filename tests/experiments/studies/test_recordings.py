@@ -9,7 +9,7 @@ from rich.console import Console
 
 from experiments.protocol.task import Context
 from experiments.reporting import forms
-from experiments.studies.recordings import figures as drawing
+from experiments.reporting.pareto import is_on_front
 from experiments.studies.recordings import measure
 from tests.experiments import composed
 
@@ -112,6 +112,7 @@ def test_every_experiment_of_recordings_asks_the_named_forms():
 
 def test_the_front_has_no_point_with_less_of_both():
     times, errors = pd.Series([1, 2, 3, 3, 4]), pd.Series([9, 5, 5, 4, 4])
-    assert drawing.is_on_front(times, errors) == [True, True, False, True, False]
+    on_front = is_on_front(times, errors)
+    assert on_front.tolist() == [True, True, False, True, False]
     equal = pd.Series([1, 1])
-    assert drawing.is_on_front(equal, equal) == [True, True]  # both stand
+    assert is_on_front(equal, equal).tolist() == [True, True]  # both stand
