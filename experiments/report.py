@@ -44,7 +44,7 @@ TITLES = {MINE: "Your results", "reference": "Reference results"}
 
 
 @dataclass(frozen=True)
-class Asked:
+class Selection:
     """The studies and rows of a report.
 
     Attributes:
@@ -59,7 +59,7 @@ class Asked:
     mine: bool = False
 
 
-EVERYTHING = Asked()
+EVERYTHING = Selection()
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -96,24 +96,27 @@ def main(arguments: list[str] | None = None) -> None:
     try:
         own = list(map(own_study, chosen.study))
         only = {"model": chosen.model, "scene": chosen.scene}
-        asked = Asked(own, only, chosen.only_mine)
+        selection = Selection(own, only, chosen.only_mine)
         if chosen.tables:
-            show_tables(chosen.tables, results_dir(), console, asked)
+            show_tables(chosen.tables, results_dir(), console, selection)
         else:
-            write(results_dir(), console, tex=chosen.tex, asked=asked)
+            write(results_dir(), console, tex=chosen.tex, selection=selection)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
 
 
 def show_tables(
-    names: Iterable[str], folder: Path, console: Console, asked: Asked = EVERYTHING
+    names: Iterable[str],
+    folder: Path,
+    console: Console,
+    selection: Selection = EVERYTHING,
 ) -> None:
     """Show tables of own results, and of the reference where own results have none.
 
     Raises:
         ValueError: no study has a table of this name.
     """
-    sets = _sets(folder, asked)
+    sets = _sets(folder, selection)
     of_studies = (study.tables for study in sets[0].studies)
     known = [*(t.name for tables in of_studies for t in tables), *OF_NO_STUDY]
     for name in names:
@@ -130,14 +133,14 @@ def show_tables(
     print_problems(console, sets)
 
 
-def _sets(folder: Path, asked: Asked) -> list[Answers]:
+def _sets(folder: Path, selection: Selection) -> list[Answers]:
     """Own results and the reference, as far as they hold anything; one's own where neither does."""
     folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
-    questions = [*studies_of(studies), *asked.own]
-    mine = Answers(MINE, Results(folder), questions, asked.only)
-    if asked.mine:
+    questions = [*studies_of(studies), *selection.own]
+    mine = Answers(MINE, Results(folder), questions, selection.only)
+    if selection.mine:
         return [mine]
-    reference = Answers("reference", Results(REFERENCE), questions, asked.only)
+    reference = Answers("reference", Results(REFERENCE), questions, selection.only)
     return [answers for answers in (mine, reference) if answers.results] or [mine]
 
 
@@ -152,7 +155,7 @@ def write(
     console: Console,
     tex: bool = False,
     brief: bool = False,
-    asked: Asked = EVERYTHING,
+    selection: Selection = EVERYTHING,
 ) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file.
 
@@ -162,9 +165,9 @@ def write(
             records are from, and what was left out.
         tex: write tables as LaTeX, too.
         brief: show Table I, what of it differs from the reference, and what was left out.
-        asked: what the report is of.
+        selection: what the report is of.
     """
-    sets = _sets(folder, asked)
+    sets = _sets(folder, selection)
     first = sets[0]
     with _displays(sets):
         tables = [list(answers.every_table()) for answers in sets]

@@ -98,36 +98,24 @@ def median_interval(values: Sequence[float]) -> Estimate:
     The bounds are the j-th smallest and the j-th largest value, with the largest j for which the
     median lies between them with a probability of 95 % at least; NaN with fewer than six values.
     """
+    from scipy.special import bdtr  # of a binomial count
+
     ordered = sorted(values)
     n = len(ordered)
     middle = float(np.median(ordered)) if math.isfinite(ordered[n // 2]) else math.inf
-    j = _rank_of_bound(n)
-    if not j:
+    ranks = [j for j in range(1, n // 2 + 1) if bdtr(j - 1, n, 0.5) <= 0.025]
+    if not ranks:
         return Estimate(middle)
+    j = max(ranks)
     return Estimate(middle, float(ordered[j - 1]), float(ordered[n - j]))
 
 
-def median_range(values: Sequence[float]) -> tuple[Estimate, float]:
-    """:func:`median_interval`, or the lowest and highest of too few values, and the share of such
-    intervals that hold the median: 1 − 2·P(B < j), where B counts heads of n throws of a coin."""
-    from scipy.special import bdtr  # of a binomial count
-
-    found, n = median_interval(values), len(values)
-    if n < 2:
-        return found, math.nan
-    if not _rank_of_bound(n):
-        found = found._replace(low=float(min(values)), high=float(max(values)))
-    j = max(1, _rank_of_bound(n))
-    return found, 1 - 2 * float(bdtr(j - 1, n, 0.5))
-
-
-def _rank_of_bound(n: int) -> int:
-    """The largest j for which n values hold their median between the j-th smallest and the j-th
-    largest with 95 % at least; 0 if there is none."""
-    from scipy.special import bdtr
-
-    fitting = [j for j in range(1, n // 2 + 1) if bdtr(j - 1, n, 0.5) <= 0.025]
-    return max(fitting, default=0)
+def median_range(values: Sequence[float]) -> Estimate:
+    """:func:`median_interval`; of too few values for it, from the lowest to the highest."""
+    found = median_interval(values)
+    if len(values) > 1 and math.isnan(found.low):
+        return Estimate(found.value, float(min(values)), float(max(values)))
+    return found
 
 
 def share(runs: pd.DataFrame) -> Estimate:

@@ -99,7 +99,7 @@ def test_own_numbers_stand_beside_the_reference_unless_some_alone_are_asked_for(
         write_run("hdc", scene=scene)
         write_run("ridge", scene=scene, wrong=range(20))
     only = {"model": ["ridge"], "scene": ["finger"]}
-    text, files = written(tmp_path, asked=report.Asked(only=only, mine=True))
+    text, files = written(tmp_path, selection=report.Selection(only=only, mine=True))
     (row,) = rows_of(files["all_scenes.csv"])
     assert (row["scene"], row["model"]) == ("finger", "ridge")
     assert float(row["over_hdc"]) < 0  # measured against what is not shown
