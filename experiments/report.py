@@ -49,8 +49,8 @@ class Selection:
 
     Attributes:
         own: studies of the user.
-        only: names of the models and scenes whose rows tables keep; all of them where there is
-            none.
+        only: by column, the names of the models and scenes whose rows tables keep; all of them
+            where there is none.
         mine: without the reference.
     """
 
@@ -95,7 +95,8 @@ def main(arguments: list[str] | None = None) -> None:
     console = Console(width=WIDTH, highlight=False)
     try:
         own = list(map(own_study, chosen.study))
-        only = {"model": chosen.model, "scene": chosen.scene}
+        scenes = dict.fromkeys(("scene", "recording"), chosen.scene)
+        only = {"model": chosen.model, **scenes}
         selection = Selection(own, only, chosen.only_mine)
         if chosen.tables:
             show_tables(chosen.tables, results_dir(), console, selection)
@@ -218,7 +219,7 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
         shown |= {table.name for section in sections for table in section.tables}
         shown |= {figure.name for section in sections for figure in section.figures}
         own = answers.name == MINE
-        drawn = (REFERENCE / "figures").glob("*[!csv]") if own else ()
+        drawn = (REFERENCE / "figures").glob("*.svg") if own else ()
         yield Part(
             answers.name,
             TITLES[answers.name],

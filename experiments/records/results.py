@@ -39,7 +39,7 @@ class Results:
     """
 
     def __init__(self, folder: Path):
-        self.problems: list[str] = [*_of_version_2(folder)]
+        self.problems: list[str] = list(_of_version_2(folder))
         self.runs: list[Record] = []
         self.unfinished: list[Record] = []
         self.measurements: list[Record] = []

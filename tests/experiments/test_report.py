@@ -145,6 +145,22 @@ def small(name, *makers, drawing=lambda *_: None):
     return Study(name, name, "Is it whole?", 0, tables=tables, figures=[figure])
 
 
+def test_a_scene_that_is_asked_for_is_found_in_columns_of_recordings_too(
+    write_run, alone, monkeypatch, capsys
+):
+    """Every table of recordings showed all of them."""
+    names = ["first", "second", "first, saturated", "first (n=3)"]
+    study = small("some", lambda _: pd.DataFrame({"recording": names}))
+    monkeypatch.setattr(report, "studies_of", lambda _: [study])
+    write_run("hdc")
+    report.main(["some_0", "--scene", "first"])
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.rstrip() for line in shown if line.rstrip() in names] == [
+        *names[:1],
+        *names[2:],
+    ]
+
+
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(
     tmp_path, write_run, alone, monkeypatch, full_disk
 ):
