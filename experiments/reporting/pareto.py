@@ -12,5 +12,5 @@ def is_on_front(times: pd.Series, errors: pd.Series) -> np.ndarray:
     points = np.column_stack([times, errors])
     no_worse = (points[:, None] <= points).all(axis=2)
     better = (points[:, None] < points).any(axis=2)
-    beaten: np.ndarray = (no_worse & better).any(axis=0)
+    beaten: np.ndarray = np.any(no_worse & better, axis=0)
     return ~beaten
