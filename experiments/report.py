@@ -44,13 +44,13 @@ TITLES = {MINE: "Your results", "reference": "Reference results"}
 
 
 @dataclass(frozen=True)
-class Asked:
+class Selection:
     """The studies and rows of a report.
 
     Attributes:
         own: studies of the user.
-        only: names of the models and scenes whose rows tables keep; all of them where there is
-            none.
+        only: by column, the names of the models and scenes whose rows tables keep; all of them
+            where there is none.
         mine: without the reference.
     """
 
@@ -59,7 +59,7 @@ class Asked:
     mine: bool = False
 
 
-EVERYTHING = Asked()
+EVERYTHING = Selection()
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -95,25 +95,29 @@ def main(arguments: list[str] | None = None) -> None:
     console = Console(width=WIDTH, highlight=False)
     try:
         own = list(map(own_study, chosen.study))
-        only = {"model": chosen.model, "scene": chosen.scene}
-        asked = Asked(own, only, chosen.only_mine)
+        scenes = dict.fromkeys(("scene", "recording"), chosen.scene)
+        only = {"model": chosen.model, **scenes}
+        selection = Selection(own, only, chosen.only_mine)
         if chosen.tables:
-            show_tables(chosen.tables, results_dir(), console, asked)
+            show_tables(chosen.tables, results_dir(), console, selection)
         else:
-            write(results_dir(), console, tex=chosen.tex, asked=asked)
+            write(results_dir(), console, tex=chosen.tex, selection=selection)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
 
 
 def show_tables(
-    names: Iterable[str], folder: Path, console: Console, asked: Asked = EVERYTHING
+    names: Iterable[str],
+    folder: Path,
+    console: Console,
+    selection: Selection = EVERYTHING,
 ) -> None:
     """Show tables of own results, and of the reference where own results have none.
 
     Raises:
         ValueError: no study has a table of this name.
     """
-    sets = _sets(folder, asked)
+    sets = _sets(folder, selection)
     of_studies = (study.tables for study in sets[0].studies)
     known = [*(t.name for tables in of_studies for t in tables), *OF_NO_STUDY]
     for name in names:
@@ -130,14 +134,14 @@ def show_tables(
     print_problems(console, sets)
 
 
-def _sets(folder: Path, asked: Asked) -> list[Answers]:
+def _sets(folder: Path, selection: Selection) -> list[Answers]:
     """Own results and the reference, as far as they hold anything; one's own where neither does."""
     folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
-    questions = [*studies_of(studies), *asked.own]
-    mine = Answers(MINE, Results(folder), questions, asked.only)
-    if asked.mine:
+    questions = [*studies_of(studies), *selection.own]
+    mine = Answers(MINE, Results(folder), questions, selection.only)
+    if selection.mine:
         return [mine]
-    reference = Answers("reference", Results(REFERENCE), questions, asked.only)
+    reference = Answers("reference", Results(REFERENCE), questions, selection.only)
     return [answers for answers in (mine, reference) if answers.results] or [mine]
 
 
@@ -152,7 +156,7 @@ def write(
     console: Console,
     tex: bool = False,
     brief: bool = False,
-    asked: Asked = EVERYTHING,
+    selection: Selection = EVERYTHING,
 ) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file.
 
@@ -162,9 +166,9 @@ def write(
             records are from, and what was left out.
         tex: write tables as LaTeX, too.
         brief: show Table I, what of it differs from the reference, and what was left out.
-        asked: what the report is of.
+        selection: what the report is of.
     """
-    sets = _sets(folder, asked)
+    sets = _sets(folder, selection)
     first = sets[0]
     with _displays(sets):
         tables = [list(answers.every_table()) for answers in sets]
@@ -186,9 +190,9 @@ def _show(
     console: Console, sets: Sequence[Answers], numbers: pd.DataFrame, brief: bool
 ) -> None:
     """Table I, and what stands beside it: :func:`write` says what is brief."""
-    every = [table for answers in sets if (table := answers.table("table1"))]
-    if every:
-        show_table1(console, *every)
+    first, *others = (answers.table("table1") for answers in sets)
+    if first is not None:
+        show_table1(console, first, *filter(None, others))
     if brief:
         differing = compare.differing(numbers)
         for sentence in differing.sentence[differing.table == "table1"]:
@@ -215,7 +219,7 @@ def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
         shown |= {table.name for section in sections for table in section.tables}
         shown |= {figure.name for section in sections for figure in section.figures}
         own = answers.name == MINE
-        drawn = (REFERENCE / "figures").glob("*[!csv]") if own else ()
+        drawn = (REFERENCE / "figures").glob("*.svg") if own else ()
         yield Part(
             answers.name,
             TITLES[answers.name],
@@ -247,6 +251,8 @@ def _about(results: Results) -> str:
     where = [f"{cpu}, {counted(n, 'thread')}" for cpu, n in sorted(machines)]
     runs = counted(len(results.runs), "run")
     counts = f"{runs} and {counted(len(results.measurements), 'measurement')}"
+    if not where:
+        return counts
     text = f"{counts} on {'; '.join(where)}"
     old = [record for record in results.finished if record.outdated]
     if not old:

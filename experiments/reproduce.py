@@ -24,6 +24,7 @@ from experiments.reproduction import claim, make
 from experiments.reproduction.steps import (
     WHAT,
     Step,
+    able,
     claims,
     cost,
     cost_text,
@@ -48,7 +49,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if chosen.claim is None:
             _tell_claims(console)
         return 0
-    if all(step.skipped for step in found):
+    if not able(found):
         reasons = "; ".join(dict.fromkeys(step.skipped for step in found))
         text = f"error: nothing is measured: every step is {reasons}"
         how = "python -m scenes.measured says how to get it"
@@ -116,10 +117,10 @@ def _steps(chosen: argparse.Namespace) -> list[Step]:
 
 def _ask(name: str, found: Sequence[Step]) -> None:
     """Refuse what takes long, unless it was asked for expressly."""
-    if cost(found) <= ASKS:
+    if cost(able(found)) <= ASKS:
         return
-    text = f"--claim {name} takes about {cost_text(found)}: add --full"
-    quick = steps("quick", name)
+    text = f"--claim {name} takes about {cost_text(able(found))}: add --full"
+    quick = able(steps("quick", name))
     if quick:
         text += f", or --quick for fewer seeds in {cost_text(quick)}"
     raise ValueError(text)
@@ -133,7 +134,10 @@ def _tell(
 ) -> None:
     """Which steps there are and how long they take."""
     what = WHAT[mode] if name is None else f"what the claim {name} needs"
-    text = f"{mode}: {what}; about {cost_text(found)} from nothing on 2 cores"
+    text = f"{mode}: {what}; about {cost_text(able(found))} from nothing on 2 cores"
+    n_skipped = len(found) - len(able(found))
+    if n_skipped:
+        text += f"; {n_skipped} of {len(found)} steps are skipped"
     say(console, text)
     for step in found:
         time = span(60 * step.minutes)
@@ -141,11 +145,12 @@ def _tell(
 
 
 def _tell_claims(console: Console) -> None:
-    """Each claim with the time that it takes in full and quickly."""
+    """Each claim with the time that it takes in full and quickly, or why it has no data here."""
     say(console, "claims, for --claim NAME:")
     for name in claims():
-        full, quick = steps("full", name), steps("quick", name)
-        text = f"{name}: {cost_text(full)}"
+        every, quick = steps("full", name), able(steps("quick", name))
+        full = able(every)
+        text = f"{name}: {cost_text(full) if full else every[0].skipped}"
         if quick:
             text += f"; --quick {cost_text(quick)}"
         say(console, text)

@@ -30,10 +30,8 @@ from experiments.reporting.terminal import show_row
 from experiments.studies.table1.tables import DISTURBED
 from experiments.studies.table1.view import TABLE1
 
-AGAIN, AGAIN_S = (
-    2,
-    60,
-)  # how often a row is measured again, and for how long all of them
+AGAIN = 2  # times that a disturbed row is measured again
+AGAIN_S = 60  # seconds that all of these may take
 SIGNALLED = 128  # and the number of the signal: the status of a process that one ended
 
 

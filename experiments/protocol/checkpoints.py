@@ -58,9 +58,7 @@ class Checkpoints:
             return Due.TEST if "batch_accuracy" in report else Due.ALL
         return Due.NOTHING
 
-    def passed(
-        self, report: Mapping[str, float], train_accuracy: float | None = None
-    ) -> None:
+    def passed(self, report: Mapping[str, float], train_accuracy: float | None) -> None:
         """Note that the model was tested at a report, and its training accuracy if it is known."""
         seen = report.get("samples_seen", 0)
         if "loss" not in report:

@@ -67,7 +67,7 @@ def _now() -> tuple[float, float]:
     return time.perf_counter(), time.process_time()
 
 
-def timed(call: Callable[[], object], device: str = "cpu") -> float:
+def timed(call: Callable[[], object], device: str) -> float:
     """Seconds that one call takes."""
     clock = Clock(device)
     with clock.running():

@@ -46,7 +46,6 @@ def evaluate(
     bank: Bank,
     train: np.ndarray,
     queries: np.ndarray,
-    stop: StopRule | None = None,
 ) -> np.ndarray:
     """Labels int64 [Q] of queries by a model like this one, trained on other frames of the bank.
 
@@ -57,25 +56,12 @@ def evaluate(
         model: any; it is left as it was.
         bank: the frames.
         train, queries: indices of frames; one that occurs k times among `train` counts k times.
-        stop: ends the training of a model that learns by steps.
     """
     if library.has_predict_from(model):
         return library.predict_from(model, bank, train, queries)
-    labels, _ = evaluate_until(stop or StopRule(), model, bank, train, queries)
-    return labels
-
-
-def evaluate_until(
-    stop: StopRule,
-    model: Model,
-    bank: Bank,
-    train: np.ndarray,
-    queries: np.ndarray,
-) -> tuple[np.ndarray, str]:
-    """Like :func:`evaluate` by training on the frames, and why the training ended."""
     trained = copy.deepcopy(model)
-    reason = train_until(trained, stop, bank.at(train), bank.labels[train])
-    return np.asarray(trained.predict(bank.at(queries))), reason
+    train_until(trained, StopRule(), bank.at(train), bank.labels[train])
+    return np.asarray(trained.predict(bank.at(queries)))
 
 
 def train_until(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import time
 import traceback
 from collections.abc import Mapping, Sequence
@@ -21,7 +22,7 @@ from experiments.protocol.settings import Carried, check_device, checked
 from experiments.protocol.task import Context, Row, Task, named
 from experiments.records import configs, locks, store
 from experiments.records.console import say
-from experiments.records.environment import command, environment
+from experiments.records.environment import COMMAND, environment
 from experiments.records.files import results_dir
 from experiments.records.record import SCHEMA, Named, Record, labelled, name_of
 from experiments.records.revision import revisions
@@ -157,7 +158,7 @@ def _about(
     if config["device"] != "cpu":
         determining = {**own, "device": config["device"]}
     about["id"] = name_of(name, determining, data)
-    about |= {"experiment": experiment or "", "command": command()}
+    about |= {"experiment": experiment or "", "command": os.environ.get(COMMAND, "")}
     return {"schema": SCHEMA, "status": "interrupted", **about}
 
 
@@ -209,8 +210,7 @@ def _made(
 ) -> Record:
     """Carry out a task and add its record; one that breaks off is recorded as far as it came."""
     name = begun.model.name if begun.model else begun.experiment
-    scene = begun.scene.name if begun.scene else ""
-    context = Context(name, scene, how.cache, how.force, console, begun)
+    context = Context(name, how.cache, how.force, console, begun)
     rows: list[Row] = []
     start = time.perf_counter()
     try:

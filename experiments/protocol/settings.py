@@ -6,6 +6,7 @@ import inspect
 import math
 import pkgutil
 import re
+import types
 import typing
 from collections.abc import Mapping
 from typing import Annotated, Any, TypeVar
@@ -103,11 +104,12 @@ def checked(values: Any, kind: type[_T], key: str = "") -> _T:
 def _message(text: str, values: Any, kind: Any, key: str) -> str:
     """An error of msgspec, ``Expected `int` >= 0 - at `$.run```, in our words."""
     problem, _, path = text.partition(" - at `$")
-    for name in re.findall(r"\w+", path):  # a place in a mapping is not named
+    for name in re.findall(r"\w+|\.\.\.", path):
+        kind = _inner(kind, name)
+        if name == "...":  # a place in a mapping
+            name = _first_wrong(values, kind)
         key = f"{key}.{name}".lstrip(".")
         values = values[int(name) if isinstance(values, list) else name]
-        hints = typing.get_type_hints(kind) if isinstance(kind, type) else {}
-        kind = hints.get(name)
     start, _, named = problem.partition(" field ")
     named = f"{key}.{named.strip('`')}".lstrip(".")
     if start == "Object missing required":
@@ -119,6 +121,26 @@ def _message(text: str, values: Any, kind: Any, key: str) -> str:
         return problem  # of a struct itself
     found = "null" if values is None else repr(values)
     return f"{key}: {_expected(problem)}, found {found}"
+
+
+def _inner(kind: Any, name: str) -> Any:
+    """The type of a field of a struct, or of what a mapping or a list holds."""
+    if isinstance(kind, type):
+        return typing.get_type_hints(kind).get(name)
+    kinds = [one for one in typing.get_args(kind) if one is not types.NoneType]
+    if isinstance(kind, types.UnionType):  # of one type and None
+        return _inner(kinds[0], name)
+    return kinds[-1]
+
+
+def _first_wrong(values: Mapping[str, Any], kind: Any) -> str:
+    """The name of the value that msgspec refuses, which it does not give."""
+    for name, value in values.items():
+        try:
+            msgspec.convert(value, kind)
+        except msgspec.ValidationError:
+            return name
+    raise AssertionError("every value is of its type")
 
 
 def _expected(problem: str) -> str:

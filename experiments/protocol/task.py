@@ -30,7 +30,6 @@ class Context:
 
     Attributes:
         name: of the experiment, or of the model that is trained.
-        scene_name: name of the scene's config, where it has one.
         cache: keep frames on disk.
         force: make everything again.
         console: shows progress.
@@ -38,7 +37,6 @@ class Context:
     """
 
     name: str = "experiment"
-    scene_name: str = ""
     cache: bool = False
     force: bool = False
     console: Console = field(default_factory=lambda: Console(highlight=False))
@@ -72,7 +70,6 @@ class Context:
             yield from compute()
         else:
             yield from self._kept(self.about, key, compute).rows.dicts()
-        self.note(", ".join(f"{name} {value}" for name, value in key.items()))
 
     def _kept(
         self,

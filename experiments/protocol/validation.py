@@ -38,9 +38,8 @@ class Validation(Task, frozen=True):
     def rows(self, context: Context) -> Iterator[Row]:
         scene = context.scene(self.scene, self.seed)
         train, _ = choose(scene, self.split, self.seed)
-        samples, group = scene.samples, self.split.group
-        units = samples.get("session"), samples[group] if group else None
-        session, groups = units
+        session, group = scene.samples.get("session"), self.split.group
+        groups = scene.samples[group] if group else None
         parts, made = folds(scene.labels, train, self.folds, groups, session)
         if not parts:
             expected = "training frames that can be parted, every class in each part"

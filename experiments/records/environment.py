@@ -7,10 +7,8 @@ import hashlib
 import importlib.metadata
 import os
 import platform
-import shlex
 import shutil
 import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -27,7 +25,7 @@ _PACKAGES = (
     "numkong",
     "numba",
 )
-# The variable with the command line, for workers of a launcher.
+# The variable with the command line as a user typed it; workers of a launcher inherit it.
 COMMAND = "EXPERIMENTS_COMMAND"
 _CPUINFO = Path("/proc/cpuinfo")
 _NUMBERS = {"family": "cpu family", "model": "model", "stepping": "stepping"}
@@ -119,12 +117,6 @@ def environment(device: str, threads: int) -> Environment:
         dirty=_is_dirty(),
         changes=changes(),
     )
-
-
-def command() -> str:
-    """The command line of ``experiments.run`` as a user typed it, in workers of a launcher too."""
-    typed = ["python", "-m", "experiments.run", *sys.argv[1:]]
-    return os.environ.get(COMMAND) or shlex.join(typed)
 
 
 def cpu_model() -> str:

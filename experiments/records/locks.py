@@ -22,14 +22,14 @@ class Held(Exception):
 @contextmanager
 def held(
     path: Path,
-    what: str | None = None,
+    what: str = "",
     timeout_s: float = 0,
 ) -> Iterator[None]:
     """Hold an exclusive lock; the empty file is left behind.
 
     Args:
         path: lock file; its folder is made.
-        what: what it guards, for the message of :class:`Held`; else the name of its folder.
+        what: what it guards, for the message of :class:`Held`.
         timeout_s: how long to wait for another process; -1 for as long as it takes.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
@@ -37,9 +37,7 @@ def held(
     try:
         lock.acquire()
     except Timeout:
-        raise Held(
-            f"{what or path.parent.name}: being run by another process"
-        ) from None
+        raise Held(f"{what}: being run by another process") from None
     try:
         yield
     finally:

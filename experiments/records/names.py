@@ -1,4 +1,5 @@
-"""Names of parameters that changed after version 3.0: records of then are read, and still count."""
+"""Names of parameters that changed after version 3.0: older records have them, and ids of records
+are made of them."""
 
 from __future__ import annotations
 

@@ -39,7 +39,7 @@ class Results:
     """
 
     def __init__(self, folder: Path):
-        self.problems: list[str] = [*_of_version_2(folder)]
+        self.problems: list[str] = list(_of_version_2(folder))
         self.runs: list[Record] = []
         self.unfinished: list[Record] = []
         self.measurements: list[Record] = []
@@ -186,6 +186,11 @@ def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:
     if not len(frame):
         return frame
     return frame[frame.experiment == experiment].infer_objects().copy()
+
+
+def own_frames(frame: pd.DataFrame) -> pd.DataFrame:
+    """The lines on the frames of their experiment's own config."""
+    return frame[~frame.elsewhere.astype(bool)] if len(frame) else frame
 
 
 def by_scene(lines: pd.DataFrame) -> dict[str, pd.DataFrame]:

@@ -33,8 +33,8 @@ class Failure(NamedTuple):
 class Answers:
     """Answers of some studies from one set of results, ``reference`` or ``mine``.
 
-    Tables keep the rows whose columns have one of the values that ``only`` names, or begin with it
-    as a name. Errors are kept in ``failures``; everything else is made.
+    Tables keep the rows whose columns have one of the values that ``only`` names, or begin with the
+    name. Errors are kept in ``failures``; everything else is made.
     """
 
     name: str
@@ -115,13 +115,11 @@ class Answers:
         known = {name for table in tables for name in table.experiments}
         for measured in self.results.measurements:
             module = measured.task.rpartition(".")[0]
-            if (
-                measured.experiment in known
-                or module.partition(".")[0] == "experiments"
+            if measured.experiment not in known and not module.startswith(
+                "experiments."
             ):
-                continue
-            text = f"no table shows it; if {module} has a STUDY: --study {module}"
-            lines.append(f"{measured.id}: {text}")
+                text = f"no table shows it; if {module} has a STUDY: --study {module}"
+                lines.append(f"{measured.id}: {text}")
         return lines
 
     def older_tables(self) -> list[str]:
@@ -175,7 +173,8 @@ class Answers:
         for column, names in self.only.items():
             if names and column in data:
                 values = data[column].astype(str)
-                data = data[values.isin(names) | values.str.split().str[0].isin(names)]
+                begin = values.str.extract(r"([\w.-]*)", expand=False)
+                data = data[values.isin(names) | begin.isin(names)]
         kept = data.reset_index(drop=True)
         return replace(table, data=kept) if len(kept) else None
 

@@ -90,11 +90,9 @@ def compare_all(own: Iterable[Table], reference: Iterable[Table]) -> pd.DataFram
     known = {table.name: table for table in reference}
     parts = [compare(table, known[table.name]) for table in own if table.name in known]
     filled = [part for part in parts if len(part)]
-    return (
-        pd.concat(filled, ignore_index=True)
-        if filled
-        else pd.DataFrame(columns=COLUMNS)
-    )
+    if not filled:
+        return pd.DataFrame(columns=COLUMNS)
+    return pd.concat(filled, ignore_index=True)
 
 
 def differing(numbers: pd.DataFrame) -> pd.DataFrame:

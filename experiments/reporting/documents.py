@@ -22,12 +22,14 @@ from experiments.records.results import Results, by_scene
 from experiments.reporting.answers import Answers
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.forms import FORMS
+from experiments.reporting.pareto import is_on_front
 from experiments.reporting.study import Figure
 from experiments.reporting.table import Table
 from experiments.reporting.text import (
     CAPTURED,
     COMPUTED,
     SIMULATED,
+    markdown_table,
     markdown_text,
     number,
     percent,
@@ -101,15 +103,7 @@ def costs(table: Table | None) -> str:
             row.bytes / 1e3,
         )
         lines.append([display_name(model), *(number(x, 2) for x in numbers)])
-    return _rows(lines)
-
-
-def _rows(lines: list[list[str]]) -> str:
-    """A table in Markdown, of its head and its rows."""
-    head, *rows = lines
-    return "\n".join(
-        f"| {' | '.join(line)} |" for line in [head, ["---"] * len(head), *rows]
-    )
+    return markdown_table(*lines)
 
 
 def _of_most_frames(table: pd.DataFrame, recording: str) -> pd.DataFrame:
@@ -135,13 +129,11 @@ def forms(table: Table | None) -> str:
         lowest = texts[int(errors.argmin())]
         marked = [f"**{text}**" if text == lowest else text for text in texts]
         lines.append([configs.scene_display(name)["name"], *marked])
-    return _rows(lines)
+    return markdown_table(*lines)
 
 
 def opening(table: Table | None) -> str:
     """How published HDC and LDA of its bits stand in error and training time, in three sentences.
-
-    A model is on the Pareto front where no other has at most its error in at most its time.
 
     Args:
         table: ``recording_costs``; None where it was not measured.
@@ -152,12 +144,11 @@ def opening(table: Table | None) -> str:
     names = list(table.data.recording.unique())
     for name in names:
         rows = _of_most_frames(table.data, name).dropna(subset="error")
-        hdc, lda = rows.loc["hdc"], rows.loc["hdc_lda"]
+        hdc = rows.loc["hdc"]
         others.append(len(rows) - 1)
         fastest += (rows.fit_best_s <= hdc.fit_best_s).sum() == 1
         behind += (rows.error < hdc.error).sum() > others[-1] / 2
-        no_worse = (rows.fit_best_s <= lda.fit_best_s) & (rows.error <= lda.error)
-        on_front += no_worse.sum() == 1
+        on_front += "hdc_lda" in rows.index[is_on_front(rows.fit_best_s, rows.error)]
     return (
         f"After {table.data.n.max()} training frames per class, HDC as published trains faster "
         f"than each of {min(others)} to {max(others)} other models on {fastest} of {len(names)} "

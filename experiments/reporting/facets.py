@@ -55,12 +55,8 @@ def facets(
     y: str,
     hue: str,
     row: str,
-    column: str | None = None,
-    *,
+    column: str,
     scale: float = 1.0,
-    look: Look = look_of,
-    rows: Sequence[Any] = (),
-    columns: Sequence[Any] = (),
     **shared: Any,
 ) -> dict[tuple[Any, Any], Axes]:
     """Panels in a grid, in each a line per value of `hue`; the panels by row and column.
@@ -69,24 +65,19 @@ def facets(
         figure: drawn on.
         data: the table.
         x, y: columns of the axes.
-        hue, row, column: columns that tell lines, rows and columns of panels apart; without a
-            `column` there is one.
+        hue, row, column: columns that tell lines, which are models, and rows and columns of panels
+            apart.
         scale: of `y`; 100 shows a share in percent.
-        look: arguments of ``errorbar`` for a value of `hue`.
-        rows, columns: values, in their order; all in the order of the table, if empty.
         shared: of ``Figure.subplots``, such as ``sharex``.
     """
-    down = list(rows or data[row].unique())
-    across = list(columns or (data[column].unique() if column else [None]))
+    down, across = data[row].unique(), data[column].unique()
     grid = figure.subplots(len(down), len(across), squeeze=False, **shared)
     panels = {}
     for axes_of_row, of_row in zip(grid, down, strict=True):
         for axes, of_column in zip(axes_of_row, across, strict=True):
-            here = data[data[row] == of_row]
-            if column is not None:
-                here = here[here[column] == of_column]
+            here = data[(data[row] == of_row) & (data[column] == of_column)]
             for of_hue, points in here.groupby(hue, sort=False):
-                line(axes, points, x, y, scale, **look(of_hue))
+                line(axes, points, x, y, scale, **look_of(str(of_hue)))
             panels[of_row, of_column] = axes
     return panels
 
@@ -103,9 +94,9 @@ def intervals(
     look: Look,
     scale: float = 1.0,
     apart: float = 0.3,
-    upright: bool = False,
 ) -> None:
-    """Points with their intervals, a place per value of `by`, side by side per value of `hue`.
+    """Points with their intervals, a place per value of `by` from top to bottom, and there one
+    below the other per value of `hue`.
 
     Args:
         axes: drawn on.
@@ -113,11 +104,10 @@ def intervals(
         value: its column.
         by, hue: columns that tell places, and points at one place, apart.
         names: values of `by`, from the first place on.
-        hues: values of `hue`, in the order in which they stand side by side.
+        hues: values of `hue`, in the order in which they stand at a place.
         look: arguments of ``errorbar`` for a value of `hue`.
         scale: of the value.
         apart: distance between the first and the last of one place.
-        upright: places from left to right, values upwards; else places from top to bottom.
     """
     step = apart / max(1, len(hues) - 1)
     for k, of_hue in enumerate(hues):
@@ -126,10 +116,7 @@ def intervals(
         at = places + step * (k - (len(hues) - 1) / 2)
         values, distances = spread(points, value, scale)
         shown = {"ls": "", "zorder": 3, **look(of_hue)}
-        if upright:
-            axes.errorbar(at, values, yerr=distances, **shown)
-        else:
-            axes.errorbar(values, at, xerr=distances, **shown)
+        axes.errorbar(values, at, xerr=distances, **shown)
 
 
 def error_axis(axes: Axes, n_test: float) -> float:

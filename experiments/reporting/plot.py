@@ -35,16 +35,13 @@ LETTERS = "abcdefghijklmnopqrstuvwxyz"  # of panels
 _LINE = 60 / 3.4  # characters of a head's line, an inch
 
 
-def save(figure: Figure, kind: str) -> bytes:
-    """The figure as ``svg`` or ``png``, free of dates and random names."""
+def save(figure: Figure) -> bytes:
+    """The figure as SVG, free of dates and random names."""
     from matplotlib import rc_context
 
     stream = io.BytesIO()
     with rc_context(fname=STYLE):
-        dates = {"Date": None} if kind == "svg" else {}
-        figure.savefig(stream, format=kind, dpi=150, metadata=dates)
-    if kind != "svg":
-        return stream.getvalue()
+        figure.savefig(stream, format="svg", dpi=150, metadata={"Date": None})
     # A hundredth of a point is finer than any screen; the page carries every figure. Only what
     # stands within tags is shortened: numbers between them are text.
     return re.sub(

@@ -32,6 +32,7 @@ from typing import TYPE_CHECKING, Any
 import pandas as pd
 
 from experiments.records import configs
+from experiments.records.results import own_frames
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.plot import STYLE, head, literal, save
@@ -43,8 +44,6 @@ if TYPE_CHECKING:  # matplotlib is slow to load
 
 RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
-
-
 MOST_NAMES = 2  # of scenes below a title; with more, each panel has its own
 
 
@@ -106,7 +105,7 @@ class Figure:
 
     def file(self) -> bytes:
         """The content of its file, an SVG."""
-        return save(self.draw(self.table.data), "svg")
+        return save(self.draw(self.table.data))
 
 
 @dataclass(frozen=True)
@@ -161,7 +160,7 @@ class Numbers:
 
     def made(self, frame: pd.DataFrame) -> list[Quantity]:
         """The numbers, if there are lines."""
-        own = frame[~frame.elsewhere.astype(bool)] if len(frame) else frame
+        own = own_frames(frame)
         return list(self.make(own)) if len(own) else []
 
 

@@ -9,7 +9,7 @@ from experiments.records.record import Record
 from hdc.accuracy import wilson
 
 
-def summarise(console: Console, record: Record, repeated: bool = False) -> None:
+def summarise(console: Console, record: Record, repeated: bool) -> None:
     """Print the result of a call: accuracy with its interval and times of a training, or one line
     for another experiment and for a record that was finished before."""
     text = _repeated(record) if repeated else _made(record)

@@ -16,6 +16,7 @@ from experiments.reporting.columns import COLUMNS, Column, display_name
 from experiments.reporting.text import (
     counted,
     frames_of,
+    markdown_table,
     markdown_text,
     percent,
     tex_text,
@@ -72,8 +73,8 @@ class Table:
         return replace(
             self,
             data=data.reset_index(drop=True),
-            title=text_of(self.title, data, frame),
-            note=text_of(self.note, data, frame),
+            title=_filled(self.title, data, frame),
+            note=_filled(self.note, data, frame),
             commands=tuple(self.commands)
             or tuple(dict.fromkeys(frame.command.dropna())),
         )
@@ -141,10 +142,8 @@ class Table:
 
     def rows(self) -> str:
         """Heads and cells in Markdown."""
-        heads = self.heads
-        lines = [heads, ["---"] * len(heads)]
-        lines += [list(map(_lines, row)) for row in self.cells()]
-        return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+        rows = ([_lines(cell) for cell in row] for row in self.cells())
+        return markdown_table(self.heads, *rows)
 
     def markdown(self) -> str:
         """The table with its title above and its note below."""
@@ -161,14 +160,8 @@ def text_for(text: Text, data: pd.DataFrame) -> str:
     return text(data) if callable(text) else text
 
 
-def text_of(text: Text, data: pd.DataFrame, frame: pd.DataFrame) -> str:
-    """A text with the frames and the machine of the records put in.
-
-    Args:
-        text: the text, or a function of the values.
-        data: the values.
-        frame: the lines of the records that they follow from.
-    """
+def _filled(text: Text, data: pd.DataFrame, frame: pd.DataFrame) -> str:
+    """A text with the frames and the machine put in of the lines that the values follow from."""
     filled = text_for(text, data)
     if "{frames}" in filled:
         filled = filled.replace("{frames}", frames_of(frame.origin.dropna()))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -93,6 +93,12 @@ def markdown_text(text: str) -> str:
     one_line = printable(" ".join(text.split()))
     text = re.sub(signs, r"\\\1", one_line)
     return text.replace("&", "&amp;").replace("<", "&lt;")
+
+
+def markdown_table(heads: Sequence[str], *rows: Sequence[str]) -> str:
+    """A table in Markdown, of texts as they are."""
+    lines = (heads, ["---"] * len(heads), *rows)
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
 _TEX = {

@@ -21,7 +21,7 @@ from experiments.records import locks
 from experiments.records.console import say
 from experiments.records.files import ROOT
 from experiments.records.revision import PACKAGES
-from experiments.reproduction.steps import LANES, Step, cost_text
+from experiments.reproduction.steps import LANES, Step, able, cost_text
 from hdc.io import write_atomically
 
 FOLDER = "reproduce"  # of makefiles and stamps, in the folder of results
@@ -45,8 +45,7 @@ def run(found: Sequence[Step], mode: str, results: Path, console: Console) -> in
         for step in found:
             if step.skipped:
                 say(console, f"{step.name}: {step.skipped}", "yellow")
-        able = [step for step in found if not step.skipped]
-        left = [step for step in able if not (stamps / step.name).exists()]
+        left = [step for step in able(found) if not (stamps / step.name).exists()]
         stamps.mkdir(parents=True, exist_ok=True)
         write_atomically(makefile, "\n".join(_makefile(left, stamps)) + "\n")
         for goal, lanes in (("timed", 1), ("untimed", LANES)):

@@ -11,7 +11,7 @@ from experiments.protocol.sweep import span
 from experiments.records import configs
 
 LANES = 2  # steps that run at a time where nothing is timed
-RUN = "experiments.run"
+_RUN = "experiments.run"
 WHAT = {
     "full": "everything",
     "quick": "everything with fewer seeds, without the long steps",
@@ -42,7 +42,7 @@ class Step:
     @property
     def all_words(self) -> tuple[str, ...]:
         """Its words, and those that make it share the machine."""
-        if self.timed or self.words[0] != RUN:
+        if self.timed or self.words[0] != _RUN:
             return self.words
         own = (word for word in self.words if word not in _SHARING)
         return (*own, *_SHARING)
@@ -83,6 +83,11 @@ def steps(mode: str = "full", claim: str | None = None) -> list[Step]:
             )
         )
     return found
+
+
+def able(found: Iterable[Step]) -> list[Step]:
+    """The steps that can run here."""
+    return [step for step in found if not step.skipped]
 
 
 def claims() -> list[str]:

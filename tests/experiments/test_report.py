@@ -99,7 +99,7 @@ def test_own_numbers_stand_beside_the_reference_unless_some_alone_are_asked_for(
         write_run("hdc", scene=scene)
         write_run("ridge", scene=scene, wrong=range(20))
     only = {"model": ["ridge"], "scene": ["finger"]}
-    text, files = written(tmp_path, asked=report.Asked(only=only, mine=True))
+    text, files = written(tmp_path, selection=report.Selection(only=only, mine=True))
     (row,) = rows_of(files["all_scenes.csv"])
     assert (row["scene"], row["model"]) == ("finger", "ridge")
     assert float(row["over_hdc"]) < 0  # measured against what is not shown
@@ -109,6 +109,22 @@ def test_own_numbers_stand_beside_the_reference_unless_some_alone_are_asked_for(
     # Nothing that was not measured stands under one's own.
     assert all(row["measured"] for row in rows_of(files["comparison.csv"]))
     assert files["report.html"].decode().count('id="table1"') == 1
+
+
+@pytest.mark.usefixtures("beside_the_reference")
+def test_table_1_of_the_reference_is_shown_where_there_are_no_own_results(
+    tmp_path, write_run
+):
+    """It stood above own results on another scene, as if it were theirs."""
+    title = "Table I, published and measured"
+    assert title in written(tmp_path)[0]
+    write_run("hdc", scene="finger")
+    assert title not in written(tmp_path)[0]
+
+
+def test_no_record_is_said_to_be_on_no_machine(tmp_path, alone):
+    text, _ = written(tmp_path)
+    assert "mine: 0 runs and 0 measurements\n" in text
 
 
 def test_the_same_records_give_the_same_bytes(tmp_path, a_full_set, alone):
@@ -127,6 +143,22 @@ def small(name, *makers, drawing=lambda *_: None):
     ]
     figure = Figure(f"{name}_figure", tables[-1], drawing, caption="Nothing.")
     return Study(name, name, "Is it whole?", 0, tables=tables, figures=[figure])
+
+
+def test_a_scene_that_is_asked_for_is_found_in_columns_of_recordings_too(
+    write_run, alone, monkeypatch, capsys
+):
+    """Every table of recordings showed all of them."""
+    names = ["first", "second", "first, saturated", "first (n=3)"]
+    study = small("some", lambda _: pd.DataFrame({"recording": names}))
+    monkeypatch.setattr(report, "studies_of", lambda _: [study])
+    write_run("hdc")
+    report.main(["some_0", "--scene", "first"])
+    shown = capsys.readouterr().out.splitlines()
+    assert [line.rstrip() for line in shown if line.rstrip() in names] == [
+        *names[:1],
+        *names[2:],
+    ]
 
 
 def test_whatever_step_of_a_write_fails_the_next_report_is_whole(

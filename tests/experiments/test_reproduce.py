@@ -16,7 +16,7 @@ from experiments.records import locks
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 from experiments.reproduction import make
-from experiments.reproduction.steps import WHAT, Step, claims, cost, steps
+from experiments.reproduction.steps import WHAT, Step, claims, cost, cost_text, steps
 
 # A step: what it is called with is added to a file, after a while.
 WORK = """
@@ -94,7 +94,8 @@ def test_every_claim_has_quick_steps_or_says_that_it_has_none():
     ("words", "said"),
     [
         (["--claim", "nothing"], "--claim: invalid choice: 'nothing' (choose from "),
-        (["--claim", "accuracy"], "add --full, or --quick"),
+        (["--claim", "softmax"], "add --full, or --quick"),
+        (["--claim", "accuracy"], "nothing is measured"),
         (["--claim", "networks_three_layers", "--quick"], "it has no step for --quick"),
         (["--step", "recordings_gelsight"], "nothing is measured"),
     ],
@@ -112,6 +113,20 @@ def test_what_cannot_be_run_is_refused_in_one_line(
     assert status == 2
     assert said in "".join(capsys.readouterr())
     assert not (tmp_path / "mine").exists()
+
+
+def test_a_list_counts_the_time_of_what_can_run_here(capsys, monkeypatch):
+    monkeypatch.delenv("MEASURED_DATA", raising=False)
+    monkeypatch.setenv("COLUMNS", "500")
+    assert reproduce.main(["--list"]) == 0
+    first, *lines = capsys.readouterr().out.splitlines()
+    here = [step for step in steps() if step.needs is None]
+    skipped = f"{len(steps()) - len(here)} of {len(steps())} steps are skipped"
+    assert first.endswith(f"about {cost_text(here)} from nothing on 2 cores; {skipped}")
+    assert cost_text(here) != cost_text(steps())
+    (accuracy,) = (line for line in lines if line.startswith("accuracy: "))
+    assert accuracy.startswith("accuracy: skipped: ")
+    assert "--quick" not in accuracy
 
 
 # Running it ---------------------------------------------------------------------------------------

@@ -157,6 +157,11 @@ def spatial(frame: pd.DataFrame) -> pd.DataFrame | None:
     return pd.concat(parts).assign(**about)
 
 
+def _without_scene(data: pd.DataFrame) -> str:
+    """What the figure is of, but for the scene, which the title names."""
+    return about(data).partition(", ")[2]
+
+
 def draw_spatial(figure: Canvas, data: pd.DataFrame) -> None:
     """Fig. 7 and the error in millimetres."""
     grid = figure.add_gridspec(2, 2, height_ratios=(1.4, 1))
@@ -207,9 +212,7 @@ FIGURES = [
         ),
         draw_spatial,
         title="HDC: 51 positions, 1 mm apart (Fig. 7)",
-        details=lambda data: about(data).partition(", ")[
-            2
-        ],  # the title names the scene
+        details=_without_scene,
         caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
         size=(3.4, 3.9),
     ),

@@ -43,14 +43,13 @@ N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side 
 MOST_MODELS = 4  # of the figure; the CSV has all
 TICKS = (5, 10, 20, 50, 100, 200, 400)
 KEY = ("scene", "model", "n_train", "pixels")
-_ACCURACY = (
-    "/test_accuracy"  # how the paper's accuracies on a scene end in published.csv
-)
+# How the names of the paper's accuracies on a scene end in published.csv.
+_ACCURACY = "/test_accuracy"
 
 
 def several(table: pd.DataFrame) -> pd.DataFrame | None:
     """A table of a sweep without the names of its rows; None where one place was measured only."""
-    places = table[table.seeds.astype(bool)][["n_train", "pixels"]].drop_duplicates()
+    places = table[["n_train", "pixels"]].drop_duplicates()
     return table.drop(columns=ROW[2:]) if len(places) > 1 else None
 
 
@@ -80,26 +79,25 @@ def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper): of the paper's
     models and fast ones, one's own, then others, and the paper's values."""
     axes = figure.subplots()
-    measured = data[data.seeds.astype(bool)]
     swept_here = configs.sweep("accuracy_vs_n")["model"]
-    own_models = measured.model[~measured.model.isin(swept_here)]
+    own_models = data.model[~data.model.isin(swept_here)]
     order = [*configs.models("paper", "fast"), *own_models, *swept_here]
-    found = set(measured.model)
+    found = set(data.model)
     models = [model for model in dict.fromkeys(order) if model in found][:MOST_MODELS]
     for k, model in enumerate(models):  # set apart by a few percent of N
-        rows = measured[measured.model == model].sort_values("n_train")
+        rows = data[data.model == model].sort_values("n_train")
         apart = rows.assign(n_train=rows.n_train * 1.02 ** (k - len(models) // 2))
         line(axes, apart, "n_train", "test_accuracy_final", 100, **look_of(model))
-    chance = 100 / measured.n_classes.iloc[0]
+    chance = 100 / data.n_classes.iloc[0]
     axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
     axes.text(50, chance, "chance", ha="center", va="bottom", color="0.3", fontsize=6)
     stars = _draw_published(axes)
-    lowest = 100 * measured.test_accuracy_final_low.min()
+    lowest = 100 * data.test_accuracy_final_low.min()
     axes.set(xlabel="training samples N", ylabel="test accuracy (%)")
     axes.set(xscale="log", ylim=(min(15, lowest - 2), 102))
     axes.set_xticks(TICKS, map(str, TICKS))
     axes.set_xticks([], minor=True)
-    sizes = [N_PUBLISHED, *data.n_train.dropna()]
+    sizes = [N_PUBLISHED, *data.n_train]
     axes.set_xlim(min(sizes) / 1.35, max(sizes) * 1.35)
     legend_below(figure, [*map(handle, models), *stars])
 

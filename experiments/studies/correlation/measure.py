@@ -113,7 +113,7 @@ def members_of(scene: Scene, split: Split, seed: int) -> dict[str, np.ndarray]:
 
 
 def add_up(
-    scene: Scene, members: Mapping[str, np.ndarray], correlated: Collection[str] = ()
+    scene: Scene, members: Mapping[str, np.ndarray], correlated: Collection[str]
 ) -> tuple[Sums, Tensor]:
     """The sums of parts of the samples, and the prototypes bool [L, D]; each frame is read once."""
     n_classes, dimension = len(scene.classes), math.prod(scene.shape)

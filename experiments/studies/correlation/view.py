@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pandas as pd
 
+from experiments.records.results import own_frames
 from experiments.reporting import published
 from experiments.reporting.estimates import (
     ONE_SENSOR,
@@ -36,11 +37,6 @@ CONTRASTS = (
     ("prototype", "all"),
 )
 MATRICES = CONTRASTS[:3]
-
-
-def own_frames(frame: pd.DataFrame) -> pd.DataFrame:
-    """The lines on the experiment's own scene, which is the paper's."""
-    return frame[~frame.elsewhere.astype(bool)]
 
 
 def mean_contrast(lines: pd.DataFrame, kind: str, samples: str) -> Estimate:
@@ -75,7 +71,7 @@ def quantities(lines: pd.DataFrame) -> Iterator[Quantity]:
 
 
 def correlations(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """Fig. 4 on the experiment's own scene, mean over seeds.
+    """Fig. 4 on the experiment's own scene, which is the paper's, mean over seeds.
 
     Returns:
         DataFrame: ``kind``, ``samples`` and ``value``: the correlation of ``class_i`` with

@@ -23,7 +23,7 @@ from experiments.reporting.plot import (
 )
 from experiments.reporting.study import WIDTH
 from experiments.reporting.text import SIMULATED, kind_of
-from experiments.studies.drift.numbers import N_NEW
+from experiments.studies.drift.numbers import N_NEW, N_ZERO
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -35,12 +35,12 @@ SHARES = (("#F3C19B", "o"), ("#E8924F", "s"), ("#D55E00", "D"), ("#7A3600", "^")
 WAYS: dict[str, Any] = {
     "stored": {"label": "not updated", "color": "0.3", "marker": "o", "mfc": "white"},
     "alike": {
-        "label": "re-referenced by 30 frames, equally many of each class",
+        "label": f"re-referenced by {N_ZERO} frames, equally many of each class",
         "color": "#E8924F",
         "marker": "o",
     },
     "one_class": {
-        "label": "re-referenced by 30 frames of one class",
+        "label": f"re-referenced by {N_ZERO} frames of one class",
         "color": "#7A3600",
         "marker": "X",
     },

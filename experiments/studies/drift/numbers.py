@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from experiments.records.results import own_frames
 from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates
 from experiments.reporting.estimates import Estimate
 
 N_NEW = 50  # at which the paper reports the recovered accuracy
+N_ZERO = 30  # frames without labels, of the figure
 UNLABELLED = ("zeroed", "untouched")
 KEYS = ["scene", "model", "method", "update", "share", "n_new", "p", "origin"]
-
-
 UPDATES = {
     "stored": "not updated",
     "new": "on new samples alone",
@@ -132,7 +132,7 @@ def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
         where new samples stand alone; ``models`` for the update of each model that is the best
         after :data:`N_NEW` samples. Models that are updated without labels are left out.
     """
-    own = frame[~frame.elsewhere.astype(bool)]
+    own = own_frames(frame)
     found = regained(own if len(own) else frame[frame.scene == frame.scene.iloc[0]])
     of_hdc = found[(found.model == "hdc") & found.method.isin(("new", "replace"))]
     if not len(of_hdc):
@@ -146,9 +146,9 @@ def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
     return pd.concat([shares, of_models.assign(panel="models")])
 
 
-def unlabelled(frame: pd.DataFrame, n_frames: int = 30) -> pd.DataFrame:
-    """Rows of :func:`regained`: models re-referenced by so many frames without labels, and the
-    updates that these are compared with.
+def unlabelled(frame: pd.DataFrame) -> pd.DataFrame:
+    """Rows of :func:`regained`: models re-referenced by :data:`N_ZERO` frames without labels, and
+    the updates that these are compared with.
 
     Returns:
         DataFrame: ``way`` is ``stored`` before the update, ``alike`` with frames of all classes
@@ -156,7 +156,7 @@ def unlabelled(frame: pd.DataFrame, n_frames: int = 30) -> pd.DataFrame:
         frames alone.
     """
     found = regained(frame)
-    zeroed = found[(found.method == "zeroed") & (found.n_new == n_frames)]
+    zeroed = found[(found.method == "zeroed") & (found.n_new == N_ZERO)]
     alike = zeroed[zeroed.share.isna()]
     new = found[(found.method == "new") & (found.n_new == N_NEW)]
     stored = alike.drop(columns=["updated", "updated_low", "updated_high"])

@@ -26,9 +26,8 @@ class Accounts:
 
     def __init__(self) -> None:
         self.of: dict[str, Counter[str]] = defaultdict(Counter)
-        self._nested = Counter[
-            str
-        ]()  # of the modules that the present one has imported
+        # Of the modules that the present one has imported.
+        self._nested = Counter[str]()
 
     def find_spec(self, name: str, *place: Any) -> ModuleSpec | None:
         """The specification of a module, whose execution will be measured."""

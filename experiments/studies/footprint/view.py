@@ -47,7 +47,7 @@ def footprint(frame: pd.DataFrame) -> pd.DataFrame:
 def packages(frame: pd.DataFrame) -> pd.DataFrame | None:
     """A row per scene, model and package: medians over the repetitions, the largest first."""
     if "package" not in frame:
-        return None  # of older code
+        return None  # of revision 2
     found = frame.groupby(["scene", "model", "package"])[OF_PACKAGE].median()
     by_size = {"ascending": [True, True, False], "kind": "stable"}
     return found.reset_index().sort_values(

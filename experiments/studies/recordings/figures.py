@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 
 from experiments.records import configs
 from experiments.reporting.columns import scene_name
 from experiments.reporting.forms import FORMS
+from experiments.reporting.pareto import is_on_front
 from experiments.reporting.plot import (
     LETTERS,
     entry,
@@ -93,18 +93,6 @@ def _draw_models(axes: Axes, rows: pd.DataFrame) -> None:
     plain_decades(axes)
     axes.grid(color="0.92", lw=0.5)
     axes.set_axisbelow(True)
-
-
-def is_on_front(times: pd.Series, errors: pd.Series) -> list[bool]:
-    """Whether no other point has less time and less error, or as much of one and less of the
-    other."""
-    points = np.array([times, errors], float).T
-    found = []
-    for point in points:
-        no_worse = (points <= point).all(axis=1)
-        better = (points < point).any(axis=1)
-        found.append(not (no_worse & better).any())
-    return found
 
 
 FIGURE = Figure(

@@ -98,6 +98,8 @@ class Recordings(Task, frozen=True):
                     compute = partial(self._draw, asked, *parts)
                     for row in context.part(drawn, compute):
                         yield {"origin": recording.origin, **drawn, **row}
+                    done = f"draw {k + 1} of {self.draws}"
+                    context.note(f"seed {seed}, split {split}, {done}")
 
     def _draw(
         self,

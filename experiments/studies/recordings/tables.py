@@ -256,35 +256,37 @@ TABLES = [
         "class.",
         key=("recording", "step"),
     ),
-]
-COSTS = Table(
-    "recording_costs",
-    costs,
-    of=COSTS_OF,
-    title="Error and run time on public data sets",
-    columns={
-        "recording": ABOUT["recording"],
-        "n": ABOUT["n"],
-        "model": Column("Model", display_name),
-        "error": Column("Error, %", percent),
-        "fit_s": Column("Training, s", cell=_of_either("fit", number), of_machine=True),
-        "predict_frame_s": Column(
-            "Prediction, ms per frame",
-            cell=_of_either("predict_frame", milliseconds),
-            of_machine=True,
+    Table(
+        "recording_costs",
+        costs,
+        of=COSTS_OF,
+        title="Error and run time on public data sets",
+        columns={
+            "recording": ABOUT["recording"],
+            "n": ABOUT["n"],
+            "model": Column("Model", display_name),
+            "error": Column("Error, %", percent),
+            "fit_s": Column(
+                "Training, s", cell=_of_either("fit", number), of_machine=True
+            ),
+            "predict_frame_s": Column(
+                "Prediction, ms per frame",
+                cell=_of_either("predict_frame", milliseconds),
+                of_machine=True,
+            ),
+            "bytes": Column("Stored", size),
+            "bits": Column("Bits per pixel and class", two_digits),
+        },
+        shown=(
+            *("recording", "n", "model", "error", "fit_s", "predict_frame_s", "bytes"),
+            "bits",
         ),
-        "bytes": Column("Stored", size),
-        "bits": Column("Bits per pixel and class", two_digits),
-    },
-    shown=(
-        *("recording", "n", "model", "error", "fit_s", "predict_frame_s", "bytes"),
-        "bits",
+        note="Stored: all that a prediction needs. Times: one process, frames in memory and "
+        "nothing computed of them before, the least of several interleaved repetitions; by "
+        "NumPy, and by the compiled kernels where the model has them; prediction in batches "
+        "of 100 frames. Relative to softmax: by the faster implementation, over converged "
+        "softmax on grey values. Error: by the held-out split, mean over the same draws for "
+        "all models.",
+        key=("recording", "n", "model"),
     ),
-    note="Stored: all that a prediction needs. Times: one process, frames in memory and nothing "
-    "computed of them before, the least of several interleaved repetitions; by NumPy, and by the "
-    "compiled kernels where the model has them; prediction in batches of 100 frames. Relative to "
-    "softmax: by the faster implementation, over converged softmax on grey values. Error: by the "
-    "held-out split, mean over the same draws for all models.",
-    key=("recording", "n", "model"),
-)
-TABLES.append(COSTS)
+]

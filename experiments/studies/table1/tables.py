@@ -121,7 +121,7 @@ def _relative_times(runs: pd.DataFrame) -> dict[str, float]:
         timed = runs.dropna(subset=beside)
         ratios = (timed.training_time_s / timed[beside]).tolist()
         if math.inf not in ratios:
-            found |= median_range(ratios)[0].columns(name)
+            found |= median_range(ratios).columns(name)
         elif name == RATIO:
             found[AT_LEAST] = float((timed.total_time_s / timed[beside]).median())
     return found

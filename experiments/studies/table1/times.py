@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from experiments.records.results import of_experiment
+from experiments.records.results import of_experiment, own_frames
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.study import RUN
@@ -18,6 +18,7 @@ from experiments.reporting.text import number, percent, two_digits
 from experiments.reporting.trained import same
 
 NAME, BUSY = "times", "times_busy"
+SLOWEST = "cnn3"  # the model of which a fit takes minutes
 RATIOS = {"over_hdc": "hdc", "over_compiled": "hdc_compiled"}
 Line = Mapping[str, Any]
 
@@ -30,7 +31,7 @@ def times(frame: pd.DataFrame) -> pd.DataFrame:
     medians of one measurement, ``least_…`` that of minima; of several measurements the geometric
     mean, from the lowest to the highest.
     """
-    every = _own(frame, NAME)
+    every = own_frames(of_experiment(frame, NAME))
     rows = []
     for (model, threads), lines in every.groupby(["model", "threads"], sort=False):
         fits = lines[~lines.cold]
@@ -48,12 +49,6 @@ def times(frame: pd.DataFrame) -> pd.DataFrame:
         }
         rows.append(row | dict(_ratios(every, model, threads)))
     return table_of(rows)
-
-
-def _own(frame: pd.DataFrame, name: str) -> pd.DataFrame:
-    """The lines of an experiment on its own frames."""
-    lines = of_experiment(frame, name)
-    return lines[~lines.elsewhere.astype(bool)] if len(lines) else lines
 
 
 def _ratios(every: pd.DataFrame, model: str, threads: int) -> Iterator[Any]:
@@ -75,7 +70,7 @@ def _ratios(every: pd.DataFrame, model: str, threads: int) -> Iterator[Any]:
 def busy(frame: pd.DataFrame) -> pd.DataFrame:
     """Medians beside processes that keep ``busy`` cores busy: a row for each model and number of
     threads, with the measured load, and by how much the ratio to HDC is inflated."""
-    lines = _own(frame, BUSY)
+    lines = own_frames(of_experiment(frame, BUSY))
     keys = ["threads", "busy", "model"]
     load = [name for name in lines if name.startswith("yardstick_")]
     table = lines.groupby(keys)[["others", *load, "fit_s", "cpu_s"]].median()
@@ -112,13 +107,17 @@ def note(data: pd.DataFrame) -> str:
         for line in records(data)
         if line["threads"] == 1 and line["cold_s"] is not None
     ]
+    slowest = data.threads[data.model == SLOWEST]
+    by_two = (
+        "; three layers are timed by two threads only" if set(slowest) == {2} else ""
+    )
     rules = (
         "The clock counts what a model does until its training accuracy exceeds 90 % (one that "
         "learns in one pass or is solved: until it is done); it stops while frames are made and "
         "while the model is tested. Each model learns noise before, so that the clock counts no "
         "loading and no compiling. Medians of fits that nothing else on the machine disturbed; a "
         "ratio of two measurements is their geometric mean [lower, higher]. HDC by NumPy computes "
-        "with one thread whatever it is given; three layers are timed by two threads only."
+        f"with one thread whatever it is given{by_two}."
     )
     if not cold:
         return rules

@@ -1,5 +1,7 @@
 """Typed parts of a config: a wrong value is named by its key, before anything is built."""
 
+from collections.abc import Mapping
+
 import msgspec
 import pytest
 from rich.console import Console
@@ -31,18 +33,22 @@ def test_a_wrong_value_is_named_by_its_key(composed_run, override, message):
         runner.carry_out(composed_run(override), runner.Asked({}), Console(quiet=True))
 
 
-class Limits(msgspec.Struct):
+class Part(msgspec.Struct, forbid_unknown_fields=True):
+    draws: int = 1
+
+
+class Whole(msgspec.Struct):
     draws: dict[str, int] = {}
     sizes: list[int] = []
+    parts: Mapping[str, Part] | None = None
 
 
 @pytest.mark.parametrize(
     ("values", "message"),
     [
-        (
-            {"draws": {"a": "x"}},
-            r"task\.draws: expected an integer, found \{'a': 'x'\}",
-        ),
+        ({"draws": {"a": 1, "b": "x"}}, "task.draws.b: expected an integer, found 'x'"),
+        ({"parts": {"a": {"n": 1}}}, "task.parts.a.n: expected one of draws"),
+        ({"parts": {"a": {}, "b": 1}}, "task.parts.b: expected a mapping, found 1"),
         ({"sizes": [5, "x"]}, "task.sizes.1: expected an integer, found"),
         ({"sizes": 5}, "task.sizes: expected a list, found 5"),
     ],
@@ -50,4 +56,4 @@ class Limits(msgspec.Struct):
 )
 def test_a_wrong_value_inside_a_mapping_or_a_list_is_named(values, message):
     with pytest.raises(ValueError, match=f"^{message}"):
-        checked(values, Limits, "task")
+        checked(values, Whole, "task")

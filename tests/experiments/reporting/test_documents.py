@@ -3,7 +3,7 @@
 from experiments import reference
 from experiments.records.files import ROOT
 from experiments.reporting import documents
-from experiments.studies.recordings.figures import is_on_front
+from experiments.reporting.pareto import is_on_front
 
 
 def test_marked_blocks_are_filled_and_all_else_stays():

@@ -14,7 +14,7 @@ def test_a_name_of_a_class_that_looks_like_a_formula_is_drawn_as_it_is(
     classes = ["L1", "L2", "R1", "R2", "$x_{$"]
     about = {"choices": {"scene": "mine"}, "origin": "recorded"}
     write_run("hdc", classes=classes, wrong=[0], **about)
-    assert "$x_{$" in save(figures(STUDY)["confusions"], "svg").decode()
+    assert "$x_{$" in save(figures(STUDY)["confusions"]).decode()
 
 
 def test_runs_started_by_hand_have_figures_of_their_own(write_run, figures):

@@ -9,7 +9,7 @@ from rich.console import Console
 
 from experiments.protocol.task import Context
 from experiments.reporting import forms
-from experiments.studies.recordings import figures as drawing
+from experiments.reporting.pareto import is_on_front
 from experiments.studies.recordings import measure
 from tests.experiments import composed
 
@@ -22,7 +22,7 @@ def of_small(recording):
     scene = composed.part("scene", "recorded")["scene"] | {
         "path": str(recording(60, 3))
     }
-    context = Context(console=Console(quiet=True), force=True, scene_name="here")
+    context = Context(console=Console(quiet=True), force=True)
 
     def rows(kind, **config):
         return list(composed.made(kind, scene=scene, **config).rows(context))
@@ -34,12 +34,15 @@ def models(*names):
     return {name: composed.part("model", name) for name in names}
 
 
-def test_a_model_is_asked_in_its_first_draws_alone(of_small):
+def test_a_model_is_asked_in_its_first_draws_alone(of_small, monkeypatch):
+    told = []
+    monkeypatch.setattr(Context, "note", lambda _, text: told.append(text))
     named = models("hdc", "ridge", "greys_chosen")
     splits = {"random": RANDOM, "counts": RANDOM}
     about = {"splits": splits, "models": named, "n_per_class": [1, 5, 999]}
     ask = partial(of_small(measure.Recordings), **about, draws=2, seeds=[0, 1])
     rows = pd.DataFrame(ask(limits={"ridge": {"draws": 3}}))
+    assert told[-1] == "seed 1, split counts, draw 2 of 2"
     draws = list(zip(rows.seed, rows.draw, strict=True))
     asked = rows.assign(at=draws).groupby(["split", "model"])["at"].agg(list)
     every = [(0, 0), (0, 1), (1, 0), (1, 1)]
@@ -53,7 +56,7 @@ def test_a_model_is_asked_in_its_first_draws_alone(of_small):
     assert rows[rows.model == "hdc"].chose.isna().all()
     for wrong, message in (
         ({"hcd": {"draws": 1}}, r"limits: expected models among .* 'hcd'"),
-        ({"hdc": {"draw": 1}}, r"task\.limits\.draw: expected no such key"),
+        ({"hdc": {"draw": 1}}, r"task\.limits\.hdc\.draw: expected one of draws"),
     ):
         with pytest.raises(ValueError, match=message):
             ask(limits=wrong)
@@ -109,6 +112,7 @@ def test_every_experiment_of_recordings_asks_the_named_forms():
 
 def test_the_front_has_no_point_with_less_of_both():
     times, errors = pd.Series([1, 2, 3, 3, 4]), pd.Series([9, 5, 5, 4, 4])
-    assert drawing.is_on_front(times, errors) == [True, True, False, True, False]
+    on_front = is_on_front(times, errors)
+    assert on_front.tolist() == [True, True, False, True, False]
     equal = pd.Series([1, 1])
-    assert drawing.is_on_front(equal, equal) == [True, True]  # both stand
+    assert is_on_front(equal, equal).tolist() == [True, True]  # both stand

@@ -215,6 +215,16 @@ def test_a_ratio_is_that_of_medians_of_what_nothing_disturbed(table, write_measu
     assert found["softmax_dual", 2]["over_hdc"] is None  # no HDC by two threads
 
 
+@pytest.mark.parametrize("threads", [(), (2,), (1, 2)], ids=str)
+def test_that_three_layers_are_timed_by_two_threads_only_is_said_where_it_is_so(
+    table, write_measurement, threads
+):
+    rows = [line("hdc", 1.0), *(line("cnn3", 9.0, threads=n) for n in threads)]
+    write_measurement("times", rows, scene="touch")
+    said = "three layers are timed by two threads only" in table().note
+    assert said == (threads == (2,))
+
+
 def test_of_two_measurements_both_count_and_of_one_made_again_the_last(
     table, write_measurement
 ):

@@ -86,7 +86,7 @@ def test_no_two_models_look_alike_and_texts_of_a_figure_keep_their_digits():
     assert len({configs.display(model)["name"] for model in models}) == len(models)
     figure = Figure()
     figure.text(0.123456, 0.5, "C = 0.0551")
-    svg = plot.save(figure, "svg").decode()
+    svg = plot.save(figure).decode()
     assert "C = 0.0551" in svg
     assert "0.123456" not in svg
 

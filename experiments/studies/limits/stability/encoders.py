@@ -104,7 +104,7 @@ def encoded(encoder: Encoder, train: Array, planes: int) -> Array:
 
 
 def violations(
-    ones: Array, values: Array, quantiles: Sequence[Any], slack: float = 0
+    ones: Array, values: Array, quantiles: Sequence[Any], slack: float
 ) -> int:
     """Bits [T, D] that break the definition; values [D] that are known to within a slack."""
     wrong = 0

@@ -131,7 +131,7 @@ class Given:
     """
 
     def __init__(self, name: str, shape: str) -> None:
-        self.name, self.readout = name, READOUTS[name]
+        self.readout = READOUTS[name]
         self.frames, self.labels = frames_of(shape)
         n = self.n = len(self.labels)
         self.signs = 2.0 * self.frames - 1

@@ -39,8 +39,8 @@ def error(value: float) -> str:
     return f"{value:,.0f}" if value == int(value) and value < 1e6 else number(value, 2)
 
 
-def counted(data: pd.DataFrame) -> str:
-    """The title: how many cases hold."""
+def title(data: pd.DataFrame) -> str:
+    """How many cases hold."""
     holding = (data.verdict == "holds").sum()
     shown = "all" if holding == len(data) else holding
     return f"{len(data)} edge cases: {shown} hold in this library"
@@ -76,7 +76,7 @@ TABLE = Table(
     "stability",
     stability,
     of="stability",
-    title=counted,
+    title=title,
     columns={
         "part": Column("Family"),
         "extreme": Column("Why it is extreme"),
@@ -99,7 +99,7 @@ FIGURE = Figure(
     "stability",
     TABLE,
     draw,
-    title=counted,
+    title=title,
     details="",
     caption="Extreme input, one row per family with its number of cases: error against an exact "
     "reference in multiples of the tolerance, by the naive computation and by this library. Left "

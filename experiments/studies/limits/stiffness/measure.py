@@ -104,10 +104,10 @@ def real_problems(
         yield {"real": name, "kappa": kappa, "n": len(some), "origin": scene.origin}
 
 
-def condition_of(bank: Bank, model: DualSoftmaxRegression | None = None) -> float:
-    """κ of a model's problem on frames, from their products: the largest eigenvalue of the Hessian
+def condition_of(bank: Bank) -> float:
+    """κ of converged softmax on frames, from their products: the largest eigenvalue of the Hessian
     at the optimum over the penalty, below which no eigenvalue is."""
-    model = model or DualSoftmaxRegression()
+    model = DualSoftmaxRegression()
     every = np.arange(len(bank))
     targets = model.start(bank.at(every), bank.labels)
     gram, _ = bank.centred(every, every[:0], model.pixels)

@@ -71,18 +71,14 @@ def _best(frame: pd.DataFrame) -> pd.DataFrame:
     return ordered.drop_duplicates(["problem", "family"]).sort_index()
 
 
-def ends(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """One row per problem and method: where it ended; None for records of an older problem."""
-    if "apart" not in frame:
-        return None
+def ends(frame: pd.DataFrame) -> pd.DataFrame:
+    """One row per problem and method: where it ended."""
     return _best(frame)[["apart", "strength", *COLUMNS]]
 
 
-def curves(frame: pd.DataFrame) -> pd.DataFrame | None:
+def curves(frame: pd.DataFrame) -> pd.DataFrame:
     """The points of the methods of :func:`ends`, on their way (``family``: without the rate); and
     the condition numbers of ``real`` problems."""
-    if "apart" not in frame:
-        return None
     chosen = _best(frame)[["problem", "method", "family"]]
     on_their_way = frame.merge(chosen, on=["problem", "method"])
     every = pd.concat([on_their_way, frame[frame.real.notna()]])

@@ -104,10 +104,8 @@ def errors(frame: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(lines.values())
 
 
-def coverage(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """A row for each scene, split, model and n; None of records without models."""
-    if "model" not in frame:
-        return None
+def coverage(frame: pd.DataFrame) -> pd.DataFrame:
+    """A row for each scene, split, model and n."""
     lines: list[dict[str, Any]] = []
     for scene, rows in by_scene(frame).items():
         resamples = calibrated(rows)
@@ -133,11 +131,9 @@ def calibrated(rows: pd.DataFrame) -> pd.DataFrame:
     return by_resample[OF_SETS].first().join(sums).reset_index()
 
 
-def promises(frame: pd.DataFrame) -> pd.DataFrame | None:
+def promises(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each read-out and n: means over scenes, and the scene with the least coverage."""
     every = coverage(frame)
-    if every is None:
-        return None
     lines = []
     for (_, n), rows in every.groupby([pd.factorize(every.model)[0], "n"]):
         model = rows.model.iloc[0]
@@ -157,11 +153,9 @@ def promise(model: str, n: int) -> str:
     return "at least 90 %" if model in COUNTING and n >= PROVEN_FROM else "about 90 %"
 
 
-def reliability(frame: pd.DataFrame) -> pd.DataFrame | None:
+def reliability(frame: pd.DataFrame) -> pd.DataFrame:
     """At the most training frames, the mean ``probability`` and the share of ``right`` answers of
     each bin with enough answers, in percent: of :data:`SHOWN`, on frames that are not simulated."""
-    if "answers" not in frame:
-        return None
     most = frame[frame.n == frame.groupby("scene").n.transform("max")]
     most = most[most.model.isin(SHOWN) & (most.origin.map(kind_of) != SIMULATED)]
     by = ["scene", "split", "model", "place"]
