@@ -282,6 +282,7 @@ _SPLITS = {
     "ordered": "the last {share} of each class in time",
     "grouped": "{share} of the groups{by}",
     "session": "the last session",
+    "leave_group_out": "one group of each class{by}, each in its turn",
     "random": "{share} at random",
 }
 

@@ -129,6 +129,7 @@ _SPLITS = {
     "random": "random split",
     "ordered": "split by time",
     "session": "split by session",
+    "leave_group_out": "one group of each class tests",
 }
 
 
@@ -138,7 +139,7 @@ def split_name(split: Mapping[str, Any]) -> str:
     if not isinstance(kind, str):
         return ""
     name = _SPLITS.get(kind, f"split by {split.get('group')}")
-    if kind == "session":  # one session trains, another tests
+    if kind in ("session", "leave_group_out"):  # no share of the frames tests
         return name
     return f"{name}, {100 * split['test_fraction']:.0f} % test"
 

@@ -96,7 +96,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
                 scale=100,
                 apart=apart,
             )
-        for missing in set(data.recording) - set(shown.recording):
+        for missing in sorted(set(data.recording) - set(shown.recording)):
             place: Any = {"ha": "right", "va": "center", "fontsize": 7, "color": "0.4"}
             axes.text(0, rows.index(missing), "not measured ", **place)
         axes.set_title(f"({letter}) {title}", loc="left", fontsize=8, pad=3)
