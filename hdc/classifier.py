@@ -69,11 +69,8 @@ class HDCClassifier(Adapting):
             and trained; zeros for a class without training frames.
         prediction_bytes_: bytes of memory that a prediction needs.
         n_features_in_: pixels of a frame.
-        feature_names_in_: array of the column names, if training was on a data frame with text as
-            names.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
-        backend_: ``"numpy"`` or ``"compiled"``, as chosen at fit or load.
         left_out_: ``"group"`` if :meth:`is_known` is calibrated for frames of another group, else
             ``"frame"``.
         metadata_: the metadata that were saved with the model.

@@ -48,11 +48,8 @@ class HDCRegressor(Saved):
             period, of the cosines followed by the sines.
         mean_: mean of the training numbers, float64 [T].
         n_features_in_: pixels of a frame.
-        feature_names_in_: array of the column names, if training was on a data frame with text as
-            names.
         dimension_: D, bits of a hypervector.
         frame_shape_: (H, W) or (pixels,).
-        backend_: ``"numpy"`` or ``"compiled"``, as chosen at fit or load.
         metadata_: the metadata that were saved with the model.
 
     Example:

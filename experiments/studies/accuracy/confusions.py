@@ -158,7 +158,7 @@ def spatial(frame: pd.DataFrame) -> pd.DataFrame | None:
 
 
 def _without_scene(data: pd.DataFrame) -> str:
-    """What the figure is of, but for the scene, which the title names."""
+    """The lines of the figure's head, without the scene, which the title names."""
     return about(data).partition(", ")[2]
 
 
