@@ -229,9 +229,12 @@ def _asked(hydra_cfg: Any) -> Asked:
 
 def _experiment(name: str | None, hydra_cfg: Any) -> dict[str, Any]:
     """The file of an experiment as it stands, in ``configs/`` or in the user's ``--config-dir``."""
-    for source in hydra_cfg.runtime.config_sources:
-        path = Path(source.path, "experiment", f"{name}.yaml")
-        if source.schema == "file" and path.is_file():
+    sources = hydra_cfg.runtime.config_sources
+    folders = [Path(source.path) for source in sources if source.schema == "file"]
+    # Hydra names the own folder as a package where this runs as a module.
+    for folder in (*folders, configs.CONFIGS):
+        path = folder / "experiment" / f"{name}.yaml"
+        if path.is_file():
             found: Any = OmegaConf.to_container(OmegaConf.load(path))
             return found  # type: ignore[no-any-return]
     return {}

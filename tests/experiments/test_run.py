@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 import time
+from types import SimpleNamespace
 
 import cv2
 import numpy as np
@@ -113,6 +114,14 @@ def test_what_was_chosen_and_set_is_known_from_the_words_and_the_experiments_fil
     asked = run._asked(found.hydra)
     assert (list(asked.keys), asked.other_scene) == (keys, other_scene)
     assert asked.choices["model"] == "hdc"
+
+
+def test_the_file_of_an_experiment_is_found_where_the_runner_is_a_module():
+    """Frames of another scene counted as those of the experiment."""
+    source = SimpleNamespace(schema="pkg", path="configs")
+    of = SimpleNamespace(runtime=SimpleNamespace(config_sources=[source]))
+    assert "defaults" in run._experiment("correlation", of)
+    assert run._experiment("custom", of) == {}
 
 
 @pytest.mark.parametrize(
