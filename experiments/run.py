@@ -84,14 +84,16 @@ class CommandLine:
 
     Args:
         words: of the command line.
+        brief: whether results are shown by the caller; progress and errors are shown here.
 
     Attributes:
         failed: whether a run failed.
         left: whether a run was left to another process.
     """
 
-    def __init__(self, words: Sequence[str]):
+    def __init__(self, words: Sequence[str], brief: bool = False):
         self.failed = self.left = False
+        self._brief = brief
         self._words, self._process = list(words), os.getpid()
         self._seconds: list[float] = []  # of runs that were not found finished
         self._warned: set[str] = set()
@@ -124,7 +126,8 @@ class CommandLine:
             _say(told)
         start, console = time.perf_counter(), Console()
         record, was_there = _made(config, hydra_cfg, console)
-        summarise(console, record, was_there)
+        if not self._brief:
+            summarise(console, record, was_there)
         if not was_there:
             self._seconds.append(time.perf_counter() - start)
         found = [row[ACCURACY] for row in record.rows.dicts() if ACCURACY in row]
@@ -139,8 +142,9 @@ class CommandLine:
         # A sweeper that chooses values, as Optuna's, says how many trials it makes.
         trials = hydra_cfg.sweeper.get("n_trials")
         runs = trials or sweep.size(params, self._words)
-        words = list(hydra_cfg.overrides.task)
-        _say(sweep.progress(number, runs, words, self._seconds))
+        if runs > 1:
+            words = list(hydra_cfg.overrides.task)
+            _say(sweep.progress(number, runs, words, self._seconds))
 
     def complain(self, error: Exception) -> None:
         """Show an error and go on: the user's as one line, others with their traceback."""
@@ -175,7 +179,11 @@ class Launch(Callback):
 
     def on_multirun_end(self, config: DictConfig, **_: Any) -> None:
         """Called by Hydra after the last run."""
-        _say(f"records: {results_dir()}; tables of them: python -m experiments.report")
+        params, words = config.hydra.sweeper.get("params"), config.hydra.overrides.task
+        if sweep.size(params, words) > 1:
+            _say(
+                f"records: {results_dir()}; tables of them: python -m experiments.report"
+            )
 
 
 def _made(
@@ -251,13 +259,13 @@ def _tell(kind: str, text: str) -> None:
     stderr.print(kind, escape(text), soft_wrap=True, emoji=False)
 
 
-def entry_point() -> None:
-    """Carry out the command line.
+def entry_point(brief: bool = False) -> None:
+    """Carry out the command line; in brief, the caller shows the results.
 
     It exits with 1 after any error, and with :data:`locks.LEFT` where runs were left to another
     process.
     """
-    call = CommandLine(sys.argv[1:])
+    call = CommandLine(sys.argv[1:], brief)
     signal.signal(signal.SIGINT, signal.default_int_handler)
     # Hydra's own errors come here, and leave as one line.
     os.environ["HYDRA_FULL_ERROR"] = "1"

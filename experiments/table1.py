@@ -120,7 +120,7 @@ def _run(model: str, *words: str) -> int:
     about = ["experiment=table1", f"model={model}", "~beside.hdc_numpy"]
     sys.argv[1:] = [*about, *words]
     try:
-        run.entry_point()
+        run.entry_point(brief=True)
     except SystemExit as end:
         return int(end.code or 0)
     return 0

@@ -1,11 +1,15 @@
-"""Records from Python: a data frame with unpacked answers, and two models compared."""
+"""From Python: a run, a data frame with unpacked answers, two models compared, a search."""
 
 import math
 
 import numpy as np
 import pytest
+from hydra import compose, initialize_config_dir
+from omegaconf import OmegaConf
 
 import experiments
+from experiments import run
+from experiments.records.configs import CONFIGS
 
 
 def test_results_have_unpacked_answers_and_name_what_they_cannot_use(
@@ -49,3 +53,18 @@ def test_groups_are_units_where_they_are_known(two):
     other = softmax.assign(test_set="another")
     with pytest.raises(ValueError, match="expected seeds and test frames in common"):
         experiments.compare(hdc, other)
+
+
+def test_a_sweeper_gets_the_accuracy_inside_the_training_frames(recording, monkeypatch):
+    words = ["experiment=validation", "scene=recorded", f"scene.path={recording()}"]
+    words += ["exclusive=false", "threads=1", "task.folds=2"]
+    record = run.run(*words)
+    rows = record.rows.dicts()
+    frames = rows[0]["n_train"] + rows[0]["n_validation"]
+    assert frames == run.run(*words[1:-1]).results["n_train"]
+    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
+        cfg = compose("config", overrides=words, return_hydra_config=True)
+    monkeypatch.setattr(run.HydraConfig, "get", lambda: cfg.hydra)
+    own = OmegaConf.masked_copy(cfg, [key for key in cfg if key != "hydra"])
+    found = run.CommandLine(words).carry_out(own)
+    assert found == sum(row["validation_accuracy"] for row in rows) / 2

@@ -8,18 +8,17 @@ import signal
 import subprocess
 import sys
 import time
-from types import SimpleNamespace
 
 import cv2
 import numpy as np
 import pytest
 from hydra import compose, initialize_config_dir
-from omegaconf import OmegaConf
 
 from experiments import run
 from experiments.records import locks, store
 from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
+from experiments.records.results import Results
 
 HEAVY = (
     "cv2",
@@ -116,12 +115,15 @@ def test_what_was_chosen_and_set_is_known_from_the_words_and_the_experiments_fil
     assert asked.choices["model"] == "hdc"
 
 
-def test_the_file_of_an_experiment_is_found_where_the_runner_is_a_module():
-    """Frames of another scene counted as those of the experiment."""
-    source = SimpleNamespace(schema="pkg", path="configs")
-    of = SimpleNamespace(runtime=SimpleNamespace(config_sources=[source]))
-    assert "defaults" in run._experiment("correlation", of)
-    assert run._experiment("custom", of) == {}
+def test_frames_of_another_scene_than_the_experiments_are_known(
+    command_line, recording, tmp_path
+):
+    """As a module, the runner did not find the experiment's file."""
+    words = ["experiment=correlation", "scene=recorded", f"scene.path={recording()}"]
+    words += ["task.seeds=[0]", "exclusive=false"]
+    assert command_line(*words, RESULTS_DIR=str(tmp_path)).returncode == 0
+    (record,) = Results(tmp_path).measurements
+    assert record.elsewhere
 
 
 @pytest.mark.parametrize(
@@ -137,21 +139,6 @@ def test_words_on_which_an_experiment_does_not_depend_are_known(words, without_e
     with initialize_config_dir(str(CONFIGS), version_base="1.3"):
         cfg = compose("config", overrides=words, return_hydra_config=True)
     assert list(run._without_effect(cfg, cfg.hydra.overrides.task)) == without_effect
-
-
-def test_a_sweeper_gets_the_accuracy_inside_the_training_frames(recording, monkeypatch):
-    words = ["experiment=validation", "scene=recorded", f"scene.path={recording()}"]
-    words += ["exclusive=false", "threads=1", "task.folds=2"]
-    record = run.run(*words)
-    rows = record.rows.dicts()
-    frames = rows[0]["n_train"] + rows[0]["n_validation"]
-    assert frames == run.run(*words[1:-1]).results["n_train"]
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        cfg = compose("config", overrides=words, return_hydra_config=True)
-    monkeypatch.setattr(run.HydraConfig, "get", lambda: cfg.hydra)
-    own = OmegaConf.masked_copy(cfg, [key for key in cfg if key != "hydra"])
-    found = run.CommandLine(words).carry_out(own)
-    assert found == sum(row["validation_accuracy"] for row in rows) / 2
 
 
 # Runs ---------------------------------------------------------------------------------------------

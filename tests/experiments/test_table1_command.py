@@ -20,7 +20,7 @@ def called(tmp_path, monkeypatch, write_run):
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
     calls = []
 
-    def carry_out():
+    def carry_out(brief):
         model = table1.sys.argv[2].removeprefix("model=")
         calls.append(table1.sys.argv[1:])
         reasons = called.disturbed.get(model)

@@ -44,6 +44,8 @@ from experiments.studies.claims.rules import (
 )
 
 YES, NO, OPEN = "yes", "no", "open"
+CONFIRMATORY = "confirmatory"
+Asked = Claim | Times | Choice
 COLUMNS = [
     *("rules", "claim", "says", "by", "rival", "size", "status", "word", "unit", "why"),
     *("mean", "mean_low", "mean_high", "probability"),
@@ -61,43 +63,44 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
         frame: lines of the experiments of the claims.
     """
     rows = []
+
+    def about(
+        name: str, asked: Asked, rival: str, size: Size, status: str = "all"
+    ) -> dict[str, Any]:
+        said = {"rules": rules.version, "claim": name, "says": asked.says}
+        return said | {"by": asked.by, "rival": rival, "size": size, "status": status}
+
     for name, claim in rules.claims.items():
         lines = of_experiment(frame, claim.experiment)
-        about = {"rules": rules.version, "claim": name, "says": claim.says}
-        about |= {"by": claim.by, "rival": claim.rival}
         for size in claim.sizes or rules.sizes:
-            for status in ("", "confirmatory"):
+            for status in ("all", CONFIRMATORY):
                 part = recordings_of(rules, claim, size, status)
                 if part:
-                    of = {"size": size, "status": status or "all"}
-                    rows.append(about | of | _judged(rules, claim, size, part, lines))
+                    of = about(name, claim, claim.rival, size, status)
+                    rows.append(of | _judged(rules, claim, size, part, lines))
     for name, times in rules.times.items():
         lines = of_experiment(frame, times.experiment)
-        about = {"rules": rules.version, "claim": name, "says": times.says}
-        about |= {"by": times.by, "rival": times.model, "size": TRAINED}
-        about["status"] = "all"
-        rows.append(about | judge_times(times, lines))
+        of = about(name, times, times.model, TRAINED)
+        rows.append(of | judge_times(times, lines))
     for name, choice in rules.choices.items():
         lines = of_experiment(frame, choice.experiment)
-        about = {"rules": rules.version, "claim": name, "says": choice.says}
-        about |= {"by": choice.by, "rival": choice.among[0], "size": choice.size}
-        about["status"] = "all"
-        rows.append(about | judge_choice(rules, choice, lines))
+        of = about(name, choice, choice.among[0], choice.size)
+        rows.append(of | judge_choice(rules, choice, lines))
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
 def recordings_of(
     rules: Rules, claim: Claim, size: Size, status: str
 ) -> dict[str, Recording]:
-    """The recordings that enter a claim at a size, of one status or of all; none where every
-    recording has the status."""
+    """The recordings that enter a claim at a size, all or the confirmatory ones; none where all
+    are confirmatory."""
     named = claim.recordings or tuple(rules.recordings)
     every = {
         name: rules.recordings[name]
         for name in named
         if size in (rules.recordings[name].sizes or (size,))
     }
-    if not status:
+    if status == "all":
         return every
     part = {name: each for name, each in every.items() if each.status == status}
     return part if len(part) < len(every) else {}
@@ -145,24 +148,14 @@ def judge_choice(rules: Rules, choice: Choice, lines: pd.DataFrame) -> dict[str,
     gains: dict[str, dict[str, Any]] = {first: {"equal": 0.0}}
     for form in others:
         claim = choice.against_the_first(form)
-        entering = {name: rules.recordings[name] for name in choice.recordings}
+        entering = recordings_of(rules, claim, choice.size, "all")
         gains[form] = row = _judged(rules, claim, choice.size, entering, lines)
         if row["why"]:
             return {"word": OPEN, "unit": "points", "why": row["why"]}
-    best = max(row["equal"] for row in gains.values())
-    least = best - 100 * rules.margin
+    least = max(row["equal"] for row in gains.values()) - 100 * rules.margin
     word = next(form for form, row in gains.items() if row["equal"] >= least)
-    about = {"word": word, "unit": "points", "why": ""}
-    kept = (
-        "mean",
-        "mean_low",
-        "mean_high",
-        "equal",
-        "equal_low",
-        "equal_high",
-        "sources",
-    )
-    return about | {key: gains[word][key] for key in kept if key in gains[word]}
+    said = {"word": word, "unit": "points", "why": "", "probability": None}
+    return gains[word] | said
 
 
 def judge_times(times: Times, lines: pd.DataFrame) -> dict[str, Any]:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import datetime
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Final, Literal
 
 import msgspec
 import yaml
 
 RULES = Path(__file__).with_name("rules_4.yaml")
-LARGEST, TRAINED = "largest", "as trained"
+LARGEST: Final = "largest"
+TRAINED: Final = "as trained"
 Size = int | Literal["largest", "as trained"]
 Models = Annotated[tuple[str, ...], msgspec.Meta(max_length=6)]
 
@@ -126,6 +127,7 @@ class Choice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
             split=self.split,
             form=form,
             rival=self.among[0],
+            recordings=self.recordings,
         )
 
 

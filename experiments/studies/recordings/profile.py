@@ -66,7 +66,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
         measured = slice(1, len(factors) - 1)
         axes.step(factors, shares, where="post", markevery=measured, **look)
     axes.set(xscale="log", xlim=(0.95, end), ylim=(0, 1.03))
-    axes.set_xlabel("training time relative to the fastest model of no more error")
+    axes.set_xlabel("training time relative to\nthe fastest model of no more error")
     axes.set_ylabel("share of data sets")
     plain_decades(axes)
     names = [handle(model) for model in FORMS if model in set(data.model)]

@@ -121,7 +121,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     models = models_of(data)
     figure.set_size_inches(7.0, 1.2 + 1.35 * data.scene.nunique())
     names = ("level", "accuracy", "model", "scene", "panel")
-    panels = facets(figure, data, *names, scale=100, sharey=True)
+    panels = facets(figure, data, *names, scale=100, sharex="col", sharey=True)
     for (scene, name), axes in panels.items():
         axes.set(xlabel=PANELS[name], ylim=(0, 103))
         of_scene = data[data.scene == scene]

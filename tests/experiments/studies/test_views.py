@@ -58,6 +58,10 @@ def missing(name, figure, data):
     yield from (f"{name}: no {scene}" for scene in names if scene not in said)
     if name not in NO_SPLIT and not any(map(figure.get_suptitle().count, SPLITS)):
         yield f"{name}: no split"
+    for axes in figure.axes:  # it is read by the numbers of the panel below
+        says_none = not axes.xaxis.get_tick_params()["labelbottom"]
+        if says_none and len(axes.get_shared_x_axes().get_siblings(axes)) == 1:
+            yield f"{name}: a panel whose axis has no numbers"
 
 
 def test_a_figure_draws_its_csv_alone_and_has_scene_and_split_in_its_title(committed):
