@@ -38,14 +38,9 @@ def _datasets(
 ) -> Iterator[tuple[str, Any]]:
     """Path and dataset of all in a group, once; MATLAB's #refs# have one for each cell of text.
 
-    Attributes of groups, such as the label of a trial, are added to what is ``stated``; names in
-    capitals are reserved for programs.
+    Attributes of groups, such as the label of a trial, are added to what is ``stated``.
     """
-    for name, item in group.attrs.items():
-        own = np.asarray(item)
-        own = own.astype(str) if own.dtype.kind in "SO" else own
-        if own.size == 1 and not (name.isupper() or name.startswith("MATLAB")):
-            stated[f"{before}{name}"] = own
+    stated |= {f"{before}{name}": own for name, own in _attributes(group)}
     for name in group:
         is_own = isinstance(group.get(name, getlink=True), h5py.HardLink)
         if name.startswith("#") or not is_own:
@@ -62,6 +57,14 @@ def _datasets(
                 yield f"{before}{number}/{name}", group.file[cell]
         elif isinstance(item, h5py.Dataset):
             yield f"{before}{name}", item
+
+
+def _attributes(group: Any) -> Iterator[tuple[str, np.ndarray]]:
+    """Names and values of a group's single attributes; names in capitals are of programs."""
+    for name, item in group.attrs.items():
+        own = np.asarray(item)
+        if own.size == 1 and not (name.isupper() or name.startswith("MATLAB")):
+            yield name, own.astype(str) if own.dtype.kind in "SO" else own
 
 
 def _is_of_structs(group: Any, item: Any) -> bool:
