@@ -26,6 +26,7 @@ from experiments.records.results import Results
 from experiments.reporting import documents
 from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
+from experiments.reporting.table import Table
 from experiments.reproduction import make
 from experiments.reproduction.steps import cost_text, steps
 from experiments.studies.claims import findings
@@ -124,7 +125,7 @@ def parts(answers: Answers) -> dict[str, Callable[[], str]]:
 
     def claims() -> str:
         table = answers.table("claims")
-        return current(table).rows() if table is not None else documents.NOT_MEASURED
+        return _rows(table and current(table))
 
     return {
         "findings": lambda: _findings(answers),
@@ -136,9 +137,16 @@ def parts(answers: Answers) -> dict[str, Callable[[], str]]:
             answers, findings.answers_of_studies(answers)
         ),
         "scenes": lambda: documents.scene_list(answers.results),
+        "verdicts": lambda: _rows(answers.table("verdicts")),
         "claims": claims,
+        "models": documents.model_list,
         "reproduction": _reproduction,
     }
+
+
+def _rows(table: Table | None) -> str:
+    """The rows of a table, if it was measured."""
+    return table.rows() if table is not None else documents.NOT_MEASURED
 
 
 def _findings(answers: Answers) -> str:

@@ -10,6 +10,7 @@ and runs none.
 from __future__ import annotations
 
 import argparse
+import difflib
 import signal
 import sys
 from collections.abc import Sequence
@@ -79,14 +80,12 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument(
         "--claim",
         metavar="NAME",
-        choices=claims(),
         help="what one claim needs, its rule and its numbers; one that takes longer "
         f"than {ASKS} minutes asks for --full or --quick",
     )
     parser.add_argument(
         "--step",
         metavar="NAME",
-        choices=[step.name for step in steps()],
         action="append",
         help="this step alone; may be repeated",
     )
@@ -100,10 +99,12 @@ def _steps(chosen: argparse.Namespace) -> list[Step]:
     """The steps that the command line asks for.
 
     Raises:
-        ValueError: for a claim that has no such steps, or takes long and was not asked for
-            expressly.
+        ValueError: for a claim or a step that there is not, for a claim that has no such steps, or
+            takes long and was not asked for expressly.
     """
     mode, name = chosen.mode or "full", chosen.claim
+    _check("--claim", [name] if name else [], claims())
+    _check("--step", chosen.step or [], [step.name for step in steps()])
     found = steps(mode, name)
     if chosen.step:
         found = [step for step in found if step.name in chosen.step]
@@ -113,6 +114,15 @@ def _steps(chosen: argparse.Namespace) -> list[Step]:
     if name is not None and chosen.mode is None and not chosen.list:
         _ask(name, found)
     return found
+
+
+def _check(option: str, given: Sequence[str], known: Sequence[str]) -> None:
+    """Raise a ValueError for a name that is none of those known; it has the nearest one."""
+    for name in given:
+        if name not in known:
+            text = f"{option}: expected one of {', '.join(known)}, found {name}"
+            near = difflib.get_close_matches(name, known, 1)
+            raise ValueError(f"{text}; did you mean {near[0]}?" if near else text)
 
 
 def _ask(name: str, found: Sequence[Step]) -> None:

@@ -146,8 +146,8 @@ class HDCClassifier(Adapting):
         more = max(seen) / min(seen) - 1
         if isinstance(self.readout, str) and more > _UNEQUAL:
             warn(
-                f"fit: the largest class has {more:.0%} more frames than the smallest and may be "
-                "favoured; record as many of each (in Python, "
+                f"fit: the largest class has {100 * more:.0f} % more frames than the smallest and "
+                "may be favoured; record as many of each (in Python, "
                 "Majority(class_weight='balanced') counts classes alike)",
             )
 

@@ -65,3 +65,15 @@ def open_recording(path: str | Path, **settings: Any) -> RecordedScene:
         return RecordedScene(readers.open_recording(path, **settings))
     except readers.SettingError as error:
         raise ValueError(f"scene.{error}") from error
+    except readers.Ambiguous as error:
+        choices = [_as_override(choice) for choice in error.choices]
+        raise readers.Ambiguous(error.where, choices) from error
+
+
+def _as_override(choice: str) -> str:
+    """Words of the command ``hdc``, an option or a path, as they are typed for this scene."""
+    option, _, value = choice.partition(" ")
+    if not option.startswith("--"):
+        return f"scene.path={choice}"
+    key = option.removeprefix("--").replace("-", "_")
+    return f'"+scene.{key}={f"[{value}]" if key == "axes" else value}"'

@@ -278,7 +278,9 @@ class _Tests:
 def _progress(row: Report) -> str:
     """The time and the accuracies of a checkpoint."""
     shares = (
-        f"  {k.partition('_')[0]} {x:.1%}" for k, x in row.items() if k in _SHARES
+        f"  {k.partition('_')[0]} {100 * x:.1f} %"
+        for k, x in row.items()
+        if k in _SHARES
     )
     return f"{row['training_s']:.2f} s{''.join(shares)}"
 

@@ -194,9 +194,9 @@ def _warn_of_neighbours(
     leak = neighbours_leak(scene.labels, order, train, test, _sessions(scene))
     if leak > _LEAK:
         warnings.warn(
-            f"split.kind=random: {leak:.0%} of the test frames stand next to a training frame "
-            "of their class in time, of which they may be copies; split.kind=ordered tests on "
-            "later ones",
+            f"split.kind=random: {100 * leak:.0f} % of the test frames stand next to a training "
+            "frame of their class in time, of which they may be copies; split.kind=ordered tests "
+            "on later ones",
             stacklevel=3,
         )
 

@@ -88,7 +88,7 @@ def costs(table: Table | None) -> str:
         return NOT_MEASURED
     first, second = (_of_most_frames(table.data, name) for name in COSTS)
     heads = [f"Error, {configs.scene_display(name)['name']} (%)" for name in COSTS]
-    lines = [["Model", *heads, "Training (s)", "Frame (ms)", "Model (kB)"]]
+    lines = [["Model", *heads, "Training (s)", "Frame (ms)", "To predict (kB)"]]
     for model in FORMS:
         if model not in first.index or model not in second.index:
             continue
@@ -149,9 +149,11 @@ def opening(table: Table | None) -> str:
         fastest += (rows.fit_best_s <= hdc.fit_best_s).sum() == 1
         behind += (rows.error < hdc.error).sum() > others[-1] / 2
         on_front += "hdc_lda" in rows.index[is_on_front(rows.fit_best_s, rows.error)]
+    least, most = min(others), max(others)
+    number = f"{least}" if least == most else f"{least} to {most}"
     return (
         f"After {table.data.n.max()} training frames per class, HDC as published trains faster "
-        f"than each of {min(others)} to {max(others)} other models on {fastest} of {len(names)} "
+        f"than each of {number} other models on {fastest} of {len(names)} "
         f"public data sets. On {behind} of them, most of these models err less. With linear "
         f"discriminant analysis (LDA) of the same bits, HDC is on the Pareto front of error "
         f"against training time on {on_front}."
@@ -214,6 +216,17 @@ def _figure(figure: Figure) -> str:
     caption, title = map(markdown_text, (figure.caption, str(figure.title)))
     file = f"{_RESULTS}/figures/{figure.name}.svg"
     return f"![{title or figure.name}]({file})\n\n{caption}"
+
+
+def model_list() -> str:
+    """Every model: its name on the command line, its name in tables, and what it is."""
+    lines = [["`model=`", "In tables", "What it is"]]
+    for path in sorted((configs.CONFIGS / "model").glob("*.yaml")):
+        comment = re.findall(r"^# (?!@)(.*)", path.read_text("utf-8"), re.MULTILINE)
+        first, *_ = re.split(r"(?<=\.)\s", " ".join(comment))
+        name = path.stem
+        lines.append([f"`{name}`", display_name(name), markdown_text(first)])
+    return markdown_table(*lines)
 
 
 def scene_list(results: Results) -> str:

@@ -6,6 +6,7 @@ from rich.console import Console
 
 from experiments.records.console import say
 from experiments.records.record import Record
+from experiments.reporting.text import percent
 from hdc.accuracy import wilson
 
 
@@ -30,7 +31,8 @@ def _repeated(record: Record) -> str:
 def _accuracy(record: Record) -> str:
     results = record.results
     low, high = wilson(results["right"], results["n_test"])
-    return f"test accuracy {results['test_accuracy_final']:.1%} [{low:.1%}, {high:.1%}]"
+    shares = map(percent, (results["test_accuracy_final"], low, high))
+    return "test accuracy {} % [{}, {}]".format(*shares)
 
 
 def _made(record: Record) -> str:

@@ -36,16 +36,18 @@ def show_scenes(console: Console, table: Table) -> None:
 def show_table1(console: Console, table: Table, reference: Table | None = None) -> None:
     """Table I of a set of results: the cells of its file, and the note below them.
 
-    Models that were not measured have the row of the reference, if there is one, which is marked.
+    Models that were not measured have the row of the reference, if there is one, in a table of its
+    own: its seconds are those of another machine.
     """
-    shown = _cells(table)
     measured = _cells(table, measured=True)
     theirs = _cells(reference, measured=True) if reference else {}
-    for model, (name, *values) in theirs.items():
-        if model not in measured:
-            shown[model] = [f"{name} (reference)", *values]
+    theirs = {model: cells for model, cells in theirs.items() if model not in measured}
+    shown = {m: cells for m, cells in _cells(table).items() if m not in theirs}
     say(console, str(table.title))
     console.print(_grid(table, shown.values(), _WIDTHS))
+    if theirs:
+        say(console, "Reference, on its own machine")
+        console.print(_grid(table, theirs.values(), _WIDTHS))
     console.print(Text(printable(str(table.note)), "dim"))
 
 

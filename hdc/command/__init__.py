@@ -93,7 +93,7 @@ class _Said:
         self._before: set[str] = set()
 
     def __call__(self, message: Warning | str, *_: Any, **__: Any) -> None:
-        but_for_shares = re.sub(r"\d+%", "", str(message))
+        but_for_shares = re.sub(r"\d+ %", "", str(message))
         if but_for_shares not in self._before:
             self._before.add(but_for_shares)
             _say(f"warning: {message}", 0)

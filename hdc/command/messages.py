@@ -167,6 +167,11 @@ def _in_words(part: object) -> str:
 # Scores ------------------------------------------------------------------------------------------
 
 
+def percent(share: float) -> str:
+    """A share in per cent."""
+    return f"{100 * share:.1f} %"
+
+
 def score_lines(result: Mapping[str, Any]) -> list[str]:
     """A score in lines for people."""
     if "errors" in result:
@@ -181,9 +186,9 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
         "" if result["interval_by"] == f"{n} frames" else f" by {result['interval_by']}"
     )
     found = [
-        f"accuracy {share:.1%} (95 % interval {low:.1%} to {high:.1%}{by}), {round(share * n)} of "
-        f"{n} frames",
-        f"majority-class baseline (always {guessed}): accuracy {result['guess']:.1%}",
+        f"accuracy {percent(share)} (95 % interval {percent(low)} to {percent(high)}{by}), "
+        f"{round(share * n)} of {n} frames",
+        f"majority-class baseline (always {guessed}): accuracy {percent(result['guess'])}",
     ]
     if "refused" in result:
         found.append(_refused_of(result, n))
@@ -233,8 +238,8 @@ def _number(value: float, own: Mapping[str, Any]) -> str:
 def _coverage_line(found: Mapping[str, Any], what: str) -> str:
     low, high = found["interval"]
     return (
-        f"{what} for {found['asked']:g} contain the truth for {found['share']:.1%} of these frames "
-        f"(95 % interval {low:.1%} to {high:.1%})"
+        f"{what} for {found['asked']:g} contain the truth for {percent(found['share'])} of these "
+        f"frames (95 % interval {percent(low)} to {percent(high)})"
     )
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,11 @@ from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
 from hdc.readers.recording import with_progress
 
+DEFAULT = ("levels", "lda")
+"""Encoder and read-out for classes: chosen by the rule in docs/claims.md."""
+PUBLISHED = ("median", "majority")
+"""Encoder and read-out of the paper."""
+
 
 @click.command(short_help="Train a model on labelled images.")
 @recording
@@ -36,14 +42,15 @@ from hdc.readers.recording import with_progress
 @click.option(
     "--encoder",
     metavar="NAME",
-    help="How frames become bits: median, quantile, levels, reference, reference_levels, "
-    "deviation, smoothed, or a module.Class. [default: median]",
+    help="How frames become bits: median, levels, deviation, reference, reference_levels, another "
+    "name of docs/api.md, or a module.Class. [default: levels; for numbers median]",
 )
 @click.option(
     "--readout",
     metavar="NAME",
-    help="How bits are read: majority, counts, ridge, neighbours, lda, trained, kernel, "
-    "or a module.Class; for numbers ridge or neighbours. [default: majority; for numbers ridge]",
+    help="How bits are read: majority, lda, ridge, neighbours, kernel, another name of "
+    "docs/api.md, or a module.Class; for numbers ridge or neighbours. [default: lda; for numbers "
+    "ridge]",
 )
 @options.parameters
 @options.circular
@@ -66,7 +73,9 @@ def train(
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values.
 
-    Frames of one class alone make a model that finds frames unlike them: hdc predict --reject.
+    A rule that was fixed before its measurement chose the default form. The published form is
+    --encoder median --readout majority. It also learns frames of one class, for a model that finds
+    frames unlike them (hdc predict --reject), and more frames than lda can learn.
     """
     if choose and (encoder or readout or parameters):
         raise click.UsageError(
@@ -79,9 +88,9 @@ def train(
     if choose:
         model, given, lines = chosen(frames, rows, period)
     else:
-        model = _untrained(frames, encoder, readout, period)
+        model, lines = _untrained(frames, len(rows), encoder, readout, period)
         model.set_params(**dict(parameters))
-        given, lines = _learnable(model, frames, rows), []
+        given = _learnable(model, frames, rows)
     model.fit(given, truth_of(frames)[rows], **_together(frames, rows))
     model._columns = list(frames.features) or None
     lines += messages.content_lines(frames, rows)
@@ -91,8 +100,7 @@ def train(
         lines += said
         metadata |= kept
     model.save(output, metadata=metadata)
-    advice = "" if choose else "; --choose tries others"
-    lines.append(messages.form_line(model, output) + advice)
+    lines.append(messages.form_line(model, output) + _advice(model, choose))
     lines += messages.reading_lines(frames)
     lines += messages.circular_lines(frames, period)
     first = f"{output}: {len(rows)} frames, {messages.whole(frames)}"
@@ -112,12 +120,41 @@ def _split(
 
 
 def _untrained(
-    frames: Recording, encoder: str | None, readout: str | None, period: float | None
-) -> Any:
-    """A model of these parts that learns the classes or the numbers of a recording."""
-    if frames.values is None:
-        return hdc.HDCClassifier(encoder or "median", readout or "majority")
-    return hdc.HDCRegressor(encoder or "median", readout or "ridge", period=period)
+    frames: Recording,
+    n: int,
+    encoder: str | None,
+    readout: str | None,
+    period: float | None,
+) -> tuple[Any, list[str]]:
+    """A model of these parts that learns n frames of a recording, and a line on why its read-out is
+    not the default one."""
+    from hdc.readouts.discriminant import MOST_FRAMES
+
+    if frames.values is not None:
+        parts = encoder or "median", readout or "ridge"
+        return hdc.HDCRegressor(*parts, period=period), []
+    if len(frames.classes) == 1:  # nothing to tell apart
+        return hdc.HDCClassifier(encoder or PUBLISHED[0], readout or PUBLISHED[1]), []
+    model = hdc.HDCClassifier(encoder or DEFAULT[0], readout or DEFAULT[1])
+    n_bits = model.fresh("encoder").dimension(math.prod(frames.frame_shape))
+    if readout is not None or min(n, n_bits) <= MOST_FRAMES:
+        return model, []
+    why = (
+        f"majority in place of {DEFAULT[1]}, which learns at most {MOST_FRAMES} frames of more "
+        f"than {MOST_FRAMES} bits, found {n} of {n_bits}"
+    )
+    return hdc.HDCClassifier(encoder or PUBLISHED[0], PUBLISHED[1]), [why]
+
+
+def _advice(model: Any, choose: bool) -> str:
+    """What else to type, after the form of a model that was trained."""
+    if choose:
+        return ""
+    if (model.encoder, model.readout) == DEFAULT:
+        encoder, readout = PUBLISHED
+        published = f"--encoder {encoder} --readout {readout}"
+        return f"; {published} is the published form, --choose tries others"
+    return "; --choose tries others"
 
 
 def _held_out(
@@ -186,7 +223,8 @@ def chosen(
     if recording.values is not None:
         found = f"{mine:.3g} of the constant baseline's error, {forms[0].name} {published:.3g}"
     else:
-        found = f"accuracy {1 - mine:.1%}, the published form {1 - published:.1%}"
+        shares = messages.percent(1 - mine), messages.percent(1 - published)
+        found = "accuracy {}, the published form {}".format(*shares)
     lines = [f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"]
     if why := folds.units.reason(recording):
         lines.append(f"chosen by {folds.how} because {why}")

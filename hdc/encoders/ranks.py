@@ -88,8 +88,8 @@ class RankEncoder(Encoder):
             return
         self._warned = True
         warn(
-            f"{share:.0%} of the pixels of a frame equal its threshold: which of them become ones "
-            f"is decided by the order of pixels (ties={self.ties!r}), not by light",
+            f"{100 * share:.0f} % of the pixels of a frame equal its threshold: which of them "
+            f"become ones is decided by the order of pixels (ties={self.ties!r}), not by light",
         )
 
 

@@ -281,7 +281,7 @@ def _in_words(answer: Answer, seconds: float) -> tuple[str, str]:
         text = ", ".join(_with_interval(*value) for value in answer.values)
     elif answer.likely is not None:
         likely = ", ".join(answer.likely) or "none"
-        parts.append(f"{1 - ALPHA:.0%} prediction set: {likely}")
+        parts.append(f"{100 * (1 - ALPHA):.0f} % prediction set: {likely}")
     nearest = sorted(answer.distances.values())[:2]
     parts += [f"distance {distance:.3f}" for distance in nearest[:1]]
     parts += [f"margin {margin:.3f}" for margin in np.diff(nearest)]

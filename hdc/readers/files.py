@@ -32,11 +32,12 @@ class Ambiguous(ValueError):
     """Something that has several readings.
 
     Attributes:
+        where: what has them.
         choices: the words of the command line that take each of them.
     """
 
     def __init__(self, where: object, choices: Sequence[str]) -> None:
-        self.choices = tuple(choices)
+        self.where, self.choices = where, tuple(choices)
         shown = "; or ".join(self.choices[:SHOWN])
         rest = len(self.choices) - SHOWN
         more = f"; or {rest} more" if rest > 0 else ""

@@ -22,7 +22,7 @@ def load(path: Path) -> Store:
 
     for name, item in _datasets(file, "", set(), store.arrays):
         store.frames_last |= "MATLAB_class" in item.attrs
-        if why := _filled_in(path, item):
+        if why := _missing_filter(item) or _filled_in(path, item):
             store.unread[name] = why
             continue
         array = _dataset(path, item)
@@ -128,6 +128,18 @@ def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
             return None
         rows = [cell[()].ravel() for cell in cells]
     return np.array(["".join(map(chr, row)).rstrip() for row in rows])
+
+
+def _missing_filter(item: Any) -> str:
+    """Why the chunks of a dataset cannot be read, if a filter is not installed; or nothing."""
+    made = item.id.get_create_plist()
+    for number in range(made.get_nfilters()):
+        code, _, _, name = made.get_filter(number)
+        if not h5py.h5z.filter_avail(code):
+            return (
+                f"expected a filter that is installed, found {name.decode()} ({code})"
+            )
+    return ""
 
 
 def _filled_in(path: Path, item: Any) -> str:

@@ -57,4 +57,4 @@ def test_commands_print_what_the_page_shows_and_train(
         trained = printed(line, capsys)
         if "classes: left (" in trained:
             evaluated = printed("hdc evaluate model.safetensors later.npz", capsys)
-            assert evaluated.startswith("accuracy 100.0%"), line
+            assert evaluated.startswith("accuracy 100.0 %"), line

@@ -18,7 +18,6 @@ from omegaconf import OmegaConf
 
 from experiments.reporting.answers import Answers
 from experiments.reporting.columns import display_name, scene_name
-from experiments.reporting.documents import NOT_MEASURED
 from experiments.reporting.table import ENDS
 from experiments.reporting.text import interval, number, percent, size, two_digits
 
@@ -79,14 +78,12 @@ class Finding(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     Attributes:
         text: the sentence.
         rows: by name, a ``table`` and the values that tell one of its rows.
-        later: as `rows`, of rows that may not be there yet: their fields are "not measured yet".
         spreads: by name.
         texts: a sentence for each ``word`` that these fields give.
     """
 
     text: str = ""
     rows: dict[str, dict[str, Any]] = {}
-    later: dict[str, dict[str, Any]] = {}
     spreads: dict[str, Spread] = {}
     word: str = ""
     texts: dict[str, str] = {}
@@ -98,12 +95,10 @@ class NotMeasured(Exception):
 
 @dataclass(frozen=True)
 class Cell:
-    """A number or a text with its bounds, as a field of a sentence; `later` if it may not be there
-    yet."""
+    """A number or a text with its bounds, as a field of a sentence."""
 
     value: Any
     bounds: tuple[Any, Any]
-    later: bool = False
 
     def __format__(self, text: str) -> str:
         name, _, with_bounds = text.partition(" ")
@@ -111,8 +106,6 @@ class Cell:
             known = ", ".join(filter(None, FORMATS))
             raise ValueError(f"format: expected one of {known}, found {text}")
         if self.value is None or pd.isna(self.value):
-            if self.later:
-                return NOT_MEASURED
             raise NotMeasured
         show = FORMATS[name]
         unit = UNITS.get(name, "") if with_bounds else ""
@@ -125,17 +118,15 @@ class Line:
     """A row whose columns are attributes, as fields of a sentence have them: ``{row.name}``, or
     ``{row[name]}`` where a name has a dot."""
 
-    def __init__(
-        self, where: str, values: Mapping[str, Any], later: bool = False
-    ) -> None:
-        self._where, self._values, self._later = where, values, later
+    def __init__(self, where: str, values: Mapping[str, Any]) -> None:
+        self._where, self._values = where, values
 
     def __getattr__(self, name: str) -> Cell:
-        if name not in self._values and not self._later:
+        if name not in self._values:
             known = ", ".join(self._values)
             raise ValueError(f"{self._where} has no column {name}; it has {known}")
         low, high = (self._values.get(f"{name}{end}") for end in ENDS[1:])
-        return Cell(self._values.get(name), (low, high), self._later)
+        return Cell(self._values.get(name), (low, high))
 
     __getitem__ = __getattr__
 
@@ -189,7 +180,6 @@ def _read(path: Path, kind: Any) -> Any:
 
 def _sentence(finding: Finding, answers: Answers) -> str:
     lines = {name: _line(wanted, answers) for name, wanted in finding.rows.items()}
-    lines |= {name: _later_line(row, answers) for name, row in finding.later.items()}
     lines |= {name: _spread(each, answers) for name, each in finding.spreads.items()}
     if not finding.texts:
         return _filled(finding.text, lines)
@@ -227,18 +217,6 @@ def _line(wanted: Mapping[str, Any], answers: Answers) -> Line:
         values = {key: wanted[key] for key in wanted if key != "table"}
         raise ValueError(f"{where}: expected one row with {values}, found {len(data)}")
     return Line(where, data.iloc[0].to_dict())
-
-
-def _later_line(wanted: Mapping[str, Any], answers: Answers) -> Line:
-    """The only row of a table that has these values; a line without values until there is one."""
-    data = _values(wanted["table"], answers)
-    found: Mapping[str, Any] = {}
-    if set(wanted) - {"table"} <= set(data):
-        where, rows = _rows(wanted, answers)
-        if len(rows) > 1:
-            raise ValueError(f"{where}: expected one row, found {len(rows)}")
-        found = rows.iloc[0].to_dict() if len(rows) else {}
-    return Line("", found, later=True)
 
 
 def _rows(wanted: Mapping[str, Any], answers: Answers) -> tuple[str, pd.DataFrame]:

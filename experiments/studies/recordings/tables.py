@@ -274,17 +274,17 @@ TABLES = [
                 cell=_of_either("predict_frame", milliseconds),
                 of_machine=True,
             ),
-            "bytes": Column("Stored", size),
+            "bytes": Column("To predict", size),
             "bits": Column("Bits per pixel and class", two_digits),
         },
         shown=(
             *("recording", "n", "model", "error", "fit_s", "predict_frame_s", "bytes"),
             "bits",
         ),
-        note="Stored: all that a prediction needs. Times: one process, frames in memory and "
-        "nothing computed of them before, the least of several interleaved repetitions; by "
-        "NumPy, and by the compiled kernels where the model has them; prediction in batches "
-        "of 100 frames. Relative to softmax: by the faster implementation, over converged "
+        note="To predict: the bytes that a prediction needs; a file has more. Times: one "
+        "process, frames in memory and nothing computed of them before, the least of several "
+        "interleaved repetitions; by NumPy, and by the compiled kernels where the model has them; "
+        "prediction in batches of 100 frames. Relative to softmax: by the faster implementation, over converged "
         "softmax on grey values. Error: by the held-out split, mean over the same draws for "
         "all models.",
         key=("recording", "n", "model"),

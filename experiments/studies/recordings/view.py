@@ -1,4 +1,8 @@
-"""Every model on public recordings."""
+"""Every model on public recordings.
+
+Accuracies and costs are two measurements with tables of their own (``tables``); ``profile`` joins
+all recordings in one figure, and ``figures`` has one panel each.
+"""
 
 from experiments.reporting.study import Study
 from experiments.studies.recordings import figures, profile, tables

@@ -103,10 +103,11 @@ def disturbed(runs: pd.DataFrame) -> str:
     if _REASON not in runs:
         return ""
     reasons = runs[_REASON].fillna("")
-    why = "; ".join(dict.fromkeys(filter(None, reasons)))
-    if not why or len(runs) == 1:
-        return why
-    return f"{(reasons != '').sum()} of {len(runs)} seeds: {why}"
+    found = list(filter(None, reasons))
+    if not found or len(runs) == 1:
+        return "".join(found)
+    first = "" if len(found) == 1 else ", the first"
+    return f"{len(found)} of {len(runs)} seeds{first}: {found[0]}"
 
 
 def _relative_times(runs: pd.DataFrame) -> dict[str, float]:

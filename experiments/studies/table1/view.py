@@ -272,7 +272,9 @@ TABLE1 = Table(
             note="Accuracies: mean over seeds; 95 % interval by Student, never narrower than the "
             "test set allows; Wilson for one seed.",
         ),
-        "published_training_time_over_hdc": Column("Paper: relative time", two_digits),
+        "published_training_time_over_hdc": Column(
+            "Paper: relative time", "{:.0f}".format
+        ),
         "published_test_accuracy": Column("Paper: accuracy", percent),
     },
     commands=[f"{RUN}table1", f"{RUN}table1_descent"],

@@ -114,9 +114,9 @@ def baselines(learns_values: bool, period: float | None) -> list[Candidate]:
     }
     if learns_values:
         models = {
+            "ridge": RidgeCV(PENALTIES),
             "1-NN": KNeighborsRegressor(1),
             "3-NN": KNeighborsRegressor(3),
-            "ridge": RidgeCV(PENALTIES),
             "SVM": MultiOutputRegressor(SVR(C=10, epsilon=0.01)),
         }
     found = []

@@ -247,7 +247,7 @@ def _heads(frames: Recording, tests: Iterable[str]) -> list[str]:
 
 def _line(name: str, numbers: Mapping[str, Any], heads: Sequence[str]) -> str:
     """A row, its cells as wide as the heads."""
-    cells = [f"{share:.1%}" for share in numbers.get("accuracy", ())]
+    cells = [messages.percent(share) for share in numbers.get("accuracy", ())]
     for errors in numbers.get("errors", {}).values():
         cells += [f"{error:.4g}" for error in errors]
     cells += [f"{numbers['train_s']:.3g}", f"{numbers['predict_ms']:.2g}"]
@@ -270,7 +270,8 @@ def _sentences(result: Mapping[str, Any]) -> list[str]:
     else:
         won = f"{100 * result['gain']:+.1f} points of accuracy"
         if "values" in result:
-            won = f"{result['gain']:.3g} of the constant baseline's error less"
+            size, word = abs(result["gain"]), "less" if result["gain"] >= 0 else "more"
+            won = f"{size:.3g} of the constant baseline's error {word}"
         lines.append(f"{chosen} over {published}: {won}, {_clear(result)}.")
     first, *others = result["models"][chosen].get("accuracy", (0,))
     if others and first - others[-1] > messages.FALL:

@@ -36,6 +36,8 @@ def folder(tmp_path, frames, write):
 
 @pytest.fixture
 def model(hdc, folder, tmp_path):
+    """A model of the published form."""
     path = tmp_path / "m.safetensors"
-    assert hdc("train", folder, "-o", path)[0] == 0
+    words = ("--encoder", "median", "--readout", "majority")
+    assert hdc("train", folder, "-o", path, *words)[0] == 0
     return path

@@ -11,6 +11,7 @@ from hdc.encoders import Median
 from hdc.readers import open_recording
 
 SIDE = 24
+PUBLISHED = ("--encoder", "median", "--readout", "majority")
 NAMES = np.repeat([*"abc"], 12)
 
 
@@ -30,7 +31,7 @@ def test_a_frame_is_encoded_once(hdc, folder, tmp_path, monkeypatch):
     model, other = tmp_path / "m", tmp_path / "n"
     asked = ("--reject", 0.2, "--interval", 0.8)
     for words, n in (
-        (("train", folder, "-o", model, "--test-fraction", 0.25), 36),
+        (("train", folder, "-o", model, "--test-fraction", 0.25, *PUBLISHED), 36),
         (("predict", model, folder / "a", *asked, "--proba"), 12),
         (("evaluate", model, folder, *asked), 36),
         (("recalibrate", model, folder, "-o", other), 36),
@@ -61,7 +62,7 @@ def test_frames_of_one_kind_tell_what_is_unlike_them(hdc, frames, write, tmp_pat
 
 def test_any_parameter_of_a_part_is_set(hdc, folder, tmp_path):
     path = tmp_path / "m"
-    words = ("train", folder, "-o", path, "--encoder", "levels")
+    words = ("train", folder, "-o", path, "--readout", "majority")
     sets = (
         "encoder__thresholds=3",
         "encoder__ties=raster",
@@ -76,26 +77,49 @@ def test_any_parameter_of_a_part_is_set(hdc, folder, tmp_path):
 def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
     path = tmp_path / "m.safetensors"
     status, out, err = hdc("train", folder, "-o", path)
-    expected = HDCClassifier().fit(whole(frames), NAMES)
+    expected = HDCClassifier("levels", "lda").fit(whole(frames), NAMES)
     model = HDCClassifier.load(path)
     assert (status, err) == (0, [])
     assert out == [
         f"{path}: 36 frames, 3 classes, 24 × 24 pixels",
         "classes: a (12), b (12), c (12)",
         "sessions: none known",
-        f"form: median, majority; {expected.prediction_bytes_} bytes to predict, "
-        f"{path.stat().st_size:,} in the file; --choose tries others",
+        f"form: levels, lda; {expected.prediction_bytes_:,} bytes to predict, "
+        f"{path.stat().st_size:,} in the file; --encoder median --readout majority is the "
+        "published form, --choose tries others",
     ]
-    assert (model.prototypes_ == expected.prototypes_).all()
+    for name, tensor in expected.state_.tensors().items():
+        assert (getattr(model.state_, name) == tensor).all()
+
+
+@pytest.mark.parametrize(
+    ("most", "words", "form"),
+    [
+        (36, (), "levels, lda"),
+        (35, (), "median, majority"),
+        (35, ("--encoder", "deviation"), "deviation, majority"),
+        (36, ("--encoder", "median"), "median, lda"),
+        (36, ("--readout", "majority"), "levels, majority"),
+    ],
+)
+def test_majority_learns_more_frames_than_lda_can(
+    hdc, folder, tmp_path, monkeypatch, most, words, form
+):
+    monkeypatch.setattr("hdc.readouts.discriminant.MOST_FRAMES", most)
+    status, out, err = hdc("train", folder, "-o", tmp_path / "m", *words)
+    assert (status, err) == (0, [])
+    assert out[-1].startswith(f"form: {form};")
+    said = f"majority in place of lda, which learns at most {most} frames of more than {most} bits"
+    assert any(line.startswith(f"{said}, found 36 of ") for line in out) == (most == 35)
 
 
 def test_held_out_frames_are_not_learnt(hdc, folder, frames, tmp_path):
     path = tmp_path / "m"
     words = ("train", folder, "-o", path, "--test-fraction", "0.25")
-    out = hdc(*words, "--encoder", "reference")[1]
+    out = hdc(*words, "--encoder", "reference", "--readout", "majority")[1]
     assert out[3:5] == [
-        "held out at random: accuracy 100.0% (95 % interval 70.1% to 100.0%), 9 of 9 frames",
-        "majority-class baseline (always a): accuracy 33.3%",
+        "held out at random: accuracy 100.0 % (95 % interval 70.1 % to 100.0 %), 9 of 9 frames",
+        "majority-class baseline (always a): accuracy 33.3 %",
     ]
     assert out[5].startswith("held out at random because no sessions are known")
     (learnt, _), _ = splits.hold_out(open_recording(folder), 0.25)
@@ -107,7 +131,8 @@ def test_held_out_frames_are_not_learnt(hdc, folder, frames, tmp_path):
 
 def test_crop_and_subsampling_go_with_the_model(hdc, folder, frames, write, tmp_path):
     path, new = tmp_path / "m", tmp_path / "new"
-    hdc("train", folder, "-o", path, "--crop", 2, 4, 20, 16, "--subsample", 2)
+    window = ("--crop", 2, 4, 20, 16, "--subsample", 2)
+    hdc("train", folder, "-o", path, *window, *PUBLISHED)
     model = HDCClassifier.load(path)
     kept = model.metadata_["crop"], model.metadata_["subsample"]
     assert (model.frame_shape_, *kept) == ((8, 10), [2, 4, 20, 16], 2)
@@ -260,7 +285,8 @@ def test_another_day_that_is_much_worse_is_told_to_be_of_the_sensor(
 ):
     """100 % at random and 37 % on another day ended in a recommended command."""
     path = tmp_path / "m"
-    assert hdc("train", folder, "-o", path, "--test-fraction", 0.3)[0] == 0
+    words = ("--test-fraction", 0.3, *PUBLISHED)
+    assert hdc("train", folder, "-o", path, *words)[0] == 0
     assert json.loads("".join(hdc("info", path)[1]))["held_out"] == 1.0
     said = (
         "Your sensor differs between the recordings: record five frames of each class"
@@ -268,5 +294,5 @@ def test_another_day_that_is_much_worse_is_told_to_be_of_the_sensor(
     assert not any(said in line for line in hdc("evaluate", path, folder)[1])
     other = write(tmp_path / "other", 255 - frames)
     out = hdc("evaluate", path, other)[1]
-    assert out[0].startswith("accuracy 0.0%")
+    assert out[0].startswith("accuracy 0.0 %")
     assert out[-1] == f"{said} and hdc recalibrate the model."

@@ -212,9 +212,14 @@ def test_a_warning_is_said_once_whatever_its_share(instead):
     """A comparison trains the same model fold after fold, and each has its share of ties."""
 
     def warn(_):
-        for text in ("80% are tied", "81% are tied", "left out day1", "left out day2"):
+        for text in (
+            "80 % are tied",
+            "81 % are tied",
+            "left out day1",
+            "left out day2",
+        ):
             warnings.warn(text, stacklevel=2)
         return 0
 
-    said = ["80% are tied", "left out day1", "left out day2"]
+    said = ["80 % are tied", "left out day1", "left out day2"]
     assert instead(warn) == (0, [f"warning: {text}" for text in said])

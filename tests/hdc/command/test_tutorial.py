@@ -47,7 +47,7 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, typed):
                 (folder / "settings.json").write_text("{}")
     trained, predicted = run("press/", typed)
     assert "12 frames, 3 classes" in trained
-    assert "held out in the last sessions: accuracy 100.0%" in trained
+    assert "held out in the last sessions: accuracy 100.0 %" in trained
     assert (
         "left out 24 other files: day1/material_felt/cycle_0_A/settings.json" in trained
     )

@@ -31,7 +31,7 @@ def test_larger_classes_are_warned_of_unless_they_are_meant(name):
             warnings.simplefilter("error")
             HDCClassifier(readout=name).fit(*frames_of(numbers, 0))
             HDCClassifier(readout=READOUTS[name]()).fit(*frames_of([9, 4, 4, 4, 4], 0))
-    with pytest.warns(UserWarning, match=r"largest class has 125% more .* alike\)$"):
+    with pytest.warns(UserWarning, match=r"largest class has 125 % more .* alike\)$"):
         HDCClassifier(readout=name).fit(*frames_of([9, 4, 4, 4, 4], 0))
 
 

@@ -1,4 +1,4 @@
-"""A case: an extreme input, by the obvious computation and by ours, against an exact reference."""
+"""A case: an extreme input, by the naive computation and by ours, against an exact reference."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def differing(result: Any, exact: Any) -> float:
 class Case:
     """The computations in words, the unit of the error, and `prepare`, which makes the input.
 
-    It returns two functions without arguments, the obvious computation and ours, the exact result,
+    It returns two functions without arguments, the naive computation and ours, the exact result,
     and the error that ours may have, if any.
     """
 

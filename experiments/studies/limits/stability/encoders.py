@@ -118,7 +118,7 @@ def violations(
     return wrong
 
 
-# Values by which an encoder ranks pixels: exact ones, and the obvious ones ------------------------
+# Values by which an encoder ranks pixels: exact ones, and the naive ones --------------------------
 
 
 def grey_values(frames: Array) -> Array:
@@ -164,11 +164,11 @@ def above(differences: Array, thresholds: Sequence[float]) -> Array:
 def prepared(encoder: Encoder, levels: Sequence[Any], ways: Any, name: str) -> Any:
     """Bits of an input; levels are quantiles, or thresholds in deviations."""
     frames = INPUTS[name][1]()
-    exact, obvious = ways
+    exact, simple = ways
     by_rank = not isinstance(encoder, Deviation)
 
     def naive() -> Array:
-        values = obvious(frames)
+        values = simple(frames)
         if by_rank:
             return values >= np.quantile(values, np.array(levels, float))[:, None]
         root = np.sqrt((values * values).mean())

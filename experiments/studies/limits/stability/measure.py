@@ -1,6 +1,6 @@
-"""Extreme inputs by the obvious implementation and by ours, against an exact reference.
+"""Extreme inputs by the naive implementation and by ours, against an exact reference.
 
-Each case is a row: an input, the obvious computation, ours, and what is right. Encoders, counters,
+Each case is a row: an input, the naive computation, ours, and what is right. Encoders, counters,
 read-outs and training have a file of rows each, next to the definitions that say what is right.
 """
 
