@@ -220,7 +220,7 @@ def _figure(figure: Figure) -> str:
 
 def model_list() -> str:
     """Every model: its name on the command line, its name in tables, and what it is."""
-    lines = [["`model=`", "In tables", "What it is"]]
+    lines = [["`model=`", "In tables", "Model"]]
     for path in sorted((configs.CONFIGS / "model").glob("*.yaml")):
         comment = re.findall(r"^# (?!@)(.*)", path.read_text("utf-8"), re.MULTILINE)
         first, *_ = re.split(r"(?<=\.)\s", " ".join(comment))

@@ -284,9 +284,9 @@ TABLES = [
         note="To predict: the bytes that a prediction needs; a file has more. Times: one "
         "process, frames in memory and nothing computed of them before, the least of several "
         "interleaved repetitions; by NumPy, and by the compiled kernels where the model has them; "
-        "prediction in batches of 100 frames. Relative to softmax: by the faster implementation, over converged "
-        "softmax on grey values. Error: by the held-out split, mean over the same draws for "
-        "all models.",
+        "prediction in batches of 100 frames. Relative to softmax: by the faster implementation, "
+        "over converged softmax on grey values. Error: by the held-out split, mean over the same "
+        "draws for all models.",
         key=("recording", "n", "model"),
     ),
 ]
