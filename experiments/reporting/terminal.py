@@ -37,7 +37,7 @@ def show_table1(console: Console, table: Table, reference: Table | None = None) 
     """Table I of a set of results: the cells of its file, and the note below them.
 
     Models that were not measured have the row of the reference, if there is one, in a table of its
-    own: its seconds are those of another machine.
+    own, since another machine took its seconds.
     """
     measured = _cells(table, measured=True)
     theirs = _cells(reference, measured=True) if reference else {}

@@ -147,7 +147,7 @@ def _untrained(
 
 
 def _advice(model: Any, choose: bool) -> str:
-    """What else to type, after the form of a model that was trained."""
+    """The end of the line on the form of a model: options of other forms."""
     if choose:
         return ""
     if (model.encoder, model.readout) == DEFAULT:
