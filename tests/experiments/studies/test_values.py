@@ -32,13 +32,11 @@ def scene(monkeypatch):
     turns = np.stack([np.cos(depth / 4), np.sin(depth / 4)], axis=1)
     turned = np.tensordot(turns, waves, 1) + 0.5 * rng.normal(size=(200, 40, 40))
     images = torch.from_numpy(np.clip(128 + 25 * turned, 0, 255)).byte()
-    noise = torch.from_numpy(rng.integers(0, 255, (20, 40, 40))).byte()
     made = Frames(images, (depth // 2.5).astype(int), tuple("ABCD"))
     for name, value in {
         "values": depth[:, None],
         "value_names": ("depth",),
         "units": ("mm",),
-        "unknown": Frames(noise, np.zeros(20, int), ("X",)),
     }.items():
         object.__setattr__(made, name, value)
     monkeypatch.setattr(Context, "scene", lambda *_: made)
@@ -56,7 +54,7 @@ def test_every_model_is_better_than_the_mean_and_ridge_than_ten_bins(scene):
 
 
 @pytest.mark.filterwarnings("ignore:lda. no class has two")
-def test_sets_hold_their_promise_and_noise_is_refused(scene):
+def test_sets_hold_their_promise(scene):
     rows = pd.DataFrame(
         rows_of(Coverage, models=MODELS, n_per_class=[1, 2, 20, 999], draws=4)
     )
@@ -68,7 +66,6 @@ def test_sets_hold_their_promise_and_noise_is_refused(scene):
     assert ((few.covered == 1) & (few["size"] == 4)).all()  # all labels
     assert (many.covered > 0.82).all()
     assert (many.refused < 0.18).all()
-    assert (many.unknown_refused == 1).all()
     assert (rows.answers.isna() == (rows.n == 1)).all()  # one frame fits no probability
 
 

@@ -12,7 +12,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
-from torch import Tensor
 
 from experiments.protocol.data import at_seed, scene_at
 from experiments.protocol.evaluate import bank_of
@@ -80,18 +79,17 @@ class Coverage(Task, frozen=True):
     """One row: a model in one draw of one split after ``n`` frames of every class.
 
     The share ``covered`` of ``n_test`` held-out frames by the model's prediction set for ``alpha``,
-    the mean ``size`` of the set, the share ``refused`` (empty sets) and ``unknown_refused``, the
-    same share of frames of no class (None without any). Lists over :data:`BINS` bins of the
-    probability of an answer: how many ``answers``, how many of them ``right``, the sum ``sure`` of
-    their probabilities p, and ``spread`` of p(1 − p); none after one frame, which fits no
-    probability.
+    the mean ``size`` of the set, and the share ``refused`` of empty sets. Lists over :data:`BINS`
+    bins of the probability of an answer: how many ``answers``, how many of them ``right``, the sum
+    ``sure`` of their probabilities p, and ``spread`` of p(1 − p); none after one frame, which fits
+    no probability.
     Arguments: configs/experiment/coverage.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
     """
 
-    revision: ClassVar = 4
+    revision: ClassVar = 5
 
     scene: Mapping[str, Any]
     splits: Mapping[str, Split]
@@ -115,41 +113,30 @@ class Coverage(Task, frozen=True):
             bank = bank_of(recording, np.concatenate([most, test]))
             queries = bank.at(np.arange(len(most), len(bank)))
             labels = recording.labels[test]
-            unknown = _unknown(recording, len(test), key)
             row |= {"n_test": len(test), "alpha": self.alpha}
             for n in sizes:
                 place = np.arange(len(most)) % sizes[-1]
                 train = np.flatnonzero(place < n)
                 for name, model in asked.items():
                     model.fit(bank.at(train), bank.labels[train])
-                    found = sets(model, queries, labels, unknown, self.alpha)
+                    found = sets(model, queries, labels, self.alpha)
                     if n > 1:
                         found |= probabilities(model, queries, labels)
                     yield {**row, "n": n, "model": name, **found}
 
 
-def sets(
-    model: HDCClassifier,
-    queries: Any,
-    labels: np.ndarray,
-    unknown: Tensor | None,
-    alpha: float,
-) -> Row:
+def sets(model: HDCClassifier, queries: Any, labels: np.ndarray, alpha: float) -> Row:
     """How often prediction sets of queries [Q] hold the right one of the labels [Q]."""
     with warnings.catch_warnings():
-        # That few frames refuse nothing is what is measured here.
+        # That few frames give full sets is what is measured here.
         warnings.filterwarnings("ignore", message=".*no frame is refused")
         found = model.predict_set(queries, alpha)
-        refused = None
-        if unknown is not None:
-            refused = model.p_values(unknown, alpha).max(1) <= alpha
     sizes = np.array([len(one) for one in found])
     held = [label in one for one, label in zip(found, labels, strict=True)]
     return {
         "covered": float(np.mean(held)),
         "size": float(sizes.mean()),
         "refused": float((sizes == 0).mean()),
-        "unknown_refused": None if refused is None else float(refused.mean()),
     }
 
 
@@ -169,16 +156,6 @@ def probabilities(model: HDCClassifier, queries: Any, labels: np.ndarray) -> Row
         "sure": summed(sure),
         "spread": summed(sure * (1 - sure)),
     }
-
-
-def _unknown(recording: Any, n: int, key: tuple[int, int]) -> Tensor | None:
-    """Frames of no class, n at most; None of a scene without any."""
-    others = getattr(recording, "unknown", None)
-    if others is None:
-        return None
-    some = np.random.default_rng(key).permutation(len(others.labels))
-    found: Tensor = others.frames(some[:n])
-    return found
 
 
 def parts(

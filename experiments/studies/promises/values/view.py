@@ -32,9 +32,9 @@ COUNTING = ("hdc", "hdc_integer")
 PROVEN_FROM = 9
 BY = ["model", "n", "split"]
 RESAMPLE = [*BY, "origin", "seed", "draw"]
-OF_SETS = ["covered", "size", "refused", "unknown_refused"]
+OF_SETS = ["covered", "size", "refused"]
 OF_BINS = ["accuracy", "calibration", "perfect"]
-SHARES = ("covered", "inside", "refused", "unknown_refused", "accuracy", "calibration")
+SHARES = ("covered", "inside", "refused", "accuracy", "calibration")
 SHOWN = ("hdc", "hdc_lda", "hdc_kernel")
 """Read-outs of the figure: published, and LDA and kernel of the same bits."""
 SESSIONS = {"random": "same", "counts": "next"}
@@ -211,7 +211,7 @@ TABLES = [
         ),
         note=f"{SESSION}Calibration error: the expected one, over ten bins of equal width (Guo et "
         "al., ICML 2017); by chance alone it is above zero, as the last column has it. The CSV has "
-        f"the shares of frames that are refused as unknown, too. {BRACKETS}",
+        f"the share of empty sets, too. {BRACKETS}",
     ),
     Table(
         "values",
