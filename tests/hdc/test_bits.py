@@ -126,3 +126,22 @@ def test_majority_is_the_count_compared_with_half(n, ties):
     found = bits.majority(bits.pack(vectors), ties, bits.pack(breaker))
     assert torch.equal(bits.unpack(found, d), expected)
     bits.check_padding(found, d)  # bits beyond the last stay zero
+
+
+def counters(values: Tensor, n_planes: int) -> Tensor:
+    """Planes of given integers [D]."""
+    return torch.stack([bits.pack((values >> p & 1).bool()) for p in range(n_planes)])
+
+
+numbers = st.lists(st.integers(0, 1000), min_size=70, max_size=70).map(torch.tensor)
+
+
+@given(numbers, numbers, st.integers(10, 13), st.integers(0, 2000))
+@settings(max_examples=60, deadline=None)
+def test_sums_and_comparisons_of_bit_sliced_integers(x, y, extra, threshold):
+    total = planes.add(counters(x, 10), counters(y, extra))
+    found = sum(bits.unpack(plane, 70).long() << p for p, plane in enumerate(total))
+    assert torch.equal(found, x + y)
+    assert torch.equal(planes.add(counters(y, extra), counters(x, 10)), total)
+    greater = planes.greater(counters(x, 10), threshold)
+    assert torch.equal(bits.unpack(greater, 70), x > threshold)

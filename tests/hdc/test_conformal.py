@@ -84,7 +84,7 @@ def test_p_values_of_scores_and_the_label_of_the_prediction_in_its_set():
     """Left out, frames of class 0 score about 9, and those of class 1 from −100 to 100."""
     own = torch.linspace(-100, 100, 9).double()
     scores = torch.cat(
-        [torch.stack([9 + own / 1000, -own], 1), torch.stack([-own, own], 1)]
+        [torch.stack([9 + own / 1000, -own], 1), torch.stack([own / 1000, own], 1)]
     )
     held_out = HeldOut(scores, torch.arange(18) // 9)
     known = Conformal.of_scores(held_out, torch.tensor([9, 9]))

@@ -80,17 +80,16 @@ def test_the_brightest_are_ones_by_any_route(
 def test_extreme_numbers_keep_their_order(dtype, brightest, monkeypatch):
     rng = np.random.default_rng(0)
     if dtype in FLOATS:
-        limits = np.finfo(dtype)
-        frames = rng.standard_normal((3, 130)).astype(dtype)
-        extremes = np.array([limits.max, limits.min, 0, -0.0, limits.tiny], dtype)
-        frames[1] = rng.choice(extremes, 130)
-        one = np.ones(130, dtype)
-        frames[2] = np.nextafter(one, 2 * one * (frames[0] > 0))
+        limits, one = np.finfo(dtype), np.ones(1, dtype)
+        above = np.nextafter(one, 2 * one)[0]
+        extremes = [limits.max, limits.min, 0, -0.0, limits.tiny, 1, above]
+        wide = rng.standard_normal(130)
     else:
-        info = np.iinfo(dtype)
-        frames = rng.integers(info.min, info.max, (3, 11, 13), dtype, endpoint=True)
-        frames[1] = np.where(frames[1] % 2, info.min, info.max)
-        frames[2] = info.max - frames[2] % 3
+        limits = np.iinfo(dtype)
+        extremes = [limits.max, limits.max - 1, limits.min, limits.min + 1]
+        wide = rng.integers(limits.min, limits.max, 130, dtype, endpoint=True)
+    frames = rng.choice(np.array(extremes, dtype), (3, 130))
+    frames[0] = wide
     assert_brightest(Median(), frames, brightest, monkeypatch)
 
 
@@ -110,7 +109,7 @@ def test_few_ties_are_not_warned_of():
         warnings.simplefilter("error")
         Median().encode(frame)
         for d in (50, 5000):  # of a value that all become ones none is split
-            Median().encode((torch.arange(d) < d // 2)[None].float())
+            Median().encode((torch.arange(d) < d // 2)[None].int())
         frame[0, 300:790] = 500
         Levels().encode(frame)
     for share, encoder in ((49, Median("raster")), (59, Levels(ties="raster"))):

@@ -10,6 +10,7 @@ import torch
 
 from hdc import bits
 from hdc.readouts import Kernel
+from hdc.readouts.kernel import median_of_pairs
 from tests.hdc import own
 from tests.hdc.definition import discriminants, inside
 
@@ -98,6 +99,15 @@ def test_factors_have_the_fewest_errors_on_frames_left_out():
     held_out = model.held_out()
     wrong = held_out.scores.argmax(1) != held_out.rows
     assert int(wrong.sum()) == errors[best]
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 4, 9])
+def test_the_median_is_that_of_pairs(n):
+    masks = np.random.default_rng(n).random((n, 300)) < 0.3
+    words = packed(masks)
+    if n > 1:
+        assert median_of_pairs(bits.hamming(words, words)) == median(masks)
+    assert median_of_pairs(torch.zeros(n, n, dtype=torch.int64)) == 1
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])

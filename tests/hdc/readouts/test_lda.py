@@ -53,20 +53,6 @@ def test_discriminants_and_those_without_each_frame_by_their_definition(
         np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
-def test_scores_are_the_stated_function_of_the_stored_integers():
-    x, words, rows = problem(60, 333, 4, 3)
-    model = fitted(LDA(), words, rows, 4, 333)
-    planes = bits.unpack(model.weights_, 333).long()
-    q = sum(planes[:, p] << p for p in range(4)) - 8
-    assert q.min() >= -7
-    assert q.max() == 7
-    assert (q[:, 5] == 0).all()  # the pixel that never changes says nothing
-    products = torch.from_numpy(x).long() @ q.T
-    expected = products * model.scales_ + model.offsets_
-    assert torch.equal(model.scores(words), expected)
-    assert model.scales_.max() == 2**20
-
-
 @pytest.mark.parametrize(("n", "d"), [(12, 30), (30, 200), (300, 65)])
 def test_shrinkage_by_its_definition_and_that_of_scikit_learn(n, d):
     """Share of the squared distance from the mean variance that is chance, among the D pixels.
