@@ -133,10 +133,11 @@ def counters(values: Tensor, n_planes: int) -> Tensor:
     return torch.stack([bits.pack((values >> p & 1).bool()) for p in range(n_planes)])
 
 
-numbers = st.lists(st.integers(0, 1000), min_size=70, max_size=70).map(torch.tensor)
+def numbers(most):
+    return st.lists(st.integers(0, most), min_size=70, max_size=70).map(torch.tensor)
 
 
-@given(numbers, numbers, st.integers(10, 13), st.integers(0, 2000))
+@given(numbers(1000), numbers(8191), st.integers(13, 15), st.integers(0, 2000))
 @settings(max_examples=60, deadline=None)
 def test_sums_and_comparisons_of_bit_sliced_integers(x, y, extra, threshold):
     total = planes.add(counters(x, 10), counters(y, extra))

@@ -9,7 +9,6 @@ import pytest
 import torch
 from sklearn.covariance import OAS, LedoitWolf
 
-from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import LDA, among_bits
 from hdc.readouts.discriminant import discriminants as left_out
