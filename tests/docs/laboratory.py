@@ -36,8 +36,14 @@ def make(folder):
     images = [cv2.imencode(".png", frame)[1].tobytes() for frame in frames]
     columns = {"image": images, "label": names.tolist(), "session": session}
     pq.write_table(pa.table(columns), folder / "touches.parquet")
-    _film(folder, frames)
-    _films(folder / "films", frames, labels)
+    # Five frames of each touch after the other, at 10 Hz; and three films of ten of each.
+    _film(folder / "film.mp4", "mp4v", frames)
+    rows = [f"{k / 2},{k / 2 + 0.5},{NAMES[k % 2]}" for k in range(12)]
+    (folder / "film.csv").write_text("\n".join(["start_s,end_s,label", *rows]))
+    (folder / "films").mkdir()
+    for label, name in enumerate(NAMES):
+        for k, some in enumerate(np.split(frames[labels == label], 3), start=1):
+            _film(folder / "films" / f"{name}_{k}.avi", "MJPG", some)
     for k, name in enumerate(names):
         path = folder / "touches" / f"day{session[k]}" / name / f"{k}.png"
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -47,24 +53,8 @@ def make(folder):
     np.savez(folder / "later.npz", frames=frames, labels=NAMES[later])
 
 
-def _films(folder, frames, labels):
-    """Three films of ten frames of each touch."""
-    folder.mkdir()
-    for label, name in enumerate(NAMES):
-        for k, some in enumerate(np.split(frames[labels == label], 3), start=1):
-            path, code = folder / f"{name}_{k}.avi", cv2.VideoWriter_fourcc(*"MJPG")
-            film = cv2.VideoWriter(str(path), code, 10, (64, 48))
-            for frame in some:
-                film.write(np.dstack([frame] * 3))
-            film.release()
-
-
-def _film(folder, frames):
-    """Five frames of each touch after the other, at 10 Hz."""
-    path, code = folder / "film.mp4", cv2.VideoWriter_fourcc(*"mp4v")
-    film = cv2.VideoWriter(str(path), code, 10, (64, 48))
+def _film(path, code, frames):
+    film = cv2.VideoWriter(str(path), cv2.VideoWriter_fourcc(*code), 10, (64, 48))
     for frame in frames:
         film.write(np.dstack([frame] * 3))
     film.release()
-    rows = [f"{k / 2},{k / 2 + 0.5},{NAMES[k % 2]}" for k in range(12)]
-    path.with_suffix(".csv").write_text("\n".join(["start_s,end_s,label", *rows]))

@@ -19,10 +19,6 @@ def texts():
         yield " ".join(part.split())
 
 
-def test_there_are_eight_questions():
-    assert len(QUESTIONS) == 8
-
-
 @pytest.mark.parametrize(("question", "answer"), QUESTIONS)
 def test_readme_answers(question, answer):
     assert any(re.search(answer, text) for text in texts()), question

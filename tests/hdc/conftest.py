@@ -84,11 +84,6 @@ def _kinds_of_frames():
     return kinds_of_frames
 
 
-@pytest.fixture(name="order_of_pixels")
-def _order_of_pixels():
-    return order_of_pixels
-
-
 @pytest.fixture(name="brightest")
 def _brightest():
     return brightest

@@ -1,8 +1,24 @@
-"""For tests: discriminant analysis as it is defined, in coordinates of the frames."""
+"""For tests: bits of classes, and discriminant analysis as it is defined, in coordinates."""
 
 from __future__ import annotations
 
 import numpy as np
+import torch
+
+from hdc import bits
+
+
+def bits_of_classes(
+    n: int, d: int, n_classes: int, seed: int
+) -> tuple[np.ndarray, torch.Tensor, np.ndarray]:
+    """Bits in ±1 [n, d], packed ones, and classes of unequal size, the last of one frame."""
+    rng = np.random.default_rng(seed)
+    others = rng.integers(0, n_classes - 1, n - n_classes)
+    rows = np.concatenate([np.arange(n_classes), others])
+    share = rng.random((n_classes, d))
+    x = np.where(rng.random((n, d)) < share[rows], 1.0, -1.0)
+    x[:, 5] = 1  # a pixel that is the same in all frames
+    return x, bits.pack(torch.from_numpy(x > 0)), rows
 
 
 def discriminants(
@@ -21,6 +37,6 @@ def discriminants(
     return queries @ away - (halfway * away.T).sum(1)
 
 
-def scatter(x: np.ndarray, rows: np.ndarray) -> float:
-    """tr S: the squares of all frames minus the mean of their class."""
-    return sum(((x[rows == c] - x[rows == c].mean(0)) ** 2).sum() for c in set(rows))
+def inside(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """Frames minus the mean of their class."""
+    return x - np.stack([x[rows == c].mean(0) for c in rows])

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
+import pytest
 import torch
 from torch import Tensor
 
 from hdc import backends, bits
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import Readout, State
+
+KERNELS = find_spec("numba") is not None
+needs_numba = pytest.mark.skipif(not KERNELS, reason="numba is not installed")
+BACKENDS = ["numpy", pytest.param("compiled", marks=needs_numba)]
 
 
 def by(backend, call, *arguments):
@@ -37,19 +43,6 @@ class Learned:
     def adapted(self, packed, *given):
         words = Hypervectors(packed, self.dimension)
         state = self.readout.adapt(self.state, words, *given)
-        return Learned(self.readout, state, self.dimension)
-
-    def added(self, packed, rows):
-        words = Hypervectors(packed, self.dimension)
-        state = self.readout.add(self.state, [(words, rows)])
-        return Learned(self.readout, state, self.dimension)
-
-    def arranged(self, places, n_classes):
-        state = self.readout.arrange(self.state, places, n_classes)
-        return Learned(self.readout, state, self.dimension)
-
-    def merged(self, other, places):
-        state = self.readout.merge(self.state, other.state, places)
         return Learned(self.readout, state, self.dimension)
 
     def __getattr__(self, name):

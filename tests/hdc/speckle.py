@@ -42,17 +42,5 @@ def junk(seed: int = 0) -> np.ndarray:
     )
 
 
-def noisy(seed, noise):
-    """draw(labels) → frames [n, 500] of three classes, each of a noise of its own."""
-    rng = np.random.default_rng(seed)
-    fields = rng.normal(0, 1, (3, 500))
-
-    def draw(labels):
-        own = np.array(noise)[labels, None]
-        return fields[labels] + own * rng.normal(0, 1, (len(labels), 500))
-
-    return draw
-
-
 def share_of_right(sets, labels) -> float:
     return float(np.mean([y in one for y, one in zip(labels, sets, strict=True)]))

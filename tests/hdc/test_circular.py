@@ -21,37 +21,17 @@ def turned(degrees):
     return (bump + noise).astype(np.uint8).reshape(-1, 15, 20)
 
 
-@pytest.fixture
-def archive(tmp_path):
-    path = tmp_path / "ring.npz"
-    kept = {"values": DEGREES, "value_names": ["yaw"], "value_units": ["deg"]}
-    np.savez(path, frames=turned(DEGREES), session=np.arange(90) // 30, **kept)
-    return path
-
-
 def test_errors_go_the_shorter_way_round():
     found, truth = np.array([179.0, 10, 350]), np.array([-178.5, 350, -10])
     assert circular.errors(found, truth, 360).tolist() == [2.5, 20, 0]
     assert circular.errors(found, truth, None).tolist() == [357.5, 340, 360]
 
 
-@pytest.mark.parametrize(
-    ("period", "is_signed"), [(360, True), (360, False), (8, True)]
-)
-def test_the_plane_gives_values_back(period, is_signed):
-    low = -period / 2 if is_signed else 0
-    values = np.random.default_rng(0).uniform(low, low + period, (9, 2))
-    plane = circular.to_plane(values, period)
-    assert plane[:, 0] == pytest.approx(np.cos(2 * np.pi * values[:, 0] / period))
-    assert plane[:, 3] == pytest.approx(np.sin(2 * np.pi * values[:, 1] / period))
-    assert circular.from_plane(3 * plane, period, is_signed) == pytest.approx(values)
-
-
 def test_a_wrapped_angle_is_predicted_where_it_was_not(tmp_path):
     frames = turned(DEGREES)
     train, test, truth = (frames[:60], DEGREES[:60]), frames[60:], DEGREES[60:]
     plain = HDCRegressor().fit(*train).predict(test)
-    model = HDCRegressor(period=360).fit(*train)
+    model = HDCRegressor(period=np.float32(360)).fit(*train)
     model.save(tmp_path / "m")
     loaded = HDCRegressor.load(tmp_path / "m")
     found = loaded.predict(test)
@@ -68,10 +48,19 @@ def test_a_wrapped_angle_is_predicted_where_it_was_not(tmp_path):
     assert circular.errors(loaded.predict(test), truth + 30, 360).max() < 15
 
 
-def test_the_command_declares_advises_and_measures_on_the_circle(
-    hdc, archive, tmp_path
-):
-    model = tmp_path / "m"
+@pytest.mark.parametrize("call", ["partial_fit", "recalibrate"])
+def test_angles_below_zero_that_are_learnt_later_are_predicted(call):
+    frames = np.random.default_rng(0).integers(0, 255, (12, 8, 8), np.uint8)
+    model = HDCRegressor(period=360).fit(frames, np.arange(12.0))
+    getattr(model, call)(255 - frames, np.arange(12.0) - 40)
+    assert (model.predict(255 - frames[:1]) < 0).all()
+
+
+def test_the_command_declares_advises_and_measures_on_the_circle(hdc, tmp_path):
+    archive, model = tmp_path / "ring.npz", tmp_path / "m"
+    kept = {"values": DEGREES, "value_names": ["yaw"], "value_units": ["deg"]}
+    frames, session = turned(DEGREES), np.arange(90) // 30
+    np.savez(archive, frames=frames, session=session, **kept)
     words = ("train", archive, "-o", model, "--test-fraction", 0.3)
     (advised,) = [line for line in hdc(*words)[1] if "--circular 360" in line]
     assert advised.startswith("yaw: -17")

@@ -1,37 +1,44 @@
-"""The classifier: labels, batches, errors half way, and memory."""
+"""The classifier: batches, errors half way, merging, and parameters that change after training."""
 
 from __future__ import annotations
 
+import functools
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier
+from hdc import HDCClassifier, HDCRegressor
+from hdc.encoders import Quantile, Reference
+from hdc.readouts import Counts, Majority
+from tests.hdc.net.frames import frames_of
+from tests.hdc.own import needs_numba
+
+touches = functools.partial(frames_of, "uint8")
+FRAMES, LABELS = touches(60)
 
 
-def touches(
-    n: int = 60, classes: int = 3, side: int = 12
-) -> tuple[np.ndarray, np.ndarray]:
-    rng = np.random.default_rng(1)
-    labels = np.arange(n) % classes
-    base = rng.integers(0, 200, (classes, side, side))
-    return (base[labels] + rng.integers(0, 56, (n, side, side))).astype(
-        np.uint8
-    ), labels
+def trained(*parts, **parameters) -> HDCClassifier:
+    return HDCClassifier(*parts, **parameters).fit(FRAMES, LABELS)
 
 
 def test_a_call_that_raises_leaves_the_model_of_before():
+    """Errors and warnings number frames from the first of all."""
     frames, labels = touches(600)
     model = HDCClassifier().fit(frames, labels)
     before = model.distances(frames)
     bad = frames.astype(float)
-    bad[500] = np.nan  # in the third chunk
-    for call in (model.fit, model.partial_fit, model.recalibrate):
-        with pytest.raises(ValueError, match="expected finite pixels"):
+    bad[500, 0, 0] = np.inf  # in the second chunk
+    learn = [model.fit, model.partial_fit, model.recalibrate]
+    message = r"frames\[500\]: expected finite pixels, found inf"
+    for call in (*learn, lambda given, _: model.predict(given)):
+        with pytest.raises(ValueError, match=message):
             call(bad, labels[::-1])
     assert (model.distances(frames) == before).all()
+    frames[290] = 7
+    with pytest.warns(UserWarning, match="at index 290:"):
+        model.predict(frames)
 
 
 def test_threads_that_ask_a_fresh_model_agree_with_one():
@@ -45,104 +52,61 @@ def test_threads_that_ask_a_fresh_model_agree_with_one():
         assert all(answer.tolist() == expected for answer in answers)
 
 
-def test_errors_and_warnings_number_frames_from_the_first_of_all():
-    frames, labels = touches(300)
-    bad = frames.astype(np.float32)
-    bad[290, 0, 0] = np.inf
-    model = HDCClassifier().fit(frames, labels)
-    for call in (model.predict, lambda f: HDCClassifier().fit(f, labels)):
-        with pytest.raises(
-            ValueError, match=r"frames\[290\]: expected finite pixels, found inf"
-        ):
-            call(bad)
-    frames[290] = 7
-    with pytest.warns(UserWarning, match="at index 290:"):
-        model.predict(frames)
-
-
 @pytest.mark.skipif(not torch.cuda.is_available(), reason="no CUDA device")
 @pytest.mark.parametrize("dtype", ["uint8", "int16", "float32"])
 def test_same_bits_on_an_accelerator(dtype):
-    frames, labels = touches()
-    frames = frames.astype(dtype)
-    here = HDCClassifier().fit(frames, labels)
-    there = HDCClassifier(device="cuda").fit(frames, labels)
+    frames = FRAMES.astype(dtype)
+    here = HDCClassifier().fit(frames, LABELS)
+    there = HDCClassifier(device="cuda").fit(frames, LABELS)
     assert torch.equal(here.prototypes_, there.prototypes_.cpu())
     assert np.array_equal(here.distances(frames), there.distances(frames))
 
 
 ENCODERS = "median, quantile, levels, reference, reference_levels, deviation, smoothed"
 READOUTS = "majority, counts, ridge, neighbours, lda, trained, kernel"
+SHARE = r"alpha: expected a share in \(0, 1\), found"
 
 
 @pytest.mark.parametrize(
     ("call", "message"),
     [
-        (lambda f, y: HDCClassifier("x").fit(f, y), f"encoder: expected one of {ENCODERS}, or"),
-        (lambda f, y: HDCClassifier(readout="x").fit(f, y),
-         f"readout: expected one of {READOUTS}, or"),
-        (lambda f, y: HDCClassifier().partial_fit([], []), "expected at least one frame"),
-        (lambda f, y: HDCClassifier().partial_fit(f, None), "expected 60, one a .* None"),
-        (lambda f, y: HDCClassifier().predict(f), "HDCClassifier: expected a trained model"),
-        (lambda f, y: HDCClassifier(readout="ridge").fit(f[::3], y[::3]),
+        (lambda: trained("x"), f"encoder: expected one of {ENCODERS}, or"),
+        (lambda: trained(readout="x"), f"readout: expected one of {READOUTS}, or"),
+        (lambda: HDCClassifier().partial_fit([], []), "expected at least one frame"),
+        (lambda: HDCClassifier().partial_fit(FRAMES, None), "expected 60, one a .* None"),
+        (lambda: HDCClassifier().predict(FRAMES), "HDCClassifier: expected a trained model"),
+        (lambda: trained().is_known(FRAMES, 0), SHARE),
+        (lambda: trained().predict_set(FRAMES, 1.0), SHARE),
+        (lambda: trained().p_values(FRAMES, "x"), SHARE),
+        (lambda: trained().score(FRAMES[:0], []), "expected at least one frame"),
+        (lambda: HDCClassifier(readout="lda").fit(FRAMES), "requires y to be passed"),
+        (lambda: HDCClassifier(readout="ridge").fit(FRAMES[::3], LABELS[::3]),
          r"at least two classes for Ridge\(.*, found one class, 0; .* 'majority'"),
     ],
 )  # fmt: skip
 def test_bad_input_gets_one_clear_error(call, message):
     with pytest.raises(ValueError, match=message):
-        call(*touches())
+        call()
 
 
-# Classes and their prototypes --------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("readout", ["majority", "counts"])
-def test_told_classes_are_known_and_never_predicted_without_samples(readout):
-    frames, labels = touches()
+@pytest.mark.parametrize("readout", [Majority("random"), Counts("random")], ids=repr)
+def test_given_classes_are_known_and_never_predicted_without_samples(readout):
     model = HDCClassifier(readout=readout)
-    model.partial_fit(frames[labels == 1], labels[labels == 1], classes=[3, 0, 1, 2])
+    one = LABELS == 1
+    model.partial_fit(FRAMES[one], LABELS[one], classes=[3, 0, 1, 2])
     assert model.classes_.tolist() == [0, 1, 2, 3]
     assert model.counts_.tolist() == [0, 20, 0, 0]
-    queries = np.concatenate([frames, 255 - frames])
+    queries = np.concatenate([FRAMES, 255 - FRAMES])
     assert (model.predict(queries) == 1).all()
-    assert (model.distances(queries)[:, [0, 2, 3]] == 145).all()
-    model.partial_fit(frames[labels != 1], labels[labels != 1], classes=[0, 1, 2, 3])
+    assert (model.distances(queries)[:, [0, 2, 3]] == 131).all()
+    model.partial_fit(FRAMES[~one], LABELS[~one], classes=[0, 1, 2, 3])
     assert not any(3 in labels for labels in model.predict_set(queries))
-    whole = HDCClassifier(readout=readout).fit(frames, labels)
-    assert torch.equal(model.prototypes_[:3], whole.prototypes_)
+    assert torch.equal(model.prototypes_[:3], trained(readout=readout).prototypes_)
+    assert not model.prototypes_[3].any()
     message = r"labels: expected classes among \[0, 1\], found 2"
     with pytest.raises(ValueError, match=message):
-        model.partial_fit(frames, labels, classes=[0, 1])
+        model.partial_fit(FRAMES, LABELS, classes=[0, 1])
     assert model.counts_.tolist() == [20, 20, 20, 0]
-
-
-# Parts --------------------------------------------------------------------------------------------
-
-
-def test_what_cannot_be_merged_is_named():
-    frames, labels = touches()
-    model = HDCClassifier().fit(frames, labels)
-    others = {
-        "expected a trained model": HDCClassifier(),
-        "expected a HDCClassifier .* found a Other": type(
-            "Other", (HDCClassifier,), {}
-        )(),
-        r"expected shape \(12, 12\) as in training, found \(16, 9\)": HDCClassifier().fit(
-            frames.reshape(60, 16, 9), labels
-        ),
-        "expected D = 144 pixels": HDCClassifier().fit(frames[:, :5], labels),
-    }
-    for message, other in others.items():
-        with pytest.raises(ValueError, match=message):
-            model.merge(other)
-    assert model.counts_.tolist() == [20, 20, 20]
-
-
-def test_an_untrained_model_that_takes_over_another_keeps_its_backend():
-    pytest.importorskip("numba")
-    frames, labels = touches()
-    trained = HDCClassifier(backend="compiled").fit(frames, labels)
-    assert HDCClassifier(backend="numpy").merge(trained).backend_ == "numpy"
 
 
 def test_equal_distances_go_to_the_first_class():
@@ -153,30 +117,77 @@ def test_equal_distances_go_to_the_first_class():
     assert model.predict(query).tolist() == ["a"]
 
 
-# Parameters of parts ------------------------------------------------------------------------------
+# Merging -----------------------------------------------------------------------------------------
+
+
+def test_what_cannot_be_merged_is_named():
+    model = trained()
+    other_class = type("Other", (HDCClassifier,), {})
+    others = {
+        "expected a trained model": HDCClassifier(),
+        "expected a HDCClassifier .* found a Other": other_class(),
+        r"read-out Majority\(.*found .*Neighbours\(": trained(readout="neighbours"),
+        r"merge: expected the encoder Median\(.*Levels": trained("levels"),
+        r"expected shape \(13, 10\) as in training, found \(10, 13\)": HDCClassifier().fit(
+            FRAMES.reshape(60, 10, 13), LABELS
+        ),
+        "expected D = 130 pixels": HDCClassifier().fit(FRAMES[:, :5], LABELS),
+    }
+    for message, other in others.items():
+        with pytest.raises(ValueError, match=message):
+            model.merge(other)
+    assert model.counts_.tolist() == [20, 20, 20]
+    with pytest.raises(ValueError, match=r"merge: expected the encoder Levels"):
+        HDCClassifier("levels").merge(model)
+
+
+@needs_numba
+def test_an_untrained_model_that_takes_over_another_keeps_its_backend():
+    model = HDCClassifier(backend="numpy").merge(trained(backend="compiled"))
+    assert model.backend_ == "numpy"
+
+
+# Parameters that change after training -----------------------------------------------------------
 
 
 @pytest.mark.parametrize(
-    "change",
+    ("model", "change", "advice"),
     [
-        {"readout": "lda"},
-        {"readout__random_state": 3},
-        {"encoder": "levels"},
-        {"encoder__ties": "raster"},
+        (HDCClassifier(), {"readout": "lda"}, "$"),
+        (HDCClassifier(), {"readout__random_state": 3}, "$"),
+        (HDCClassifier(), {"encoder": "levels"}, "$"),
+        (HDCClassifier(), {"encoder__ties": "raster"}, "$"),
+        (HDCClassifier(), {"device": "gpu"}, r"; to\(device\) moves it$"),
+        (HDCRegressor(), {"device": "gpu"}, r"; to\(device\) moves it$"),
+        (HDCRegressor(period=360), {"period": None}, "$"),
+        (HDCRegressor(period=360), {"period": 180}, "$"),
     ],
 )
-def test_parts_that_were_set_after_training_are_named(change):
-    frames, labels = touches()
-    other = HDCClassifier().fit(frames, labels)
-    (name,) = change
-    message = f"^{name.partition('__')[0]}: changed after training; call fit again$"
-    for call in ("predict", "is_known", "decision_function", "partial_fit", "merge"):
-        if change == {"readout": "lda"} and call in ("partial_fit", "merge"):
-            continue  # which it has not
-        model = HDCClassifier().fit(frames, labels).set_params(**change)
-        given = {"partial_fit": (frames, labels), "merge": (other,)}
+def test_a_parameter_that_is_set_after_training_is_refused(model, change, advice):
+    name = next(iter(change)).partition("__")[0]
+    before = getattr(model, name)
+    model.fit(FRAMES, LABELS).set_params(**change)
+    calls = [model.predict, lambda frames: model.recalibrate(frames, LABELS)]
+    if hasattr(model, "partial_fit"):
+        calls.append(lambda frames: model.partial_fit(frames, LABELS))
+    if isinstance(model, HDCClassifier):
+        calls += [model.is_known, model.decision_function]
+        calls.append(lambda _: trained().merge(model))
+    message = f"^{name}: changed after training; call fit again{advice}"
+    for call in calls:
         with pytest.raises(ValueError, match=message):
-            getattr(model, call)(*given.get(call, (frames,)))
-    with pytest.raises(ValueError, match=message):
-        other.merge(model)
-    assert model.fit(frames, labels).score(frames, labels) > 0.9
+            call(FRAMES)
+    another = "".join(before) if isinstance(before, str) else float(before)
+    model.set_params(**{name: another})  # that is equal
+    assert model.predict(FRAMES).shape == (60,)
+
+
+def test_what_was_trained_is_saved_whatever_becomes_of_the_objects_given(tmp_path):
+    base, readout = Quantile("3/4"), Majority("one")
+    model = trained(Reference(base), readout)
+    expected = model.distances(FRAMES)
+    base.at, readout.ties = "1/4", "zero"
+    model.save(tmp_path / "m")
+    loaded = HDCClassifier.load(tmp_path / "m")
+    assert (loaded.distances(FRAMES) == expected).all()
+    assert (loaded.encoder.base.at, loaded.readout.ties) == ("3/4", "one")

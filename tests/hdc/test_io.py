@@ -122,22 +122,10 @@ def test_names_that_no_model_can_have_are_refused_before_writing(tmp_path):
 
 
 class Above(Encoder):
-    """Pixels above a number."""
-
-    def __init__(self, limit=100):
-        self.limit = limit
+    """Pixels above a hundred."""
 
     def encode(self, frames):
         return bits.pack(frames.flatten(1) > 100)
-
-
-@pytest.mark.parametrize("limit", [X[0], {"a": 1}, [1, None]], ids=["array", "a", "b"])
-def test_a_parameter_that_no_file_keeps_is_refused_not_lost(limit, tmp_path):
-    model = trained(encoder=Above())
-    model.encoder_.limit = limit
-    with pytest.raises(ValueError, match=r"^Above\.limit: expected .* a file keeps"):
-        model.save(tmp_path / "m")
-    assert not (tmp_path / "m").exists()
 
 
 def test_a_model_that_would_not_load_replaces_none(tmp_path, monkeypatch):

@@ -1,35 +1,10 @@
-"""Counters of classes, their majority, and recalibration."""
+"""What cannot be counted, and random bits of recalibrations and of ties."""
 
-import numpy as np
 import pytest
 import torch
 
 from hdc import bits
 from hdc.prototypes import Counters, replaced_bits, tie_breaker
-from hdc.readouts import Majority
-from tests.hdc.own import fitted
-
-
-def vectors(n, d, seed=0):
-    return torch.from_numpy(np.random.default_rng(seed).random((n, d)) < 0.5)
-
-
-def counted(n_classes, mask, labels):
-    counters = Counters(n_classes, mask.shape[1])
-    counters.add(bits.pack(mask), torch.as_tensor(labels))
-    return counters
-
-
-def test_ties_of_a_seed_are_broken_by_an_added_hypervector():
-    mask, labels = vectors(8, 300), [0, 1] * 4
-    counters = counted(3, mask, labels)
-    prototypes = counters.majority("random", seed=7)
-    breakers = [bits.unpack(tie_breaker(300, 7, c), 300) for c in range(2)]
-    added = counted(3, torch.cat([mask, torch.stack(breakers)]), [*labels, 0, 1])
-    assert torch.equal(prototypes, added.majority())
-    assert not torch.equal(prototypes, counters.majority("random", seed=8))
-    assert not prototypes[2].any()  # a class without samples
-
 
 ONE = torch.zeros(1, 1, dtype=torch.int64)
 
@@ -50,31 +25,6 @@ def test_what_cannot_be_counted_is_named_and_not_counted(call, message):
     with pytest.raises(ValueError, match=message):
         call(counters)
     assert counters.n.tolist() == [0, 0]
-
-
-@pytest.mark.parametrize("p", [0.0, 0.1, 0.5, 1.0])
-def test_replaced_bits_are_drawn_class_by_class_with_their_probability(p):
-    drawn = bits.unpack(replaced_bits(3, 10_001, p, 2), 10_001)
-    spread = (p * (1 - p) / 10_001) ** 0.5
-    assert ((drawn.double().mean(1) - p).abs() <= 5 * spread).all()
-    both = float((drawn[0] & drawn[1]).double().mean())
-    assert both == pytest.approx(p * p, abs=0.02)  # drawn independently
-    assert torch.equal(replaced_bits(2, 10_001, p, 2), bits.pack(drawn[:2]))
-
-
-def test_recalibrated_bits_come_from_either_side():
-    """What :meth:`hdc.readouts.Majority.adapt` makes of old and new prototypes."""
-    rows = torch.arange(6) % 3
-    old, new = bits.pack(vectors(6, 10_001)), bits.pack(vectors(6, 10_001, 1))
-    model = fitted(Majority(), old, rows, 3, 10_001)
-    stored = model.prototypes_.clone()
-    fresh = fitted(Majority(), new, rows, 3, 10_001).prototypes_
-    mixed = model.adapted(new, rows, 0.5, 2, "replace").prototypes_
-    assert not ((mixed ^ stored) & (mixed ^ fresh)).any()
-    changed = bits.hamming(stored, mixed) / bits.hamming(stored, fresh)
-    assert ((changed.diagonal() - 0.5).abs() < 0.05).all()
-    whole = model.adapted(new, rows, 1, 3, "replace").prototypes_
-    assert torch.equal(whole, fresh)
 
 
 def test_what_is_drawn_from_one_seed_is_drawn_apart():

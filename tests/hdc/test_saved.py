@@ -13,20 +13,6 @@ from tests.hdc.test_io import QUERIES, X, Y, file_of, trained
 # Models that come back ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(
-    "names", [[0, 1], ["a\0", "é"], [0.5, float("inf")], [True, False], [2**70, -1]]
-)
-def test_labels_come_back_and_training_goes_on(tmp_path, names):
-    model = HDCClassifier().fit(QUERIES[:6], names * 3)
-    model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    assert loaded.classes_.tolist() == model.classes_.tolist()
-    assert loaded.classes_.dtype == model.classes_.dtype
-    for m in (model, loaded):
-        m.partial_fit(QUERIES[:2], names)
-    assert np.array_equal(loaded.p_values(QUERIES, 0.5), model.p_values(QUERIES, 0.5))
-
-
 def test_a_loaded_model_does_not_live_on_its_file(tmp_path):
     path = tmp_path / "model"
     trained().save(path)
@@ -37,17 +23,27 @@ def test_a_loaded_model_does_not_live_on_its_file(tmp_path):
     assert (loaded.predict(X) == before).all()
 
 
+def test_a_file_says_its_revisions_and_loads_where_it_is_asked_to(tmp_path):
+    model = trained(encoder="deviation", readout="lda")
+    model.save(tmp_path / "m")
+    header, _ = io.read_model(tmp_path / "m")
+    assert header["revisions"] == {"encoder": 2, "readout": 1}
+    moved = HDCClassifier.load(tmp_path / "m", device="cpu").to("cpu")
+    assert np.array_equal(moved.p_values(QUERIES), model.p_values(QUERIES))
+    for call in (model.to, lambda gpu: HDCClassifier.load(tmp_path / "m", device=gpu)):
+        with pytest.raises(ValueError, match=r"^device: expected 'cpu'"):
+            call("gpu")
+
+
 def test_metadata_are_kept_with_the_model(tmp_path):
     metadata = {"crop": [10, 20, 500, 500], "camera": {"name": "µEye", "gain": 0.5}}
     trained().save(tmp_path / "m", metadata)
     loaded = HDCClassifier.load(tmp_path / "m")
     assert loaded.metadata_ == metadata
-    loaded.save(tmp_path / "n")
-    assert HDCClassifier.load(tmp_path / "n").metadata_ == metadata
-    loaded.save(tmp_path / "n", {})
-    assert HDCClassifier.load(tmp_path / "n").metadata_ == {}
+    for given, expected in ((None, metadata), ({}, {})):
+        loaded.save(tmp_path / "n", given)
+        assert HDCClassifier.load(tmp_path / "n").metadata_ == expected
     for bad in (
-        {"crop": np.arange(4)},
         {"gain": float("nan")},
         {1: "a", "1": "b"},  # keys that would become one
         {"a": [{2: 0}]},
@@ -71,21 +67,13 @@ def test_a_model_from_an_accelerator_loads_without_one(tmp_path):
     assert np.array_equal(model.predict(QUERIES), trained().predict(QUERIES))
 
 
-@pytest.mark.parametrize(
-    ("parameters", "name"),
-    [
-        ({"encoder": "mine.Bits"}, "mine.Bits"),
-        ({"readout": "mine.Votes"}, "mine.Votes"),
-        ({"encoder": Reference("mine.Bits")}, "mine.Bits"),
-    ],
-)
-def test_only_a_trusted_module_is_imported(parameters, name, tmp_path, monkeypatch):
-    (tmp_path / "mine.py").write_text(
-        "from hdc.encoders import Median\nfrom hdc.readouts import Majority\n"
-        "class Bits(Median): pass\nclass Votes(Majority): pass\n"
-    )
+def test_only_a_trusted_module_is_imported(tmp_path, monkeypatch):
+    """Nor that of a part of a part."""
+    code = "from hdc.encoders import Median\nclass Bits(Median): pass\n"
+    (tmp_path / "mine.py").write_text(code)
     monkeypatch.syspath_prepend(tmp_path)
-    model = trained(**parameters)
+    name = "mine.Bits"
+    model = trained(encoder=Reference(name))
     model.save(tmp_path / "m")
     del sys.modules["mine"]
     for trusted in ((), ["mine"], ["mine.Other"], f"yours.or.{name}"):
@@ -104,7 +92,7 @@ def test_only_a_trusted_module_is_imported(parameters, name, tmp_path, monkeypat
 
 def test_flipped_bits_are_refused_or_harmless(tmp_path):
     path = tmp_path / "bad.safetensors"
-    (good := trained()).save(path, {"crop": [1, 2, 3, 4]})
+    trained().save(path, {"crop": [1, 2, 3, 4]})
     whole = path.read_bytes()
     rng = np.random.default_rng(0)
     for _ in range(300):
@@ -112,14 +100,12 @@ def test_flipped_bits_are_refused_or_harmless(tmp_path):
         content[rng.integers(len(content))] ^= int(rng.integers(1, 256))
         path.write_bytes(content)
         try:
-            model = HDCClassifier.load(path)
+            loaded = HDCClassifier.load(path)
         except ValueError as error:
             assert "bad.safetensors" in str(error)  # noqa: PT017
-            continue
-        assert torch.equal(model.prototypes_, good.prototypes_)
-        assert torch.equal(model.state_.planes, good.state_.planes)
-        assert repr(model.readout) == repr(good.readout_)
-        assert model.metadata_ == good.metadata_
+        else:
+            loaded.save(tmp_path / "again")
+            assert (tmp_path / "again").read_bytes() == whole
 
 
 def refused(path, model, header, tensors):
@@ -141,19 +127,17 @@ def part(name, **parameters):
 
 
 HEADERS = [
-    {"format": "other"}, {"kind": None}, {"kind": "HDCRegressor"}, {"metadata": 3},
-    {"seen": [4, 4]}, {"seen": [4, 4, -4]}, {"seen": [4, 4, 2.5]}, {"seen": [2**70] * 3},
-    {"classes": [2, 1, 0]}, {"classes": [0, 1]}, {"classes": None},
-    {"classes": [[0], [1], [2]]}, {"classes": [0.0, 1.0, float("nan")]},
-    {"frame_shape": [5, 13]}, {"frame_shape": [-5, -7]}, {"frame_shape": [10**30, 10**30]},
+    {"format": "other"}, {"kind": "HDCRegressor"}, {"metadata": 3},
+    {"seen": [4, 4]}, {"seen": [4, 4, -4]}, {"seen": [2**70] * 3},
+    {"classes": [2, 1, 0]}, {"classes": [0, 1]},
+    {"classes": [0.0, 1.0, float("nan")]},
+    {"frame_shape": [5, 13]}, {"frame_shape": [-5, -7]},
     {"frame_shape": []}, {"frame_shape": [5, 7, 1]}, {"frame_shape": [True, 35]},
-    {"recalibrated": None, "seen": None}, {"parameters": None},
-    {"device": "meta"}, {"device": None}, {"encoder": part("median", ties="never")},
+    {"parameters": None}, {"device": "meta"},
     {"encoder": part("median", ties=["spread"])}, {"encoder": part("median", colour=1)},
-    {"encoder": part("levels", thresholds=10**9)}, {"encoder": part("nothing")},
-    {"encoder": part("os.system")}, {"encoder": part("majority")}, {"encoder": part(None)},
-    {"readout": part("majority", seed="x")}, {"readout": part("majority", balance=3)},
-    {"readout": part("counts", seed=1.5)}, {"readout": part("ridge")},
+    {"encoder": part("levels", thresholds=10**9)},
+    {"encoder": part("os.system")}, {"encoder": part("majority")},
+    {"readout": part("majority", balance=3)}, {"readout": part("ridge")},
 ]  # fmt: skip
 
 
@@ -166,12 +150,11 @@ def long(*shape):
     return torch.zeros(shape, dtype=torch.int64)
 
 
-NAN, INFINITE = torch.tensor(torch.nan).double(), torch.full((3,), torch.inf).double()
+INFINITE = torch.full((3,), torch.inf).double()
 OF_NUMBERS = [
     {"words": long(12, 1) - 1},
     {"values": torch.zeros(11, 1).double()},
-    {"values": NAN.repeat(12, 1)},
-    {"readout.residuals": torch.zeros(3, 1).double()},
+    {"values": torch.full((12, 1), torch.nan).double()},
     {"extra": long(1)},
 ]
 TENSORS = {  # of a model → tensors of which none fits it; those of -1 have ones beyond D
@@ -179,12 +162,9 @@ TENSORS = {  # of a model → tensors of which none fits it; those of -1 have on
         {"readout.n": torch.tensor([4, -4, 4])},
         {"readout.n": long(3)},
         {"readout.prototypes": torch.zeros(3, 1)},
-        {"readout.prototypes": long(3, 2)},
         {"readout.prototypes": long(3, 1) - 1},
-        {"readout.planes": long(3, 3, 1) - 1},
         {"readout.planes": long(3, 0, 1)},
         {"sample": long(12, 1) - 1},
-        {"sample": long(11, 1)},
         {"extra": long(1)},
         {"readout.extra": long(1)},
         {"majority.n": long(3)},
@@ -195,22 +175,14 @@ TENSORS = {  # of a model → tensors of which none fits it; those of -1 have on
         {"readout.rows": long(12) + 3},
         {"readout.rows": long(0), "readout.frames": long(0, 1)},
     ],
-    HDCClassifier(readout="lda"): [
-        {"readout.weights": long(3, 4, 1) - 1},
-        {"readout.scales": torch.zeros(3)},
-        {"readout.shrinkage": NAN},
-        {"known.frame": torch.tensor([3, 1])},
-    ],
+    HDCClassifier(readout="lda"): [{"known.frame": torch.tensor([3, 1])}],
     HDCClassifier(readout="kernel"): [{"readout.reach": torch.tensor(0.0).double()}],
-    HDCClassifier(readout="ridge"): [
-        {"readout.weights": long(3, 7, 1)},
-        {"readout.scales": INFINITE},
-    ],
-    HDCClassifier(readout="trained"): [{"readout.prototypes": long(3, 1) - 1}],
+    HDCClassifier(readout="ridge"): [{"readout.scales": INFINITE}],
     HDCClassifier("reference"): [
-        {"encoder.reference": long(34)},
+        {"encoder.reference": long(35) - 2**62},
         {"encoder.reference": torch.zeros(35)},
     ],
+    HDCClassifier("smoothed"): [{"encoder.shape": torch.tensor([5, 8])}],
     HDCClassifier(Levels(3, 0.5)): [{"encoder.lit": long(1) - 1}],
     HDCRegressor(readout="ridge"): OF_NUMBERS,
     HDCRegressor(readout="neighbours"): OF_NUMBERS,

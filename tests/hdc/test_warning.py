@@ -27,20 +27,13 @@ def saved_by_another_revision(path):
 
 WARNED = {
     "constant": (lambda _: MODEL.predict(FLAT), "constant frame"),
-    "constant, encoded": (lambda _: MODEL.encode(FLAT), "constant frame"),
-    "constant, reference": (
-        lambda _: of("reference").fit([*X, *FLAT], [*Y, 0, 0, 1]),
-        "constant",
-    ),
     "constant, deviation": (
         lambda _: of("deviation").fit([*X, *FLAT], [*Y, 0, 0, 1]),
         "constant",
     ),
     "ties": (lambda _: of().fit(TIED, Y), "equal its threshold"),
     "sets": (lambda _: MODEL.predict_set(X, 0.01), "no frame is refused"),
-    "p-values": (lambda _: MODEL.p_values(X, 0.01), "no frame is refused"),
     "known": (lambda _: MODEL.is_known(X, 0.01), "no frame is refused"),
-    "unequal": (lambda _: of().fit(X[:9], [0] * 6 + [1] * 3), "more frames than"),
     "groups": (lambda _: of().fit(X, Y, groups=[0, 1] * 6), "groups: expected two"),
     "column": (lambda _: of().fit(X, np.c_[Y]), "column-vector"),
     "lda": (lambda _: of(readout="lda").fit(X[:2], [0, 1]), "nearest mean is learned"),

@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import hashlib
 import json
-import sys
 import tempfile
 import warnings
 from pathlib import Path
@@ -122,21 +121,15 @@ def read() -> tuple[str, dict[str, dict[str, str]]]:
 
 
 def write() -> None:
-    """Write the file anew, and say what moved."""
+    """Write the file anew."""
     torch.set_num_threads(1)
     warnings.simplefilter("ignore")
-    before = read()[1] if FILE.exists() else {}
-    moved = set()
-    cases = {}
-    for name, found in everything().items():
-        encoder, readout, *_ = name.split(", ")
-        for key, value in found.items():
-            if before.get(name, {}).get(key) != value:
-                moved.add(f"{encoder}, {readout}: {key}")
-        cases[name] = " ".join(f"{key}={value}" for key, value in found.items())
+    cases = {
+        name: " ".join(f"{key}={value}" for key, value in found.items())
+        for name, found in everything().items()
+    }
     content = {"processor": processor(), "cases": cases}
     FILE.write_text(json.dumps(content, indent=0) + "\n")
-    sys.stdout.write("".join(f"{line}\n" for line in sorted(moved)))
 
 
 if __name__ == "__main__":

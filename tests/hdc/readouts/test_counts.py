@@ -21,20 +21,12 @@ def test_a_larger_class_is_compared_as_its_subsets_are_on_average():
     x = np.where(rng.random((8, 300)) < rng.random(300), 1.0, -1.0)
     rows = torch.tensor([0] * 5 + [1] * 3)
     words = bits.pack(torch.from_numpy(x > 0))
-    scores = (
-        fitted(Counts(class_weight="balanced"), words, rows, 2, 300)
-        .scores(words)
-        .numpy()
-    )
+    model = fitted(Counts(class_weight="balanced"), words, rows, 2, 300)
     subsets = [(i, j, k) for i in range(5) for j in range(i) for k in range(j)]
     squares = [(x[list(subset)].sum(0) ** 2).sum() for subset in subsets]
     means = np.stack([x[:5].mean(0) * 3, x[5:].sum(0)])
     lengths = np.sqrt([np.mean(squares), (x[5:].sum(0) ** 2).sum()])
-    np.testing.assert_allclose(scores, x @ means.T / lengths / 300**0.5)
-    plain = fitted(Counts(), words, rows, 2, 300).scores(words).numpy()
-    sums = np.stack([x[:5].sum(0), x[5:].sum(0)])
-    lengths = np.linalg.norm(sums, axis=1)
-    np.testing.assert_allclose(plain, x @ sums.T / lengths / 300**0.5)
+    np.testing.assert_allclose(model.scores(words), x @ means.T / lengths / 300**0.5)
 
 
 @pytest.mark.parametrize("d", [1, 64, 1000])
@@ -43,23 +35,15 @@ def test_the_largest_counts_are_exact_and_larger_ones_refused(d):
     least = 2**60 // d  # that are refused
     n = least - 1
     rng = np.random.default_rng(d)
-    ones = [int(rng.integers(0, n + 1)) for _ in range(d)]
+    ones = rng.integers(0, n, d, endpoint=True)
     ones[0] = n
-    counters = Counters(1, d)
-    counters.reserve(n)
-    counters.n[0] = n
-    for p in range(n.bit_length()):
-        plane = torch.tensor([count >> p & 1 == 1 for count in ones])
-        counters.planes[0, p] = bits.pack(plane)
+    counters = Counters(1, d)._of_counts([torch.from_numpy(ones)], torch.tensor([n]))
     signs = np.where(rng.random((5, d)) < 0.5, 1, -1)
     signs[:2] = [[1], [-1]]
     words = bits.pack(torch.from_numpy(signs > 0))
-    sums = [2 * count - n for count in ones]
-    length = math.sqrt(sum(s * s for s in sums))
-    expected = []
-    for query in signs.tolist():
-        product = sum(a * b for a, b in zip(query, sums, strict=True))
-        expected.append(product / length)
+    sums = 2 * ones.astype(object) - n
+    products = signs.astype(object) @ sums
+    expected = [product / math.sqrt(sums @ sums) for product in products]
     found = cosines(counters, words)[:, 0]
     np.testing.assert_allclose(found, expected, rtol=1e-14)
     counters.n[0] = least

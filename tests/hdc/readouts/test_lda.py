@@ -9,119 +9,47 @@ import pytest
 import torch
 from sklearn.covariance import OAS, LedoitWolf
 
-from hdc import backends, bits
-from hdc.bits import combinations, gram
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import LDA, among_bits
-from hdc.readouts.among_bits import ProblemAmongBits, scatter
-from hdc.readouts.discriminant import Problem
 from hdc.readouts.discriminant import discriminants as left_out
-from hdc.readouts.lda import shrunken
-from tests.hdc.definition import discriminants
-from tests.hdc.definition import scatter as scatter_trace
-from tests.hdc.own import by, fitted
+from hdc.readouts.lda import problem_of, shrunken
+from tests.hdc.definition import bits_of_classes, discriminants, inside
+from tests.hdc.own import fitted
 
 
-def problem(
-    n: int, d: int, n_classes: int, seed: int
-) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
-    """Bits in ±1 [n, d], packed ones, and classes of unequal size, the last of one frame."""
-    rng = np.random.default_rng(seed)
-    rows = np.concatenate(
-        [np.arange(n_classes), rng.integers(0, n_classes - 1, n - n_classes)]
+def problem(n, d, n_classes, seed):
+    x, words, rows = bits_of_classes(n, d, n_classes, seed)
+    return x, words, torch.from_numpy(rows)
+
+
+@pytest.mark.parametrize("alpha", [0.01, 0.3, 0.999, 1.0])
+@pytest.mark.parametrize(("n", "d"), [(40, 130), (12, 500), (70, 65)])
+def test_discriminants_and_those_without_each_frame_by_their_definition(
+    n, d, alpha, monkeypatch
+):
+    """Solved among frames, or among bits where these are fewer; ℓ stays that of all frames."""
+    monkeypatch.setattr(among_bits, "_SIGNS", 7 * d)
+    x, words, rows = bits_of_classes(n, d, 4, 1)
+    asked, *_ = bits_of_classes(30, d, 4, 2)
+    used, learned = shrunken(
+        problem_of(Hypervectors(words, d), torch.from_numpy(rows)), d, alpha
     )
-    share = rng.random((n_classes, d))
-    x = np.where(rng.random((n, d)) < share[rows], 1.0, -1.0)
-    x[:, 5] = 1  # a pixel that is the same in all frames
-    return x, bits.pack(torch.from_numpy(x > 0)), torch.from_numpy(rows)
-
-
-def dual(words: torch.Tensor, rows: torch.Tensor, d: int, shrinkage):
-    """α and what is learned by the dual form."""
-    return shrunken(Problem.of(gram(words, words, d), rows), d, shrinkage)
-
-
-def by_definition(x, rows, asked, alpha) -> np.ndarray:
+    assert used == alpha
     penalty = None
     if alpha < 1:
-        penalty = alpha / (1 - alpha) * scatter_trace(x, rows) / x.shape[1]
-    return discriminants(x, rows, asked, penalty)
-
-
-@pytest.mark.parametrize("alpha", [0.01, 0.3, 0.9, 0.999, 1.0])
-@pytest.mark.parametrize(("n", "d"), [(40, 130), (200, 65), (12, 1000)])
-def test_the_dual_form_is_the_primal_one(n, d, alpha):
-    x, words, rows = problem(n, d, 4, 1)
-    asked, _, _ = problem(30, d, 4, 2)
-    used, learned = dual(words, rows, d, alpha)
-    assert used == alpha
-    found = asked @ (x.T @ learned.dual.numpy()) + learned.offsets.numpy()
-    expected = by_definition(x, rows.numpy(), asked, alpha)
-    np.testing.assert_allclose(found, expected, atol=1e-9 * np.abs(expected).max())
-
-
-def test_scores_are_the_stated_function_of_the_stored_integers():
-    x, words, rows = problem(60, 333, 4, 3)
-    model = fitted(LDA(), words, rows, 4, 333)
-    planes = bits.unpack(model.weights_, 333).long()
-    q = sum(planes[:, p] << p for p in range(4)) - 8
-    assert q.min() >= -7
-    assert q.max() == 7
-    assert (q[:, 5] == 0).all()  # the pixel that never changes says nothing
-    products = torch.from_numpy(x).long() @ q.T
-    expected = products * model.scales_ + model.offsets_
-    assert torch.equal(model.scores(words), expected)
-    assert model.scales_.max() == 2**20
-
-
-# Among the bits, where these are fewer than the frames --------------------------------------------
-
-
-@pytest.mark.parametrize("shrinkage", ["ledoit_wolf", "oas", 0.01, 1.0])
-@pytest.mark.parametrize(("n", "d"), [(200, 65), (40, 130)])
-def test_among_frames_and_among_bits_it_is_the_same(n, d, shrinkage, monkeypatch):
-    """Weights, offsets and scores of left-out frames."""
-    monkeypatch.setattr(among_bits, "_SIGNS", 7 * d)
-    x, words, rows = problem(n, d, 4, 1)
-    alpha, frames = dual(words, rows, d, shrinkage)
-    given = ProblemAmongBits.of(Hypervectors(words, d), rows)
-    other, bits_ = shrunken(given, d, shrinkage)
-    assert other == pytest.approx(alpha, rel=1e-12)
-    close = {"rtol": 1e-7, "atol": 1e-9}
-    weights = torch.from_numpy(x.T @ frames.dual.numpy())
-    torch.testing.assert_close(bits_.dual, weights, **close)
-    torch.testing.assert_close(bits_.offsets, frames.offsets, **close)
-    for found, expected in zip(
-        left_out(bits_.products, rows), left_out(frames.products, rows), strict=True
-    ):
-        torch.testing.assert_close(found, expected, **close)
-
-
-def inside(x: np.ndarray, rows: torch.Tensor) -> np.ndarray:
-    """Frames minus the mean of their class."""
-    of = rows.numpy()
-    means = np.stack([x[of == c].mean(0) for c in range(of.max() + 1)])
-    return x - means[of]
-
-
-def test_scatter_is_exact(monkeypatch):
-    """That of frames which differ from their class in one bit, too, and of one frame a class."""
-    monkeypatch.setattr(among_bits, "_SIGNS", 3 * 40)
-    x = np.ones((64, 40))
-    x[:, ::3] = -1
-    x[5, 7] = -1
-    rows = torch.arange(64) % 2
-    rows[0] = 2
-    words = Hypervectors(bits.pack(torch.from_numpy(x > 0)), 40)
-    found, means = scatter(words, rows)
-    expected = np.zeros((40, 40))
-    expected[7, 7] = 4 - 4 / 32  # n·v − s²/n of one −1 among 32
-    assert (found.numpy() == expected).all()
-    assert (means[2].numpy() == x[0]).all()
-    assert means[1, 7] == 30 / 32
-
-
-# Shrinkage ----------------------------------------------------------------------------------------
+        penalty = alpha / (1 - alpha) * (inside(x, rows) ** 2).sum() / d
+    weights = learned.dual.numpy()
+    if n < d:
+        weights = x.T @ weights
+    found = asked @ weights + learned.offsets.numpy()
+    expected = discriminants(x, rows, asked, penalty)
+    np.testing.assert_allclose(found, expected, atol=1e-8 * np.abs(expected).max())
+    scores, places = left_out(learned.products, torch.from_numpy(rows))
+    assert places.tolist() == [i for i in range(n) if (rows == rows[i]).sum() > 1]
+    for found, i in zip(scores, places.tolist(), strict=True):
+        rest = np.arange(n) != i
+        expected = discriminants(x[rest], rows[rest], x[i], penalty)
+        np.testing.assert_allclose(found, expected, atol=1e-6 * np.abs(expected).max())
 
 
 @pytest.mark.parametrize(("n", "d"), [(12, 30), (30, 200), (300, 65)])
@@ -130,8 +58,9 @@ def test_shrinkage_by_its_definition_and_that_of_scikit_learn(n, d):
 
     Frames less the mean of their class have L degrees of freedom less than frames.
     """
-    x, words, rows = problem(n, d, 5, 8)
-    alpha, _ = dual(words, rows, d, "ledoit_wolf")
+    x, words, rows = bits_of_classes(n, d, 5, 8)
+    given = Hypervectors(words, d), torch.from_numpy(rows)
+    alpha, _ = shrunken(problem_of(*given), d, "ledoit_wolf")
     within = inside(x, rows)
     degrees = n - 5
     covariance = within.T @ within / degrees
@@ -141,34 +70,23 @@ def test_shrinkage_by_its_definition_and_that_of_scikit_learn(n, d):
     assert alpha == pytest.approx(min(1.0, max(0.0, chance / spread)))
     if n > 100:
         for name, estimator in (("ledoit_wolf", LedoitWolf), ("oas", OAS)):
-            alpha, _ = dual(words, rows, d, name)
+            alpha, _ = shrunken(problem_of(*given), d, name)
             expected = estimator(assume_centered=True).fit(within).shrinkage_
             assert alpha == pytest.approx(expected, rel=0.1)
 
 
-# Edges --------------------------------------------------------------------------------------------
-
-
-def test_without_two_different_frames_of_a_class_it_is_the_nearest_mean():
-    rng = np.random.default_rng(8)
-    means = np.where(rng.random((4, 700)) < 0.5, 1.0, -1.0)
-    rows = torch.arange(4).repeat(3)
-    words = bits.pack(torch.from_numpy(means > 0))[rows]
+@pytest.mark.parametrize("packed", [[7, 7], [1, 7]])
+def test_without_two_different_frames_of_a_class_it_is_the_nearest_mean(packed):
+    rows = torch.arange(6) % 2
+    words = torch.tensor(packed)[rows, None]
     with pytest.warns(UserWarning, match="lda: no class has two different frames"):
-        model = fitted(LDA(), words, rows, 4, 700)
+        model = fitted(LDA(), words, rows, 2, 64)
     assert float(model.shrinkage_) == 1
-    flips = np.where(rng.random((99, 700)) < 0.3, -1, 1)
-    queries = means[rng.integers(0, 4, 99)] * flips
-    found = model.scores(bits.pack(torch.from_numpy(queries > 0))).argmax(1)
-    nearest = ((queries[:, None] - means) ** 2).sum(2).argmin(1)
-    assert found.tolist() == nearest.tolist()
-
-
-def test_frames_that_are_all_equal_give_equal_scores():
-    words = torch.full((6, 2), 7)
-    with pytest.warns(UserWarning, match="no class has two different frames"):
-        model = fitted(LDA(), words, torch.arange(6) % 3, 3, 100)
-    assert len(set(model.scores(words).flatten().tolist())) == 1
+    scores = model.scores(words)
+    if packed == [7, 7]:
+        assert len(scores.unique()) == 1
+    else:
+        assert (scores.argmax(1) == rows).all()
 
 
 def test_no_shrinkage_of_fewer_frames_than_bits_is_finite():
@@ -177,17 +95,6 @@ def test_no_shrinkage_of_fewer_frames_than_bits_is_finite():
         warnings.simplefilter("error")
         model = fitted(LDA(0), words, rows, 4, 2000)
     assert (model.scores(words).argmax(1) == rows).all()
-
-
-@pytest.mark.parametrize("backend", backends.BACKENDS)
-def test_weights_are_sums_of_hypervectors(backend):
-    if backend == "compiled":
-        pytest.importorskip("numba")
-    x, words, _ = problem(50, 333, 4, 11)
-    rng = np.random.default_rng(0)
-    for factors in (rng.normal(size=(50, 3)), rng.integers(-9, 10, (50, 3))):
-        found = by(backend, combinations, torch.from_numpy(factors), words)[:, :333]
-        np.testing.assert_allclose(found, (x.T @ factors).T, atol=1e-4)
 
 
 @pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
