@@ -114,41 +114,28 @@ def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
 
 
 def test_unknown_frames_are_a_scene_of_their_own(root):
-    for k, label in enumerate(["n13311", "extra", "n13529"]):
+    """And a class whose name is spelled in two ways is one."""
+    for k, label in enumerate(["n13311", "extra", "n13529", "m13529"]):
         for i in range(2):
             image = np.full((3, 3), 10 * k + i, np.uint8)
             write(root / label / f"s{k}_frame_{i}.png", image)
-    index = {
-        "name": "index",
-        "unit": "1",
-        "labels": {"n13311": 1.3311, "n13529": 1.3529},
-    }
-    template = "{label}/{group}_frame_{order}.png"
-    scene = touches(template=template, unknown=["extra"], values=[index])
+    labels = {"n13311": 1.3311, "n13529": 1.3529}
+    scene = touches(
+        template="{label}/{group}_frame_{order}.png",
+        rename={"m13529": "n13529"},
+        unknown=["extra"],
+        values=[{"name": "index", "unit": "1", "labels": labels}],
+    )
     assert scene.classes == ("n13311", "n13529")
-    assert scene.values[:, 0].tolist() == [1.3311, 1.3311, 1.3529, 1.3529]
-    assert scene.frames(range(4))[:, 0, 0].tolist() == [0, 1, 20, 21]
-    assert scene.samples["group_name"].tolist() == ["s0", "s0", "s2", "s2"]
+    assert scene.labels.tolist() == [1, 1, 0, 0, 1, 1]
+    assert scene.values[:, 0].tolist() == [1.3529, 1.3529, 1.3311, 1.3311, 1.3529, 1.3529]
+    assert scene.frames(range(6))[:, 0, 0].tolist() == [30, 31, 0, 1, 20, 21]
+    assert scene.samples["group_name"].tolist() == ["s3", "s3", "s0", "s0", "s2", "s2"]
     unknown = scene.unknown
     assert unknown.classes == ("extra",)
     assert unknown.frames(range(len(unknown)))[:, 0, 0].tolist() == [10, 11]
     assert np.isnan(unknown.values).all()
     assert unknown.fingerprint() != scene.fingerprint()
-
-
-def test_labels_of_other_names_are_one_class_and_groups_stay_whole(root):
-    names = ["Shear_Test1_5", "Torsion_Test2_7", "Toshion_Test4_1", "Both_Shear_T_2"]
-    for k, name in enumerate(names):
-        write(root / "data" / f"{name}.png", np.full((3, 3), k, np.uint8))
-    scene = touches(
-        template="{label:w}_{group}_{order}.png",
-        folders=["data"],
-        rename={"Toshion": "Torsion"},
-        unknown=["Both"],
-    )
-    assert scene.classes == ("Shear", "Torsion")
-    assert scene.labels.tolist() == [0, 1, 1]
-    assert scene.samples["group_name"].tolist() == ["Test1", "Test2", "Test4"]
 
 
 def test_a_damaged_file_is_left_out_where_it_is_named(root):

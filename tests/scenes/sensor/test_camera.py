@@ -28,17 +28,6 @@ def test_contrast_and_distribution(modes):
     assert stats.kstest(apart, stats.gamma(modes, scale=1 / modes).cdf).statistic < 0.02
 
 
-def test_pruned_transform_is_the_whole_one():
-    camera = Camera(grid=64, crop=50, pupil=20, unevenness=0.2)
-    phases = stream(1, "test").uniform(-1e8, 1e8, (3, camera.path_count))
-    field = np.zeros((3, 2, 64, 64), dtype=complex)
-    field[:, :, :20, :20][..., camera.disc] = np.exp(1j * phases).reshape(3, 2, -1)
-    power = (np.abs(np.fft.fft2(field)) ** 2).sum(1)[:, :50, :50]
-    expected = power * camera.illumination / camera.path_count
-    found = MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).numpy()
-    assert np.allclose(found, expected, rtol=1e-4, atol=1e-5)
-
-
 def grey_distribution(camera, mean):
     """Exact probabilities of the grey levels: Poisson convolved with the read noise, rounded."""
     scale = camera.grey / camera.photons
