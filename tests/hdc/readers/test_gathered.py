@@ -1,14 +1,15 @@
 """A folder of files of arrays or videos: what names say, and which frames of which file come."""
 
-import h5py
 import numpy as np
 import pytest
-import scipy.io
 
 from hdc.readers import Ambiguous, BadFrame, open_recording
 from hdc.readers.template import suggested
+from tests.hdc.readers.writers import mat
 
 N, H, W = 6, 16, 24
+NAMES = ("day1/ball_1", "day1/ball_2", "day1/mug_1", "day2/ball_1", "day2/mug_1")
+TEMPLATE = "{session}/{label}_{group}"
 
 
 def frames_of(number):
@@ -17,56 +18,39 @@ def frames_of(number):
     return np.broadcast_to(greys[:, None, None], (N, H, W)).astype(np.uint8)
 
 
-def save_h5(path, frames):
-    with h5py.File(path, "w") as file:
-        file["run/frames"] = frames
-
-
-WRITERS = {
-    "npy": np.save,
-    "npz": lambda path, frames: np.savez(path, cube=frames),
-    "mat": lambda path, f: scipy.io.savemat(path, {"cube": np.moveaxis(f, 0, -1)}),
-    "h5": save_h5,
-    "mkv": None,
-    "avi": None,
-}
-NAMES = ("day1/mug_1", "day1/ball_1", "day1/ball_2", "day2/mug_1", "day2/ball_1")
-
-
 @pytest.fixture
 def gathered(tmp_path, write_film):
     """gathered(suffix) → a folder with a file of six frames for each of the names."""
+    writers = {
+        "npy": np.save,
+        "mat": lambda path, frames: mat(path, cube=np.moveaxis(frames, 0, -1)),
+        "mkv": write_film,
+        "avi": lambda path, frames: write_film(path, frames, "MJPG"),
+    }
 
     def make(suffix):
-        for number, name in enumerate(sorted(NAMES)):
+        for number, name in enumerate(NAMES):
             path = tmp_path / f"{name}.{suffix}"
             path.parent.mkdir(exist_ok=True)
-            if suffix in ("mkv", "avi"):
-                code = {"mkv": "FFV1", "avi": "MJPG"}[suffix]
-                write_film(path, frames_of(number), code)
-            else:
-                WRITERS[suffix](path, frames_of(number))
+            writers[suffix](path, frames_of(number))
         (tmp_path / "day1" / "notes.txt").touch()
         return tmp_path
 
     return make
 
 
-@pytest.mark.parametrize("suffix", WRITERS)
+@pytest.mark.parametrize("suffix", ["npy", "mat", "mkv", "avi"])
 def test_files_are_labelled_by_their_names(gathered, suffix):
     """Six of nine data sets had a file per recording, and needed a script."""
-    root = gathered(suffix)
-    template = f"{{session}}/{{label}}_{{group}}.{suffix}"
+    root, files = gathered(suffix), [f"{name}.{suffix}" for name in NAMES]
+    template = f"{TEMPLATE}.{suffix}"
     recording = open_recording(root, template=template, crop=[8, 0, 16, 8])
     assert recording.shape == (5 * N, 8, 16)
     assert recording.dtype == np.uint8
     assert recording.classes == ("ball", "mug")
-    assert (
-        recording.names == np.repeat(["ball", "ball", "mug", "ball", "mug"], N).tolist()
-    )
+    assert recording.labels.tolist() == np.repeat([0, 0, 1, 0, 1], N).tolist()
     assert recording.samples["session_name"].tolist() == ["day1"] * 18 + ["day2"] * 12
     assert recording.group.tolist() == np.repeat([1, 2, 1, 1, 1], N).tolist()
-    files = [f"{name}.{suffix}" for name in sorted(NAMES)]
     assert recording.samples["file"].tolist() == np.repeat(files, N).tolist()
     assert recording.place(7).startswith(f"{root / files[1]}, frame 1")
     assert recording.other_files == ("day1/notes.txt",)
@@ -80,7 +64,7 @@ def test_files_are_labelled_by_their_names(gathered, suffix):
 @pytest.mark.parametrize("suffix", ["npy", "mkv"])
 def test_evenly_spaced_frames_are_taken_of_each_file(gathered, suffix):
     root = gathered(suffix)
-    template = f"{{session}}/{{label}}_{{group}}.{suffix}"
+    template = f"{TEMPLATE}.{suffix}"
     whole = open_recording(root, template=template)
     for frames, rows in ((1, [3]), (2, [1, 4]), (3, [1, 3, 5]), (9, [*range(N)])):
         some = open_recording(root, template=template, frames=frames)
@@ -152,8 +136,8 @@ def test_templates_are_suggested_by_names(files, expected):
     ("template", "settings", "message"),
     [
         (None, {}, r"5 files of frames, such as day1/ball_1\.npy"),
-        ("{session}/{label}_{group}.npy", {"frames": -1}, "frames: expected null or an integer"),
-        ("{session}/{label}_{group}.npy", {"skip_damaged": True}, "skip_damaged: expected false"),
+        (f"{TEMPLATE}.npy", {"frames": -1}, "frames: expected null or an integer"),
+        (f"{TEMPLATE}.npy", {"skip_damaged": True}, "skip_damaged: expected false"),
         ("{session}/*.npy", {}, "expected a label of each frame"),
         ("{label}.npy", {}, "expected images in one sub-folder per"),
     ],
@@ -167,4 +151,4 @@ def test_a_file_of_other_frames_is_named(gathered):
     root = gathered("npy")
     np.save(root / "day2" / "mug_1.npy", frames_of(1)[:, 1:])
     with pytest.raises(BadFrame, match=r"mug_1\.npy: expected frames \(16, 24\) uint8"):
-        open_recording(root, template="{session}/{label}_{group}.npy")
+        open_recording(root, template=f"{TEMPLATE}.npy")

@@ -8,16 +8,9 @@ from hdc.readers import Ambiguous, BadFrame, SettingError, camera, open_recordin
 from hdc.readers.template import Template
 
 
-def images(root, pixels, *names):
-    for name, image in zip(names, pixels, strict=False):
-        (root / name).parent.mkdir(parents=True, exist_ok=True)
-        assert cv2.imwrite(str(root / name), image)
-    return root
-
-
-def test_folders_as_they_are(folder, pixels):
+def test_folders_as_they_are(folder, images):
     """Nested folders and other files: counted, not refused; hidden ones are not seen."""
-    images(folder, pixels, "b/deep/10.png", "b/deep/9.png", ".cache/1.png")
+    images(folder, "b/deep/10.png", "b/deep/9.png", ".cache/1.png")
     for name in ("empty", "unseen"):
         (folder / name).mkdir()
     for name in ("a/.DS_Store", "README.txt", "a/meta.json", "loose.png", "unseen/.x"):
@@ -31,11 +24,11 @@ def test_folders_as_they_are(folder, pixels):
     assert recording.left_out() == f"left out 6 other files: {first}, …"
 
 
-def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
+def test_templates_give_label_order_session_group_and_value(tmp_path, images):
     names = [
         f"day{d}/raw/{c}/x_{k}.png" for d in (2, 10) for c in "ab" for k in (2, 10)
     ]
-    images(tmp_path, pixels, *names, "day2/ref/a/x_1.png")
+    images(tmp_path, *names, "day2/ref/a/x_1.png")
     (tmp_path / "day2" / "raw" / "a" / "meta.json").write_text("{}")
     recording = open_recording(tmp_path, template="{session}/raw/{label}/*_{order}.png")
     assert recording.samples["file"].tolist() == names
@@ -44,7 +37,7 @@ def test_templates_give_label_order_session_group_and_value(tmp_path, pixels):
     assert recording.session.tolist() == [0] * 4 + [1] * 4  # day2 before day10
     assert recording.samples["session_name"][-1] == "day10"
     assert recording.other_files == ("day2/raw/a/meta.json", "day2/ref/a/x_1.png")
-    images(tmp_path / "press", pixels, "p1_wood12_-0.5mm.png")
+    images(tmp_path / "press", "p1_wood12_-0.5mm.png")
     template = "{group}_{label}{order}_{value}mm.png"
     recording = open_recording(tmp_path / "press", template=template, fewest_classes=1)
     assert (recording.classes, recording.order.tolist()) == (("wood",), [12])
@@ -175,11 +168,11 @@ def test_a_table_that_cannot_be_used_is_named(folder, name, rows, message):
         open_recording(folder, table=table)
 
 
-def test_images_of_a_table_are_looked_for_beside_it_and_in_the_folder(tmp_path, pixels):
+def test_images_of_a_table_are_looked_for_beside_it_and_in_the_folder(
+    tmp_path, images, pixels
+):
     """Whichever of them are missing; names that are in both have two readings."""
-    images(
-        tmp_path, pixels, *(f"day{k}/{frame}.png" for k in (1, 2) for frame in (1, 2))
-    )
+    images(tmp_path, *(f"day{k}/{n}.png" for k in (1, 2) for n in (1, 2)))
     table = tmp_path / "day1" / "t.csv"
     table.write_text("image,x\n1.png,1\n2.png,2\n")
     with pytest.raises(ValueError, match=r"t\.csv: .*day2, found 1\.png in both"):
@@ -196,8 +189,8 @@ def test_images_of_a_table_are_looked_for_beside_it_and_in_the_folder(tmp_path, 
     assert "1 of 2 images are missing, the first day1/0.png" in found.notes[0]
 
 
-def test_images_of_another_disk_are_found_by_their_names(tmp_path, pixels):
-    images(tmp_path / "r", pixels, "day1/a.png", "day1/b.png", "day2/c.png")
+def test_images_of_another_disk_are_found_by_their_names(tmp_path, images, pixels):
+    images(tmp_path / "r", "day1/a.png", "day1/b.png", "day2/c.png")
     table = tmp_path / "t.csv"
     table.write_text("image,x\n/old/c.png,1\nD:\\old\\a.png,2\n")
     found = open_recording(tmp_path / "r", table=table)
@@ -211,10 +204,10 @@ def test_images_of_another_disk_are_found_by_their_names(tmp_path, pixels):
 # Folders -----------------------------------------------------------------------------------------
 
 
-def test_names_are_the_same_in_either_form_of_unicode(tmp_path, pixels):
+def test_names_are_the_same_in_either_form_of_unicode(tmp_path, images):
     """An é of one code point and one of two were two classes."""
     composed, apart = "caf\u00e9", "cafe\u0301"
-    root = images(tmp_path, pixels, f"{composed}/1.png", f"{apart}/2.png", "b/1.png")
+    root = images(tmp_path, f"{composed}/1.png", f"{apart}/2.png", "b/1.png")
     assert open_recording(root).names == ["b", composed, composed]
     rows = ["file,label,session", f"{composed}/1.png,{composed},{composed}",
             f"{apart}/2.png,{apart},{apart}", "b/1.png,b,b"]  # fmt: skip
@@ -245,9 +238,9 @@ def test_links_to_files_are_followed_and_broken_ones_named(folder, pixels):
         (("a/1/x.png", "b/2/3/x.png"), r": .* one depth, found a/1/x.png and b/2/3/x.png \(a"),
     ],
 )  # fmt: skip
-def test_folders_without_a_recording_are_named(tmp_path, pixels, names, message):
+def test_folders_without_a_recording_are_named(tmp_path, images, names, message):
     (tmp_path / "r").mkdir()
-    images(tmp_path / "r", pixels, *names)
+    images(tmp_path / "r", *names)
     with pytest.raises((ValueError, Ambiguous), match=f"/r{message}"):
         open_recording(tmp_path / "r")
 
@@ -259,14 +252,18 @@ class Connected:
     """A frame in colour, one in grey of 16 bits, and then none."""
 
     def __init__(self, index):
-        colour = np.full((4, 6, 3), 90, np.uint8)
-        self.images = [colour, np.arange(24, dtype=np.uint16).reshape(4, 6)]
-        self.isOpened = lambda: index == 2
-        self.released = []
-        self.release = lambda: self.released.append(index)
+        grey = np.arange(24, dtype=np.uint16).reshape(4, 6)
+        self.index, self.is_released = index, False
+        self.images = [np.full((4, 6, 3), 90, np.uint8), grey]
+
+    def isOpened(self):
+        return self.index == 2
 
     def read(self):
         return (True, self.images.pop(0)) if self.images else (False, None)
+
+    def release(self):
+        self.is_released = True
 
 
 def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
@@ -279,6 +276,6 @@ def test_a_camera_gives_grey_frames_until_it_is_gone(monkeypatch):
     assert next(frames).tolist() == [[2, 4], [14, 16]]
     with pytest.raises(BadFrame, match="camera 2: expected a frame, found none"):
         next(frames)
-    assert opened[0].released
+    assert opened[0].is_released
     with pytest.raises(ValueError, match=r"expected a camera .* index 5, found"):
         next(camera(5))

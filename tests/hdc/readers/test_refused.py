@@ -4,10 +4,12 @@ import pickle
 import subprocess
 import sys
 import zipfile
+from functools import partial
 from types import SimpleNamespace
 
 import h5py
 import numpy as np
+import pyarrow as pa
 import pytest
 import scipy.io
 import tifffile
@@ -15,6 +17,7 @@ import tifffile
 from hdc.readers import BadFrame, open_recording, tiff
 from tests.hdc.readers.writers import (
     BYTES,
+    CELLS,
     CUBE,
     FRAMES,
     LABELS,
@@ -27,8 +30,10 @@ from tests.hdc.readers.writers import (
     h5,
     npz,
     pages,
+    parquet,
+    png,
     save_v73,
-    tiff_of,
+    virtual,
 )
 
 
@@ -51,6 +56,7 @@ HOLE = np.where(np.arange(N) == 2, np.nan, 1.0)
         ({"frames": TRAPS}, r"\[frames\]: expected plain arrays, found Python objects"),
         ({"frames": FRAMES[:0]}, r"\[frames\]: expected shape \[N, H, W\]"),
         ({"frames": FRAMES > 9}, r"\[frames\]: expected integers or floats, found bool"),
+        ({"frames": FRAMES / HOLE[:, None, None]}, ", frame 2: expected finite numbers"),
         ({"labels": TEXTS[:3]}, r"\[frames\]: expected shape .* N = 3, as there are"),
         ({"labels": LABELS / 4}, r"\[labels\]: .* found float64"),
         ({"labels": LABELS + 2.0**53}, r"\[labels\]: .* found float64"),
@@ -71,17 +77,7 @@ def test_arrays_that_would_be_learnt_wrongly_are_refused(tmp_path, changed, mess
     arrays = {"frames": FRAMES, "labels": TEXTS, **changed}
     npz(tmp_path / "x.npz", **{k: a for k, a in arrays.items() if a is not None})
     with pytest.raises(ValueError, match=rf"x.npz.*{message}"):
-        open_recording(tmp_path / "x.npz")
-
-
-def test_pixels_that_are_not_finite_are_refused_when_they_are_asked_for(tmp_path):
-    frames = FRAMES.astype(float)
-    frames[3, 0, 0] = np.inf
-    npz(tmp_path / "x.npz", frames=frames, labels=TEXTS)
-    recording = open_recording(tmp_path / "x.npz")
-    assert np.array_equal(recording[:3], frames[:3])
-    with pytest.raises(BadFrame, match=r"x.npz, frame 3: expected finite numbers"):
-        recording[:]
+        open_recording(tmp_path / "x.npz")[:]
 
 
 def matlab_string(path):
@@ -97,42 +93,33 @@ def mixed_cells(path):
     scipy.io.savemat(path, {"cube": CUBE, "labels": cells})
 
 
-def with_labels(make):
-    def write(path):
-        with h5py.File(path, "w") as file:
-            make(file)
-            file["labels"] = NAMES
-
-    return write
-
-
-@with_labels
-def virtual(file):
-    layout = h5py.VirtualLayout((N, H, W), np.uint16)
-    layout[:] = h5py.VirtualSource("moved.h5", "frames", (N, H, W))
-    file.create_virtual_dataset("frames", layout)
+def dataset(path, shape=(N, H, W), written=None, **options):
+    """A dataset of which a number of frames are written."""
+    with h5py.File(path, "w") as file:
+        frames = file.create_dataset("frames", shape, np.uint8, **options)
+        file["labels"] = NAMES
+        if written:
+            frames[:written] = 1
 
 
-@with_labels
-def external(file):
-    file.create_dataset("frames", (N, H, W), np.uint8, external=[("gone.raw", 0, 60)])
+def with_a_wrong_byte(path):
+    options = {"chunks": (1, H, W), "compression": "gzip", "fletcher32": True}
+    dataset(path, written=N, **options)
+    with h5py.File(path) as file:
+        start = file["frames"].id.get_chunk_info(3).byte_offset
+    data = bytearray(path.read_bytes())
+    data[start + 9] ^= 255
+    path.write_bytes(data)
 
 
-@with_labels
-def half_written(file):
-    file.create_dataset("frames", (N, H, W), np.uint8, chunks=(2, H, W))[:2] = 1
-
-
-def cut(suffix, share):
-    def write(path):
-        pages(path) if suffix == ".tif" else h5(path, frames=FRAMES, labels=NAMES)
-        data = path.read_bytes()
-        path.write_bytes(data[: int(len(data) * share)])
-
-    return write
+def cut(path, write, share, **arrays):
+    write(path, **arrays)
+    data = path.read_bytes()
+    path.write_bytes(data[: int(len(data) * share)])
 
 
 PALETTE = {"photometric": "palette", "colormap": np.zeros((3, 256), np.uint16)}
+SAMPLES = {"planarconfig": "contig", "extrasamples": ["unspecified"]}
 
 
 @pytest.mark.parametrize(
@@ -143,48 +130,52 @@ PALETTE = {"photometric": "palette", "colormap": np.zeros((3, 256), np.uint16)}
         ("x.mat", mixed_cells, r"\[labels\]: .*: cellstr\(labels\) for text"),
         # HDF5 fills zeros in, without a word.
         ("x.h5", virtual, r"\[frames\]: expected its source moved.h5, found none"),
-        ("x.h5", external, r"\[frames\]: expected its source gone.raw, found none"),
-        ("x.h5", half_written, r"\[frames\]: expected 2 chunks, found 1"),
-        ("x.h5", cut(".h5", 0.5), ": expected an intact .h5, found"),
-        ("x.tif", cut(".tif", 0.01), ": expected a whole"),
-        ("x.tif", cut(".tif", 0.97), ": expected a whole"),
-        ("x.tif", tiff_of(BYTES[..., 0], **PALETTE), "grey or RGB, .* 1 of PALETTE"),
-        ("x.tif", tiff_of(FRAMES.astype("i2"), photometric="miniswhite"),
+        ("x.h5", partial(dataset, external=[("gone.raw", 0, 60)]),
+         r"\[frames\]: expected its source gone.raw, found none"),
+        ("x.h5", partial(dataset, written=2, chunks=(2, H, W)),
+         r"\[frames\]: expected 2 chunks, found 1"),
+        ("x.h5", with_a_wrong_byte, r"\[frames\]: expected a dataset that can be read"),
+        ("x.h5", partial(cut, write=h5, share=0.5, frames=FRAMES, labels=NAMES),
+         ": expected an intact .h5, found"),
+        ("x.tif", partial(cut, write=pages, share=0.01), ": expected a whole"),
+        ("x.tif", partial(cut, write=pages, share=0.97), ": expected a whole"),
+        ("x.tif", partial(pages, frames=BYTES[..., 0], **PALETTE), "grey or RGB, .* 1 of PALETTE"),
+        ("x.tif", partial(pages, frames=FRAMES.astype("i2"), photometric="miniswhite"),
          "unsigned pixels where white is zero, found int16"),
         # Four grey samples, such as a polariser's angles, were read as red, green and blue.
-        ("x.tif", tiff_of(BYTES, photometric="minisblack", planarconfig="contig",
+        ("x.tif", partial(pages, frames=BYTES, planarconfig="contig",
                           extrasamples=["unspecified"] * 3), "found 4 of MINISBLACK"),
-        ("x.tif", tiff_of(BYTES[..., :2], photometric="minisblack", planarconfig="contig",
-                          extrasamples=["unspecified"]), "found 2 of MINISBLACK"),
+        ("x.tif", partial(pages, frames=BYTES[..., :2], **SAMPLES), "found 2 of MINISBLACK"),
+        ("x.parquet", partial(parquet, image=None, label=NAMES),
+         "expected a column of encoded images, found label"),
+        ("x.parquet", partial(parquet, label=["a", "b", None, "a"]), "label .* none of frame 2"),
+        ("x.parquet", partial(parquet, image=pa.array([], pa.binary())),
+         "expected a row per frame, found none"),
+        ("x.parquet", partial(parquet, image=[*CELLS[:3], None], label=NAMES),
+         "row 3: expected an image, found none"),
+        ("x.parquet", partial(parquet, image=[*CELLS[:3], png(FRAMES[0].T)], label=NAMES),
+         "row 3: expected 5 × 3"),
     ],
 )  # fmt: skip
 def test_files_that_would_be_read_wrongly_are_refused(tmp_path, name, write, message):
     write(tmp_path / name)
     with pytest.raises(ValueError, match=rf"{name}.*{message}") as caught:
-        open_recording(tmp_path / name)
+        open_recording(tmp_path / name)[:]
     assert "\n" not in str(caught.value)
 
 
-def test_a_virtual_dataset_beside_its_source_is_read(tmp_path):
-    h5(tmp_path / "moved.h5", frames=FRAMES)
-    virtual(tmp_path / "v.h5")
-    check(open_recording(tmp_path / "v.h5"))
-
-
-def test_a_dataset_that_cannot_be_read_is_named(tmp_path):
-    path = tmp_path / "c.h5"
-    with h5py.File(path, "w") as file:
-        chunks = {"chunks": (1, H, W), "compression": "gzip", "fletcher32": True}
-        file.create_dataset("frames", data=FRAMES, **chunks)
-        file["labels"] = NAMES
-        start = file["frames"].id.get_chunk_info(3).byte_offset
-    data = bytearray(path.read_bytes())
-    data[start + 9] ^= 255
-    path.write_bytes(data)
-    recording = open_recording(path)
-    assert np.array_equal(recording[:3], FRAMES[:3])
-    with pytest.raises(BadFrame, match=r"c\.h5\[frames\]: expected a dataset that can"):
-        recording[3]
+def test_a_damaged_parquet_is_named(tmp_path):
+    path = tmp_path / "x.parquet"
+    parquet(path, label=NAMES)
+    whole, said = path.read_bytes(), []
+    for place in range(4, len(whole) - 8, 37):
+        path.write_bytes(whole[:place] + b"\xff" * 4 + whole[place + 4 :])
+        try:
+            open_recording(path)[:]
+        except ValueError as error:
+            said.append(str(error))
+    assert len(said) > 10
+    assert all("x.parquet" in text for text in said)
 
 
 def test_what_is_no_array_of_an_archive_is_left_out_and_said(tmp_path):
@@ -200,8 +191,7 @@ def test_what_is_no_array_of_an_archive_is_left_out_and_said(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("name", "write"),
-    [("a.npy", np.save), ("a.tif", tifffile.imwrite)],
+    ("name", "write"), [("a.npy", np.save), ("a.tif", tifffile.imwrite)]
 )
 def test_a_file_that_is_rewritten_meanwhile_is_an_error(tmp_path, name, write):
     """It ended the process with a bus error."""
