@@ -74,33 +74,18 @@ def test_no_floating_point_no_library_and_the_sizes_that_are_said(
     assert said.decode() == f"{constants} {plan.sizes.scratch_bytes}"
 
 
-PAGE_ROWS = [
-    (
-        "100 × 100 × 8 bits, 10 classes, median, majority",
-        Sizes(10_000, 10_000, 8, 1, 10),
-    ),
-    (
-        "500 × 500 × 8 bits, 10 classes, median, majority",
-        Sizes(250_000, 250_000, 8, 1, 10),
-    ),
-    (
-        "500 × 500 × 16 bits, 10 classes, median, majority",
-        Sizes(250_000, 250_000, 16, 1, 10),
-    ),
-    (
-        "100 × 100 × 8 bits, 10 classes, levels (7), majority",
-        Sizes(10_000, 10_000, 8, 7, 10),
-    ),
-    (
-        "100 × 100 × 8 bits, 10 classes, median, lda",
-        Sizes(10_000, 10_000, 8, 1, 10, planes=4),
-    ),
-]
+PAGE_ROWS = {
+    "100 × 100 × 8 bits, 10 classes, median, majority": Sizes(10_000, 10_000, 8, 1, 10),
+    "500 × 500 × 8 bits, 10 classes, median, majority": Sizes(250_000, 250_000, 8, 1, 10),
+    "500 × 500 × 16 bits, 10 classes, median, majority": Sizes(250_000, 250_000, 16, 1, 10),
+    "100 × 100 × 8 bits, 10 classes, levels (7), majority": Sizes(10_000, 10_000, 8, 7, 10),
+    "100 × 100 × 8 bits, 10 classes, median, lda": Sizes(10_000, 10_000, 8, 1, 10, planes=4),
+}  # fmt: skip
 
 
 def test_the_table_of_the_page_is_computed():
     page = PAGE.read_text(encoding="utf-8")
-    for what, sizes in PAGE_ROWS:
+    for what, sizes in PAGE_ROWS.items():
         numbers = (
             sizes.constant_bytes,
             sizes.scratch_bytes,
@@ -127,12 +112,8 @@ def test_programs_of_the_page_compile(tmp_path):
     command = ["g++", "-std=c++11", *STRICT[:4], "-o", "program", "program.cpp"]
     subprocess.run(command, cwd=tmp_path, check=True)
     (tmp_path / "frames.raw").write_bytes(np.ascontiguousarray(frames[:3]).tobytes())
-    done = subprocess.run(
-        [tmp_path / "program", "frames.raw"],
-        cwd=tmp_path,
-        capture_output=True,
-        check=True,
-    )
+    command = [tmp_path / "program", "frames.raw"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
     known = model.is_known(frames[:3], 0.1)
     found = np.where(known, model.predict(frames[:3]).astype(str), "")
     assert done.stdout.decode().splitlines() == found.tolist()

@@ -2,10 +2,10 @@
 
 import h5py
 import numpy as np
-import pyarrow as pa
 import pytest
 
 from hdc.readers import Ambiguous, BadFrame, SettingError, hdf5, open_recording
+from tests.hdc.readers import writers
 from tests.hdc.readers.writers import (
     BYTES,
     CELLS,
@@ -19,60 +19,48 @@ from tests.hdc.readers.writers import (
     N,
     W,
     beside,
-    characters,
     check,
-    enumerated,
     h5,
     mat,
     npy,
     npz,
     pages,
     parquet,
+    said,
     save_v73,
-    virtual,
 )
 
 STRUCTS = [{"bytes": cell, "path": None} for cell in CELLS]
-CATEGORIES = pa.array(NAMES, pa.dictionary(pa.int8(), pa.string()))
 STATED = '{"info": {"features": {"label": {"names": ["a", "bb"], "_type": "ClassLabel"}}}}'
+NOT_STATED = '{"info": {"features": null}}'
 
 
 @pytest.mark.parametrize(
     ("name", "write", "arrays", "settings"),
     [
         ("x.npz", npz, {"frames": FRAMES, "labels": TEXTS}, {}),
-        ("x.npz", npz, {"frames": FRAMES.astype(">u2", order="F"), "labels": TEXTS}, {}),
         ("x.npz", npz, {"frames": FRAMES, "labels": [0, 1, 0, 1], "classes": ["a", "bb"]}, {}),
         ("x.npz", npz, {"frames": FRAMES, "kind": TEXTS}, {"labels": "kind"}),
         ("x.npy", npy, {"frames": FRAMES, "labels": NAMES}, {}),
         ("x.mat", mat, {"cube": CUBE, "labels": NAMES}, {}),
         ("x.mat", save_v73, {"cube": CUBE, "labels": NAMES}, {}),
-        ("x.mat", mat, {"cube": FRAMES, "labels": NAMES}, {}),  # from Python
         ("x.mat", mat, {"s": {"cube": CUBE, "y": TEXTS}}, {"labels": "y"}),
         ("x.mat", mat, {"cube": CUBE, "labels": LABELS, "classes": ["a", "bb", "c"]}, {}),
         ("x.mat", save_v73, {"cube": CUBE, "labels": LABELS[None], "classes": ["a", "bb"]}, {}),
-        ("x.mat", characters, {}, {}),
+        ("x.mat", writers.characters, {}, {}),
         ("x.h5", h5, {"frames": FRAMES, "labels": NAMES}, {}),
         ("x.h5", h5, {"run__frames": FRAMES, "run__labels": NAMES}, {}),
-        ("x.h5", enumerated, {"frames": FRAMES, "labels": NAMES}, {}),
-        ("x.h5", virtual, {"frames": FRAMES}, {}),
+        ("x.h5", writers.enumerated, {}, {}),
+        ("x.h5", writers.virtual, {"frames": FRAMES}, {}),
         ("x.tif", pages, {}, {}),
         ("x.tif", pages, {"one_by_one": True}, {}),
         ("x.tif", pages, {"imagej": True}, {}),
-        ("x.tif", pages, {"ome": True}, {}),
-        ("x.tif", pages, {"bigtiff": True}, {}),
-        ("x.tif", pages, {"byteorder": ">"}, {}),
-        ("x.tif", pages, {"compression": "lzw"}, {}),
         ("x.tif", pages, {"compression": "zlib", "predictor": 2}, {}),
-        ("x.parquet", parquet, {"label": NAMES}, {}),
-        ("x.parquet", parquet, {"image": STRUCTS, "label": NAMES}, {}),
-        ("x.parquet", parquet, {"image": None, "rgb": CELLS, "kind": NAMES}, {"labels": "kind"}),
         ("x.parquet", parquet, {"label": NAMES, "rgb": CELLS[::-1]}, {}),
-        ("x.parquet", parquet, {"label": CATEGORIES}, {}),
+        ("x.parquet", parquet, {"image": STRUCTS, "label": NAMES, "stated": NOT_STATED}, {}),
+        ("x.parquet", parquet, {"image": None, "rgb": CELLS, "kind": NAMES}, {"labels": "kind"}),
         ("x.parquet", parquet, {"label": [0, 1, 0, 1], "stated": STATED}, {}),
-        ("x.parquet", parquet, {"label": NAMES, "stated": "no JSON"}, {}),
-        ("x.parquet", parquet, {"label": NAMES, "stated": '{"info": {"features": null}}'}, {}),
-        ("x.parquet", parquet, {"label": NAMES, "stated": "[]"}, {}),
+        ("x.parquet", parquet, {"label": NAMES, "stated": "{}"}, {}),
     ],
 )  # fmt: skip
 def test_frames_and_labels_are_those_that_were_written(
@@ -85,33 +73,27 @@ def test_frames_and_labels_are_those_that_were_written(
 
 
 def test_other_arrays_are_samples_or_values_with_names_and_units(tmp_path):
-    path = tmp_path / "x.npz"
+    path, values = tmp_path / "x.npz", np.arange(8.0).reshape(N, 2)
     about = {"order": [3, 2, 1, 0], "time": np.arange(N) / 2, "other": np.zeros(3)}
     npz(path, frames=FRAMES, labels=TEXTS, **about)
-    recording = open_recording(path)
-    assert list(recording.samples) == ["order", "time"]
-    assert recording.order.tolist() == [3, 2, 1, 0]
     timed = open_recording(path, value_columns=["time"])
-    assert timed.values.ravel().tolist() == [0, 0.5, 1, 1.5]
-    values = np.arange(8.0).reshape(N, 2)
+    assert {*timed.samples} == {"order", "time"}
+    assert said(timed, "label order time") == ["a 3 0", "bb 2 0.5", "a 1 1", "bb 0 1.5"]
     names = {"value_names": ["force", "x"], "value_units": ["N", ""]}
     npz(path, frames=FRAMES, values=values, **names)
     both, only = open_recording(path), open_recording(path, value_columns=["x"])
-    assert (both.value_names, both.value_units) == (("force", "x"), ("N", ""))
-    assert np.array_equal(both.values, values)
-    assert np.array_equal(only.values, values[:, 1:])
+    assert said(both, "force x") == ["0 1", "2 3", "4 5", "6 7"]
+    assert both.value_units == ("N", "")
+    assert said(only, "x") == ["1", "3", "5", "7"]
     npz(path, frames=FRAMES, labels=TEXTS, values=values[:, 0])
     assert open_recording(path).values is None  # unless these are named
     assert open_recording(path, value_columns=["value"]).value_names == ("value",)
 
 
 def test_numbers_of_a_parquet_are_values_where_there_are_no_labels(tmp_path):
-    path, force = tmp_path / "x.parquet", [0.5, 1, 2, 4]
-    parquet(path, label=NAMES, force=force)
-    named = open_recording(path, value_columns=["force"])
-    assert named.values[:, 0].tolist() == force
-    parquet(path, force=force)
-    assert open_recording(path).value_names == ("force",)
+    path = tmp_path / "x.parquet"
+    parquet(path, force=[0.5, 1, 2, 4])
+    assert said(open_recording(path), "force") == ["0.5", "1", "2", "4"]
     parquet(path)
     assert np.array_equal(open_recording(path, fewest_classes=0)[:], FRAMES)
 
@@ -120,11 +102,10 @@ def test_axes_and_groups_are_named(tmp_path):
     path = tmp_path / "x.npy"
     np.save(path, FRAMES.reshape(2, 2, H, W))
     recording = open_recording(path, axes=("label", "order", "height", "width"))
-    check(recording, [*"0011"])
-    assert recording.order.tolist() == [0, 1, 0, 1]
+    assert said(recording, "label order") == ["0 0", "0 1", "1 0", "1 1"]
+    assert np.array_equal(recording[:], FRAMES)
     values = open_recording(path, axes=["session", "value", "height", "width"])
-    assert values.values[:, 0].tolist() == [0, 1, 0, 1]
-    assert values.session.tolist() == [0, 0, 1, 1]
+    assert said(values, "session value") == ["0 0", "0 1", "1 0", "1 1"]
     path, few = tmp_path / "x.h5", NAMES[:3]
     h5(path, a__frames=FRAMES, a__labels=NAMES, b__frames=CUBE, b__labels=few)
     check(open_recording(f"{path}:/a/frames"))
@@ -134,7 +115,7 @@ def test_axes_and_groups_are_named(tmp_path):
 
 FOUR = ("x.npz", npz, {"frames": FRAMES.reshape(2, 2, H, W)})
 FLAT = {"frames": FRAMES.reshape(N, -1), "labels": TEXTS}
-COLOUR = ["frame", "height", "width", "channel"]
+COLOUR = "frame,height,width,channel"
 
 
 @pytest.mark.parametrize(
@@ -144,8 +125,8 @@ COLOUR = ["frame", "height", "width", "channel"]
             "label,label,height,width", "label,order,height,feature", "x,y,height,width",
             "label")),
         # Of four channels the last was taken for blue; two ended in a traceback.
-        *(("x.npz", npz, {"frames": BYTES[..., :n], "labels": TEXTS}, {"axes": COLOUR},
-           f"axes: .* found {n}") for n in (2, 4)),
+        *(("x.npz", npz, {"frames": BYTES[..., :n], "labels": TEXTS},
+           {"axes": COLOUR.split(",")}, f"axes: .* found {n}") for n in (2, 4)),
         ("x.h5:/y", h5, {"a__frames": FRAMES}, {}, "expected one of a/frames .*; no y"),
         ("x.npz", npz, FLAT, {"crop": [0, 0, 5, 1]}, "crop: expected null for frames that are"),
         ("x.parquet", parquet, {"label": NAMES}, {"labels": "y"}, "labels: .*of label, found 'y'"),
@@ -177,9 +158,8 @@ def test_settings_that_do_not_fit_are_named(
 )  # fmt: skip
 def test_what_has_several_readings_names_them(tmp_path, name, write, arrays, choices):
     write(tmp_path / name, **arrays)
-    with pytest.raises(Ambiguous) as caught:
+    with pytest.raises(Ambiguous, match=name) as caught:
         open_recording(tmp_path / name)
-    assert str(tmp_path / name) in str(caught.value)
     found = [choice.replace(f"{tmp_path}/", "") for choice in caught.value.choices]
     assert found == choices
 
@@ -187,14 +167,14 @@ def test_what_has_several_readings_names_them(tmp_path, name, write, arrays, cho
 def test_vectors_are_thinned(tmp_path):
     npz(tmp_path / "x.npz", **FLAT)
     recording = open_recording(tmp_path / "x.npz", subsample=7)
-    assert recording.frame_shape == (3,)
     assert np.array_equal(recording[:], FRAMES.reshape(N, -1)[:, ::7])
+    assert recording.frame_shape == (3,)
 
 
 LUMINANCE = [0.299, 0.587, 0.114]  # ITU-R BT.601
 
 
-@pytest.mark.parametrize("axes", [None, COLOUR])
+@pytest.mark.parametrize("axes", [None, COLOUR.split(",")])
 def test_colour_becomes_luminance_where_its_numbers_are_a_camera_s(tmp_path, axes):
     path = tmp_path / "x.npz"
     colour = RNG.integers(0, 256, (N, 20, 30, 3), np.uint8)
@@ -207,13 +187,13 @@ def test_colour_becomes_luminance_where_its_numbers_are_a_camera_s(tmp_path, axe
 
 
 def test_a_table_beside_has_a_row_per_frame_in_their_order(tmp_path):
-    path = tmp_path / "x.npy"
-    npy(path, FRAMES, NAMES)
-    beside(tmp_path / "y", "label,force", *(f"{n},{k}" for k, n in enumerate(NAMES)))
-    check(open_recording(path, labels=tmp_path / "y.csv"))
-    force = open_recording(path, table=tmp_path / "y.csv")
-    assert force.values[:, 0].tolist() == [0, 1, 2, 3]
-    beside(path, '"frame","label"', *(f"{k},{n}" for k, n in enumerate(NAMES)))
+    path, other = tmp_path / "x.npy", tmp_path / "y.csv"
+    np.save(path, FRAMES)
+    beside(other, "label,force", "a,0", "bb,1", "a,2", "bb,3")
+    check(open_recording(path, labels=other))
+    forced = open_recording(path, table=other)
+    assert said(forced, "label force") == ["a 0", "bb 1", "a 2", "bb 3"]
+    beside(path, '"frame","label"', "0,a", "1,bb", "2,a", "3,bb")
     check(open_recording(path))  # as R quotes
     beside(path, "frame,label", "0,a", "2,a", "1,bb", "3,bb")
     with pytest.raises(ValueError, match=r"x.csv: .*the order of .* found 0 to 3"):
@@ -234,7 +214,6 @@ def test_labels_of_a_file_are_not_those_of_a_table_beside_it(tmp_path):
 
 SMALL = (FRAMES // 300).astype("u1")
 WHITE = {"photometric": "miniswhite"}
-MIXED, PLANES = {"planarconfig": "contig"}, {"planarconfig": "separate"}
 ALPHA = {"extrasamples": ["unassalpha"]}
 INVERTED, LEFT_OUT = "white is zero: inverted", "alpha left out"
 
@@ -245,15 +224,11 @@ INVERTED, LEFT_OUT = "white is zero: inverted", "alpha left out"
         # At 8 bits it came inverted, and at 16 not. TIFF 6.0: 0 is imaged as white.
         (SMALL, WHITE, 255 - SMALL, INVERTED),
         (FRAMES, {**WHITE, "byteorder": ">", "compression": "lzw"}, 65535 - FRAMES, INVERTED),
-        (SMALL > 9, WHITE, np.where(SMALL > 9, 0, 255).astype("u1"), INVERTED),
-        (SMALL > 9, {}, np.where(SMALL > 9, 255, 0).astype("u1"), "1 bits per pixel"),
-        (SMALL.astype("i2") - 30, {}, SMALL.astype("i2") - 30, None),
-        (SMALL.astype("f4") - 30, {}, SMALL.astype("f4") - 30, None),
-        (BYTES, {"photometric": "rgb", **ALPHA, **MIXED}, BYTES[..., :3] @ LUMINANCE, LEFT_OUT),
-        (np.moveaxis(BYTES, -1, 1), {"photometric": "rgb", **PLANES, **ALPHA},
+        (SMALL > 9, WHITE, np.where(SMALL > 9, 0, 255).astype("u1"), "1 bits per pixel"),
+        (SMALL.astype("i2") - 30, {}, SMALL.astype("i2") - 30, "x.tif"),
+        (np.moveaxis(BYTES, -1, 1), {"photometric": "rgb", "planarconfig": "separate", **ALPHA},
          BYTES[..., :3] @ LUMINANCE, LEFT_OUT),
-        (BYTES[..., :2], {**MIXED, **ALPHA}, BYTES[..., 0], LEFT_OUT),
-        (np.moveaxis(BYTES[..., :2], -1, 1), {**PLANES, **ALPHA}, BYTES[..., 0], LEFT_OUT),
+        (BYTES[..., :2], {"planarconfig": "contig", **ALPHA}, BYTES[..., 0], LEFT_OUT),
     ],
 )  # fmt: skip
 def test_pixels_of_a_tiff_are_as_its_tags_say(
@@ -265,7 +240,7 @@ def test_pixels_of_a_tiff_are_as_its_tags_say(
         assert np.abs(recording[:] - expected).max() <= 1
     else:
         check(recording, frames=expected)
-    assert note is None or note in recording.notes
+    assert note in " ".join(recording.notes)
 
 
 def test_a_cell_of_text_is_no_array_and_a_group_in_itself_ends(tmp_path):

@@ -11,7 +11,7 @@ from PIL import Image
 
 from hdc.readers import BadFrame, open_recording
 from hdc.readers.images import decode
-from tests.hdc.readers.writers import png, write_image
+from tests.hdc.readers.writers import png, said, write_image
 
 NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
 COLOUR = np.random.default_rng(1).integers(0, 256, (20, 30, 4), dtype=np.uint8)
@@ -31,13 +31,9 @@ def saved(format, *images, **options):
 @pytest.mark.parametrize("settings", [{}, {"memory_bytes": 0}, {"check": False}])
 def test_a_folder_is_a_recording(folder, pixels, settings):
     recording = open_recording(folder, **settings)
-    assert recording.classes == ("a", "b", "c")
-    assert recording.labels.tolist() == [0] * 4 + [1] * 4 + [2] * 4
-    assert recording.order.tolist() == list(range(12))
-    assert recording.samples["file"][:2].tolist() == ["a/1.png", "a/2.png"]
+    assert said(recording, "label order file")[3:5] == ["a 3 a/4.png", "b 4 b/1.png"]
     order = np.random.default_rng(1).permutation(12)
     assert np.array_equal(recording.frames(order), pixels[order])
-    assert np.array_equal(np.stack(list(recording.stream(order))), pixels[order])
     assert np.array_equal(recording[2:5], pixels[2:5])
     assert np.array_equal(recording[-1], pixels[11])
     assert recording.frames([]).shape == (0, 20, 30)
@@ -62,8 +58,6 @@ SMOOTH = np.add.outer(np.arange(16), np.arange(16)).astype(np.uint8) * 4
     ("suffix", "image", "expected", "most"),
     [
         (".PNG", NOISE, NOISE, 0),
-        (".bmp", NOISE, NOISE, 0),
-        (".png", DEEP, DEEP, 0),
         (".tif", DEEP, DEEP, 0),
         (".jpg", SMOOTH, SMOOTH, 3),
         (".bmp", COLOUR[..., :3], luminance(COLOUR), 2),
@@ -180,11 +174,10 @@ def test_damaged_images_are_refused_or_have_their_size(tmp_path, suffix):
 
 def test_batches_are_the_frames_one_after_the_other_in_the_same_memory(folder, pixels):
     index = np.random.default_rng(0).permutation(12)
-    batches = open_recording(folder).batches(index)
-    assert (len(batches), batches.shape) == (12, (12, 20, 30))
-    first = batches[:5]
-    assert np.array_equal(first, pixels[index[:5]])
-    second = batches[5:10]
-    assert np.shares_memory(first, second)
-    assert np.array_equal(second, pixels[index[5:10]])
-    assert np.array_equal(batches[10:15], pixels[index[10:]])
+    batches, places = open_recording(folder).batches(index), set()
+    for start in (0, 5, 10):
+        part = slice(start, start + 5)
+        batch = batches[part]
+        assert np.array_equal(batch, pixels[index[part]])
+        places.add(batch.ctypes.data)
+    assert len(places) == 1

@@ -59,7 +59,6 @@ HOLE = np.where(np.arange(N) == 2, np.nan, 1.0)
         ({"frames": FRAMES / HOLE[:, None, None]}, ", frame 2: expected finite numbers"),
         ({"labels": TEXTS[:3]}, r"\[frames\]: expected shape .* N = 3, as there are"),
         ({"labels": LABELS / 4}, r"\[labels\]: .* found float64"),
-        ({"labels": LABELS + 2.0**53}, r"\[labels\]: .* found float64"),
         ({"labels": ["a"] * N}, ": expected two classes or more, found only 'a'"),
         ({"labels": ["a", "", "b", "a"]}, ": expected a label of each .* of frame 1"),
         ({"classes": ["c", "d"]}, ": expected one of the 2 classes, found"),
@@ -93,23 +92,13 @@ def mixed_cells(path):
     scipy.io.savemat(path, {"cube": CUBE, "labels": cells})
 
 
-def dataset(path, shape=(N, H, W), written=None, **options):
+def dataset(path, written=0, **options):
     """A dataset of which a number of frames are written."""
     with h5py.File(path, "w") as file:
-        frames = file.create_dataset("frames", shape, np.uint8, **options)
+        frames = file.create_dataset("frames", (N, H, W), np.uint8, **options)
         file["labels"] = NAMES
         if written:
             frames[:written] = 1
-
-
-def with_a_wrong_byte(path):
-    options = {"chunks": (1, H, W), "compression": "gzip", "fletcher32": True}
-    dataset(path, written=N, **options)
-    with h5py.File(path) as file:
-        start = file["frames"].id.get_chunk_info(3).byte_offset
-    data = bytearray(path.read_bytes())
-    data[start + 9] ^= 255
-    path.write_bytes(data)
 
 
 def cut(path, write, share, **arrays):
@@ -118,6 +107,15 @@ def cut(path, write, share, **arrays):
     path.write_bytes(data[: int(len(data) * share)])
 
 
+def overwritten(path, write, after, **arrays):
+    """With other bytes behind these."""
+    write(path, **arrays)
+    data = path.read_bytes()
+    at = data.index(after) + len(after)
+    path.write_bytes(data[:at] + bytes(4) + data[at + 4 :])
+
+
+CHECKED = {"chunks": (1, H, W), "fletcher32": True}
 PALETTE = {"photometric": "palette", "colormap": np.zeros((3, 256), np.uint16)}
 SAMPLES = {"planarconfig": "contig", "extrasamples": ["unspecified"]}
 
@@ -134,7 +132,8 @@ SAMPLES = {"planarconfig": "contig", "extrasamples": ["unspecified"]}
          r"\[frames\]: expected its source gone.raw, found none"),
         ("x.h5", partial(dataset, written=2, chunks=(2, H, W)),
          r"\[frames\]: expected 2 chunks, found 1"),
-        ("x.h5", with_a_wrong_byte, r"\[frames\]: expected a dataset that can be read"),
+        ("x.h5", partial(overwritten, write=dataset, after=b"\1" * 9, written=N, **CHECKED),
+         r"\[frames\]: expected a dataset that can be read"),
         ("x.h5", partial(cut, write=h5, share=0.5, frames=FRAMES, labels=NAMES),
          ": expected an intact .h5, found"),
         ("x.tif", partial(cut, write=pages, share=0.01), ": expected a whole"),
@@ -146,6 +145,9 @@ SAMPLES = {"planarconfig": "contig", "extrasamples": ["unspecified"]}
         ("x.tif", partial(pages, frames=BYTES, planarconfig="contig",
                           extrasamples=["unspecified"] * 3), "found 4 of MINISBLACK"),
         ("x.tif", partial(pages, frames=BYTES[..., :2], **SAMPLES), "found 2 of MINISBLACK"),
+        ("x.parquet", partial(cut, write=parquet, share=0.9, label=NAMES), "an intact parquet file"),
+        ("x.parquet", partial(overwritten, write=parquet, after=b"PAR1", label=NAMES),
+         "an intact parquet file"),
         ("x.parquet", partial(parquet, image=None, label=NAMES),
          "expected a column of encoded images, found label"),
         ("x.parquet", partial(parquet, label=["a", "b", None, "a"]), "label .* none of frame 2"),
@@ -162,20 +164,6 @@ def test_files_that_would_be_read_wrongly_are_refused(tmp_path, name, write, mes
     with pytest.raises(ValueError, match=rf"{name}.*{message}") as caught:
         open_recording(tmp_path / name)[:]
     assert "\n" not in str(caught.value)
-
-
-def test_a_damaged_parquet_is_named(tmp_path):
-    path = tmp_path / "x.parquet"
-    parquet(path, label=NAMES)
-    whole, said = path.read_bytes(), []
-    for place in range(4, len(whole) - 8, 37):
-        path.write_bytes(whole[:place] + b"\xff" * 4 + whole[place + 4 :])
-        try:
-            open_recording(path)[:]
-        except ValueError as error:
-            said.append(str(error))
-    assert len(said) > 10
-    assert all("x.parquet" in text for text in said)
 
 
 def test_what_is_no_array_of_an_archive_is_left_out_and_said(tmp_path):

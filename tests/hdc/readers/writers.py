@@ -31,6 +31,21 @@ def check(recording, names=NAMES, frames=FRAMES):
     assert recording.names == names
 
 
+def shown(item):
+    return f"{item:g}" if isinstance(item, float) else str(item)
+
+
+def said(recording, names):
+    """These columns of each frame, a line each."""
+    columns = dict(recording.samples)
+    if recording.labels is not None:
+        columns["label"] = recording.names
+    if recording.values is not None:
+        columns |= zip(recording.value_names, recording.values.T, strict=True)
+    chosen = zip(*(columns[name] for name in names.split()), strict=True)
+    return [" ".join(map(shown, row)) for row in chosen]
+
+
 def write_image(path, frame):
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), frame)
@@ -90,11 +105,9 @@ def h5(path, **arrays):
             file[name.replace("__", "/")] = array
 
 
-def enumerated(path, frames, labels):
-    with h5py.File(path, "w") as file:
-        file["frames"] = frames
-        kind = h5py.enum_dtype({"a": 0, "bb": 1})
-        file.create_dataset("labels", data=np.array(labels) == "bb", dtype=kind)
+def enumerated(path):
+    kind = h5py.enum_dtype({"a": 0, "bb": 1})
+    h5(path, frames=FRAMES, labels=np.array([0, 1, 0, 1], kind))
 
 
 def virtual(path, **arrays):
