@@ -54,23 +54,19 @@ def test_lbfgs_reaches_the_optimum_of_scikit_learn(speckle):
 
 
 @pytest.mark.parametrize(
-    ("change", "c", "pixels"),
-    [
-        (lambda x, y: (x.repeat(4, 1, 1), np.tile(y, 4)), 1.0, "unit"),
-        (lambda x, y: (torch.full_like(x, 255), y), 1.0, "unit"),
-        (lambda x, y: (x[:3], np.array([0, 7, 50])), 1.0, "unit"),
-        (lambda x, y: (x, y), 1e8, "raw"),
-        (lambda x, y: (x, y), 1e-12, "unit"),
-    ],
-    ids=["duplicates", "constant", "one a class", "huge C", "tiny C"],
+    ("c", "pixels", "grey"),
+    [(1.0, "unit", 255), (1e8, "raw", None), (1e-12, "unit", None)],
+    ids=["constant", "huge C", "tiny C"],
 )
-def test_dual_at_the_limits_stays_finite(change, c, pixels, speckle):
-    frames, labels = change(*speckle(24, (8, 8), 3))
+def test_dual_at_the_limits_stays_finite(c, pixels, grey, speckle):
+    frames, labels = speckle(24, (8, 8), 3)
+    if grey:
+        frames = torch.full_like(frames, grey)
     model = DualSoftmaxRegression(C=c, pixels=pixels).fit(frames, labels)
     for numbers in (torch.tensor(model.objective_), model.weight_, model.bias_):
         assert numbers.isfinite().all()
     assert set(model.predict(frames)) <= set(labels)
-    if (frames == 255).all():  # nothing to see but how often each class occurs
+    if grey:  # nothing to see but how often each class occurs
         share = model.scores(frames[:1]).softmax(dim=1)
         torch.testing.assert_close(share, torch.full((1, 3), 1 / 3), atol=1e-4, rtol=0)
 
@@ -149,28 +145,16 @@ def test_the_accuracy_of_minibatches_is_that_since_the_last_report(frames_and_la
     assert len(set(before)) > 2
 
 
-@pytest.mark.parametrize(
-    ("name", "settings"),
-    [
-        ("Adam", {"fused": True}),
-        ("SGD", {"fused": True}),
-        ("LBFGS", {"line_search_fn": "strong_wolfe"}),
-    ],
-)
-def test_our_optimisers_are_those_of_pytorch(name, settings):
-    def minimum_by(kind):
+@pytest.mark.parametrize("name", ["Adam", "SGD"])
+def test_our_optimisers_are_those_of_pytorch(name):
+    def after_three_steps(kind):
         x = torch.nn.Parameter(torch.tensor([3.0, -2.0]))
-        optimiser = kind([x], lr=0.1, **settings)
-
-        def closure():
-            optimiser.zero_grad()
-            loss = (x.square() * torch.tensor([1.0, 10.0])).sum() + x.exp().sum()
-            loss.backward()
-            return loss
-
+        optimiser = kind([x], lr=0.1, fused=True)
         for _ in range(3):
-            optimiser.step(closure)
+            optimiser.zero_grad()
+            (x.square() * torch.tensor([1.0, 10.0])).sum().backward()
+            optimiser.step()
         return x.tolist()
 
-    theirs = getattr(torch.optim, name)
-    assert minimum_by(getattr(optimisers, name)) == minimum_by(theirs)
+    ours, theirs = getattr(optimisers, name), getattr(torch.optim, name)
+    assert after_three_steps(ours) == after_three_steps(theirs)

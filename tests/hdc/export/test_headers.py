@@ -124,18 +124,25 @@ def test_programs_of_the_page_compile(tmp_path):
         assert re.search(rf"\b{name}\b", written), name
 
 
+CLASS_NAMES = """#include <stdio.h>
+#include "touch.h"
+int main(void)
+{
+    for (int c = 0; c < TOUCH_CLASSES; c++) {
+        fputs(touch_classes[c], stdout);
+        fputc(0, stdout);
+    }
+    return 0;
+}
+"""
+
+
 def test_names_of_any_kind(gcc, tmp_path):
     names = ['a "b" \\', "??/", "ü\t", "*/ /*", "1" * 60]
     frames = np.random.default_rng(0).integers(0, 256, (5, 64), np.uint8)
     plan = Plan.of(HDCClassifier().fit(frames, names), "touch")
     (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a */ /* test\n#error"))
-    source = (
-        '#include <stdio.h>\n#include "touch.h"\nint main(void)\n{\n'
-        "    for (int c = 0; c < TOUCH_CLASSES; c++) {\n"
-        "        fputs(touch_classes[c], stdout);\n        fputc(0, stdout);\n    }\n"
-        "    return 0;\n}\n"
-    )
-    assert run(gcc, tmp_path, source).decode().split("\0")[:-1] == sorted(names)
+    assert run(gcc, tmp_path, CLASS_NAMES).decode().split("\0")[:-1] == sorted(names)
 
 
 # Refusals ----------------------------------------------------------------------------------------

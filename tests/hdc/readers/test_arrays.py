@@ -32,6 +32,7 @@ from tests.hdc.readers.writers import (
 
 STRUCTS = [{"bytes": cell, "path": None} for cell in CELLS]
 STATED = '{"info": {"features": {"label": {"names": ["a", "bb"], "_type": "ClassLabel"}}}}'
+NAMED = h5py.enum_dtype({"a": 0, "bb": 1})
 NOT_STATED = '{"info": {"features": null}}'
 
 
@@ -50,7 +51,7 @@ NOT_STATED = '{"info": {"features": null}}'
         ("x.mat", writers.characters, {}, {}),
         ("x.h5", h5, {"frames": FRAMES, "labels": NAMES}, {}),
         ("x.h5", h5, {"run__frames": FRAMES, "run__labels": NAMES}, {}),
-        ("x.h5", writers.enumerated, {}, {}),
+        ("x.h5", h5, {"frames": FRAMES, "labels": np.array([0, 1, 0, 1], NAMED)}, {}),
         ("x.h5", writers.virtual, {"frames": FRAMES}, {}),
         ("x.tif", pages, {}, {}),
         ("x.tif", pages, {"one_by_one": True}, {}),
@@ -149,8 +150,7 @@ def test_settings_that_do_not_fit_are_named(
         ("x.mat", mat, {"c": CUBE[:, :4, :3], "labels": NAMES[:3]},
          ["--axes frame,height,width", "--axes height,width,frame"]),
         ("x.npz", npz, {"a": FRAMES, "b": CUBE, "labels": TEXTS}, ["x.npz:/a", "x.npz:/b"]),
-        ("x.mat", save_v73, {"cube": CUBE, "kind": LABELS[None]},
-         ["--labels kind", "--column kind"]),
+        ("x.npz", npz, {"frames": FRAMES, "kind": LABELS}, ["--labels kind", "--column kind"]),
         # Three planes of floats: they were read as red, green and blue.
         ("x.npy", npy, {"frames": RNG.random((4, 3, 8, 9)), "labels": NAMES},
          ["--axes frame,channel,height,width", "--axes frame,order,height,width"]),

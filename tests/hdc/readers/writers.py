@@ -105,11 +105,6 @@ def h5(path, **arrays):
             file[name.replace("__", "/")] = array
 
 
-def enumerated(path):
-    kind = h5py.enum_dtype({"a": 0, "bb": 1})
-    h5(path, frames=FRAMES, labels=np.array([0, 1, 0, 1], kind))
-
-
 def virtual(path, **arrays):
     """Frames that lie in another file, moved.h5; that has these arrays."""
     if arrays:
