@@ -13,17 +13,14 @@ from scenes.export import scene_of
 from scenes.frames import Scene
 from scenes.listing import show
 from scenes.measured import MeasuredScene
+from scenes.source import Source
+from tests.hdc.readers.writers import write_image
 
 ABOUT = {
     "repository": "somebody/touches",
     "commit": "0123abc",
     "cite": "Somebody, 2024",
 }
-
-
-def write(path, image):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    assert cv2.imwrite(str(path), image)
 
 
 @pytest.fixture
@@ -39,7 +36,7 @@ def pressed(root):
     images = np.random.default_rng(0).integers(0, 256, (6, 6, 8, 3), dtype=np.uint8)
     for k, image in enumerate(images):
         folder = root / f"material_{k // 3 + 9}" / f"cycle_{k % 3 + 1}_A"
-        write(folder / "frame.png", image)
+        write_image(folder / "frame.png", image)
         (folder / "flow.json").write_text("{}")
     return images
 
@@ -69,7 +66,7 @@ def test_other_content_is_refused_and_changes_the_fingerprint(pressed, root):
     source = {**ABOUT, "sha256": scene.sha256}
     assert touches(source=source).fingerprint() == scene.fingerprint()
     assert touches(subsample=2).fingerprint() != scene.fingerprint()
-    write(root / "material_9" / "cycle_2_A" / "frame.png", pressed[4])
+    write_image(root / "material_9" / "cycle_2_A" / "frame.png", pressed[4])
     assert touches().fingerprint() != scene.fingerprint()
     with pytest.raises(ValueError, match="the 6 files of somebody/touches at 0123abc"):
         touches(source=source)
@@ -81,7 +78,7 @@ TABLES = {"train": "a.png,2,0\nb.png,3,-1\nc.png,4,-2", "val": "a.png,4.5,0\nb.p
 def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
     for folder, rows in TABLES.items():
         for name in "abc":
-            write(root / folder / "images" / f"{name}.png", np.zeros((4, 4), np.uint8))
+            write_image(root / folder / "images" / f"{name}.png", np.zeros((4, 4), np.uint8))
         table = root / folder / "targets.csv"
         table.write_text(f"sensor_image,pose_3,pose_4\n{rows}")
 
@@ -115,7 +112,7 @@ def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
 def test_unknown_frames_are_a_scene_of_their_own(root):
     """And a class whose name is spelled in two ways is one."""
     for grey, label in enumerate(["n13311", "extra", "n13529", "m13529"]):
-        write(root / label / f"s{grey}_1.png", np.full((3, 3), grey, np.uint8))
+        write_image(root / label / f"s{grey}_1.png", np.full((3, 3), grey, np.uint8))
     labels = {"n13311": 1.3311, "n13529": 1.3529}
     scene = touches(
         template="{label}/{group}_{order}.png",
@@ -137,7 +134,7 @@ def test_unknown_frames_are_a_scene_of_their_own(root):
 
 def test_a_damaged_file_is_left_out_where_it_is_named(root):
     for name in ("a_1", "a_2", "b_1"):
-        write(root / "data" / f"{name}.png", np.zeros((30, 30), np.uint8))
+        write_image(root / "data" / f"{name}.png", np.zeros((30, 30), np.uint8))
     (root / "data" / "a_2.png").write_bytes(b"damaged")
     settings = {"template": "{label:w}_{order}.png", "folders": ["data"]}
     scene = touches(**settings, damaged=["data/a_2.png"])
@@ -145,6 +142,24 @@ def test_a_damaged_file_is_left_out_where_it_is_named(root):
     assert scene.frames(range(2)).shape == (2, 30, 30)
     with pytest.raises(ValueError, match=r"scene\.damaged: expected a file of a frame"):
         touches(**settings, damaged=["a_2.png"])
+
+
+@pytest.mark.parametrize("folder", ["touches", "somebody+touches"])
+def test_a_checkout_has_one_of_two_names(tmp_path, monkeypatch, folder):
+    monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
+    assert Source(**ABOUT).find() is None
+    (tmp_path / folder).mkdir()
+    assert Source(**ABOUT).folder() == tmp_path / folder
+
+
+def test_the_commands_clone_nothing_where_the_variable_is_not_set(monkeypatch):
+    """A shell ends at ${X:?} where X is not set."""
+    commands = "git clone https://github.com/somebody/touches {0} && git -C {0} checkout 0123abc"
+    monkeypatch.delenv("MEASURED_DATA", raising=False)
+    unset = '"${MEASURED_DATA:?}/touches"'
+    assert Source(**ABOUT).command() == commands.format(unset)
+    monkeypatch.setenv("MEASURED_DATA", "/my data")
+    assert Source(**ABOUT).command() == commands.format("'/my data/touches'")
 
 
 def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, capsys):

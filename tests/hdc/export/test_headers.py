@@ -205,12 +205,8 @@ def test_test_vectors_agree_and_notice_a_change(compiler, model, tmp_path, hdc):
         pytest.skip(f"no compiler here: looked for {compiler[0]}")
     target = tmp_path / "my-touch.h"
     words = ("--bits", 16, "--reject", 0.2, "--test-vectors", 9)
-    status, out, err = hdc("export", model, "-o", target, *words)
+    status, _, err = hdc("export", model, "-o", target, *words)
     assert (status, err) == (0, [])
-    assert out[1:3] == [
-        f"tables: {8 * 3 * 4 + 4} bytes",
-        f"memory: {8 * 3 + 8 * 4 + 2 * 1024 + 256} bytes, and {130 * 2} of the frame",
-    ]
     command = [*compiler, *STRICT, "-o", "vectors", "my-touch_test.c"]
 
     def answer():

@@ -34,11 +34,10 @@ def table(path, *rows, columns="start_s,end_s,label"):
 def check(recording, numbers):
     """The frames are those of these numbers, whichever are asked for first."""
     assert recording.samples["frame"].tolist() == numbers
-    order = np.random.default_rng(0).permutation(len(numbers))
-    for index in (np.arange(len(numbers)), order, [1, 0, 0]):
-        expected = np.array([grey_of(numbers[i]) for i in index])
+    expected = np.array([grey_of(number) for number in numbers])
+    for index in (np.arange(len(numbers)), [2, 0, 1, 0]):
         made = recording.frames(index).astype(int)
-        assert np.abs(made - expected[:, None, None]).max() <= 5
+        assert np.abs(made - expected[index, None, None]).max() <= 5
     assert recording[[]].shape == (0, *recording.frame_shape)
 
 
