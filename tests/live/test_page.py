@@ -201,7 +201,7 @@ def test_a_page_of_a_model_is_made_without_a_browser(film, frames, kind, word):
     [
         ("", 2, "expected one of --camera N, --folder RECORDING and --video FILE"),
         ("own --video v.mkv --subsample 2", 2, "no --crop or --subsample with a MODEL that has"),
-        ("m --video v.mkv --subsample 2", 1, "expected 32 × 32 pixels as in training, found 20"),
+        ("m --video v.mkv --subsample 2", 1, "expected 32 × 32 pixels as in training, found 16"),
         ("--video v.mkv --labels kind", 2, "expected no --labels without --folder"),
         ("--camera 97", 1, "expected a camera that can be opened at index 97, found"),
         ("x --video v.mkv", 1, "expected a saved model, found"),

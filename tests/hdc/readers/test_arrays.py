@@ -164,13 +164,6 @@ def test_what_has_several_readings_names_them(tmp_path, name, write, arrays, cho
     assert found == choices
 
 
-def test_vectors_are_thinned(tmp_path):
-    npz(tmp_path / "x.npz", **FLAT)
-    recording = open_recording(tmp_path / "x.npz", subsample=7)
-    assert np.array_equal(recording[:], FRAMES.reshape(N, -1)[:, ::7])
-    assert recording.frame_shape == (3,)
-
-
 LUMINANCE = [0.299, 0.587, 0.114]  # ITU-R BT.601
 
 
@@ -225,7 +218,7 @@ INVERTED, LEFT_OUT = "white is zero: inverted", "alpha left out"
         (SMALL, WHITE, 255 - SMALL, INVERTED),
         (FRAMES, {**WHITE, "byteorder": ">", "compression": "lzw"}, 65535 - FRAMES, INVERTED),
         (SMALL > 9, WHITE, np.where(SMALL > 9, 0, 255).astype("u1"), "1 bits per pixel"),
-        (SMALL.astype("i2") - 30, {}, SMALL.astype("i2") - 30, "x.tif"),
+        (SMALL.astype("i2") - 30, {}, SMALL.astype("i2") - 30, "as frame, height, width"),
         (np.moveaxis(BYTES, -1, 1), {"photometric": "rgb", "planarconfig": "separate", **ALPHA},
          BYTES[..., :3] @ LUMINANCE, LEFT_OUT),
         (BYTES[..., :2], {"planarconfig": "contig", **ALPHA}, BYTES[..., 0], LEFT_OUT),

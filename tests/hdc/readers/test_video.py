@@ -262,13 +262,11 @@ def test_what_ffmpeg_logs_and_goes_on_over_is_damage(tmp_path):
     path, times, coded = tmp_path / "x.mkv", range(0, 600, 100), {"slicecrc": "1", "level": "3"}
     encoded(path, NOISE[:6], "gray", times, **coded)
     assert len(list(stream_video(path, Window()))) == 6
-    whole = path.read_bytes()
-    for place in range(1000, len(whole) - 500, 1000):
-        damaged = bytearray(whole)
-        damaged[place] ^= 1
-        path.write_bytes(damaged)
-        with pytest.raises(BadFrame, match=r"x.mkv: expected"):
-            list(stream_video(path, Window()))
+    damaged = bytearray(path.read_bytes())
+    damaged[len(damaged) // 2] ^= 1
+    path.write_bytes(damaged)
+    with pytest.raises(BadFrame, match=r"x.mkv: expected whole frames"):
+        list(stream_video(path, Window()))
 
 
 TENTHS = [number / 10 for number in range(10)]
