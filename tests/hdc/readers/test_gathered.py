@@ -133,7 +133,6 @@ def test_templates_are_suggested_by_names(files, expected):
         (None, {}, r"5 files of frames, such as day1/ball_1\.npy"),
         (f"{TEMPLATE}.npy", {"frames": -1}, "frames: expected null or an integer"),
         (f"{TEMPLATE}.npy", {"skip_damaged": True}, "skip_damaged: expected false"),
-        ("{session}/*.npy", {}, "expected a label of each frame"),
         ("{label}.npy", {}, "expected images in one sub-folder per"),
     ],
 )  # fmt: skip

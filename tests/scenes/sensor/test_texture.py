@@ -9,8 +9,8 @@ from scenes.sensor.texture import TexturedPress
 AT, A = (34e-3, 0.0), 5e-3
 
 
-def touch(i=0, depth=0.8e-3, x=AT[0], y=AT[1]):
-    return Touch(depth, x, y, stream(0, "texture", i), stream(0, "object"))
+def touch():
+    return Touch(0.8e-3, *AT, stream(0, "texture"), stream(0, "object"))
 
 
 def face(**values):
