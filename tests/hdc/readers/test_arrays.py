@@ -30,6 +30,7 @@ from tests.hdc.readers.writers import (
     save_v73,
 )
 
+STACK, STACKED_LAST = {"frames": FRAMES, "labels": NAMES}, {"cube": CUBE, "labels": NAMES}
 STRUCTS = [{"bytes": cell, "path": None} for cell in CELLS]
 STATED = '{"info": {"features": {"label": {"names": ["a", "bb"], "_type": "ClassLabel"}}}}'
 NAMED = h5py.enum_dtype({"a": 0, "bb": 1})
@@ -39,17 +40,17 @@ NOT_STATED = '{"info": {"features": null}}'
 @pytest.mark.parametrize(
     ("name", "write", "arrays", "settings"),
     [
-        ("x.npz", npz, {"frames": FRAMES, "labels": TEXTS}, {}),
+        ("x.npz", npz, STACK, {}),
         ("x.npz", npz, {"frames": FRAMES, "labels": [0, 1, 0, 1], "classes": ["a", "bb"]}, {}),
         ("x.npz", npz, {"frames": FRAMES, "kind": TEXTS}, {"labels": "kind"}),
-        ("x.npy", npy, {"frames": FRAMES, "labels": NAMES}, {}),
-        ("x.mat", mat, {"cube": CUBE, "labels": NAMES}, {}),
-        ("x.mat", save_v73, {"cube": CUBE, "labels": NAMES}, {}),
+        ("x.npy", npy, STACK, {}),
+        ("x.mat", mat, STACKED_LAST, {}),
+        ("x.mat", save_v73, STACKED_LAST, {}),
         ("x.mat", mat, {"s": {"cube": CUBE, "y": TEXTS}}, {"labels": "y"}),
         ("x.mat", mat, {"cube": CUBE, "labels": LABELS, "classes": ["a", "bb", "c"]}, {}),
         ("x.mat", save_v73, {"cube": CUBE, "labels": LABELS[None], "classes": ["a", "bb"]}, {}),
         ("x.mat", writers.characters, {}, {}),
-        ("x.h5", h5, {"frames": FRAMES, "labels": NAMES}, {}),
+        ("x.h5", h5, STACK, {}),
         ("x.h5", h5, {"run__frames": FRAMES, "run__labels": NAMES}, {}),
         ("x.h5", h5, {"frames": FRAMES, "labels": np.array([0, 1, 0, 1], NAMED)}, {}),
         ("x.h5", writers.virtual, {"frames": FRAMES}, {}),

@@ -2,10 +2,8 @@
 
 import numpy as np
 import pytest
-import torch
 
 from scenes.sensor.elastomer import Layer, half_space, layer_response
-from scenes.sensor.paths import Table
 
 A = 2.45e-3
 
@@ -56,23 +54,3 @@ def test_base_is_fixed_surface_sinks_by_one(thickness):
     tolerance = 1e-12 * max(1.0, (A / thickness) ** 3)
     assert np.abs([u_r[:, 0], u_z[:, 0]]).max() < tolerance
     assert u_z[0, 1] == pytest.approx(-1, abs=tolerance)
-
-
-def test_the_table_is_exact_to_a_millionth_away_from_the_rim_of_the_contact():
-    layer = Layer()
-    r = np.random.default_rng(0).uniform(1.5 * A, 30e-3, 400)
-    table = Table(layer.table(A), torch.float64, torch.device("cpu"))
-    u_r, u_z = layer.displacement(r, layer.heights, A)
-    for level in range(len(layer.heights)):
-        levels = torch.full((400,), level)
-        outward, down = table.look_up(torch.from_numpy(r), levels)
-        assert np.abs(outward.numpy() * r - u_r[:, level]).max() < 3e-6
-        assert np.abs(down.numpy() - u_z[:, level]).max() < 3e-6
-
-
-def test_heights_stand_for_a_uniform_distribution():
-    layer = Layer()
-    inner = layer.heights[:-1] / layer.thickness
-    for power in (1, 2, 9, 31):
-        assert layer.weights @ inner**power == pytest.approx(1 / (power + 1), rel=1e-12)
-    assert layer.heights[-1] == layer.thickness

@@ -26,14 +26,6 @@ def test_many_equal_grains_are_nearly_smooth(small):
     assert much > 20 * little
 
 
-def test_forces_of_grains_vary_about_those_of_the_smooth_face(small):
-    bound = face(spacing=0.2e-3, variance=0.5).bind(small)
-    x, y, force = bound.grains(touch(), stream(0, "g"))
-    smooth = np.sqrt(1 - (x**2 + y**2) / A**2)  # positions are about the target
-    assert force.sum() == pytest.approx(1)
-    assert (force / smooth).var() == pytest.approx(0.5 / smooth.sum() ** 2, rel=0.15)
-
-
 def test_point_force_on_the_surface_far_away_is_boussinesq():
     """A grain on a thick layer: u_z·r is constant, and ties the constant C to Hertz's depth."""
     layer, r = Layer(thickness=50.0), np.array([10.0, 20.0]) * A
