@@ -11,17 +11,11 @@ from scenes.sensor.seeds import stream
 CPU = torch.device("cpu")
 
 
-def intensities(camera, n, seed=0):
-    phases = stream(seed, "test").uniform(0, 2 * np.pi, (n, camera.path_count))
-    return (
-        MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).double().numpy()
-    )
-
-
 @pytest.mark.parametrize("modes", [1, 2])
 def test_contrast_and_distribution(modes):
     camera = Camera(grid=128, crop=128, pupil=32, polarisations=modes, unevenness=0)
-    i = intensities(camera, 60)
+    phases = stream(0, "test").uniform(0, 2 * np.pi, (60, camera.path_count))
+    i = MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).double().numpy()
     assert i.mean() == pytest.approx(1, rel=2e-3)
     assert i.std() == pytest.approx(1 / np.sqrt(modes), rel=0.02)
     apart = i[:, ::8, ::8].ravel()  # several grains apart: nearly independent
