@@ -30,8 +30,10 @@ def test_frames_of_a_group_are_in_one_fold(nested):
     [([2, 2], 2), ([3, 9], 3), ([200, 130, 7], 5), ([1, 9], 0), ([1, 1], 0), ([3], 0)],
 )
 def test_folds_at_random_are_dealt_class_by_class(numbers, count):
-    """As cards, by plain loops from numpy's permutation of seed 0: the same on every machine. Of too
-    few frames there are none."""
+    """As cards, by plain loops from numpy's permutation of seed 0: the same on every machine.
+
+    Of too few frames there are none.
+    """
     labels = np.random.default_rng(1).permutation(
         np.repeat(np.arange(len(numbers)), numbers)
     )

@@ -109,15 +109,32 @@ def test_who_has_the_token_may_see_the_page_and_no_page_of_another_address(addre
         answer = ask(host, f"{path}?{token}", {})
         assert (answer.status, answer.getheader("Location")) == (307, "/")
     cookie = answer.getheader("Set-Cookie").partition(";")[0]
-    mine, wrong = {"Cookie": cookie}, {"Cookie": f"{cookie.partition('=')[0]}=wrong; ;="}
-    others = ("http://127.0.0.1:9", "http://127.0.0.1", "http://evil.example", "null", "")
+    mine, wrong = (
+        {"Cookie": cookie},
+        {"Cookie": f"{cookie.partition('=')[0]}=wrong; ;="},
+    )
+    others = (
+        "http://127.0.0.1:9",
+        "http://127.0.0.1",
+        "http://evil.example",
+        "null",
+        "",
+    )
     refused = [{}, wrong, *({**mine, "Origin": origin} for origin in others)]
-    for path, kind, status in (("/", {}, 200), ("/frame", {}, 200), (SOCKET, UPGRADE, 101)):
+    for path, kind, status in (
+        ("/", {}, 200),
+        ("/frame", {}, 200),
+        (SOCKET, UPGRADE, 101),
+    ):
         for headers in (mine, {**mine, "Origin": f"http://{host}"}):
             assert ask(host, path, headers | kind).status == status
         for headers in refused:
             assert ask(host, path, headers | kind).status == 403
-    for path, kind in (("/?token=", {}), ("/?token=wrong", {}), (f"{SOCKET}&{token}", UPGRADE)):
+    for path, kind in (
+        ("/?token=", {}),
+        ("/?token=wrong", {}),
+        (f"{SOCKET}&{token}", UPGRADE),
+    ):
         assert ask(host, path, kind).status == 403
 
 

@@ -146,12 +146,17 @@ def test_a_damaged_file_is_named_and_nothing_is_unpickled(tmp_path):
     file = tmp_path / "copy" / "Data" / "TM_modes_5.06.npz"
     whole = file.read_bytes()
     for content, message in (
-        (np.zeros((30, 3), complex), r"complex array \(30, 30\), found complex128 \(30, 3"),
+        (
+            np.zeros((30, 3), complex),
+            r"complex array \(30, 30\), found complex128 \(30, 3",
+        ),
         (np.array([print]), "allow_pickle"),
     ):
         np.savez(file, TM_corr_modes=content)
         with pytest.raises(ValueError, match=message):
             excerpt(tmp_path / "copy")
     file.write_bytes(whole[:900])
-    with pytest.raises(ValueError, match=r"TM_modes_5.06.npz: expected a complex array"):
+    with pytest.raises(
+        ValueError, match=r"TM_modes_5.06.npz: expected a complex array"
+    ):
         excerpt(tmp_path / "copy")

@@ -72,13 +72,18 @@ def test_other_content_is_refused_and_changes_the_fingerprint(pressed, root):
         touches(source=source)
 
 
-TABLES = {"train": "a.png,2,0\nb.png,3,-1\nc.png,4,-2", "val": "a.png,4.5,0\nb.png,6,-1"}
+TABLES = {
+    "train": "a.png,2,0\nb.png,3,-1\nc.png,4,-2",
+    "val": "a.png,4.5,0\nb.png,6,-1",
+}
 
 
 def test_a_table_gives_values_and_levels_and_each_folder_is_a_session(root):
     for folder, rows in TABLES.items():
         for name in "abc":
-            write_image(root / folder / "images" / f"{name}.png", np.zeros((4, 4), np.uint8))
+            write_image(
+                root / folder / "images" / f"{name}.png", np.zeros((4, 4), np.uint8)
+            )
         table = root / folder / "targets.csv"
         table.write_text(f"sensor_image,pose_3,pose_4\n{rows}")
 

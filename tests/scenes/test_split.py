@@ -169,7 +169,9 @@ def test_the_draws_hold_out_every_group_of_every_class_once():
     for draw in range(3):
         parts = leave_group_out(labels, groups, draw, seed=5)
         assert sorted(np.concatenate(parts)) == list(range(16))
-        train, test = ({*zip(labels[part], groups[part], strict=True)} for part in parts)
+        train, test = (
+            {*zip(labels[part], groups[part], strict=True)} for part in parts
+        )
         assert not train & test
         assert sorted(label for label, _ in test) == [0, 1, 2]
         held += test

@@ -118,7 +118,9 @@ def test_the_window_of_training_is_cut_out(gcc, tmp_path):
     "encoder", [Median(), Levels(3, lit=0.9), Deviation()], ids=repr
 )
 @pytest.mark.parametrize(
-    "readout", ["majority", Majority(class_weight="balanced"), "lda", "trained"], ids=repr
+    "readout",
+    ["majority", Majority(class_weight="balanced"), "lda", "trained"],
+    ids=repr,
 )
 @pytest.mark.parametrize("grouped", [False, True])
 def test_every_form_refuses_the_frames_that_python_refuses(

@@ -30,9 +30,14 @@ from tests.hdc.readers.writers import (
     save_v73,
 )
 
-STACK, STACKED_LAST = {"frames": FRAMES, "labels": NAMES}, {"cube": CUBE, "labels": NAMES}
+STACK, STACKED_LAST = (
+    {"frames": FRAMES, "labels": NAMES},
+    {"cube": CUBE, "labels": NAMES},
+)
 STRUCTS = [{"bytes": cell, "path": None} for cell in CELLS]
-STATED = '{"info": {"features": {"label": {"names": ["a", "bb"], "_type": "ClassLabel"}}}}'
+STATED = (
+    '{"info": {"features": {"label": {"names": ["a", "bb"], "_type": "ClassLabel"}}}}'
+)
 NAMED = h5py.enum_dtype({"a": 0, "bb": 1})
 NOT_STATED = '{"info": {"features": null}}'
 
@@ -242,6 +247,6 @@ def test_a_cell_of_text_is_no_array_and_a_group_in_itself_ends(tmp_path):
     path = tmp_path / "cells.mat"
     save_v73(path, frames=CUBE, labels=NAMES)
     with h5py.File(path, "r+") as file:
-        file["again"] = file["/"]
+        file["whole"] = file["/"]
         file["more/frames"] = file["frames"]
     assert hdf5.load(path).arrays.keys() == {"frames", "labels"}

@@ -37,7 +37,9 @@ def test_tables_are_read_as_programs_and_spreadsheets_write_them(
         with pytest.raises(ValueError, match=rf"t\.csv.*{expected}"):
             read_csv(path, ["x"])
         return
-    found = [f"{place}: {row['x']} | {row['y']}" for place, row in read_csv(path, ["x"])]
+    found = [
+        f"{place}: {row['x']} | {row['y']}" for place, row in read_csv(path, ["x"])
+    ]
     assert found == [f"{path}, line {row}" for row in expected]
     assert columns_in(path) == ["x", "y"]
 

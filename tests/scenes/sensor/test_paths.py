@@ -2,7 +2,6 @@ import numpy as np
 import torch
 
 
-
 def test_phase_is_the_change_of_the_optical_path(small):
     """Move every vertex by a tiny touch: the polyline's length changes by what is predicted."""
     paths, layer = small.path_set, small.layer
