@@ -46,6 +46,7 @@ NOT_STATED = '{"info": {"features": null}}'
     ("name", "write", "arrays", "settings"),
     [
         ("x.npz", npz, STACK, {}),
+        ("x.npz", npz, {"frames": FRAMES.astype(">u2", order="F"), "labels": TEXTS}, {}),
         ("x.npz", npz, {"frames": FRAMES, "labels": [0, 1, 0, 1], "classes": ["a", "bb"]}, {}),
         ("x.npz", npz, {"frames": FRAMES, "kind": TEXTS}, {"labels": "kind"}),
         ("x.npy", npy, STACK, {}),
