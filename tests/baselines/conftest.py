@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 
 def make_speckle(n, shape, classes, seed=0):
@@ -24,23 +23,3 @@ def speckle_maker():
 def small():
     """40 frames of 12×10 pixels in 4 classes."""
     return make_speckle(40, (12, 10), 4)
-
-
-class Lazy:
-    """A FrameSource that makes its frames only when indexed."""
-
-    def __init__(self, images):
-        self._images = images
-        self.shape = tuple(images.shape)
-
-    def __len__(self):
-        return len(self._images)
-
-    def __getitem__(self, index):
-        assert isinstance(index, slice | Tensor)
-        return self._images[index].clone()
-
-
-@pytest.fixture
-def lazy():
-    return Lazy

@@ -10,6 +10,7 @@ from hydra.utils import instantiate
 
 from baselines import library
 from baselines.bank import Bank
+from baselines.base import Classifier
 from baselines.correlation import CorrelationClassifier
 from baselines.features import Brightness
 from baselines.mean_image import MeanImage
@@ -54,6 +55,18 @@ def same_state(a, b):
     return x.keys() == y.keys() and all(torch.equal(x[name], y[name]) for name in x)
 
 
+@pytest.mark.parametrize("name", ALL)
+def test_a_config_makes_a_model_and_says_how_it_is_shown(name):
+    config = tree(f"model={name}", "seed.init=5")
+    assert {*config.display} == {"name", "colour", "marker", "line", "group"}
+    assert config.display.group in ("paper", "fast", "beyond", "other")
+    model = instantiate(config.model, _convert_="all")
+    assert model.device == "cpu"
+    assert getattr(model, "seed", 5) == 5
+    of_library = config.model._target_.startswith("hdc.")
+    assert isinstance(model, HDCClassifier if of_library else Classifier)
+
+
 def test_two_trainings_of_one_seed_agree_to_the_last_bit(model, small, speckle):
     other = replace(model).fit(*speckle(12, (8, 9), 3))
     other.fit(*small)  # the second training starts anew
@@ -65,43 +78,61 @@ def test_two_trainings_of_one_seed_agree_to_the_last_bit(model, small, speckle):
     assert (model.predict(small[0]) == other.predict(small[0])).all()
 
 
-def test_predictions_do_not_depend_on_the_batch(model, small, monkeypatch):
+def test_can_be_asked_after_every_yield_in_any_batch(model, small, monkeypatch):
     frames, labels = small
-    whole = model.fit(frames, labels).predict(frames)
+    seen = 0
+    for row in model.train(frames, labels):
+        assert row["samples_seen"] > seen
+        seen = row["samples_seen"]
+        whole = model.predict(frames)
+        assert model.state_tensors()
+    assert seen >= len(frames)
     monkeypatch.setattr(type(model), "prediction_batch", 7)
     assert (model.predict(frames) == whole).all()
     assert whole.dtype == np.int64
     assert model.predict(frames[:0]).shape == (0,)
 
 
-def test_learns_labels_as_they_are_and_no_absent_class(model, speckle):
-    frames, labels = speckle(30, (16, 16), 3)
-    names = np.array(["left", "right", "far away"])
-    named = names[labels]
-    right = model.fit(frames, named.tolist()).predict(frames) == named
+def test_learns_frames_of_16_bits_and_labels_as_they_are(model, speckle):
+    assert isinstance(model, Model)  # as the runner wants it
+    frames, labels = speckle(30, (16, 15), 3)
+    with pytest.raises(RuntimeError, match="needs train or fit first"):
+        model.predict(frames)
+    named = np.array(["left", "right", "far away"])[labels]
+    wide = (frames.to(torch.int32) * 257).to(torch.uint16)
+    right = model.fit(wide, named.tolist()).predict(wide) == named
     assert right.mean() > least(model)
-    assert model.score(frames, named) == right.mean()
-    assert set(model.predict(speckle(30, (16, 16), 3, seed=1)[0])) <= {*names}
+    assert model.score(wide, named) == right.mean()
+    assert model.predict(wide[0]).shape == (1,)
+    for asked, message in (
+        (frames, r"expected torch\.uint16 as in training, found .*uint8"),
+        (wide.transpose(1, 2), r"expected shape \(16, 15\).*found \(15, 16\)"),
+    ):
+        with pytest.raises(ValueError, match=message):
+            model.predict(asked)
+
+
+class Lazy:
+    """A FrameSource that makes its frames only when indexed."""
+
+    def __init__(self, images):
+        self._images, self.shape = images, tuple(images.shape)
+
+    def __len__(self):
+        return len(self._images)
+
+    def __getitem__(self, index):
+        assert isinstance(index, slice | torch.Tensor)
+        return self._images[index].clone()
 
 
 @pytest.mark.filterwarnings("error")
 @pytest.mark.parametrize("name", ["correlation", "ridge", "knn_greys", "softmax"])
-def test_frames_made_on_request_give_the_model_of_the_tensor(name, small, lazy):
+def test_frames_made_on_request_give_the_model_of_the_tensor(name, small):
     (frames, labels), model = small, make(name)
-    other = replace(model).fit(lazy(frames), labels)
+    other = replace(model).fit(Lazy(frames), labels)
     assert same_state(model.fit(frames, labels), other)
-    assert (model.predict(frames) == other.predict(lazy(frames))).all()
-
-
-def test_can_be_asked_after_every_yield(model, small):
-    frames, labels = small
-    seen = 0
-    for row in model.train(frames, labels):
-        assert row["samples_seen"] > seen
-        seen = row["samples_seen"]
-        assert model.predict(frames[:3]).shape == (3,)
-        assert model.state_tensors()
-    assert seen >= len(frames)
+    assert (model.predict(frames) == other.predict(Lazy(frames))).all()
 
 
 def test_state_is_the_model_itself(model, small):
@@ -119,45 +150,16 @@ def test_state_is_the_model_itself(model, small):
     assert not torch.equal(before, after)
 
 
-def test_sixteen_bit_frames(model, speckle):
-    frames, labels = speckle(30, (8, 8), 3)
-    wide = (frames.to(torch.int32) * 257).to(torch.uint16)
-    assert (model.fit(wide, labels).predict(wide) == labels).mean() > least(model)
-    with pytest.raises(
-        ValueError, match=r"expected torch\.uint16 as in training, found .*uint8"
-    ):
-        model.predict(frames)
-
-
-SIX = torch.zeros(4, 6, 6, dtype=torch.uint8)
-
-
 @pytest.mark.parametrize(
-    ("frames", "labels", "message"),
+    ("dtype", "labels", "message"),
     [
-        (SIX.float(), [0, 1, 0, 1], "expected uint8 or uint16, found torch.float32"),
-        ([*SIX[:3], SIX[0, 1:]], [0, 1, 0, 1], "frames: expected frames of one shape"),
-        (SIX, [0, 1], "labels: expected 4"),
-        (SIX, [1, 1, 1, 1], "two classes, found one class, 1"),
-        (SIX, [0.0, np.nan, 1, 0], r"labels\[1\]: .*found nan"),
+        (torch.float32, [0, 1, 0, 1], "expected uint8 or uint16, found torch.float32"),
+        (torch.uint8, [1, 1, 1, 1], "two classes, found one class, 1"),
     ],
-    ids=range(5),
 )
-def test_bad_input_is_named(frames, labels, message):
-    with pytest.raises((TypeError, ValueError), match=message):
-        CorrelationClassifier().fit(frames, labels)
-
-
-def test_queries_are_checked(model, small):
-    assert isinstance(model, Model)  # as the runner wants it
-    with pytest.raises(RuntimeError, match="needs train or fit first"):
-        model.predict(small[0])
-    model.fit(*small)
-    with pytest.raises(
-        ValueError, match=r"expected shape \(12, 10\).*found \(10, 12\)"
-    ):
-        model.predict(small[0].transpose(1, 2))
-    assert model.predict(small[0][0]).shape == (1,)
+def test_what_cannot_be_learnt_is_named(dtype, labels, message):
+    with pytest.raises(ValueError, match=message):
+        CorrelationClassifier().fit(torch.zeros(4, 6, 6, dtype=dtype), labels)
 
 
 def awkward(speckle, dtype):

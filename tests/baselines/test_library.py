@@ -1,11 +1,10 @@
-"""The library's classifiers as the harness trains and asks them."""
+"""The library's classifiers as the harness trains them."""
 
 import numpy as np
 import pytest
 import torch
 
 from baselines import library
-from baselines.bank import Bank
 from hdc import HDCClassifier
 from tests.hdc.test_classifier import touches
 
@@ -32,16 +31,5 @@ def test_a_read_out_that_wants_all_frames_has_them_once(readout):
     whole = HDCClassifier(readout=readout).fit(frames, labels)
     found, expected = model.decision_function(frames), whole.decision_function(frames)
     assert np.array_equal(found, expected)
-
-
-def test_a_bank_is_asked_without_a_change_of_the_model():
-    frames, labels = touches(90)
-    bank, model = Bank(torch.from_numpy(frames), labels, 3), HDCClassifier()
-    train, asked = np.arange(60)[::-1], np.arange(50, 90)
-    expected = HDCClassifier().fit(frames[train], labels[train])
-    for _ in range(2):
-        found = library.predict_from(model, bank, train, asked)
-        assert np.array_equal(found, expected.predict(frames[asked]))
-    assert not hasattr(model, "state_")
-    state = library.state_tensors(expected)
-    assert sum(t.nbytes for t in state.values()) == expected.prediction_bytes_
+    state = library.state_tensors(whole)
+    assert sum(tensor.nbytes for tensor in state.values()) == whole.prediction_bytes_

@@ -1,4 +1,6 @@
-"""Two sessions made of recordings: which frames are in which, and that they are the same frames."""
+"""Scenes in memory, and two sessions made of recordings: which frames are in which."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,12 +11,25 @@ from scenes.sessions import Halves, Joined
 
 
 def scene(n, side=4, classes="ab", seed=0):
-    generator = torch.Generator().manual_seed(seed)
-    images = torch.randint(
-        0, 256, (n, side, side), generator=generator, dtype=torch.uint8
-    )
+    pixels = np.random.default_rng(seed).integers(0, 256, (n, side, side), np.uint8)
     labels = np.arange(n) % len(classes)
-    return Frames(images, labels, tuple(classes), {"order": np.arange(n)[::-1].copy()})
+    order = np.arange(n)[::-1].copy()
+    return Frames(torch.from_numpy(pixels), labels, tuple(classes), {"order": order})
+
+
+def test_the_fingerprint_changes_with_all_that_a_result_depends_on():
+    same = scene(4)
+    changes = [
+        {"images": same.images.flip(0)},
+        {"images": same.images.reshape(4, 2, 8)},
+        {"images": same.images.view(torch.int8)},
+        {"labels": 1 - same.labels},
+        {"classes": ("a", "c")},
+        {"samples": {}},
+    ]
+    prints = {replace(same, **change).fingerprint() for change in [{}, *changes]}
+    assert len(prints) == len(changes) + 1
+    assert scene(4).fingerprint() in prints
 
 
 def test_halves_are_the_earlier_and_the_later_frames_of_each_class():
@@ -34,10 +49,8 @@ def test_joined_scenes_are_sessions_in_their_order():
     joined = Joined({"a": first, "b": second})
     assert joined.classes == ("a", "b")
     assert joined.samples["session"].tolist() == [0] * 6 + [1] * 8
-    assert torch.equal(joined.frames([7, 0, 13]), torch.stack(
-        [second.images[1], first.images[0], second.images[7]]
-    ))  # fmt: skip
-    with pytest.raises(
-        ValueError, match=r"scene\.scenes: expected 2 classes of frames \(4, 4\)"
-    ):
+    every = torch.cat([first.images, second.images])
+    assert torch.equal(joined.frames([7, 0, 13]), every[[7, 0, 13]])
+    message = r"scene\.scenes: expected 2 classes of frames \(4, 4\)"
+    with pytest.raises(ValueError, match=message):
         Joined({"a": first, "b": scene(6, side=5)})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-from dataclasses import dataclass
 
 import numpy as np
 import pytest
@@ -39,40 +38,18 @@ int main(void)
 """
 
 
-@dataclass(frozen=True)
-class Answers:
-    """What a compiled header says of N frames."""
-
-    words: np.ndarray  # uint64 [N, W]
-    scores: np.ndarray  # int64 [N, L]
-    classes: np.ndarray  # int64 [N]
-    known: np.ndarray  # int64 [N]
-
-
 def compiled(gcc, folder, plan, frames, *options):
-    """The answers of a header made of a plan, by way of a compiler."""
+    """What a compiled header says of N frames: words int64 [N, W], scores int64 [N, L], classes
+    [N], and whether each is known [N]."""
     (folder / "touch.h").write_text(header(plan, "touch.h", "a test"))
     known = "1" if plan.alpha is None else "touch_known(&scratch)"
     pixels = np.ascontiguousarray(frames, f"uint{plan.sizes.pixel_bits}").tobytes()
     source = DRIVER.replace("KNOWN", known)
     found = run(gcc, folder, source, *options, given=pixels)
     answers = np.frombuffer(found, np.int64).reshape(len(frames), -1)
-    width, n_classes = plan.sizes.words, plan.sizes.classes
-    assert answers.shape[1] == width + n_classes + 2
-    return Answers(
-        words=answers[:, :width].view(np.uint64),
-        scores=answers[:, width : width + n_classes],
-        classes=answers[:, -2],
-        known=answers[:, -1],
-    )
-
-
-def assert_equal_to_python(answers, model, frames):
-    words = model.encode(frames)
-    scores = model._head.scores(words).numpy()
-    assert np.array_equal(answers.words, words.packed.numpy().view(np.uint64))
-    assert np.array_equal(answers.scores, scores)
-    assert np.array_equal(model.classes_[answers.classes], model.predict(frames))
+    width = plan.sizes.words
+    words, scores, rest = np.split(answers, [width, width + plan.sizes.classes], axis=1)
+    return words, scores, *rest.T
 
 
 # Bit by bit --------------------------------------------------------------------------------------
@@ -96,44 +73,42 @@ def test_any_frame(encoder, readout, d, dtype, gcc, tmp_path, kinds_of_frames):
     plan = Plan.of(model, "touch", 8 * np.dtype(dtype).itemsize)
     is_x86 = "x86" in subprocess.getoutput(f"{gcc} -dumpmachine")
     counting = ["-mpopcnt"] if is_x86 and readout == "lda" else []
-    answers = compiled(gcc, tmp_path, plan, queries, *counting)
-    assert_equal_to_python(answers, model, queries)
-    assert len(np.unique(answers.classes)) > 1 or d < 63
+    words, scores, classes, _ = compiled(gcc, tmp_path, plan, queries, *counting)
+    expected = model.encode(queries)
+    assert np.array_equal(words, expected.packed)
+    assert np.array_equal(scores, model._head.scores(expected))
+    assert np.array_equal(model.classes_[classes], model.predict(queries))
+    assert len(np.unique(classes)) > 1 or d < 63
     if (d, readout) == (4097, "lda"):  # scores of lda need 64 bits
-        assert np.abs(answers.scores).max() > 2**31
+        assert np.abs(scores).max() > 2**31
 
 
-def test_of_equal_scores_the_first_wins(gcc, tmp_path):
-    frames = np.array([[9, 8, 1, 0], [8, 9, 0, 2]] * 2, np.uint8)
-    model = HDCClassifier().fit(frames, [0, 1, 2, 3])
-    answers = compiled(gcc, tmp_path, Plan.of(model, "touch"), frames)
-    assert (answers.scores == answers.scores[:, :1]).all()
-    assert (answers.classes == 0).all()
-
-
-def test_the_window_of_training_is_cut_out(gcc, tmp_path):
-    window = Window((2, 1, 11, 7), 2)
-    image = np.random.default_rng(0).integers(0, 256, (9, 14), np.uint8)
-    frames = np.stack([window.of(np.roll(image, k, 1)) for k in range(4)])
-    model = HDCClassifier().fit(frames, [0, 1, 2, 3])
-    plan = Plan.of(model, "touch", window=window)
-    (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a test"))
-    pixels = ", ".join(str(p) for p in image.flatten())
-    source = f"""
+CUT = """
 #include <stdio.h>
 #include "touch.h"
-static const touch_pixel image[] = {{{pixels}}};
-static touch_pixel frame[TOUCH_PIXELS];
+
+static touch_pixel image[9 * 14], frame[TOUCH_PIXELS];
+
 int main(void)
-{{
+{
+    if (fread(image, sizeof image, 1, stdin) != 1)
+        return 1;
     touch_window(image, 14, frame);
     fwrite(frame, sizeof frame, 1, stdout);
     return 0;
-}}
+}
 """
-    found = np.frombuffer(run(gcc, tmp_path, source), np.uint8)
-    found = found.reshape(plan.frame_shape)
-    assert np.array_equal(found, frames[0])
+
+
+def test_the_window_of_training_is_cut_out(gcc, tmp_path):
+    window, rng = Window((2, 1, 11, 7), 2), np.random.default_rng(0)
+    image = rng.integers(0, 256, (9, 14), np.uint8)
+    frames = rng.integers(0, 256, (4, *window.shape(9, 14)), np.uint8)
+    model = HDCClassifier().fit(frames, [0, 1, 0, 1])
+    text = header(Plan.of(model, "touch", window=window), "touch.h", "a test")
+    (tmp_path / "touch.h").write_text(text)
+    found = run(gcc, tmp_path, CUT, given=image.tobytes())
+    assert found == window.of(image).tobytes()
 
 
 # Rejection ---------------------------------------------------------------------------------------
@@ -151,30 +126,28 @@ int main(void)
 def test_every_form_refuses_the_frames_that_python_refuses(
     encoder, readout, grouped, gcc, tmp_path
 ):
-    d, rng = 2000, np.random.default_rng(1)
-    labels = np.repeat([0, 1, 2], [19, 27, 11])  # balanced, prototypes are thinned
-    base = rng.integers(0, 150, (3, d))
+    rng = np.random.default_rng(1)
+    base = rng.integers(0, 150, (3, 2000))
 
     def of(classes):
-        return (base[classes] + rng.integers(0, 90, (len(classes), d))).astype(np.uint8)
+        noise = rng.integers(0, 90, (len(classes), 2000))
+        return (base[classes] + noise).astype(np.uint8)
 
+    labels = np.repeat([0, 1, 2], [19, 27, 11])  # balanced, prototypes are thinned
     groups = np.arange(57) % 5 if grouped else None
     model = HDCClassifier(encoder, readout).fit(of(labels), labels, groups=groups)
     plan = Plan.of(model, "touch", alpha=0.2)
-    half = of(np.arange(60) % 3)
-    half[:, : d // 5] = rng.integers(0, 256, (60, d // 5))
-    junk = rng.integers(0, 256, (20, d), np.uint8)
-    queries = np.concatenate([of(np.arange(90) % 3), half, junk])
-    answers = compiled(gcc, tmp_path, plan, queries)
+    queries = of(np.arange(150) % 3)
+    queries[90:, :400] = rng.integers(0, 256, (60, 400))
+    queries[130:] = rng.integers(0, 256, (20, 2000))
     known = model.is_known(queries, 0.2)
-    assert np.array_equal(answers.known.astype(bool), known)
     assert known[:90].mean() > 0.5
-    assert not known[150:].any()
-    whole = isinstance(readout, str) and readout == "majority"
-    assert ("majority" in plan.tables) != whole
+    assert not known[130:].any()
+    *_, answers = compiled(gcc, tmp_path, plan, queries)
+    assert np.array_equal(answers.astype(bool), known)
+    assert ("majority" in plan.tables) != (readout == "majority")
     text = (tmp_path / "touch.h").read_text()
     assert "#define TOUCH_REJECTION 2 " in text
-    assert f"#define TOUCH_FARTHEST {plan.farthest} " in text
     assert ("Whole groups were" in text) == grouped
 
 

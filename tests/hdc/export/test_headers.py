@@ -74,33 +74,18 @@ def test_no_floating_point_no_library_and_the_sizes_that_are_said(
     assert said.decode() == f"{constants} {plan.sizes.scratch_bytes}"
 
 
-PAGE_ROWS = [
-    (
-        "100 × 100 × 8 bits, 10 classes, median, majority",
-        Sizes(10_000, 10_000, 8, 1, 10),
-    ),
-    (
-        "500 × 500 × 8 bits, 10 classes, median, majority",
-        Sizes(250_000, 250_000, 8, 1, 10),
-    ),
-    (
-        "500 × 500 × 16 bits, 10 classes, median, majority",
-        Sizes(250_000, 250_000, 16, 1, 10),
-    ),
-    (
-        "100 × 100 × 8 bits, 10 classes, levels (7), majority",
-        Sizes(10_000, 10_000, 8, 7, 10),
-    ),
-    (
-        "100 × 100 × 8 bits, 10 classes, median, lda",
-        Sizes(10_000, 10_000, 8, 1, 10, planes=4),
-    ),
-]
+PAGE_ROWS = {
+    "100 × 100 × 8 bits, 10 classes, median, majority": Sizes(10_000, 10_000, 8, 1, 10),
+    "500 × 500 × 8 bits, 10 classes, median, majority": Sizes(250_000, 250_000, 8, 1, 10),
+    "500 × 500 × 16 bits, 10 classes, median, majority": Sizes(250_000, 250_000, 16, 1, 10),
+    "100 × 100 × 8 bits, 10 classes, levels (7), majority": Sizes(10_000, 10_000, 8, 7, 10),
+    "100 × 100 × 8 bits, 10 classes, median, lda": Sizes(10_000, 10_000, 8, 1, 10, planes=4),
+}  # fmt: skip
 
 
 def test_the_table_of_the_page_is_computed():
     page = PAGE.read_text(encoding="utf-8")
-    for what, sizes in PAGE_ROWS:
+    for what, sizes in PAGE_ROWS.items():
         numbers = (
             sizes.constant_bytes,
             sizes.scratch_bytes,
@@ -127,20 +112,27 @@ def test_programs_of_the_page_compile(tmp_path):
     command = ["g++", "-std=c++11", *STRICT[:4], "-o", "program", "program.cpp"]
     subprocess.run(command, cwd=tmp_path, check=True)
     (tmp_path / "frames.raw").write_bytes(np.ascontiguousarray(frames[:3]).tobytes())
-    done = subprocess.run(
-        [tmp_path / "program", "frames.raw"],
-        cwd=tmp_path,
-        capture_output=True,
-        check=True,
-    )
+    command = [tmp_path / "program", "frames.raw"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, check=True)
     known = model.is_known(frames[:3], 0.1)
     found = np.where(known, model.predict(frames[:3]).astype(str), "")
     assert done.stdout.decode().splitlines() == found.tolist()
-    used = set(re.findall(r"\b(?:touch|TOUCH)_\w+", programs[1]))
-    written = (tmp_path / "touch.h").read_text()
+    used = {*re.findall(r"\b(?:touch|TOUCH)_\w+", programs[1])}
     assert used
-    for name in used:
-        assert re.search(rf"\b{name}\b", written), name
+    assert used <= {*re.findall(r"\w+", (tmp_path / "touch.h").read_text())}
+
+
+CLASS_NAMES = """#include <stdio.h>
+#include "touch.h"
+int main(void)
+{
+    for (int c = 0; c < TOUCH_CLASSES; c++) {
+        fputs(touch_classes[c], stdout);
+        fputc(0, stdout);
+    }
+    return 0;
+}
+"""
 
 
 def test_names_of_any_kind(gcc, tmp_path):
@@ -148,13 +140,7 @@ def test_names_of_any_kind(gcc, tmp_path):
     frames = np.random.default_rng(0).integers(0, 256, (5, 64), np.uint8)
     plan = Plan.of(HDCClassifier().fit(frames, names), "touch")
     (tmp_path / "touch.h").write_text(header(plan, "touch.h", "a */ /* test\n#error"))
-    source = (
-        '#include <stdio.h>\n#include "touch.h"\nint main(void)\n{\n'
-        "    for (int c = 0; c < TOUCH_CLASSES; c++) {\n"
-        "        fputs(touch_classes[c], stdout);\n        fputc(0, stdout);\n    }\n"
-        "    return 0;\n}\n"
-    )
-    assert run(gcc, tmp_path, source).decode().split("\0")[:-1] == sorted(names)
+    assert run(gcc, tmp_path, CLASS_NAMES).decode().split("\0")[:-1] == sorted(names)
 
 
 # Refusals ----------------------------------------------------------------------------------------
@@ -217,12 +203,8 @@ def test_test_vectors_agree_and_notice_a_change(compiler, model, tmp_path, hdc):
         pytest.skip(f"no compiler here: looked for {compiler[0]}")
     target = tmp_path / "my-touch.h"
     words = ("--bits", 16, "--reject", 0.2, "--test-vectors", 9)
-    status, out, err = hdc("export", model, "-o", target, *words)
+    status, _, err = hdc("export", model, "-o", target, *words)
     assert (status, err) == (0, [])
-    assert out[1:3] == [
-        f"tables: {8 * 3 * 4 + 4} bytes",
-        f"memory: {8 * 3 + 8 * 4 + 2 * 1024 + 256} bytes, and {130 * 2} of the frame",
-    ]
     command = [*compiler, *STRICT, "-o", "vectors", "my-touch_test.c"]
 
     def answer():

@@ -1,8 +1,9 @@
 """A small recording of three classes, as a folder of images."""
 
-import cv2
 import numpy as np
 import pytest
+
+from tests.hdc.readers.writers import write_image
 
 
 @pytest.fixture(scope="session")
@@ -12,11 +13,19 @@ def pixels():
 
 
 @pytest.fixture
-def folder(tmp_path, pixels):
+def images(pixels):
+    """images(root, *names) → root, with the first frames under these names."""
+
+    def make(root, *names):
+        for name, frame in zip(names, pixels, strict=False):
+            write_image(root / name, frame)
+        return root
+
+    return make
+
+
+@pytest.fixture
+def folder(tmp_path, images):
     """Four frames of each class: a/1.png … a/4.png, b/…, c/…"""
-    root = tmp_path / "recording"
-    for i, image in enumerate(pixels):
-        path = root / "abc"[i // 4] / f"{i % 4 + 1}.png"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        assert cv2.imwrite(str(path), image)
-    return root
+    names = (f"{label}/{k}.png" for label in "abc" for k in range(1, 5))
+    return images(tmp_path / "recording", *names)

@@ -11,17 +11,13 @@ from PIL import Image
 
 from hdc.readers import BadFrame, open_recording
 from hdc.readers.images import decode
+from tests.hdc.readers.writers import png, said, write_image
 
 NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
 COLOUR = np.random.default_rng(1).integers(0, 256, (20, 30, 4), dtype=np.uint8)
 
 
-def write(path, image):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    assert cv2.imwrite(str(path), image)
-
-
-def encoded(image, suffix=".png"):
+def encoded(image, suffix):
     return cv2.imencode(suffix, image)[1].tobytes()
 
 
@@ -35,16 +31,10 @@ def saved(format, *images, **options):
 @pytest.mark.parametrize("settings", [{}, {"memory_bytes": 0}, {"check": False}])
 def test_a_folder_is_a_recording(folder, pixels, settings):
     recording = open_recording(folder, **settings)
-    assert recording.classes == ("a", "b", "c")
-    assert recording.labels.tolist() == [0] * 4 + [1] * 4 + [2] * 4
-    assert recording.order.tolist() == list(range(12))
-    assert recording.samples["file"][:2].tolist() == ["a/1.png", "a/2.png"]
+    assert said(recording, "label order file")[3:5] == ["a 3 a/4.png", "b 4 b/1.png"]
     order = np.random.default_rng(1).permutation(12)
     assert np.array_equal(recording.frames(order), pixels[order])
-    assert np.array_equal(np.stack(list(recording.stream(order))), pixels[order])
-    assert np.array_equal(recording[2:5], pixels[2:5])
     assert np.array_equal(recording[-1], pixels[11])
-    assert recording.frames([]).shape == (0, 20, 30)
     assert recording.place(5) == str(folder / "b" / "2.png")
     for index in ([12], [-1], [0.5]):
         with pytest.raises(IndexError, match=r"expected values in \[0, 12\)"):
@@ -66,8 +56,6 @@ SMOOTH = np.add.outer(np.arange(16), np.arange(16)).astype(np.uint8) * 4
     ("suffix", "image", "expected", "most"),
     [
         (".PNG", NOISE, NOISE, 0),
-        (".bmp", NOISE, NOISE, 0),
-        (".png", DEEP, DEEP, 0),
         (".tif", DEEP, DEEP, 0),
         (".jpg", SMOOTH, SMOOTH, 3),
         (".bmp", COLOUR[..., :3], luminance(COLOUR), 2),
@@ -79,7 +67,7 @@ SMOOTH = np.add.outer(np.arange(16), np.arange(16)).astype(np.uint8) * 4
 def test_images_of_every_kind_come_back_in_grey(
     tmp_path, suffix, image, expected, most
 ):
-    write(tmp_path / "a" / f"x{suffix}", image)
+    write_image(tmp_path / "a" / f"x{suffix}", image)
     frames = open_recording(tmp_path, fewest_classes=1)
     assert frames.dtype == image.dtype
     assert np.abs(frames[0] - expected).max() <= most  # OpenCV rounds its weights
@@ -102,7 +90,7 @@ def test_fingerprints_are_of_contents_and_order_not_of_places(folder, tmp_path, 
     (folder / "notes.txt").write_text("x")
     moved = folder.rename(tmp_path / "elsewhere")
     assert open_recording(moved, check=False).fingerprint() == first
-    write(moved / "a" / "1.png", pixels[0] ^ 1)
+    write_image(moved / "a" / "1.png", pixels[0] ^ 1)
     prints = {first, open_recording(moved).fingerprint()}
     for order in ((0, 1), (1, 0), (0, 2)):
         rows = "file,label,order\na/1.png,x,{}\nb/1.png,y,{}\n".format(*order)
@@ -111,52 +99,34 @@ def test_fingerprints_are_of_contents_and_order_not_of_places(folder, tmp_path, 
     assert len(prints) == 5
 
 
-def palette():
-    stream = io.BytesIO()
-    Image.fromarray(NOISE).quantize(16).save(stream, "TIFF")
-    return stream.getvalue()
-
-
-def bitfields(bits, masks):
-    """A BMP whose pixels are parted by masks."""
-    header = struct.pack("<IiiHHI", 108, 2, 2, 1, bits, 3) + bytes(20)
-    header += struct.pack("<IIII", *masks, 0) + bytes(52)
-    size = 14 + len(header)
-    return (
-        b"BM" + struct.pack("<IHHI", size + 16, 0, 0, size) + header + bytes(range(16))
-    )
-
-
-def bomb():
-    """A small PNG that says it is a large one."""
-    whole = bytearray(encoded(NOISE))
-    whole[16:24] = struct.pack(">II", 40_000, 40_000)
-    return bytes(whole)
-
-
 ZEROS = encoded(np.random.default_rng(0).integers(0, 256, (120, 160), np.uint8), ".jpg")
+WHOLE = (".png", ".jpg", ".bmp", ".tif")
+SIZES = struct.pack(">II", 40_000, 40_000)
+MASKS = (0xFF, 0xFF00, 0xFF0000, 0)
+MASKED = struct.pack("<2sIHHI", b"BM", 138, 0, 0, 122)
+MASKED += struct.pack("<IiiHHI20x4I68x", 108, 2, 2, 1, 32, 3, *MASKS)
 
 
 @pytest.mark.parametrize(
     ("data", "suffix", "message"),
     [
-        (saved("GIF", NOISE), ".png", "found other data"),
+        (b"GIF89a", ".png", "found other data"),
         (saved("PNG", NOISE, NOISE), ".png", "a single image, found an animation"),
         (saved("TIFF", NOISE, NOISE), ".tif", "expected a single image, found 2"),
-        (palette(), ".tif", "found 1 of PALETTE"),
-        (bomb(), ".png", "whole image"),
-        # OpenCV ignores masks, and calls 16 bits damaged.
-        (bitfields(32, (0xFF, 0xFF00, 0xFF0000)), ".bmp", "without masks of its own"),
+        *((encoded(NOISE, suffix)[:-30], suffix, "whole") for suffix in WHOLE),
+        (png(NOISE)[:16] + SIZES + png(NOISE)[24:], ".png", "whole image"),  # too large
+        # OpenCV ignores masks.
+        (MASKED, ".bmp", "without masks of its own"),
         # The decoder went on, with three quarters of the pixels wrong.
         (ZEROS[:5000] + bytes(1024) + ZEROS[6024:], ".jpg", "whole image"),
-        (encoded(NOISE[1:]), ".png", r"30 × 20 pixels uint8 as in the other .* 30 × 19"),
-        (encoded(NOISE.astype(np.uint16)), ".png", "as in the other frames, found 30 × 20"),
+        (png(NOISE[1:]), ".png", r"30 × 20 pixels uint8 as in the other .* 30 × 19"),
+        (png(NOISE.astype(np.uint16)), ".png", "as in the other frames, found 30 × 20"),
     ],
 )  # fmt: skip
 def test_images_that_would_be_learnt_wrongly_are_refused(
     tmp_path, data, suffix, message
 ):
-    write(tmp_path / "a" / "1.png", NOISE)
+    write_image(tmp_path / "a" / "1.png", NOISE)
     (tmp_path / "b").mkdir()
     (tmp_path / "b" / f"1{suffix}").write_bytes(data)
     with pytest.raises(BadFrame, match=rf"b/1{suffix}: .*{message}"):
@@ -167,64 +137,24 @@ def test_images_that_would_be_learnt_wrongly_are_refused(
         next(frames)
 
 
-def exif_of(whole):
-    about = b"Exif\0\0" + encoded(NOISE[::2, ::2], ".jpg") + bytes(2000)
-    segment = b"\xff\xe1" + struct.pack(">H", len(about) + 2) + about
-    return whole[:2] + segment + whole[2:]
-
-
 def test_thumbnails_and_films_in_a_jpeg_are_no_damage(tmp_path):
     """Cameras pad what they write beside it, and append the film of a motion photo."""
     whole = encoded(NOISE, ".jpg")
     expected = cv2.imdecode(np.frombuffer(whole, np.uint8), cv2.IMREAD_UNCHANGED)
+    about = b"Exif\0\0" + encoded(NOISE[::2, ::2], ".jpg") + bytes(2000)
+    about = b"\xff\xe1" + struct.pack(">H", len(about) + 2) + about
     film = b"\0\0\0\x18ftypmp42" + bytes(600) + b"\xff\xda" + bytes(600)
-    for data in (exif_of(whole), whole + film):
+    for data in (whole[:2] + about + whole[2:], whole + film):
         (tmp_path / "1.jpg").write_bytes(data)
         assert np.array_equal(decode(tmp_path / "1.jpg"), expected)
 
 
-@pytest.mark.parametrize("suffix", [".png", ".jpg", ".bmp", ".tif"])
-def test_damaged_images_are_refused_or_have_their_size(tmp_path, suffix):
-    """Cut anywhere they are refused; bytes that were changed are, where there is a checksum."""
-    whole, rng = encoded(NOISE, suffix), np.random.default_rng(0)
-    path = tmp_path / f"1{suffix}"
-    path.write_bytes(whole)
-    reference = decode(path)
-    for k in range(60):
-        damaged, at = bytearray(whole), int(rng.integers(len(whole)))
-        if k % 2:
-            del damaged[at:]
-        else:
-            damaged[at] ^= int(rng.integers(1, 256))
-        path.write_bytes(damaged)
-        try:
-            found = decode(path)
-        except BadFrame as error:
-            assert str(path) in str(error)  # noqa: PT017
-        else:  # what was cut off, such as a last tag, is no pixel
-            exact = k % 2 or suffix == ".png"
-            assert np.array_equal(found, reference) or not exact
-
-
-def test_a_tiff_of_one_bit_may_leave_out_what_is_the_default(tmp_path):
-    """TIFF 6.0: one bit a pixel and one sample where no tag says another number."""
-    short, long = 3, 4
-    tags = [(256, long, 8), (257, long, 2), (259, short, 1), (262, short, 1),
-            (273, long, 8), (278, long, 2), (279, long, 2)]  # fmt: skip
-    fields = b"".join(struct.pack("<HHII", tag, kind, 1, n) for tag, kind, n in tags)
-    data = struct.pack("<2sHI", b"II", 42, 10) + bytes([0b11110000, 0b00000001])
-    data += struct.pack("<H", len(tags)) + fields + bytes(4)
-    (tmp_path / "1.tif").write_bytes(data)
-    assert decode(tmp_path / "1.tif").tolist() == [[255] * 4 + [0] * 4, [0] * 7 + [255]]
-
-
 def test_batches_are_the_frames_one_after_the_other_in_the_same_memory(folder, pixels):
     index = np.random.default_rng(0).permutation(12)
-    batches = open_recording(folder).batches(index)
-    assert (len(batches), batches.shape) == (12, (12, 20, 30))
-    first = batches[:5]
-    assert np.array_equal(first, pixels[index[:5]])
-    second = batches[5:10]
-    assert np.shares_memory(first, second)
-    assert np.array_equal(second, pixels[index[5:10]])
-    assert np.array_equal(batches[10:15], pixels[index[10:]])
+    batches, places = open_recording(folder).batches(index), set()
+    for start in (0, 5, 10):
+        part = slice(start, start + 5)
+        batch = batches[part]
+        assert np.array_equal(batch, pixels[index[part]])
+        places.add(batch.ctypes.data)
+    assert len(places) == 1

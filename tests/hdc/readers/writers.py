@@ -1,10 +1,13 @@
-"""Files of arrays as programs write them: frames of 3 × 5 pixels that are all different.
+"""Recordings as programs write them: frames of 3 × 5 pixels that are all different.
 
 One that is turned, or an axis that is taken for another, is seen.
 """
 
+import cv2
 import h5py
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import scipy.io
 import tifffile
 
@@ -15,8 +18,6 @@ NAMES = ["a", "bb", "a", "bb"]
 LABELS = np.array([1.0, 2, 1, 2])
 CUBE = np.moveaxis(FRAMES, 0, -1)  # [H, W, N], as MATLAB shows a stack
 TEXTS = np.array(NAMES)
-
-
 BYTES = RNG.integers(0, 256, (N, H, W, 4), np.uint8)
 
 
@@ -30,6 +31,34 @@ def check(recording, names=NAMES, frames=FRAMES):
     assert recording.names == names
 
 
+def shown(item):
+    return f"{item:g}" if isinstance(item, float) else str(item)
+
+
+def said(recording, names):
+    """These columns of each frame, a line each."""
+    columns = dict(recording.samples)
+    if recording.labels is not None:
+        columns["label"] = recording.names
+    if recording.values is not None:
+        columns |= zip(recording.value_names, recording.values.T, strict=True)
+    chosen = zip(*(columns[name] for name in names.split()), strict=True)
+    return [" ".join(map(shown, row)) for row in chosen]
+
+
+def write_image(path, frame):
+    path.parent.mkdir(parents=True, exist_ok=True)
+    assert cv2.imwrite(str(path), frame)
+
+
+def png(frame):
+    """The bytes of a file."""
+    return cv2.imencode(".png", frame)[1].tobytes()
+
+
+CELLS = [*map(png, FRAMES)]
+
+
 def beside(path, *rows):
     path.with_suffix(".csv").write_text("\n".join(rows))
 
@@ -39,22 +68,19 @@ def save_v73(path, **arrays):
     with h5py.File(path, "w", userblock_size=512) as file:
         for name, array in arrays.items():
             if isinstance(array, list):
-                references = [
-                    _text(file, f"#refs#/{k}", t) for k, t in enumerate(array)
-                ]
-                cells = np.array([references], dtype=h5py.ref_dtype)
-                file[name] = cells
-                file[name].attrs["MATLAB_class"] = np.bytes_("cell")
+                texts = enumerate(array)
+                references = [_text(file, f"#refs#/{k}", text) for k, text in texts]
+                file[name] = np.array([references], dtype=h5py.ref_dtype)
+                kind = "cell"
             else:
-                file[name] = array.T
-                file[name].attrs["MATLAB_class"] = np.bytes_(array.dtype.name)
+                file[name], kind = array.T, array.dtype.name
+            file[name].attrs["MATLAB_class"] = np.bytes_(kind)
     with path.open("r+b") as file:
         file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
 
 
 def _text(file, name, value):
-    codes = np.array([[ord(c)] for c in value], np.uint16)
-    file[name] = codes
+    file[name] = np.array([[ord(c)] for c in value], np.uint16)
     file[name].attrs["MATLAB_class"] = np.bytes_("char")
     return file[name].ref
 
@@ -79,14 +105,18 @@ def h5(path, **arrays):
             file[name.replace("__", "/")] = array
 
 
-def enumerated(path, frames, labels):
+def virtual(path, **arrays):
+    """Frames that lie in another file, moved.h5; that has these arrays."""
+    if arrays:
+        h5(path.with_name("moved.h5"), **arrays)
+    layout = h5py.VirtualLayout((N, H, W), np.uint16)
+    layout[:] = h5py.VirtualSource("moved.h5", "frames", (N, H, W))
     with h5py.File(path, "w") as file:
-        file["frames"] = frames
-        kind = h5py.enum_dtype({"a": 0, "bb": 1})
-        file.create_dataset("labels", data=np.array(labels) == "bb", dtype=kind)
+        file.create_virtual_dataset("frames", layout)
+        file["labels"] = NAMES
 
 
-def characters(path, **arrays):
+def characters(path):
     """As MATLAB writes rows of characters."""
     save_v73(path, cube=CUBE)
     codes = [[ord(c) for c in name.ljust(2)] for name in NAMES]
@@ -95,21 +125,20 @@ def characters(path, **arrays):
         file["labels"].attrs["MATLAB_class"] = np.bytes_("char")
 
 
-def pages(path, **options):
-    names = ("imagej", "ome", "bigtiff", "byteorder")
-    own = {name: options.pop(name) for name in names if name in options}
-    one_by_one = options.pop("one_by_one", False)
+def parquet(path, stated="", **columns):
+    """Images, other columns, and what Hugging Face's library states of them."""
+    columns = {"image": CELLS, **columns}
+    kept = {name: cells for name, cells in columns.items() if cells is not None}
+    table = pa.table(kept).replace_schema_metadata({"huggingface": stated})
+    pq.write_table(table, path, row_group_size=3)
+
+
+def pages(path, frames=FRAMES, one_by_one=False, **options):
+    """A stack of TIFF, in grey unless the options say otherwise."""
+    of_file = ("imagej", "ome", "bigtiff", "byteorder")
+    own = {name: options.pop(name) for name in of_file if name in options}
+    options = {"photometric": "minisblack", **options}
     with tifffile.TiffWriter(path, **own) as file:
-        for frames in FRAMES if one_by_one else [FRAMES]:
-            file.write(
-                frames, photometric="minisblack", contiguous=not one_by_one, **options
-            )
+        for part in frames if one_by_one else [frames]:
+            file.write(part, contiguous=not one_by_one, **options)
     beside(path, "label", *NAMES)
-
-
-def tiff_of(frames, **options):
-    def write(path):
-        tifffile.imwrite(path, frames, **options)
-        beside(path, "label", *NAMES)
-
-    return write

@@ -11,32 +11,15 @@ from scenes.sensor.seeds import stream
 CPU = torch.device("cpu")
 
 
-def intensities(camera, n, seed=0):
-    phases = stream(seed, "test").uniform(0, 2 * np.pi, (n, camera.path_count))
-    return (
-        MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).double().numpy()
-    )
-
-
 @pytest.mark.parametrize("modes", [1, 2])
 def test_contrast_and_distribution(modes):
     camera = Camera(grid=128, crop=128, pupil=32, polarisations=modes, unevenness=0)
-    i = intensities(camera, 60)
+    phases = stream(0, "test").uniform(0, 2 * np.pi, (60, camera.path_count))
+    i = MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).double().numpy()
     assert i.mean() == pytest.approx(1, rel=2e-3)
     assert i.std() == pytest.approx(1 / np.sqrt(modes), rel=0.02)
     apart = i[:, ::8, ::8].ravel()  # several grains apart: nearly independent
     assert stats.kstest(apart, stats.gamma(modes, scale=1 / modes).cdf).statistic < 0.02
-
-
-def test_pruned_transform_is_the_whole_one():
-    camera = Camera(grid=64, crop=50, pupil=20, unevenness=0.2)
-    phases = stream(1, "test").uniform(-1e8, 1e8, (3, camera.path_count))
-    field = np.zeros((3, 2, 64, 64), dtype=complex)
-    field[:, :, :20, :20][..., camera.disc] = np.exp(1j * phases).reshape(3, 2, -1)
-    power = (np.abs(np.fft.fft2(field)) ** 2).sum(1)[:, :50, :50]
-    expected = power * camera.illumination / camera.path_count
-    found = MountedCamera(camera, CPU).intensity(torch.from_numpy(phases)).numpy()
-    assert np.allclose(found, expected, rtol=1e-4, atol=1e-5)
 
 
 def grey_distribution(camera, mean):
@@ -80,9 +63,7 @@ def test_few_photons_are_counted_one_by_one():
         return MountedCamera(camera, CPU).expose(even, streams).double()
 
     one = grey(1.0, 0.0)
-    assert (
-        {0, 50, 100} <= set(one.unique().tolist()) <= {0, 50, 100, 150, 200, 250, 255}
-    )
+    assert {*one.unique().tolist()} <= {0, 50, 100, 150, 200, 250, 255}
     assert (one == 0).double().mean() == pytest.approx(np.exp(-1), abs=0.005)
     many = grey(100.0, 0.5)
     assert many.mean() == pytest.approx(50, rel=0.01)

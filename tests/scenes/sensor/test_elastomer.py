@@ -1,34 +1,11 @@
-"""The layer against closed forms, its differential equation and arbitrary precision."""
+"""The layer against closed forms, its differential equation and its limits."""
 
-import mpmath
 import numpy as np
 import pytest
 
 from scenes.sensor.elastomer import Layer, half_space, layer_response
 
 A = 2.45e-3
-
-
-def exact_response(k, z, h):
-    """P and Q as the equations read, in 60 digits."""
-    with mpmath.workdps(60):
-        big_h, s = mpmath.mpf(k) * h, mpmath.mpf(k) * z
-        sinh, cosh = mpmath.sinh, mpmath.cosh
-        w = (sinh(2 * big_h) - 2 * big_h) / (cosh(2 * big_h) + 1 + 2 * big_h**2)
-        first, second = cosh(big_h) + big_h * sinh(big_h), big_h * cosh(big_h)
-        below = -(sinh(2 * big_h) - 2 * big_h) / 2
-        u = ((s * cosh(s) - sinh(s)) * first - s * sinh(s) * second) / below
-        slope = (s * sinh(s) * first - (sinh(s) + s * cosh(s)) * second) / below
-        return float(w * u), float(w * slope)
-
-
-@pytest.mark.parametrize("kh", [1e-6, 1e-3, 0.05, 0.999, 1.001, 20.0, 300.0, 1e4])
-@pytest.mark.parametrize("height", [0.0, 0.01, 0.5, 0.999, 1.0])
-def test_response_at_any_thickness_equals_the_equations(kh, height):
-    found = layer_response(np.array(kh), np.array(height), 1.0)
-    digits = 1e-10 if kh < 1.1 else 0  # those of a thin layer are of order H²
-    bound = 1e-15 if digits == 0 or height == 0 else 0
-    assert np.allclose(found, exact_response(kh, height, 1.0), rtol=digits, atol=bound)
 
 
 @pytest.mark.parametrize("k", [0.3, 1.5, 6.0])
@@ -44,6 +21,17 @@ def test_response_is_in_equilibrium_under_a_pressure(k):
     assert np.abs(fourth(inside) - 2 * second(inside) + p(inside)).max() < 1e-3
     assert np.abs([p(0), first(0), second(k) + p(k)]).max() < 1e-7
     assert third(k) - 3 * first(k) == pytest.approx(-2, abs=1e-4)
+
+
+def test_a_thin_layer_sinks_by_the_cube_of_its_thickness_and_a_thick_one_as_half_a_space():
+    surface = np.array([1e-6, 1e-3, 300, 1e4])
+    sunk, along = layer_response(surface, np.array(1.0), 1.0)
+    assert sunk[1] == pytest.approx(1e9 * sunk[0], rel=1e-5)
+    assert np.allclose(sunk[2:], 1, rtol=1e-12)
+    assert np.abs(along[2:]).max() < 1e-12
+    below, _ = layer_response(surface[2:], np.array(0.99), 1.0)
+    depth = surface[2:] * 0.01
+    assert np.allclose(below, (1 + depth) * np.exp(-depth), rtol=1e-9)
 
 
 def test_half_space_surface_is_hertz():
@@ -66,30 +54,3 @@ def test_base_is_fixed_surface_sinks_by_one(thickness):
     tolerance = 1e-12 * max(1.0, (A / thickness) ** 3)
     assert np.abs([u_r[:, 0], u_z[:, 0]]).max() < tolerance
     assert u_z[0, 1] == pytest.approx(-1, abs=tolerance)
-
-
-@pytest.mark.parametrize(("intervals", "finer"), [(50, 100), (100, 200)])
-def test_table_is_fourth_order(intervals, finer):
-    """Away from the rim of the contact a cubic spline's error falls with the fourth power."""
-    layer = Layer()
-    r = np.random.default_rng(0).uniform(1.5 * A, 30e-3, 400)
-    exact = layer.displacement(r, layer.heights, A)[1]
-
-    def error(n):
-        table = layer.table(A, n)
-        position = r / (r + table.stretch) / table.step
-        index = np.minimum(position.astype(int), n - 1)
-        powers = (position - index)[:, None] ** np.arange(4)
-        rows = table.coefficients[:, index, 4:]
-        return np.abs(np.einsum("lrp,rp->rl", rows, powers) - exact).max()
-
-    assert error(intervals) / error(finer) > 10
-    assert error(400) < 3e-6
-
-
-def test_heights_stand_for_a_uniform_distribution():
-    layer = Layer()
-    inner = layer.heights[:-1] / layer.thickness
-    for power in (1, 2, 9, 31):
-        assert layer.weights @ inner**power == pytest.approx(1 / (power + 1), rel=1e-12)
-    assert layer.heights[-1] == layer.thickness
