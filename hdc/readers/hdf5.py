@@ -20,7 +20,7 @@ def load(path: Path) -> Store:
     file = h5py.File(path, "r", rdcc_nbytes=2**26)  # chunks of several frames
     store = Store({}, frames_last=path.suffix.lower() == ".mat")
 
-    for name, item in _datasets(file, "", set(), store.arrays):
+    for name, item in _datasets(file, "", {_key(file)}, store.arrays):
         store.frames_last |= "MATLAB_class" in item.attrs
         if why := _missing_filter(item) or _filled_in(path, item):
             store.unread[name] = why
@@ -46,8 +46,7 @@ def _datasets(
         if name.startswith("#") or not is_own:
             continue
         item = group[name]
-        place = h5py.h5o.get_info(item.id)
-        if (key := (place.fileno, place.addr)) in seen:
+        if (key := _key(item)) in seen:
             continue
         seen.add(key)
         if isinstance(item, h5py.Group):
@@ -57,6 +56,12 @@ def _datasets(
                 yield f"{before}{number}/{name}", group.file[cell]
         elif isinstance(item, h5py.Dataset):
             yield f"{before}{name}", item
+
+
+def _key(item: Any) -> tuple[int, int]:
+    """Where a group or a dataset lies; hard links give it several names."""
+    place = h5py.h5o.get_info(item.id)
+    return place.fileno, place.addr
 
 
 def _attributes(group: Any) -> Iterator[tuple[str, np.ndarray]]:

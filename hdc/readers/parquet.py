@@ -87,7 +87,8 @@ def schema_of(path: Path) -> Any:
 
 
 def _damaged(path: Path, error: Exception) -> ValueError:
-    return ValueError(f"{path}: expected an intact parquet file, found: {error}")
+    found = " ".join(str(error).split())  # of several lines
+    return ValueError(f"{path}: expected an intact parquet file, found: {found}")
 
 
 def _image_column(path: Path, schema: Any, wanted: str) -> str:

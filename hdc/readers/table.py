@@ -41,11 +41,11 @@ def read_csv(path: Path, required: Sequence[str] = ()) -> Rows:
     """
     check_file(path)
     try:
-        with _opened(path) as (file, separator):
+        with _opened(path) as (file, separator, before):
             reader = csv.reader(file, strict=True, delimiter=separator)
             header = _stripped(next(reader, []))
             lines = [
-                (f"{path}, line {reader.line_num}", _stripped(cells))
+                (f"{path}, line {before + reader.line_num}", _stripped(cells))
                 for cells in reader
                 if cells
             ]
@@ -65,15 +65,16 @@ def read_csv(path: Path, required: Sequence[str] = ()) -> Rows:
 def columns_in(path: Path) -> list[str]:
     """Names of the columns of a CSV; none where there is no such table."""
     try:
-        with _opened(path) as (file, separator):
+        with _opened(path) as (file, separator, _):
             return _stripped(next(csv.reader(file, delimiter=separator), []))
     except (OSError, UnicodeError, csv.Error):  # whoever reads it says so
         return []
 
 
 @contextmanager
-def _opened(path: Path) -> Iterator[tuple[IO[str], str]]:
-    """A table before its header, and what separates; spreadsheets may state it in a line sep=;."""
+def _opened(path: Path) -> Iterator[tuple[IO[str], str, int]]:
+    """A table before its header, its separator, and how many lines lie before the header:
+    spreadsheets may state the separator in a line sep=;."""
     with path.open("rb") as file:
         start = file.read(2)
     encoding = "utf-8-sig"
@@ -84,10 +85,10 @@ def _opened(path: Path) -> Iterator[tuple[IO[str], str]]:
     with path.open(encoding=encoding, newline="") as text:
         first = text.readline()
         if re.fullmatch(r"sep=.\s*", first):
-            yield text, first[4]
+            yield text, first[4], 1
         else:
             text.seek(0)
-            yield text, max(",;\t", key=first.count)
+            yield text, max(",;\t", key=first.count), 0
 
 
 def _stripped(cells: Sequence[str]) -> list[str]:

@@ -209,7 +209,12 @@ def test_test_vectors_agree_and_notice_a_change(compiler, model, tmp_path, hdc):
 
     def answer():
         subprocess.run(command, cwd=tmp_path, check=True)
-        return subprocess.run([tmp_path / "vectors"], check=False).returncode
+        words = [tmp_path / "vectors"]
+        done = subprocess.run(words, check=False, capture_output=True, text=True)
+        said = done.stdout.strip()
+        differs = f"frame {done.returncode} of 9 differs"
+        assert said == (differs if done.returncode else "9 frames agree")
+        return done.returncode
 
     assert answer() == 0
     text = target.read_text()

@@ -162,8 +162,25 @@ def test_a_damaged_page_of_a_parquet_is_named(tmp_path):
     overwritten(tmp_path / "x.parquet", parquet, b"PAR1", label=NAMES)
     with pytest.raises(
         ValueError, match=r"x\.parquet: expected an intact parquet file"
-    ):
+    ) as caught:
         open_recording(tmp_path / "x.parquet")
+    assert "\n" not in str(caught.value)
+
+
+def test_a_filter_of_hdf5_that_is_not_installed_is_named(tmp_path, monkeypatch):
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file.create_dataset("frames", data=FRAMES, compression="gzip")
+    monkeypatch.setattr(h5py.h5z, "filter_avail", lambda _: False)
+    said = r"x\.h5\[frames\]: expected a filter that is installed, found deflate \(1\)"
+    with pytest.raises(BadFrame, match=said):
+        open_recording(tmp_path / "x.h5")
+
+
+def test_a_link_to_the_root_of_hdf5_renames_nothing(tmp_path):
+    with h5py.File(tmp_path / "x.h5", "w") as file:
+        file["again"] = file["/"]
+        file["frames"], file["labels"] = FRAMES, LABELS
+    assert len(open_recording(tmp_path / "x.h5").classes) == len(set(LABELS.tolist()))
 
 
 def test_what_is_no_array_of_an_archive_is_left_out_and_said(tmp_path):

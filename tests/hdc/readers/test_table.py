@@ -18,7 +18,7 @@ from tests.hdc.readers.writers import said
          ["2: a.png | 1", "5: b,\r\nc.png | 2", "6: d.png | "]),
         ("x;y\na,b;-1,5\n", "utf-16", ["2: a,b | -1.5"]),
         ("x\ty\n 2,5e3 \t1,2,3\n", "utf-8", ["2: 2.5e3 | 1,2,3"]),
-        ("sep=;\nx;y\n1,5;b\n", "utf-8", ["2: 1.5 | b"]),
+        ("sep=;\nx;y\n1,5;b\n", "utf-8", ["3: 1.5 | b"]),
         ("x;y\n1,5;b\n", "utf-16-le", ["2: 1.5 | b"]),
         ("x;y\n1.000;a\n2.500;a\n", "utf-8", ["2: 1.000 | a", "3: 2.500 | a"]),
         # A column of 1.000,5 was not learnt, and 1.000 was read as 1.
