@@ -187,7 +187,6 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         height, width = scene.shape
         return {
             "origin": scene.origin,
-            "saturated": str(getattr(scene, "saturated", "") or ""),
             "classes": json.dumps(list(scene.classes)),
             "n_classes": len(scene.classes),
             "n_samples": len(scene.labels),

@@ -24,12 +24,6 @@ def place_of(scene: str) -> tuple[float, str]:
     return float(configs.scene_display(scene)["order"]), scene
 
 
-def saturated(rows: pd.DataFrame) -> bool:
-    """Whether the frames of one scene cannot tell models apart, as its config says."""
-    why = rows.iloc[0].get("scene.saturated")
-    return isinstance(why, str) and bool(why)
-
-
 def models_of(rows: pd.DataFrame) -> list[str]:
     """The models of some rows: HDC first, then the primary baseline, then others in their order."""
     first = ("hdc", RIVAL)

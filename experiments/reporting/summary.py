@@ -47,7 +47,6 @@ def _made(record: Record) -> str:
         f"  training {results['total_time_s']:.4g} s ({results['stop']}), prediction "
         f"{results['predict_single_s'] * 1e3:.3g} ms a single frame, "
         f"{results['predict_batch_s_per_frame'] * 1e3:.3g} ms per frame in a batch",
+        f"  record {record.id}",
     ]
-    if results["saturated"]:
-        lines.append(f"  ranks no models: {results['saturated']}")
-    return "\n".join([*lines, f"  record {record.id}"])
+    return "\n".join(lines)

@@ -15,7 +15,6 @@ from experiments.reporting.plot import handle, legend_below, wrapped
 from experiments.reporting.resamples import (
     models_of,
     over_units,
-    saturated,
     seeds_are_units,
 )
 from experiments.reporting.study import Figure
@@ -90,9 +89,8 @@ def errors(frame: pd.DataFrame) -> pd.DataFrame:
     lines: dict[Any, dict[str, Any]] = {}
     for scene, rows in by_scene(frame).items():
         first = rows.iloc[0]
-        note = ", saturated" if saturated(rows) else ""
         answer = f"{first.value}, {first.unit}"
-        about = {"recording": f"{scene}{note}", "answer": answer}
+        about = {"recording": scene, "answer": answer}
         ordered = rows.sort_values("model", kind="stable")
         for own in estimated(ordered, BY, ["error"]):
             at = {"split": own["split"], "n": own["n"]}
@@ -233,8 +231,7 @@ TABLES = [
         note=f"{SESSION}HDCRegressor: ridge regression on bits; 1 − 2·alpha of its intervals is "
         "proven for the same session, about 1 − alpha is expected. The CSV has its nearest frame, "
         "and prototypes of ten bins of the value that stand for the mean of the bin's training "
-        f"frames. Ridge: the penalty of the least leave-one-out error. {BRACKETS} A saturated "
-        "data set ranks nothing.",
+        f"frames. Ridge: the penalty of the least leave-one-out error. {BRACKETS}",
     ),
 ]
 FIGURES = [
