@@ -48,7 +48,10 @@ SHORT = StopRule(least_steps=1, most_steps=12, loss=1e-9)
 TOLERANCE = 1e-3  # of floating-point numbers, of their size or of one
 # Of sums over an experiment in small: processors round some grey values and some labels otherwise.
 OF_STUDIES = 0.02
-SMALL_CAMERA = "+scene.sensor.camera={_target_: scenes.sensor.camera.Camera, grid: 64, crop: 32, pupil: 24}"
+SMALL_CAMERA = (
+    "+scene.sensor.camera={_target_: scenes.sensor.camera.Camera, "
+    "grid: 64, crop: 32, pupil: 24}"
+)
 SMALL_SENSOR = ("scene.samples_per_class=10", SMALL_CAMERA)
 # Experiments in small: words of the command line beside `experiment=`.
 EXPERIMENTS = {
