@@ -14,10 +14,10 @@ from experiments.records import configs
 
 
 @functools.cache
-def tree(*words: str) -> Any:
+def tree(*words: str, with_hydra: bool = False) -> Any:
     """The config of a command line; nobody may change it."""
     with initialize_config_dir(str(configs.CONFIGS), version_base="1.3"):
-        return compose("config", overrides=list(words))
+        return compose("config", list(words), return_hydra_config=with_hydra)
 
 
 def composed(*words: str) -> dict[str, Any]:
@@ -31,6 +31,11 @@ def part(group: str, name: str) -> dict[str, Any]:
     config = composed(f"{group}={name}")
     keys = (group, "split") if group == "scene" else (group,)
     return {key: config[key] for key in keys}
+
+
+def models(*names: str) -> dict[str, Any]:
+    """What files of models make, by name, as tasks take them."""
+    return {name: part("model", name) for name in names}
 
 
 def task(experiment: str) -> dict[str, Any]:

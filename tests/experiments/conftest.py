@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import copy
-import io
 import multiprocessing
 import os
 import sys
@@ -13,17 +11,17 @@ from functools import partial
 import numpy as np
 import pytest
 import torch
-from rich.console import Console
+from omegaconf import OmegaConf
 
 import hdc
 from experiments import report, run, studies
-from experiments.protocol import runner
 from experiments.protocol.settings import resolved
 from experiments.records.environment import environment
 from experiments.records.files import REFERENCE
 from experiments.records.results import Results
 from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
+from scenes.frames import Frames
 from tests.experiments import made_up
 from tests.experiments.composed import tree
 
@@ -112,12 +110,6 @@ def _command_line(out, overrides, environment, before):
     run.entry_point()
 
 
-@pytest.fixture(scope="session")
-def compose():
-    """compose(*words) → the config that Hydra composes of a command line."""
-    return lambda *words: copy.deepcopy(tree(*words))
-
-
 @pytest.fixture
 def write_run(tmp_path):
     """write_run(model, …) → id of a record in tmp_path, as the runner would have left it."""
@@ -130,58 +122,58 @@ def write_measurement(tmp_path):
     return partial(made_up.measurement, tmp_path)
 
 
+@pytest.fixture
+def runs_of_table1(write_run):
+    """Records of the models of Table I, of seven seeds or three; runs with other settings, beside
+    others, of fewer samples and pixels, and one that failed."""
+    rng = np.random.default_rng(35)
+    for seed in range(7):
+        write_run("hdc", seed=seed, curve=[{"training_s": 0.4 + 0.01 * seed}])
+        for model in ("softmax", "softmax_dual", "cnn1", "cnn3"):
+            if model.startswith("cnn") and seed > 2:
+                continue
+            learnt = {} if model == "softmax_dual" else {"loss": 1.0}
+            reports = [(0.7, 0.5), (0.95, 0.8), (0.993, 0.9)]
+            curve = [
+                {"training_s": 1 + place + float(rng.uniform()), "train_accuracy": train,
+                 "test_accuracy": test, **learnt}
+                for place, (train, test) in enumerate(reports)
+            ]  # fmt: skip
+            beside = {
+                "beside.hdc_s": float(rng.uniform(0.4, 0.6)),
+                "beside.hdc_numpy_s": 2.0,
+            }
+            wrong = range(seed)
+            write_run(model, seed=seed, curve=curve, wrong=wrong, **beside)
+    write_run("softmax", seed=0, change={"model.lr": 0.5}, wrong=range(50))
+    write_run("cnn1", seed=3, environment={"exclusive": False}, wrong=range(50))
+    for fewer in ({"split.n_train": 5}, {"split.n_train": 20}, {"data.pixels": 100}):
+        write_run("hdc", wrong=range(30), change=fewer)
+    write_run("cnn3", seed=9, status="failed")
+
+
+# Frames -------------------------------------------------------------------------------------------
+
+
 @pytest.fixture(scope="session")
-def epochs():
-    """epochs(*training accuracies, step, test) → the curve of an iterative model.
+def make_scene():
+    """make_scene(n, classes, shape, …) → noisy frames of classes that take turns, and that look
+    different in each session."""
 
-    It has one report each `step` seconds.
-    """
+    def make(
+        n=60, classes=3, shape=(5, 7), dtype=np.uint8, sessions=1, origin="simulated"
+    ):
+        rng = np.random.default_rng(0)
+        labels = np.tile(np.arange(classes), n // classes)
+        session = np.repeat(np.arange(sessions), n // sessions)
+        most = np.iinfo(dtype).max // 2
+        base = rng.integers(0, most, (sessions, classes, *shape))
+        frames = base[session, labels] + rng.integers(0, most, (n, *shape))
+        images = torch.from_numpy(frames.astype(dtype))
+        about = {"session": session}
+        return Frames(images, labels, tuple("abc"[:classes]), about, origin)
 
-    def curve(*accuracies, step=10.0, test=None):
-        reports = zip(accuracies, test or accuracies, strict=True)
-        return [
-            {"training_s": step * k, "samples_seen": 400 * k, "loss": 1.0 / k,
-             "train_accuracy": train, "test_accuracy": tested}
-            for k, (train, tested) in enumerate(reports, 1)
-        ]  # fmt: skip
-
-    return curve
-
-
-@pytest.fixture
-def a_full_set(write_run, epochs):
-    """Records of several models, seeds, sizes and dimensions, one failed and some missing."""
-    for seed in (0, 1):
-        write_run("hdc", seed=seed)
-        curve = epochs(0.5, 0.95, 0.99, step=1 + seed)
-        write_run("softmax", seed=seed, wrong=range(3), curve=curve)
-        for n in (5, 20):
-            write_run("hdc", seed=seed, n_train=n, wrong=range(40 // n * 5))
-        for pixels in (100, 1000):
-            write_run("hdc", seed=seed, pixels=pixels, wrong=range(5000 // pixels))
-    write_run("cnn3", status="failed")
-
-
-@pytest.fixture
-def small_scene():
-    """Configuration of a scene of two classes on a small simulated sensor."""
-    return {
-        "_target_": "scenes.sensor.scene.SpeckleScene",
-        "seed": 0,
-        "samples_per_class": 8,
-        "sensor": {
-            "_target_": "scenes.sensor.sensor.Sensor",
-            "seed": 0,
-            "camera": {
-                "_target_": "scenes.sensor.camera.Camera", "grid": 64, "crop": 60, "pupil": 24
-            },
-        },
-        "contact": {
-            "_target_": "scenes.sensor.contact.Press", "_partial_": True, "radius": 2.45e-3,
-            "depth": 1.8e-3,
-        },
-        "classes": {"L1": {"position": [28e-3, -8e-3]}, "None": None},
-    }  # fmt: skip
+    return make
 
 
 # Runs of small recordings -------------------------------------------------------------------------
@@ -207,39 +199,25 @@ def recording(tmp_path, frames_and_labels):
 
 
 @pytest.fixture
-def composed_run(recording, compose):
-    """composed_run(*overrides, scene=None) → the resolved config of a run on a small recording."""
-
-    def make(*overrides, scene=None):
-        path = f"scene.path={scene or recording()}"
-        return resolved(compose("scene=recorded", path, "threads=1", *overrides))
-
-    return make
-
-
-@pytest.fixture
-def carry_out(results, one_thread, composed_run):
-    """carry_out(*overrides, scene=None) → the record of that run, carried out in this process, or
-    found: carry_out.repeated tells which, carry_out.said what was printed."""
+def carry_out(results, one_thread, recording):
+    """carry_out(*overrides, scene=None) → the record of that run on a small recording, carried out
+    in this process, or found: carry_out.repeated tells which, carry_out.said what was printed."""
 
     def do(*overrides, scene=None):
-        words = dict(word.split("=", 1) for word in overrides)
-        names = {key: words[key] for key in ("model", "stop") if key in words}
-        choices = {"scene": "recorded", "model": "hdc", "stop": "paper", **names}
-        keys = [word.lstrip("+") for word in words]
-        config = composed_run(*overrides, scene=scene)
-        console = Console(record=True, width=300, file=io.StringIO())
-        made, do.repeated = runner.carry_out(
-            config, runner.Asked(choices, keys), console
+        path = f"scene.path={scene or recording()}"
+        words = ("scene=recorded", path, "threads=1", *overrides)
+        cfg = tree(*words, with_hydra=True)
+        config = resolved(
+            OmegaConf.masked_copy(cfg, [key for key in cfg if key != "hydra"])
         )
-        do.said = console.export_text()
+        made, do.repeated, do.said = made_up.carried_out(config, run._asked(cfg.hydra))
         return made
 
     return do
 
 
 class FakeModel:
-    """Yields the reports of its class, whatever it is shown; an error among them is raised."""
+    """Yields the reports of its class, whatever it is shown."""
 
     reports = ()
 
@@ -247,10 +225,7 @@ class FakeModel:
         pass
 
     def train(self, frames, labels):
-        for one in self.reports:
-            if isinstance(one, BaseException):
-                raise one
-            yield one
+        yield from self.reports
 
     def predict(self, frames):
         return np.zeros(len(frames), np.int64)

@@ -11,6 +11,7 @@ import functools
 import hashlib
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -27,7 +28,6 @@ from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, named
 from experiments.records import configs
 from experiments.records.rows import unpack_labels
-from hdc import backends
 from scenes.frames import Frames
 from tests.experiments.composed import composed, made, part
 
@@ -48,10 +48,11 @@ SHORT = StopRule(least_steps=1, most_steps=12, loss=1e-9)
 TOLERANCE = 1e-3  # of floating-point numbers, of their size or of one
 # Of sums over an experiment in small: processors round some grey values and some labels otherwise.
 OF_STUDIES = 0.02
-SMALL_SENSOR = (
-    "scene.samples_per_class=10",
-    "+scene.sensor.camera={_target_: scenes.sensor.camera.Camera, grid: 64, crop: 32, pupil: 24}",
+SMALL_CAMERA = (
+    "+scene.sensor.camera={_target_: scenes.sensor.camera.Camera, "
+    "grid: 64, crop: 32, pupil: 24}"
 )
+SMALL_SENSOR = ("scene.samples_per_class=10", SMALL_CAMERA)
 # Experiments in small: words of the command line beside `experiment=`.
 EXPERIMENTS = {
     "correlation": ("task.seeds=[0]", *SMALL_SENSOR),
@@ -61,13 +62,7 @@ EXPERIMENTS = {
     "recordings": ("scene=touch", "task.n_per_class=[1,3]", "task.draws=1", *SMALL_SENSOR),
     "stability": (),
 }  # fmt: skip
-_TIMES = (
-    "seconds",
-    "_s",
-    "_bytes",
-    "bytes",
-    "frame_s",
-)  # ends of columns that are measured
+_TIMES = ("seconds", "_s", "bytes")  # ends of columns that are measured
 
 
 @dataclass(frozen=True)
@@ -148,7 +143,7 @@ def items() -> dict[str, Item]:
 
 def of_words() -> Iterator[tuple[str, Item]]:
     """Hypervectors and integer distances of HDC, exactly."""
-    backends = ["numpy"] + (["compiled"] if bits_are_compiled() else [])
+    backends = ["numpy", "compiled"] if find_spec("numba") else ["numpy"]
     for name in OF_BITS:
         model = part("model", name)["model"]
         for dimension in SIDES:
@@ -160,15 +155,6 @@ def of_words() -> Iterator[tuple[str, Item]]:
                         f"{name}, {backend}, D = {dimension}, {dtype}",
                         Item(config, make),
                     )
-
-
-def bits_are_compiled() -> bool:
-    """Whether numba is here."""
-    try:
-        backends.kernels("compiled", torch.device("cpu"))
-    except (ValueError, ImportError):
-        return False
-    return True
 
 
 def hdc_numbers(

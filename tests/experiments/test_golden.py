@@ -1,4 +1,4 @@
-"""End to end: a small Table I, a committed number made again, a measured excerpt, and the time."""
+"""End to end: a small Table I, and a committed number made again."""
 
 import csv
 import io
@@ -9,43 +9,33 @@ from rich.console import Console
 
 from experiments.protocol import runner
 from experiments.protocol.measure_run import Training
-from experiments.protocol.settings import checked, resolved
+from experiments.protocol.settings import checked
 from experiments.protocol.task import Context
 from experiments.records.results import Results
 from experiments.reporting.answers import Answers
 from experiments.studies.table1 import tables, view
+from tests.experiments.composed import composed
+from tests.experiments.golden_items import SMALL_CAMERA
 
 GOLDEN = Path(__file__).parent / "golden" / "table1.csv"
-CAMERA = "{_target_: scenes.sensor.camera.Camera, grid: 64, crop: 32, pupil: 24}"
 SMALL = ["scene=touch", "scene.samples_per_class=12", "scene.contact.depth_spread=0.0",
-         "scene.contact.position_spread=0.0", f"+scene.sensor.camera={CAMERA}"]  # fmt: skip
-SHORT = ["stop.most_steps=40", "stop.least_steps=10"]
+         "scene.contact.position_spread=0.0", SMALL_CAMERA]  # fmt: skip
+SHORT = ["stop.most_steps=40", "stop.least_steps=10", "threads=1", "exclusive=false",
+         "cache=false"]  # fmt: skip
 COUNTS = [
     *("model", "n_train", "pixels", "seeds", "stop", "status", "n_test", "model_bytes")
 ]
 
 
-@pytest.fixture
-def run(compose):
-    """run(*overrides, **names) → the record of a run of one thread."""
-
-    def carry_out(*overrides, **names):
-        words = ("threads=1", "exclusive=false", "cache=false", *overrides)
-        asked = runner.Asked(names)
-        config, console = resolved(compose(*words)), Console(quiet=True)
-        return runner.carry_out(config, asked, console)[0]
-
-    return carry_out
-
-
 def test_table_1_of_a_small_scene_is_the_committed_one(
-    results, one_thread, monkeypatch, run
+    results, one_thread, monkeypatch
 ):
     monkeypatch.setattr(tables, "scene", lambda: "small")
     for model in tables.LINES:
-        for seed in ("0", "1") if model in ("hdc", "softmax_dual") else ("0",):
-            run(*SMALL, *SHORT, f"model={model}", f"seed.run={seed}", scene="small", model=model,
-                stop="short")  # fmt: skip
+        asked = runner.Asked({"scene": "small", "model": model, "stop": "short"})
+        for seed in (0, 1) if model in ("hdc", "softmax_dual") else (0,):
+            config = composed(*SMALL, *SHORT, f"model={model}", f"seed.run={seed}")
+            runner.carry_out(config, asked, Console(quiet=True))
     table = Answers("mine", Results(results), [view.STUDY]).table("table1")
     lines = [{name: line[name] for name in COUNTS} | {
         # Networks after 40 steps are undecided about samples: their last bits would count.

@@ -12,13 +12,14 @@ import time
 import cv2
 import numpy as np
 import pytest
-from hydra import compose, initialize_config_dir
 
+import hdc
 from experiments import run
 from experiments.records import locks, store
-from experiments.records.configs import CONFIGS
 from experiments.records.files import ROOT
 from experiments.records.results import Results
+from tests.experiments.composed import tree
+from tests.experiments.helpers import until
 
 HEAVY = (
     "cv2",
@@ -108,9 +109,7 @@ def test_neither_import_nor_a_run_changes_warnings_for_good(command_line):
 def test_what_was_chosen_and_set_is_known_from_the_words_and_the_experiments_file(
     words, keys, other_scene
 ):
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        found = compose("config", overrides=words, return_hydra_config=True)
-    asked = run._asked(found.hydra)
+    asked = run._asked(tree(*words, with_hydra=True).hydra)
     assert (list(asked.keys), asked.other_scene) == (keys, other_scene)
     assert asked.choices["model"] == "hdc"
 
@@ -136,8 +135,7 @@ def test_frames_of_another_scene_than_the_experiments_are_known(
     ids=str,
 )
 def test_words_on_which_an_experiment_does_not_depend_are_known(words, without_effect):
-    with initialize_config_dir(str(CONFIGS), version_base="1.3"):
-        cfg = compose("config", overrides=words, return_hydra_config=True)
+    cfg = tree(*words, with_hydra=True)
     assert list(run._without_effect(cfg, cfg.hydra.overrides.task)) == without_effect
 
 
@@ -298,48 +296,32 @@ def test_a_reader_that_has_read_enough_sees_no_traceback():
 
 # Ended from outside -------------------------------------------------------------------------------
 
-STUCK = """
-import sys, time
-from pathlib import Path
-import hdc
-from experiments.run import entry_point
-
-class Stuck(hdc.HDCClassifier):
-    def train(self, frames, labels):
-        yield {"samples_seen": len(self.fit(frames, labels).counts_)}
-        if labels.max() > 1:  # not the warm-up
-            Path("stuck").touch()
-            time.sleep(100)
-
-hdc.HDCClassifier = Stuck
-entry_point()
-"""
-
 
 @pytest.mark.parametrize(
     ("end", "code"), [(signal.SIGTERM, 143), (signal.SIGINT, 130)], ids=["term", "int"]
 )
 def test_a_run_that_is_ended_is_recorded_and_run_again(
-    recording, tmp_path, results, said, end, code
+    recording, tmp_path, results, start, said, end, code
 ):
     """A killed one leaves no record: tests/experiments/test_sweeps.py."""
-    overrides = ["scene=recorded", f"scene.path={recording()}"]
-    process = subprocess.Popen(
-        [sys.executable, "-c", STUCK, *overrides, "threads=1", "exclusive=false"], cwd=tmp_path,
-        stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        env={**os.environ, "PYTHONPATH": str(ROOT)},
-    )  # fmt: skip
-    try:
-        limit = time.monotonic() + 60
-        while not (tmp_path / "stuck").exists():
-            assert process.poll() is None
-            assert time.monotonic() < limit
-            time.sleep(0.05)
-        process.send_signal(end)
-        assert process.wait(30) == code
-    finally:
-        process.kill()
+
+    class Stuck(hdc.HDCClassifier):
+        def train(self, frames, labels):
+            yield {"samples_seen": len(self.fit(frames, labels).counts_)}
+            if labels.max() > 1:  # not the warm-up
+                (tmp_path / "stuck").touch()
+                time.sleep(100)
+
+    def before():  # in the process of the command line alone
+        hdc.HDCClassifier = Stuck
+
+    words = ("scene=recorded", f"scene.path={recording()}")
+    process = start(*words, "exclusive=false", before=before)
+    until((tmp_path / "stuck").exists)
+    os.kill(process.pid, end)
+    process.join(30)
+    assert process.exitcode == code
     assert [entry.status for entry in entries(results)] == ["interrupted"]
-    said(*overrides)
+    said(*words)
     (again,) = entries(results)
     assert again.status == "finished"

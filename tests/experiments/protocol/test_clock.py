@@ -34,16 +34,6 @@ class SlowScene:
         )
 
 
-def test_only_the_time_inside_counts(now):
-    clock = Clock()
-    now.t += 5
-    for _ in range(3):
-        with clock.running():
-            now.t += 2
-        now.t += 7  # evaluation
-    assert clock.seconds == 6
-
-
 def test_the_clock_is_held_while_lazy_frames_are_acquired(now):
     clock = Clock()
     frames = LazyFrames(SlowScene(now), np.arange(8), clock)

@@ -2,7 +2,6 @@
 
 import multiprocessing
 import time
-from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -14,15 +13,6 @@ from experiments.protocol.clock import Clock
 from scenes.frames import Frames
 
 QUIET = Console(quiet=True)
-
-
-class Interrupted(Frames):
-    """Frames whose making breaks off half-way."""
-
-    def frames(self, indices):
-        if max(indices) > 30:
-            raise KeyboardInterrupt
-        return super().frames(indices)
 
 
 # Lazy frames ---------------------------------------------------------------------------------
@@ -45,32 +35,21 @@ def test_lazy_frames_index_as_a_tensor_does(index, make_scene):
     np.testing.assert_array_equal(lazy[index].numpy(), expected)
 
 
-def test_take_reads_lazily_above_the_limit_and_gives_the_same(monkeypatch, make_scene):
-    scene = make_scene(dtype=np.uint16)
-    indices = np.arange(40)[::-1].copy()
-    in_memory = data.take(scene, indices, Clock())
-    assert isinstance(in_memory, torch.Tensor)
-    monkeypatch.setattr(data, "IN_MEMORY_BYTES", in_memory.nbytes)
-    assert isinstance(data.take(scene, indices, Clock()), torch.Tensor)
-    monkeypatch.setattr(data, "IN_MEMORY_BYTES", in_memory.nbytes - 1)
-    lazy = data.take(scene, indices, Clock())
-    assert isinstance(lazy, data.LazyFrames)
-    assert torch.equal(lazy[:], in_memory)
-    labels = scene.labels[indices]
-    assert data.digest(lazy, labels) == data.digest(in_memory, labels)
-
-
 # The cache -----------------------------------------------------------------------------------
 
 
 def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, make_scene):
-    scene = make_scene()
-    broken = Interrupted(
-        scene.images, scene.labels, scene.classes, scene.samples, scene.origin
-    )
-    monkeypatch.setattr(Interrupted, "fingerprint", lambda self: scene.fingerprint())
-    with pytest.raises(KeyboardInterrupt):
-        data.cached(broken, tmp_path, QUIET)
+    scene, real = make_scene(), Frames.frames
+
+    def interrupted(scene, indices):
+        if max(indices) > 30:
+            raise KeyboardInterrupt
+        return real(scene, indices)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(Frames, "frames", interrupted)
+        with pytest.raises(KeyboardInterrupt):
+            data.cached(scene, tmp_path, QUIET)
     assert {f.suffix for f in tmp_path.iterdir()} == {".lock"}
     data.cached(scene, tmp_path, QUIET)
     (path,) = tmp_path.glob("*.npy")
@@ -82,34 +61,27 @@ def test_frames_that_break_off_leave_no_file(tmp_path, monkeypatch, make_scene):
     assert {f.suffix for f in tmp_path.iterdir()} == {".npy", ".lock"}
 
 
-class Counted(Frames):
-    """Frames that take a while; each request leaves a mark."""
+def test_frames_wanted_by_several_processes_are_made_by_one(
+    tmp_path, monkeypatch, make_scene
+):
+    scene, fork = make_scene(), multiprocessing.get_context("fork")
+    made, real = fork.Value("i", 0), Frames.frames
 
-    made: ClassVar = multiprocessing.get_context("fork").Value("i", 0)
-
-    def frames(self, indices):
-        with self.made.get_lock():
-            self.made.value += len(indices)
+    def slow(scene, indices):
+        with made.get_lock():
+            made.value += len(indices)
         time.sleep(0.02)
-        return super().frames(indices)
+        return real(scene, indices)
 
-
-def test_frames_wanted_by_several_processes_are_made_by_one(tmp_path, make_scene):
-    scene = Counted(*vars(make_scene()).values())
-    scene.made.value = 0
-    fork = multiprocessing.get_context("fork")
-    processes = [
-        fork.Process(target=data.cached, args=(scene, tmp_path, QUIET))
-        for _ in range(3)
-    ]
+    monkeypatch.setattr(Frames, "frames", slow)
+    about = {"target": data.cached, "args": (scene, tmp_path, QUIET)}
+    processes = [fork.Process(**about) for _ in range(3)]
     for process in processes:
         process.start()
     for process in processes:
         process.join(30)
-    assert ([process.exitcode for process in processes], scene.made.value) == (
-        [0, 0, 0],
-        60,
-    )
+    assert [process.exitcode for process in processes] == [0, 0, 0]
+    assert made.value == 60
 
 
 @pytest.mark.parametrize("damage", ["truncated", "other"])
@@ -129,19 +101,15 @@ def test_a_damaged_cache_file_is_named(tmp_path, damage, make_scene):
 # Which pixels and which samples --------------------------------------------------------------
 
 
-def test_fewer_pixels_are_some_of_more(make_scene):
+def test_pixels_that_are_seen_have_a_name_of_their_own_and_are_there(make_scene):
+    """Which they are: golden numbers."""
     scene = make_scene(dtype=np.uint16)
-    few, more = data.PixelSubset(scene, 6, 1), data.PixelSubset(scene, 20, 1)
-    assert few.shape == (1, 6)
-    assert few.frames([0, 5]).shape == (2, 1, 6)
-    assert set(few._chosen) < set(more._chosen)
-    every = data.PixelSubset(scene, 35, 1)
-    assert torch.equal(every.frames([2])[0, 0], scene.frames([2]).flatten())
-    names = {
-        s.fingerprint()
-        for s in (scene, few, more, every, data.PixelSubset(scene, 6, 2))
-    }
+    subsets = [
+        data.PixelSubset(scene, *of) for of in ((6, 1), (20, 1), (35, 1), (6, 2))
+    ]
+    names = {scene.fingerprint(), *(subset.fingerprint() for subset in subsets)}
     assert len(names) == 5
+    assert torch.equal(subsets[2].frames([2])[0, 0], scene.frames([2]).flatten())
     for pixels in (1, 36, 2.5, True):
         with pytest.raises(
             ValueError, match=r"^data\.pixels: expected an integer in \[2, 35\]"

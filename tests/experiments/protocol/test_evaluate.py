@@ -1,85 +1,31 @@
-"""Every study asks the model that it is given, whatever kind it is."""
+"""A model of any kind is trained on part of a bank, until the rule ends it."""
 
 import copy
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 
 from baselines.softmax import SoftmaxRegression
 from experiments.protocol.evaluate import bank_of, evaluate, train_until
 from experiments.protocol.stop import StopRule
-from experiments.protocol.task import Context
-from experiments.studies.drift.measure import Drift
-from scenes.frames import Frames
-from tests.experiments.composed import made
-
-RANDOM = {"kind": "random", "test_fraction": 0.3, "group": None, "n_train": None}
-HDC = {"_target_": "hdc.HDCClassifier"}
-KINDS = {
-    "ridge": HDC | {"readout": "ridge"},
-    "neighbours": HDC
-    | {"readout": {"_target_": "hdc.readouts.Neighbours", "n_neighbors": 3}},
-    "counts": HDC | {"readout": "counts"},
-    "levels and lda": HDC | {"encoder": "levels", "readout": "lda"},
-    "reference": HDC | {"encoder": "reference"},
-    "own": {"_target_": f"{__name__}.LastLabel"},
-}
 
 
-class LastLabel:
-    """A model that no study knows: it answers the label of the last frame that it was given."""
-
-    def train(self, frames, labels):
-        self.label = labels[-1]
-        yield {"samples_seen": len(frames)}
-
-    def predict(self, frames):
-        return np.full(len(frames), self.label)
-
-
-@pytest.fixture
-def scene(monkeypatch):
-    """Two sessions of 3 × 20 hard frames, which a study gets whatever its config."""
-    rng = np.random.default_rng(7)
-    labels, session = np.tile(np.arange(60) % 3, 2), np.repeat([0, 1], 60)
-    base = rng.integers(0, 60, (3, 12, 12))
-    frames = (
-        base[labels] + rng.integers(0, 196, (120, 12, 12)) + 3 * session[:, None, None]
-    )
-    samples = {"session": session, "order": np.tile(np.arange(60), 2)}
-    images = torch.from_numpy(frames.clip(0, 255).astype(np.uint8))
-    scene = Frames(images, labels, ("A", "B", "C"), samples, origin="simulated")
-    monkeypatch.setattr(Context, "scene", lambda *_: scene)
-    return scene
-
-
-def test_a_bank_knows_what_frames_belong_together(scene):
+def test_a_bank_knows_what_frames_belong_together(make_scene):
+    scene = make_scene(n=120, sessions=2)
     chosen = np.array([70, 3, 110])
     bank = bank_of(scene, chosen, group="session")
     assert bank.groups.tolist() == [1, 0, 1]
     assert bank.labels.tolist() == scene.labels[chosen].tolist()
     assert torch.equal(bank.frames, scene.frames(chosen))
     assert bank_of(scene, chosen).groups is None
+    assert torch.equal(bank_of(scene).frames, scene.images)  # more than a batch
 
 
-def test_updates_that_a_read_out_refuses_have_no_row(scene):
-    models = {name: {"model": part} for name, part in KINDS.items()}
-    arguments = {"old_split": RANDOM, "seeds": [0], "n_test": 30, "n_new": [6]}
-    task = made(Drift, scene={}, models=models, p=[0.5], **arguments)
-    rows = pd.DataFrame(task.rows(Context()))
-    methods = {name: set(part.method) for name, part in rows.groupby("model")}
-    always = {"stored", "new", "pooled", "balanced"}
-    assert methods["counts"] == methods["own"] == always
-    assert methods["levels and lda"] == always
-    assert methods["ridge"] == methods["neighbours"] == always | {"replace"}
-
-
-def test_a_model_that_learns_by_steps_is_ended_by_the_rule(scene):
-    bank, train = bank_of(scene), np.arange(40)
+def test_a_model_is_left_as_it_was_and_asked_as_if_trained_alone(make_scene):
+    scene, train = make_scene(), np.arange(40)
     model = SoftmaxRegression(lr=1e-2, max_epochs=10_000)
-    predicted = evaluate(model, bank, train, np.arange(40, 60))
+    predicted = evaluate(model, bank_of(scene), train, np.arange(40, 60))
     assert not hasattr(model, "network_")
     alone = copy.deepcopy(model)
     reason = train_until(alone, StopRule(), scene.images[train], scene.labels[train])
@@ -107,7 +53,6 @@ class ThreeReports:
 @pytest.mark.parametrize(
     ("rule", "reason", "reports"),
     [
-        ({}, "finished", 3),
         ({"target": 0.7}, "finished", 3),  # that it is reached ends nothing by default
         ({"target": 0.7, "reached_after_s": 0}, "reached", 2),
         ({"target": 0.75, "reached_after_s": 0}, "finished", 3),  # not above it

@@ -7,12 +7,12 @@ import resource
 import subprocess
 import sys
 import threading
-import time
 from types import SimpleNamespace
 
 import pytest
 
 from experiments.protocol import machine
+from tests.experiments.helpers import until
 
 
 @pytest.fixture
@@ -32,13 +32,6 @@ def use(n, log, ends, device="cpu"):
     thread = threading.Thread(target=run, daemon=True)
     thread.start()
     return thread
-
-
-def until(condition):
-    limit = time.monotonic() + 20
-    while not condition():
-        assert time.monotonic() < limit
-        time.sleep(0.005)
 
 
 def test_runs_that_fit_run_side_by_side_and_others_wait(four_cores):

@@ -3,19 +3,15 @@
 import shlex
 
 import pytest
-from hydra import compose, initialize_config_dir
 from hydra.core.override_parser.overrides_parser import OverridesParser
 
 from experiments.protocol.messages import is_users, message
-from experiments.records.configs import CONFIGS
+from tests.experiments.composed import tree
 
 
 def error_of(*words):
-    with (
-        initialize_config_dir(str(CONFIGS), version_base="1.3"),
-        pytest.raises(Exception, match=r"\S") as caught,
-    ):
-        compose("config", [*words])
+    with pytest.raises(Exception, match=r"\S") as caught:
+        tree(*words)
     return caught.value
 
 

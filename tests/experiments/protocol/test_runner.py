@@ -1,6 +1,5 @@
 """One config, one record: named after what determines it, not repeated, kept when it breaks off."""
 
-import io
 import json
 from collections.abc import Mapping, Sequence
 from typing import Any, ClassVar
@@ -9,18 +8,17 @@ import msgspec
 import numpy as np
 import pytest
 import torch
-from rich.console import Console
 
 import experiments
 import hdc
-from baselines import library
 from experiments.protocol import runner
 from experiments.protocol.task import Task
-from experiments.records import locks, store
+from experiments.records import store
 from experiments.records.environment import COMMAND, environment
 from experiments.records.results import Results
 from experiments.records.rows import unpack_labels
 from tests.experiments.composed import composed
+from tests.experiments.made_up import carried_out
 
 SENSOR = {"_target_": "scenes.sensor.scene.SpeckleScene", "seed": 1, "display": "x"}
 CALLS = []
@@ -50,16 +48,14 @@ def nothing_called():
 
 @pytest.fixture
 def count(results, one_thread):
-    """count(*words, choices, …, **task) → the record of Counting, and what was printed."""
+    """count(*words, keys, other_scene, **task) → the record of Counting, whether it was there, and
+    what was printed."""
 
-    def call(*words, choices=None, keys=(), other_scene=False, **task):
+    def call(*words, keys=(), other_scene=False, **task):
         cfg = composed("threads=1", "exclusive=false", *words)
         cfg["task"] = {"_target_": f"{__name__}.Counting", **task}
-        console = Console(record=True, width=300, file=io.StringIO())
-        choices = {"scene": "touch", "experiment": "numbers", **(choices or {})}
-        asked = runner.Asked(choices, keys, other_scene)
-        made, repeated = runner.carry_out(cfg, asked, console)
-        return made, repeated, console.export_text()
+        choices = {"scene": "touch", "experiment": "numbers"}
+        return carried_out(cfg, runner.Asked(choices, keys, other_scene))
 
     return call
 
@@ -79,20 +75,19 @@ def test_a_training_says_what_it_was_and_what_came_out(
     entry = carry_out("seed.run=2", "exclusive=false")
     assert the_record(results) == entry
     found = entry.results
-    assert (entry.status, found["stop"], entry.error) == ("finished", "finished", None)
-    assert (found["origin"], found["height"], found["width"]) == ("recorded", 16, 16)
+    assert entry.status == found["stop"] == "finished"
+    assert found["origin"] == "recorded"
     assert (found["n_train"], found["n_test"], found["n_samples"]) == (40, 10, 50)
     here = msgspec.structs.replace(environment("cpu", 1), exclusive=False)
     assert (entry.environment, entry.timed) == (here, True)
     assert entry.command == "python -m experiments.run model=hdc 'a=[1, 2]'"
-    assert entry.config["threads"] == 1
     assert not set(runner.NOT_IDENTITY) & set(entry.config)
     label = f"recorded frames.npz ({entry.data[:6]})"
     assert (entry.scene.name, entry.scene.label) == ("recorded", label)
-    assert (entry.model.name, entry.model.label, entry.stop) == ("hdc", "hdc", "paper")
+    assert (entry.model.name, entry.stop) == ("hdc", "paper")
     shown = entry.model.display["name"], entry.scene.display["name"]
     assert shown == ("HDC as published", "Own recording")
-    # Every figure again, from the predictions in the record.
+    # Every figure again, from the frames and the predictions in the record.
     frames, labels = frames_and_labels()
     tested, truth, answer = (
         unpack_labels(found[key]) for key in ("test_indices", "labels", "predicted")
@@ -103,8 +98,6 @@ def test_a_training_says_what_it_was_and_what_came_out(
     train = np.setdiff1d(np.arange(50), tested)
     model = hdc.HDCClassifier().fit(frames[train], labels[train])
     np.testing.assert_array_equal(answer, model.predict(frames[tested]))
-    state = library.state_tensors(model).values()
-    assert found["model_bytes"] == sum(t.nbytes for t in state)
     assert 0 < found["predict_single_s"] < 1
     assert 0 < found["training_time_s"] == found["total_time_s"] < 10
 
@@ -117,7 +110,7 @@ def test_an_experiment_says_what_was_measured_how_and_on_what(count, results):
     config = {"scene": scene, "most": 2, "sizes": [1, 2]}
     ((context, task),) = CALLS
     assert (context.name, context.cache, context.force) == ("numbers", False, True)
-    assert (task.scene, task.sizes) == (scene, [1, 2])
+    assert task.scene == scene
     assert made.revisions[f"{__name__}.Counting"] == 3
     line = json.loads((results / store.FILE).read_text())
     about = {
@@ -161,20 +154,6 @@ def test_what_was_set_is_in_the_record_frames_first(keys, expected):
     }
     found = runner._changed(config, keys.split())
     assert list(found.items()) == list(expected.items())
-
-
-def test_labels_name_changes_and_the_rule_only_of_what_learns_by_steps(
-    carry_out, fake, recording
-):
-    path = recording()
-    words = ("split.test_fraction=0.3", "stop.budget_s=60", "seed.run=3")
-    once = carry_out(*words, scene=path)
-    assert once.scene.label.endswith(") (test_fraction=0.3)")
-    assert once.changed == {"split.test_fraction": "0.3"}
-    assert once.model.label == "hdc"
-    fake({"samples_seen": 1, "steps": 1, "loss": 1.0})
-    by_steps = carry_out(*words, "force=true", scene=path)
-    assert by_steps.model.label == "hdc (budget_s=60)"
 
 
 @pytest.mark.parametrize(
@@ -280,14 +259,6 @@ def test_a_run_without_the_models_beside_it_that_are_asked_for_is_made_again(
     for overrides in ([beside], []):
         assert carry_out(*overrides) == both
         assert carry_out.repeated
-
-
-def test_a_run_that_another_process_is_at_is_left_to_it(count, results):
-    made, *_ = count()
-    with locks.held(store.lock_of(results, made.id)):
-        assert count()[0] == made  # a finished run can be shown
-        with pytest.raises(locks.Held, match=made.id):
-            count("force=true")
 
 
 # Broken off ---------------------------------------------------------------------------------------

@@ -4,9 +4,7 @@ from collections.abc import Mapping
 
 import msgspec
 import pytest
-from rich.console import Console
 
-from experiments.protocol import runner
 from experiments.protocol.settings import checked
 
 
@@ -28,9 +26,9 @@ from experiments.protocol.settings import checked
         ),
     ],
 )
-def test_a_wrong_value_is_named_by_its_key(composed_run, override, message):
+def test_a_wrong_value_is_named_by_its_key(carry_out, override, message):
     with pytest.raises(ValueError, match=f"^{message}"):
-        runner.carry_out(composed_run(override), runner.Asked({}), Console(quiet=True))
+        carry_out(override)
 
 
 class Part(msgspec.Struct, forbid_unknown_fields=True):

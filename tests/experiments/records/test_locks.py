@@ -12,6 +12,7 @@ import time
 import pytest
 
 from experiments.records import locks
+from tests.experiments.helpers import until
 
 FORK = multiprocessing.get_context("fork")
 
@@ -38,8 +39,7 @@ def test_a_killed_holder_holds_no_more_and_who_waits_has_it_then(tmp_path, secon
     path = tmp_path / "lock"
     process = FORK.Process(target=hold_and_die, args=(path, seconds))
     process.start()
-    while not (tmp_path / "held").exists():
-        time.sleep(0.01)
+    until((tmp_path / "held").exists)
     with locks.held(path, timeout_s=30):
         process.join(30)
     assert process.exitcode == -signal.SIGKILL

@@ -71,21 +71,6 @@ def test_a_malformed_record_is_named_with_its_key_and_skipped(
     assert expected in str(error)
 
 
-@pytest.mark.parametrize(
-    ("config", "data", "same"),
-    [
-        ({"a": [1, None], "b": 1}, "f", True),
-        ({"a": [1, None], "b": 2}, "f", False),
-        ({"a": [None, 1], "b": 1}, "f", False),
-        ({"a": [1, None], "b": 1}, "g", False),
-    ],
-)
-def test_the_name_of_a_run_depends_on_every_value_and_stays(config, data, same):
-    """Under another name, every run would be carried out again."""
-    name = record.name_of("touch-hdc", config, data)
-    assert (name == "touch-hdc-a379c5298fb1") is same
-
-
 def test_parameters_that_have_other_names_now_are_the_same_record():
     """With balance, seed and n_neighbours of version 3.0, and with their names of now."""
     configs = []

@@ -10,56 +10,18 @@ import hdc
 from experiments.records import revision, store
 from experiments.records.revision import PACKAGES, of_today, outdated, revisions
 from experiments.records.sources import revision_of
+from tests.experiments.helpers import forget
 
 HDC = {"model": {"_target_": "hdc.HDCClassifier"}}
 RIDGE = {"model": {"_target_": "baselines.ridge.RidgeReadout"}}
 OWN = {"model": {"_target_": "an_own_model.Mine", "size": 3}}
-DRIFT = "experiments.studies.drift.measure.Drift"
-
-
-def forget():
-    """Revisions are looked up once a process."""
-    for function in vars(revision).values():
-        if hasattr(function, "cache_clear"):
-            function.cache_clear()
 
 
 @pytest.fixture(autouse=True)
 def nothing_remembered():
-    forget()
+    forget(revision)
     yield
-    forget()
-
-
-@pytest.mark.parametrize(
-    ("config", "found", "others"),
-    [
-        (
-            {**HDC, "scene": [{"_target_": "scenes.sensor.contact.Press"}]},
-            {"experiments", "hdc.HDCClassifier", "scenes.sensor.contact.Press"},
-            "baselines",
-        ),
-        (
-            {"_target_": DRIFT, "models": {"r": RIDGE}},
-            {DRIFT, "baselines.ridge.RidgeReadout", "hdc.HDCClassifier"},  # it uses HDC
-            "sklearn",
-        ),
-        # Libraries, and what is not there, have none.
-        (
-            [
-                {"_target_": "sklearn.linear_model.RidgeClassifier"},
-                {"_target_": "nowhere.Nothing"},
-                {"_target_": "hdc.Nothing"},
-            ],
-            {"experiments"},
-            ("sklearn", "nowhere", "hdc"),
-        ),
-    ],
-)
-def test_whatever_a_config_names_and_the_protocol_take_part(config, found, others):
-    made_by = revisions(config)
-    assert set(made_by) >= found
-    assert not any(name.startswith(others) for name in made_by)
+    forget(revision)
 
 
 def test_a_raised_revision_outdates_what_it_takes_part_in_and_nothing_else(monkeypatch):
@@ -67,7 +29,7 @@ def test_a_raised_revision_outdates_what_it_takes_part_in_and_nothing_else(monke
     gone = by_hdc | {"hdc.Gone": 1}
     assert outdated(gone, of_today(gone)) == ["hdc.Gone (revision 1, now none)"]
     monkeypatch.setattr(hdc.HDCClassifier, "revision", 17, raising=False)
-    forget()
+    forget(revision)
     (line,) = outdated(by_hdc, revisions(HDC))
     assert line.startswith("hdc.HDCClassifier (revision ")
     assert line.endswith(", now 17)")
@@ -87,21 +49,6 @@ def test_the_source_states_the_revisions_that_the_code_has(committed_results):
         except AttributeError:  # it left
             now = None
         assert revision_of(name) == now, name
-
-
-def test_parts_that_a_class_names_take_part(monkeypatch):
-    class Part:
-        revision = 5
-
-    def components(**parameters):
-        return [Part] if parameters.get("ties") == "one" else []
-
-    monkeypatch.setattr(hdc.HDCClassifier, "components", components, raising=False)
-    for ties, expected in (("one", [5]), ("zero", [])):
-        found = revisions({"_target_": "hdc.HDCClassifier", "ties": ties})
-        parts = [value for name, value in found.items() if name.endswith(".Part")]
-        assert parts == expected
-        forget()
 
 
 # A user's own module ------------------------------------------------------------------------------
@@ -164,7 +111,7 @@ def test_a_changed_file_of_an_own_module_outdates_its_records_and_no_other_file(
     ):
         with (own / name).open("a") as file:
             file.write("# another line\n")
-        forget()
+        forget(revision)
         assert outdated(before, revisions(OWN)) == expected
     # Whoever reads a record imports nothing of it: what it names counts as unchanged.
     assert outdated(before, of_today(before)) == []

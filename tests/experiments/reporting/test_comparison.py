@@ -58,22 +58,6 @@ def test_every_published_number_has_a_row_and_an_experiment_that_makes_it():
         assert (CONFIGS / "experiment" / f"{experiment}.yaml").is_file(), experiment
 
 
-def test_a_row_has_what_is_behind_its_number_and_one_for_each_condition():
-    accuracy = ("table1/hdc_test_accuracy", 98.0, 95.0, 99.5, "Wilson")
-    quantities = [
-        Quantity(*accuracy, n=300, made_by="make it"),
-        Quantity("drift/recovered_accuracy", 90.0, condition="p = 0.5"),
-        Quantity("drift/recovered_accuracy", 90.0, condition="p = 0.75"),
-        Quantity("table1/of_our_own", 1.0),  # the paper does not give it
-        Quantity("table1/cnn1_test_accuracy", None),  # not measured
-    ]
-    data = compare(quantities).data
-    assert len(data) == 3
-    row = data[data.measured == 98].iloc[0]
-    assert row[["low", "high", "n", "made_by"]].tolist() == [95, 99.5, 300, "make it"]
-    assert set(data.condition[data.measured == 90]) == {"p = 0.5", "p = 0.75"}
-
-
 def test_every_number_is_judged_within_a_margin_or_a_setting_or_says_why_not():
     """Margins are at most half of what the paper concludes from."""
     lead = KNOWN["table1/hdc_test_accuracy"].value

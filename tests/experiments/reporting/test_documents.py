@@ -3,7 +3,6 @@
 from experiments import reference
 from experiments.records.files import ROOT
 from experiments.reporting import documents
-from experiments.reporting.pareto import is_on_front
 
 
 def test_marked_blocks_are_filled_and_all_else_stays():
@@ -25,13 +24,3 @@ def test_readme_and_docs_say_what_the_committed_records_say(committed):
             filled = documents.fill(text, {name: lambda part=part: part})
             assert filled == text, f"{page.name}: {name}"
     assert set(stands.values()) == {1}
-
-
-def test_the_opening_agrees_with_the_fronts_of_the_figure(committed):
-    costs = committed.table("recording_costs")
-    fronts = 0
-    for _, rows in costs.data.dropna(subset="error").groupby("recording"):
-        most = rows[rows.n == rows.n.max()]
-        on_front = is_on_front(most.fit_best_s, most.error)
-        fronts += "hdc_lda" in set(most.model[on_front])
-    assert documents.opening(costs).endswith(f"on {fronts}.")

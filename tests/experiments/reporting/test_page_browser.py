@@ -9,7 +9,7 @@ from experiments import report
 
 
 @pytest.mark.usefixtures("beside_the_reference")
-def test_the_page_opens_without_a_script_error(browser, tmp_path, a_full_set):
+def test_the_page_opens_without_a_script_error(browser, tmp_path, runs_of_table1):
     address = report.write(tmp_path, Console(file=io.StringIO())).as_uri()
     page = browser.new_page()
     problems, requests = [], []

@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-import torch
 
 from baselines.linear import PenalisedClassifier
 from experiments.protocol.evaluate import bank_of
@@ -21,9 +20,9 @@ from experiments.studies.drift.measure import (
     updates,
 )
 from experiments.studies.drift.zeroing import Unlabelled, first_of_each, rezeroed
+from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.relative import FRACTION, standardised
-from scenes.frames import Frames
 from tests.experiments import composed
 
 SPLIT = Split("random", 0.2)
@@ -32,19 +31,12 @@ OLD, ASKED = np.arange(40), np.r_[40:60, 72:120]
 
 
 def built(name):
-    return models_of({name: composed.part("model", name)})[name]
+    return models_of(composed.models(name))[name]
 
 
 @pytest.fixture(scope="module")
-def scene():
-    """Frames of three classes that look different in each of two sessions."""
-    rng = np.random.default_rng(1)
-    labels, session = np.tile(np.arange(60) % 3, 2), np.repeat([0, 1], 60)
-    base = rng.integers(0, 200, (2, 3, 12, 12))
-    frames = base[session, labels] + rng.integers(0, 50, (120, 12, 12))
-    samples = {"session": session, "order": np.tile(np.arange(60), 2)}
-    images = torch.from_numpy(frames.astype(np.uint8))
-    return Frames(images, labels, ("A", "B", "None"), samples)
+def scene(make_scene):
+    return make_scene(n=120, shape=(12, 12), sessions=2)
 
 
 @pytest.fixture(scope="module")
@@ -110,6 +102,22 @@ def test_each_update_is_trained_on_what_it_is_called(scene, choice, monkeypatch)
             ("from_old", None, n, new),
         ]
     assert found == expected
+
+
+@pytest.mark.parametrize(
+    ("readout", "further"),
+    [
+        ("counts", set()),
+        ("lda", set()),
+        ("ridge", {"replace"}),
+        ("neighbours", {"replace"}),
+    ],
+)
+def test_updates_that_a_read_out_refuses_have_no_row(scene, choice, readout, further):
+    model = HDCClassifier(readout=readout)
+    made = updates(bank_of(scene), choice, model, [6], (0.5,), seed=0)
+    always = {"stored", "new", "pooled", "balanced"}
+    assert {about["method"] for about, _ in made} == always | further
 
 
 # Without labels -----------------------------------------------------------------------------------

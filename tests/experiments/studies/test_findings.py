@@ -13,22 +13,13 @@ from experiments.studies.claims.rules import TRAINED, read
 VALUES = pd.DataFrame(
     {
         "model": ["hdc", "softmax"],
+        "recording": ["a", "a"],
+        "n": [5, 5],
         "gain": [-4.25, 0.0],
         "gain_low": [-6.0, None],
         "gain_high": [-2.0, None],
-        "share": [0.884, 1.0],
-        "ratio": [2236.0, 4.22],
         "word": ["no", None],
-        "a.b": [0.25, None],
     }
-)
-COSTS = pd.DataFrame(
-    [
-        (recording, n, model, seconds)
-        for recording, n, hdc, lda in (("a", 5, 1, 9), ("a", 50, 1, 3), ("b", 20, 2, 9))
-        for model, seconds in (("hdc", hdc), ("hdc_lda", lda))
-    ],
-    columns=["recording", "n", "model", "fit_best_s"],
 )
 
 
@@ -40,12 +31,10 @@ def filled(tmp_path, monkeypatch):
         path = tmp_path / "findings.yaml"
         path.write_text(text, encoding="utf-8")
         monkeypatch.setattr(module, "PATH", path)
-        tables = {"values": VALUES, "costs": COSTS, "later": None}
+        tables = {"values": SimpleNamespace(data=VALUES), "later": None}
         names = [SimpleNamespace(name=name) for name in tables]
-        made = {name: data if data is None else SimpleNamespace(data=data)
-                for name, data in tables.items()}  # fmt: skip
         studies = [SimpleNamespace(tables=names)]
-        return module.findings(SimpleNamespace(studies=studies, table=made.get))
+        return module.findings(SimpleNamespace(studies=studies, table=tables.get))
 
     return fill
 
@@ -53,19 +42,12 @@ def filled(tmp_path, monkeypatch):
 HDC = "- rows: {hdc: {table: values, model: hdc}, soft: {table: values, model: softmax}}\n"
 
 
-@pytest.mark.parametrize(
-    ("field", "shown"),
-    [
-        ("{hdc.gain:points interval}", "−4.2 points [−6.0, −2.0]"),
-        ("{soft.gain:points interval}", "+0.0 points"),
-        ("{hdc.share:percent}", "88.4"),
-        ("{hdc.ratio:two}", "2200"),
-        ("{hdc.model:model}", "HDC as published"),
-        ("{hdc[a.b]:loss}", "−25.0"),
-    ],
-)
-def test_a_field_is_a_cell_in_its_format(filled, field, shown):
-    assert filled(f"{HDC}  text: 'so: {field}.'") == [f"so: {shown}."]
+def test_a_number_has_its_interval_where_there_is_one(filled):
+    """The formats are those of README and of the docs (reporting/test_documents.py)."""
+    fields = "{hdc.gain:points interval}, {soft.gain:points interval}"
+    assert filled(f"{HDC}  text: '{fields}'") == [
+        "−4.2 points [−6.0, −2.0], +0.0 points"
+    ]
 
 
 def test_the_verdict_chooses_the_sentence(filled):
@@ -75,16 +57,6 @@ def test_the_verdict_chooses_the_sentence(filled):
         ValueError, match=r"findings\.yaml, finding 1: texts: .* for no, found yes"
     ):
         filled(text.replace('"no": behind, ', ""))
-
-
-def test_a_spread_is_over_recordings_each_at_its_most_frames(filled):
-    of = "table: costs, column: fit_best_s, of: {model: hdc_lda}"
-    text = "- spreads: {time: {%s}}\n  text: '{time.least:two}, {time.median:two}, {time.most:two}'"
-    assert filled(text % of) == ["3, 6.0, 9"]
-    assert filled(text % f"{of}, over: {{model: hdc}}") == ["3.0, 3.8, 4.5"]
-    for wrong in ("{model: ridge}", "{n: 50}"):
-        with pytest.raises(ValueError, match="costs: expected one row per recording"):
-            filled(text % of.replace("{model: hdc_lda}", wrong))
 
 
 @pytest.mark.parametrize("row", ["model: cnn1", "model: hdc, size: 5"])
@@ -112,16 +84,20 @@ def test_what_was_not_measured_has_no_sentence(filled, text):
     [
         (
             f"{HDC}  text: '{{hdc.loss}}'",
-            "table values has no column loss; it has model, gain",
+            "table values has no column loss; it has model, recording",
         ),
         (f"{HDC}  text: '{{cnn.gain}}'", "rows: expected 'cnn', found hdc, soft"),
         (
             "- rows: {a: {table: nothing}}",
-            "table: expected one of values, costs, later, found no",
+            "table: expected one of values, later, found no",
         ),
         (
             "- rows: {a: {table: values}}",
             "table values: expected one row with {}, found 2",
+        ),
+        (
+            "- spreads: {a: {table: values, column: gain, of: {n: 5}}}",
+            "table values: expected one row per recording",
         ),
     ],
 )

@@ -63,22 +63,3 @@ def test_intervals_hold_the_truth_and_words_are_as_sure_as_they_say():
     assert np.mean(held) == pytest.approx(0.95, abs=0.04)
     assert len(said) > 100
     assert np.mean(said) > 0.95
-
-
-def test_a_source_that_gains_or_a_wider_margin_never_makes_a_loss_more_likely():
-    rng = np.random.default_rng(3)
-    for _ in range(20):
-        values, variances = rng.normal(-0.03, 0.02, 4), rng.uniform(1e-5, 1e-3, 4)
-        found = judge.Joined(values, variances, PRIOR)
-        likely = [found.above(-margin) for margin in (0.01, 0.02, 0.03, 0.05)]
-        assert likely == sorted(likely)
-        all_gain = judge.Joined(values + 0.01, variances, PRIOR)
-        assert all_gain.above(-0.03) > likely[2]
-        assert all_gain.mean().value > found.mean().value
-
-
-@pytest.mark.parametrize(
-    ("likely", "word"), [(0.95, "yes"), (0.949, "open"), (0.051, "open"), (0.05, "no")]
-)
-def test_the_words_of_a_probability(likely, word):
-    assert judge.word_of(likely, 0.95) == word

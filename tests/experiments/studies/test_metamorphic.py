@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import subprocess
 import sys
@@ -53,23 +54,24 @@ def monotone(frames):
 
 @pytest.mark.parametrize("d", FRAMES)
 @pytest.mark.parametrize(
-    ("encoder", "before", "after", "place"),
+    ("encoder", "dtype", "change"),
     [
-        *((e, None, monotone, None) for e in RANKS),
-        # Differences from a reference may tie, and ties go by the order of pixels.
-        *((e, None, PIXELS.get, "pixels") for e in (*RANKS, "deviation")),
-        *((e, np.float64, lambda x: x * 2.0**-300, None) for e in RANKS + RELATIVE),
-        *((e, np.float32, lambda x: x * np.float32(2.0**90), None) for e in RELATIVE),
+        *((encoder, np.uint16, monotone) for encoder in RANKS),
+        *((encoder, np.float64, lambda x: x * 2.0**-300) for encoder in RELATIVE),
     ],
 )
-def test_bits_follow_pixels_and_know_no_scale(encoder, before, after, place, d):
-    frames = FRAMES[d] if before is None else FRAMES[d].astype(before)
-    expected = encoded(encoder, frames)
-    if place:
-        chosen = after(d)
-        assert (encoded(encoder, frames[:, chosen]) == expected[..., chosen]).all()
-    else:
-        assert (encoded(encoder, after(frames)) == expected).all()
+def test_bits_know_no_scale(encoder, dtype, change, d):
+    frames = FRAMES[d].astype(dtype)
+    assert (encoded(encoder, change(frames)) == encoded(encoder, frames)).all()
+
+
+# Differences from a reference may tie, and ties go by the order of pixels.
+@pytest.mark.parametrize("d", FRAMES)
+@pytest.mark.parametrize("encoder", [*RANKS, "deviation"])
+def test_bits_follow_pixels(encoder, d):
+    frames, order = FRAMES[d], PIXELS[d]
+    expected = encoded(encoder, frames)[..., order]
+    assert (encoded(encoder, frames[:, order]) == expected).all()
 
 
 def answers(readout, train, labels, queries):
@@ -87,14 +89,9 @@ def test_answers_know_no_order_of_pixels_frames_and_classes(readout):
     assert (answers(readout, train[ORDER], LABELS[ORDER], queries) == expected).all()
     renamed = answers(readout, train, NEW_CLASS[LABELS], queries)
     assert (renamed == NEW_CLASS[expected]).all()
-
-
-@pytest.mark.parametrize("readout", ["majority", "counts"])
-def test_every_frame_twice_is_every_frame_once(readout):
-    train, queries = FRAMES[4097][:24], FRAMES[4097][24:]
-    once = answers(readout, train, LABELS, queries)
-    twice = answers(readout, train.repeat(2, 0), LABELS.repeat(2), queries)
-    assert (once == twice).all()
+    if readout in ("majority", "counts"):
+        twice = answers(readout, train.repeat(2, 0), LABELS.repeat(2), queries)
+        assert (twice == expected).all()
 
 
 SAID = """
@@ -111,18 +108,14 @@ print(digest.hexdigest())
 """
 
 
-@pytest.fixture(scope="module")
-def said():
-    """said(environment) → what a process of it says of its bits."""
-
-    def say(**environment):
-        return subprocess.check_output(
-            [sys.executable, "-W", "ignore", "-c", SAID],
-            env={**os.environ, "OMP_NUM_THREADS": "1", **environment},
-            text=True,
-        )
-
-    return say, say()
+@functools.cache
+def said(**environment):
+    """What a process of this environment says of its bits."""
+    return subprocess.check_output(
+        [sys.executable, "-W", "ignore", "-c", SAID],
+        env={**os.environ, "OMP_NUM_THREADS": "1", **environment},
+        text=True,
+    )
 
 
 AVAILABLE = [f for f in of_numpy.__cpu_dispatch__ if of_numpy.__cpu_features__[f]]
@@ -133,6 +126,5 @@ AVAILABLE = [f for f in of_numpy.__cpu_dispatch__ if of_numpy.__cpu_features__[f
     [{"NPY_DISABLE_CPU_FEATURES": " ".join(AVAILABLE)}, {"OMP_NUM_THREADS": "2"}],
     ids=lambda given: next(iter(given)),
 )
-def test_bits_know_no_processor_and_no_threads(said, environment):
-    say, expected = said
-    assert say(**environment) == expected
+def test_bits_know_no_processor_and_no_threads(environment):
+    assert said(**environment) == said()

@@ -1,14 +1,11 @@
 """Studies of limits can fail: each case notices the mistake that it is there to notice."""
 
-import os
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from baselines.softmax_dual import DualSoftmaxRegression
-from experiments.protocol.task import Context
-from experiments.studies.footprint import measure as footprint
 from experiments.studies.limits.numerics import measure as numerics
 from experiments.studies.limits.stability.measure import CASES
 from hdc import bits, prototypes
@@ -17,7 +14,6 @@ from hdc.prototypes import Counters
 from hdc.readouts import discriminant, kernel, lda, least_squares
 from hdc.readouts.discriminant import Problem
 from scenes.sensor.camera import MountedCamera
-from tests.experiments import composed
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 BY_NAME = {case.case: case for case in CASES}
@@ -133,20 +129,3 @@ def test_a_camera_with_phases_in_float32_fails_in_numerics(monkeypatch):
     in_float32 = before(lambda camera, phases: (camera, phases.float().double()))
     monkeypatch.setattr(MountedCamera, "intensity", in_float32(MountedCamera.intensity))
     assert "to 1e+07 rad" in failing()
-
-
-def test_a_module_that_the_library_does_not_need_fails(tmp_path, monkeypatch):
-    (tmp_path / "sitecustomize.py").write_text(
-        "import sys\n"
-        "class Finder:\n"
-        "    def find_spec(self, name, path, target=None):\n"
-        "        if name == 'hdc': import pandas\n"
-        "sys.meta_path.insert(0, Finder())\n"
-    )
-    path = os.environ.get("PYTHONPATH", "")
-    monkeypatch.setenv("PYTHONPATH", f"{tmp_path}{os.pathsep}{path}")
-    # Without the finder its status is ok: tests/experiments/studies/test_footprint.py.
-    needed = composed.task("footprint")["needed"]
-    (row,) = footprint.Footprint(["touch"], ["hdc"], 3, 1, needed).rows(Context())
-    assert row["status"].startswith("fails: loads ")
-    assert "pandas" in row["status"]

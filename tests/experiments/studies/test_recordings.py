@@ -30,30 +30,14 @@ def of_small(recording):
     return lambda kind: partial(rows, kind)
 
 
-def models(*names):
-    return {name: composed.part("model", name) for name in names}
-
-
-def test_a_model_is_asked_in_its_first_draws_alone(of_small, monkeypatch):
-    told = []
-    monkeypatch.setattr(Context, "note", lambda _, text: told.append(text))
-    named = models("hdc", "ridge", "greys_chosen")
-    splits = {"random": RANDOM, "counts": RANDOM}
-    about = {"splits": splits, "models": named, "n_per_class": [1, 5, 999]}
-    ask = partial(of_small(measure.Recordings), **about, draws=2, seeds=[0, 1])
-    rows = pd.DataFrame(ask(limits={"ridge": {"draws": 3}}))
-    assert told[-1] == "seed 1, split counts, draw 2 of 2"
-    draws = list(zip(rows.seed, rows.draw, strict=True))
-    asked = rows.assign(at=draws).groupby(["split", "model"])["at"].agg(list)
-    every = [(0, 0), (0, 1), (1, 0), (1, 1)]
-    for split in splits:
-        assert asked[split, "hdc"] == asked[split, "greys_chosen"] == every
-        assert asked[split, "ridge"] == every[:3]
-    assert rows.groupby(["split", "seed", "draw"]).labels.count().eq(1).all()
-    assert rows.n.tolist() == [[1, 5]] * len(rows)
-    chosen = rows[rows.model == "greys_chosen"].chose
-    assert all({*forms} <= {"raw", "standardised", "smoothed"} for forms in chosen)
-    assert rows[rows.model == "hdc"].chose.isna().all()
+def test_a_model_is_asked_in_its_first_draws_alone(of_small):
+    about = {"splits": {"counts": RANDOM}, "models": composed.models("hdc", "ridge")}
+    ask = partial(of_small(measure.Recordings), **about, n_per_class=[1, 5])
+    rows = pd.DataFrame(ask(draws=2, seeds=[0, 1], limits={"ridge": {"draws": 3}}))
+    draws = rows.groupby("model")[["seed", "draw"]].agg(list)
+    assert draws.loc["hdc"].tolist() == [[0, 0, 1, 1], [0, 1, 0, 1]]
+    assert draws.loc["ridge"].tolist() == [[0, 0, 1], [0, 1, 0]]
+    assert rows.groupby(["seed", "draw"]).labels.count().eq(1).all()
     for wrong, message in (
         ({"hcd": {"draws": 1}}, r"limits: expected models among .* 'hcd'"),
         ({"hdc": {"draw": 1}}, r"task\.limits\.hdc\.draw: expected one of draws"),
@@ -62,20 +46,11 @@ def test_a_model_is_asked_in_its_first_draws_alone(of_small, monkeypatch):
             ask(limits=wrong)
 
 
-def test_compiled_kernels_answer_as_numpy_does(of_small, monkeypatch):
-    named = models("hdc", "hdc_lda", "hdc_levels_lda", "hdc_deviation_lda")
-    about = {"splits": {"counts": RANDOM}, "models": named, "n_per_class": [1, 5]}
-    ask = partial(of_small(measure.Recordings), **about, draws=2)
-    rows = ask()
-    monkeypatch.setattr(measure, "_use_kernels", lambda models: None)
-    assert ask() == rows
-
-
 def test_costs_have_the_bytes_of_a_model_and_compiled_times_where_there_are_some(
     of_small,
 ):
     ask = of_small(measure.RecordingCosts)
-    about = {"split": RANDOM, "models": models("hdc", "softmax_dual")}
+    about = {"split": RANDOM, "models": composed.models("hdc", "softmax_dual")}
     few, _, many, softmax = ask(**about, n_per_class=[1, 5], repeats=1)
     assert (few["n"], many["n"], softmax["n"]) == (1, 5, 5)
     classes, pixels = many["n_classes"], many["n_pixels"]
@@ -96,7 +71,7 @@ def test_repetitions_take_turns_until_a_model_has_taken_its_time(of_small, monke
 
     monkeypatch.setattr(measure.Timed, "repeat", repeat)
     ask = of_small(measure.RecordingCosts)
-    named = models("ridge", "mean_image")
+    named = composed.models("ridge", "mean_image")
     about = {"split": RANDOM, "models": named, "n_per_class": [5]}
     ridge, mean = ask(**about, repeats=3, most_s=12)
     first, second = turns[:2]
@@ -111,8 +86,6 @@ def test_every_experiment_of_recordings_asks_the_named_forms():
 
 
 def test_the_front_has_no_point_with_less_of_both():
-    times, errors = pd.Series([1, 2, 3, 3, 4]), pd.Series([9, 5, 5, 4, 4])
-    on_front = is_on_front(times, errors)
-    assert on_front.tolist() == [True, True, False, True, False]
-    equal = pd.Series([1, 1])
-    assert is_on_front(equal, equal).tolist() == [True, True]  # both stand
+    times, errors = pd.Series([1, 2, 2, 3, 3, 4]), pd.Series([9, 5, 5, 5, 4, 4])
+    on_front = [True, True, True, False, True, False]  # equal points both stand
+    assert is_on_front(times, errors).tolist() == on_front

@@ -26,8 +26,8 @@ from experiments.studies.robustness.disturbances import (
     power,
     shift,
 )
-from hdc import HDCClassifier, bits
-from scenes.frames import Frames
+from hdc import bits
+from hdc.hypervectors import Hypervectors
 from tests.experiments import composed
 
 FRAMES = np.random.default_rng(0).integers(0, 256, (6, 20, 30), np.uint8)
@@ -36,11 +36,6 @@ SPLIT = Split("random", 0.2)
 
 def random():
     return np.random.default_rng(0)
-
-
-def near(rate, n):
-    """The number of flips of n bits, within five deviations."""
-    return pytest.approx(rate * n, abs=5 * math.sqrt(n * rate * (1 - rate)))
 
 
 # Frames -------------------------------------------------------------------------------------------
@@ -67,8 +62,6 @@ def test_disturbances_of_frames_have_their_size():
     assert values.tolist() == [-1, 0, 1]
     assert counts / added.size == pytest.approx(1 / 3, abs=0.01)
     assert (flipped_pixels(FRAMES, 1.0, random()) == 255 - FRAMES).all()
-    changed = flipped_pixels(FRAMES, 0.1, random()) ^ FRAMES
-    assert np.unpackbits(changed).sum() == near(0.1, 8 * FRAMES.size)
 
 
 @pytest.mark.parametrize(("dtype", "edge"), [(np.uint8, 0), (np.uint16, 65535)])
@@ -96,7 +89,7 @@ def all_bits(tensors):
     return np.unpackbits(np.concatenate(flat))
 
 
-@pytest.mark.parametrize("rate", [0, 1e-300, 1e-5, 1e-3, 0.1, 0.5, 1])
+@pytest.mark.parametrize("rate", [0, 1e-3, 0.5, 1])
 def test_flips_have_their_rate_and_are_undone(stored, rate):
     before = all_bits(stored)
     flips = []
@@ -104,12 +97,14 @@ def test_flips_have_their_rate_and_are_undone(stored, rate):
         with flipped_bits(stored, rate, seed):
             flips.append(all_bits(stored) != before)
         assert (all_bits(stored) == before).all()
-    assert flips[0].sum() == near(rate, len(before))
+    n = len(before)
+    deviation = math.sqrt(rate * (1 - rate) / n)
+    assert flips[0].mean() == pytest.approx(rate, abs=5 * deviation)
     assert (flips[0] == flips[1]).all()
-    assert (flips[0] != flips[2]).any() == (1e-5 <= rate < 1)
+    assert (flips[0] != flips[2]).any() == (0 < rate < 1)
     # Independent: neighbours are both flipped at rate².
     both = (flips[0][1:] & flips[0][:-1]).mean()
-    assert both == pytest.approx(rate**2, abs=5 * rate / math.sqrt(len(before)))
+    assert both == pytest.approx(rate**2, abs=5 * rate / math.sqrt(n))
 
 
 def test_numbers_in_8_bits_are_near_and_come_back_exactly(stored):
@@ -124,39 +119,25 @@ def test_numbers_in_8_bits_are_near_and_come_back_exactly(stored):
     assert all(torch.equal(a, b) for a, b in zip(stored, before, strict=True))
 
 
-@pytest.fixture(scope="module")
-def scene():
-    """Speckle of 24×24 pixels, five classes, 20 samples each."""
-    generator, labels = np.random.default_rng(1), np.arange(100) % 5
-    patterns = generator.exponential(1.0, (5, 24, 24))
-    mixed = 0.6 * patterns[labels] + 0.4 * generator.exponential(1.0, (100, 24, 24))
-    images = torch.from_numpy(np.clip(50 * mixed, 0, 255).astype(np.uint8))
-    return Frames(images, labels, tuple("abcde"), {}, "simulated")
-
-
-@pytest.mark.parametrize("encoder", ["median", "levels"])
-def test_queries_have_flips_of_their_rate_and_of_no_other_bits(encoder, scene):
-    images = scene.images[:, :, :23]  # 552 pixels do not fill their words
-    model = HDCClassifier(encoder=encoder).fit(images[:80], scene.labels[:80])
-    words = model.encode(images[80:])
-    before = words.packed.clone()
-    for rate in (0.0, 0.1, 1.0):
-        after = flipped_queries(words, rate, random()).packed
-        flips = int(bits.count_ones(before ^ after).sum())
-        assert flips == near(rate, model.dimension_ * len(words))
-        # Nothing beyond the last bit, which would count in a distance.
-        unpacked = bits.unpack(after, after.shape[1] * 64)
-        assert not unpacked[:, model.dimension_ :].any()
-    assert torch.equal(words.packed, before)
+@pytest.mark.parametrize("rate", [0.1, 1.0])
+def test_queries_have_flips_of_their_rate_and_of_no_bits_beyond_the_last(rate):
+    d = 552  # they do not fill their words
+    before = bits.pack(torch.zeros(300, d, dtype=torch.bool))
+    after = flipped_queries(Hypervectors(before, d), rate, random()).packed
+    assert not before.any()
+    flips = bits.unpack(after, after.shape[1] * 64).numpy()
+    assert flips[:, :d].mean() == pytest.approx(rate, abs=0.005)
+    assert not flips[:, d:].any()  # which would count in a distance
 
 
 # Models -------------------------------------------------------------------------------------------
 
 # A rate at which nothing is flipped comes last: the model is what it was.
 STORED, ASKED = [0.5, 1e-12], [0.5, 0.01]
-CASES = [("none", 0), ("power", 0.2), ("dither", 1)]
-CASES += [("query_flips", rate) for rate in ASKED] + [
-    ("bit_flips", rate) for rate in STORED
+CASES = [
+    *(("none", 0), ("power", 0.2), ("dither", 1)),
+    *(("query_flips", rate) for rate in ASKED),
+    *(("bit_flips", rate) for rate in STORED),
 ]
 OF_FLOATS = [
     ("dither_of_int8", 1),
@@ -164,23 +145,18 @@ OF_FLOATS = [
 ]
 
 
-@pytest.mark.parametrize(
-    ("name", "cases"),
-    [
-        ("hdc", CASES),
-        ("ridge", CASES + OF_FLOATS),
-    ],
-)
-def test_every_model_is_measured_and_left_as_it_was(name, cases, scene, monkeypatch):
+@pytest.mark.parametrize(("name", "cases"), [("hdc", []), ("ridge", OF_FLOATS)])
+def test_every_model_is_measured_and_left_as_it_was(
+    name, cases, make_scene, monkeypatch
+):
+    scene = make_scene(n=99, shape=(24, 24))
     monkeypatch.setattr(Context, "scenes", lambda run, config, seeds: [(3, scene)])
-    models = {name: composed.part("model", name)}
-    spared = composed.task("robustness")["spared"]
+    models = composed.models(name)
     levels = {"power": [0.2], "dither": [1]}
-    options = (models, StopRule(), {}, [3], levels, STORED, ASKED, spared)
+    options = (models, StopRule(), {}, [3], levels, STORED, ASKED)
     rows = pd.DataFrame(measure.Robustness({}, SPLIT, *options).rows(Context()))
-    assert set(rows.n_test) == {20}
     right = rows.set_index(["disturbance", "level"]).right
-    assert set(right.index) == set(cases)
+    assert set(right.index) == {*CASES, *cases}
     model = models_of(models)[name]
     train, test = choose(scene, SPLIT, 3)
     model.fit(scene.images[train], scene.labels[train])
@@ -189,5 +165,5 @@ def test_every_model_is_measured_and_left_as_it_was(name, cases, scene, monkeypa
     assert right["none", 0] == right["bit_flips", 1e-12] == undisturbed
     assert right["query_flips", 0.01] > 15 > right["query_flips", 0.5]
     assert right["bit_flips", 0.5] < undisturbed
-    if name == "ridge":
+    if cases:
         assert min(right["bit_flips_int8", 0], right["bit_flips_int8", 1e-12]) > 18

@@ -8,6 +8,14 @@ from experiments.studies.table1.view import STUDY
 RATIO = "training_time_over_hdc"
 
 
+def reports(*pairs, step=10.0):
+    """The curve of a model that learns by steps, of pairs of training and test accuracy."""
+    return [
+        {"training_s": step * k, "loss": 1.0, "train_accuracy": train, "test_accuracy": test}
+        for k, (train, test) in enumerate(pairs, 1)
+    ]  # fmt: skip
+
+
 @pytest.fixture
 def table(answers):
     """table(name) → its rows by model, and the table, of the records in tmp_path."""
@@ -31,15 +39,17 @@ def cells(table):
 
 
 def test_a_training_that_ended_at_a_limit_shows_what_that_proves(
-    cells, table, write_run, epochs
+    cells, table, write_run
 ):
     write_run("hdc")
-    limit = {"step": 68.5, "test": [0.4, 0.4]}
-    curve, beside = epochs(0.3, 0.468, **limit), {"hdc": 0.0913}
-    write_run("cnn3", curve=curve, beside_s=beside)
+    curve, beside = (
+        reports((0.3, 0.4), (0.468, 0.4), step=68.5),
+        {"beside.hdc_s": 0.0913},
+    )
+    write_run("cnn3", curve=curve, **beside)
     assert cells()["cnn3"][:2] == ["> 137: 46.8 % in training", "> 1,500"]
     # A seed that passed 90 % has an accuracy there; how many did stands beside the mean.
-    write_run("cnn3", seed=1, curve=epochs(0.95, test=[0.4]), beside_s=beside)
+    write_run("cnn3", seed=1, curve=reports((0.95, 0.4)), **beside)
     line = table()[0]["cnn3"]
     assert (line["seeds"], line["seeds_at_target"]) == (2, 1)
     assert line["test_accuracy_at_target"] == 0.4
@@ -51,12 +61,12 @@ def test_a_disturbed_row_is_marked_and_says_nothing_of_who_is_sooner(
 ):
     why = "others took 9% of the processor time"
     busy, quiet = {"load.disturbed": why}, {"load.disturbed": ""}
-    write_run("hdc", curve=[{"training_s": 0.04}], load=quiet)
+    write_run("hdc", curve=[{"training_s": 0.04}], **quiet)
     for seed in (0, 1):
-        beside = {"beside_s": {"hdc": 0.04}, "seed": seed}
+        beside = {"beside.hdc_s": 0.04, "seed": seed}
         load = busy if seed else quiet
-        write_run("softmax_dual", curve=[{"training_s": 0.01}], load=load, **beside)
-    write_run("ridge", curve=[{"training_s": 0.01}], load=busy)
+        write_run("softmax_dual", curve=[{"training_s": 0.01}], **load, **beside)
+    write_run("ridge", curve=[{"training_s": 0.01}], **busy)
     assert cells()["softmax_dual"][0] == f"0.010 (disturbed: 1 of 2 seeds: {why})"
     assert "disturbed" not in cells()["hdc"][0]
     rows, made = table("equal_accuracy")
@@ -66,15 +76,21 @@ def test_a_disturbed_row_is_marked_and_says_nothing_of_who_is_sooner(
 
 
 def test_a_ratio_of_fits_stands_beside_that_of_the_runs(
-    number, write_run, write_measurement
+    answers, write_run, write_measurement
 ):
-    write_run("softmax", curve=[{"training_s": 0.6}], beside_s={"hdc": 0.2})
+    write_run("softmax", curve=[{"training_s": 0.6}], **{"beside.hdc_s": 0.2})
     about = {"threads": 1, "cold": False, "cpu_s": 1.0, "train_accuracy": 0.95}
     about |= {"disturbed": "", "origin": "simulated"}
     times = (("hdc", 1.0), ("softmax", 5.0), ("softmax", 5.0))
     rows = [{"model": model, "fit_s": s, **about} for model, s in times]
     write_measurement("times", rows, scene="touch")
-    name = "table1/softmax_time_over_hdc"
-    assert number(STUDY, name, "by default").value == pytest.approx(3)
-    fits = number(STUDY, name, "fits, 1 thread")
+    results = answers(STUDY).results
+    (of_study,) = STUDY.numbers
+    found = {
+        one.condition: one
+        for one in of_study.made(results.frame(*of_study.of))
+        if one.name == "table1/softmax_time_over_hdc"
+    }
+    assert found["by default"].value == pytest.approx(3)
+    fits = found["fits, 1 thread"]
     assert (fits.value, fits.low, fits.n) == (pytest.approx(5), None, 2)

@@ -17,6 +17,7 @@ from experiments.studies.table1.numpy_hdc import NumpyHDC
 from experiments.studies.table1.view import STUDY
 from hdc import HDCClassifier, bits
 from tests.experiments import composed
+from tests.experiments.golden_items import SMALL_SENSOR
 
 QUIET, BUSY = Load(0.0, {1: 1.0}), Load(0.5, {1: 1.0})
 OTHERS = "others took 50% of the processor time"
@@ -67,11 +68,6 @@ class Timed:
         return self.labels if right else (self.labels + 1) % 3
 
 
-def timed(name, seconds, **more):
-    target = f"{Timed.__module__}.Timed"
-    return {"_target_": target, "name": name, "seconds": seconds, **more}
-
-
 class Loads:
     """A watch that finds one load after the other, quiet at the end."""
 
@@ -93,16 +89,13 @@ def timing(samples, monkeypatch):
     for place in ("protocol.clock", "protocol.load", "studies.table1.measure"):
         monkeypatch.setattr(f"experiments.{place}.time", clock)
 
-    def built(node, _):
-        return Timed(**{key: node[key] for key in node if key != "_target_"})
-
-    monkeypatch.setattr(measure, "instantiate", built)
+    monkeypatch.setattr(measure, "instantiate", lambda config, _: Timed(**config))
     monkeypatch.setattr(measure, "warm_up", lambda *_: None)
 
     def rows(loads, models, **fields):
         Timed.calls.clear()
         config = composed.task("times") | {"cold": [], "only": {}, "fewer": {}}
-        parts = {name: {"model": model} for name, model in models.items()}
+        parts = {name: {"model": {"name": name, **of}} for name, of in models.items()}
         task = composed.made(Times, **{**config, "models": parts, **fields})
         watch = Loads(loads)
         return list(measure._Timing(task, samples, watch).rows(1))
@@ -110,20 +103,17 @@ def timing(samples, monkeypatch):
     return rows
 
 
-ONE_PASS = {"steps": False}
+HDC = {"seconds": 0.5, "steps": False}  # it learns in one pass
 
 
 def test_hdc_is_timed_before_and_after_each_model_in_groups_of_two_seconds(timing):
-    models = {
-        "hdc": timed("hdc", 0.5, **ONE_PASS),
-        "a": timed("a", 3.0),
-        "b": timed("b", 0.75),
-    }
-    rows = timing([], models)
-    hdc, a = ["hdc"] * 8, ["a"] * 5  # two groups of four fits, five of one
+    """Five fits at least, of a model that is named as slow fewer."""
+    models = {"hdc": HDC, "a": {"seconds": 3.0}, "b": {"seconds": 0.75}}
+    rows = timing([], models, fewer={"a": 2})
+    hdc, a = ["hdc"] * 8, ["a"] * 2  # two groups of four fits, two of one
     assert Timed.calls == [*hdc, *a, *hdc, *["b"] * 6, *hdc]
     groups = dict.fromkeys((r["model"], r["group"]) for r in rows)
-    expected = [*["hdc"] * 2, *["a"] * 5, *["hdc"] * 2, *["b"] * 2, *["hdc"] * 2]
+    expected = [*["hdc"] * 2, *a, *["hdc"] * 2, *["b"] * 2, *["hdc"] * 2]
     assert [model for model, _ in groups] == expected
     assert {(r["model"], r["fit_s"], r["cpu_s"]) for r in rows} == {
         ("hdc", 0.5, 1.0), ("a", 3.0, 6.0), ("b", 0.75, 1.5),
@@ -131,17 +121,9 @@ def test_hdc_is_timed_before_and_after_each_model_in_groups_of_two_seconds(timin
     assert {r["disturbed"] for r in rows} == {""}
 
 
-def test_every_model_has_five_fits_and_one_named_as_slow_fewer(timing):
-    models = {"hdc": timed("hdc", 0.7, **ONE_PASS), "a": timed("a", 0.7)}
-    rows = timing([], models, fewer={"a": 2}, group_s=0.0)
-    assert Timed.calls == [*["hdc"] * 5, "a", "a", *["hdc"] * 5]
-    assert len(rows) == 12
-
-
 def test_a_disturbed_group_is_measured_again_and_every_line_of_it_stands(timing):
-    models = {"hdc": timed("hdc", 0.5, **ONE_PASS)}
     again = {"most": 2, "budget_s": 4.5}
-    rows = timing([BUSY, QUIET, BUSY, BUSY, BUSY], models, fits=8, retries=again)
+    rows = timing([BUSY, QUIET, BUSY, BUSY, BUSY], {"hdc": HDC}, fits=8, retries=again)
     groups = {r["group"]: (r["attempt"], r["others"], r["disturbed"]) for r in rows}
     # The second group has one attempt more, and none is left in the budget of 4.5 s then.
     assert list(groups.values()) == [
@@ -154,7 +136,7 @@ def test_a_fit_ends_at_the_report_that_exceeds_the_target_or_with_the_model(
     timing, samples
 ):
     def one(**more):
-        return fit(timed("a", 3.0, **more), samples, StopRule())
+        return fit({"name": "a", "seconds": 3.0, **more}, samples, StopRule())
 
     assert one(right_from=4) == {"fit_s": 12, "cpu_s": 24, "train_accuracy": 1}
     one_pass = {"fit_s": 3, "cpu_s": 6, "train_accuracy": 0}
@@ -163,11 +145,12 @@ def test_a_fit_ends_at_the_report_that_exceeds_the_target_or_with_the_model(
     assert one(right_from=9) == never
 
 
-def test_the_times_of_a_small_scene(small_scene, one_thread, results):
+def test_the_times_of_a_small_scene(one_thread, results):
+    scene = composed.composed("scene=touch", *SMALL_SENSOR)["scene"]
     task = composed.task("times")
     for name in ("softmax", "cnn1", "cnn3"):
         del task["models"][name]
-    task |= {"scene": small_scene, "threads": [1], "group_s": 0, "cold": ["hdc"]}
+    task |= {"scene": scene, "threads": [1], "group_s": 0, "cold": ["hdc"]}
     task |= {"busy": [0.5], "retries": {"most": 0, "budget_s": 0}}
     *fits, cold = composed.made(Times, **task).rows(Context())
     order = ("hdc", "hdc_compiled", "hdc", "softmax_dual", "hdc")
@@ -184,55 +167,32 @@ def test_the_times_of_a_small_scene(small_scene, one_thread, results):
 
 
 def line(model, fit_s, disturbed="", threads=1, **more):
-    about = {"group": 0, "attempt": 0, "others": 0.0, "origin": "simulated"}
-    return about | {
+    return {
+        "origin": "simulated",
         "model": model, "threads": threads, "fit_s": fit_s, "cpu_s": 2 * fit_s,
-        "disturbed": disturbed, "cold": False, "train_accuracy": 0.95, "busy": 0.0, **more,
+        "disturbed": disturbed, "cold": False, "train_accuracy": 0.95, **more,
     }  # fmt: skip
 
 
-@pytest.fixture
-def table(answers):
-    """table() → that of times, of the records in tmp_path."""
-    return lambda: answers(STUDY).table("times")
-
-
-def test_a_ratio_is_that_of_medians_of_what_nothing_disturbed(table, write_measurement):
-    hdc = [line("hdc", s) for s in (1.0, 2.0, 3.0)]
-    rows = [*hdc, line("hdc", 99.0, OTHERS), line("hdc", 7.0, COLD, cold=True)]
-    rows += [line("hdc_compiled", 0.5), line("softmax_dual", 50.0, OTHERS)]
-    rows += [line("softmax_dual", s) for s in (8.0, 10.0, 30.0)]
-    rows += [line("softmax_dual", 3.0, threads=2)]
-    write_measurement("times", rows, scene="touch")
-    found = {(row["model"], row["threads"]): row for row in records(table().data)}
+def test_ratios_are_those_of_medians_of_what_nothing_disturbed_in_each_measurement(
+    answers, write_measurement
+):
+    for measurement, seconds in ((1, (8.0, 10.0, 30.0)), (2, (20.0,))):
+        rows = [line("hdc", s) for s in (1.0, 2.0, 3.0)]
+        rows += [line("hdc", 99.0, OTHERS), line("hdc", 7.0, COLD, cold=True)]
+        rows += [line("softmax_dual", s) for s in seconds]
+        rows += [line("hdc_compiled", 0.5), line("softmax_dual", 50.0, OTHERS)]
+        rows += [line("softmax_dual", 3.0, threads=2)]
+        config = {"measurement": measurement}
+        write_measurement("times", rows, config, scene="touch")
+    table = records(answers(STUDY).table("times").data)
+    found = {(row["model"], row["threads"]): row for row in table}
     dual = found["softmax_dual", 1]
     names = ("fit_s", "least_s", "cpu_s", "fits", "disturbed", "measurements")
-    assert [dual[name] for name in names] == [10, 8, 20, 4, 1, 1]
-    assert (dual["over_hdc"], dual["least_over_hdc"]) == pytest.approx((5, 8))
-    assert dual["over_compiled"] == pytest.approx(20)
-    assert (dual["over_hdc_low"], dual["over_hdc_high"]) == (None, None)
-    assert (found["hdc", 1]["cold_s"], found["hdc", 1]["fits"]) == (7, 4)
-    assert found["softmax_dual", 2]["over_hdc"] is None  # no HDC by two threads
-
-
-@pytest.mark.parametrize("threads", [(), (2,), (1, 2)], ids=str)
-def test_that_three_layers_are_timed_by_two_threads_only_is_said_where_it_is_so(
-    table, write_measurement, threads
-):
-    rows = [line("hdc", 1.0), *(line("cnn3", 9.0, threads=n) for n in threads)]
-    write_measurement("times", rows, scene="touch")
-    said = "three layers are timed by two threads only" in table().note
-    assert said == (threads == (2,))
-
-
-def test_of_two_measurements_both_count_and_of_one_made_again_the_last(
-    table, write_measurement
-):
-    for measurement, group_s, ratio in ((1, 99.0, 99.0), (1, 4.0, 4.0), (2, 4.0, 9.0)):
-        rows = [line("hdc", 2.0), line("softmax_dual", 2.0 * ratio)]
-        config = {"measurement": measurement, "group_s": group_s}
-        write_measurement("times", rows, config, scene="touch")
-    (_, dual) = records(table().data)
+    assert [dual[name] for name in names] == [15, 8, 30, 6, 2, 2]
     ratios = [dual[f"over_hdc{end}"] for end in ("", "_low", "_high")]
-    assert ratios == pytest.approx([6, 4, 9])
-    assert (dual["measurements"], dual["fits"]) == (2, 2)
+    assert ratios == pytest.approx([50**0.5, 5, 10])
+    assert dual["least_over_hdc"] == pytest.approx((8 * 20) ** 0.5)
+    assert dual["over_compiled"] == pytest.approx((20 * 40) ** 0.5)
+    assert (found["hdc", 1]["cold_s"], found["hdc", 1]["fits"]) == (7, 8)
+    assert found["softmax_dual", 2]["over_hdc"] is None  # no HDC by two threads
