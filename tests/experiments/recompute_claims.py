@@ -24,7 +24,7 @@ from statistics import NormalDist
 import numpy as np
 import yaml
 
-from tests.experiments.recompute_table1 import student
+from tests.experiments.recompute_table1 import STUDENT
 
 ROOT = Path(__file__).parents[2]
 RULES = yaml.safe_load(
@@ -187,7 +187,7 @@ def equal(found: list[tuple[float, float]]) -> dict[str, float]:
     values = np.array([100 * value for value, _ in found])
     cells = {"equal": values.mean(), "sources": len(values)}
     if len(values) > 1:
-        half = student(len(values) - 1) * values.std(ddof=1) / math.sqrt(len(values))
+        half = STUDENT[len(values) - 2] * values.std(ddof=1) / math.sqrt(len(values))
         cells |= {"equal_low": values.mean() - half, "equal_high": values.mean() + half}
     return cells
 

@@ -1,4 +1,4 @@
-"""Table I is that which an independent script computes from the records."""
+"""Table I and verdicts are those which independent scripts compute from the records."""
 
 import csv
 import re
@@ -7,7 +7,7 @@ import pytest
 
 from experiments.records.files import REFERENCE
 from experiments.studies.table1.view import STUDY
-from tests.experiments import recompute_table1
+from tests.experiments import recompute_claims, recompute_table1
 from tests.experiments.recompute_table1 import disagreements
 
 
@@ -15,10 +15,35 @@ def test_the_committed_table_is_that_of_the_committed_records():
     assert list(disagreements(REFERENCE)) == []
 
 
-def test_the_script_shares_nothing_with_the_harness():
-    with open(recompute_table1.__file__, encoding="utf-8") as file:
+@pytest.fixture(scope="module")
+def changed(tmp_path_factory):
+    """The committed records, and verdicts of which one word and one number are others."""
+    folder = tmp_path_factory.mktemp("changed")
+    (folder / "tables").mkdir()
+    (folder / "records.jsonl").symlink_to(REFERENCE / "records.jsonl")
+    with (REFERENCE / "tables" / "verdicts.csv").open(encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        if (row["claim"], row["size"], row["status"]) == ("accuracy", "5", "all"):
+            row |= {"word": "open", "equal": float(row["equal"]) + 0.01}
+    with (folder / "tables" / "verdicts.csv").open("w", encoding="utf-8") as file:
+        writer = csv.DictWriter(file, list(rows[0]))
+        writer.writeheader()
+        writer.writerows(rows)
+    return folder
+
+
+def test_verdicts_are_those_of_the_records_and_a_changed_one_is_named(changed):
+    number, word = recompute_claims.disagreements(changed)
+    assert number.startswith("accuracy, 5, all, equal: ")
+    assert word == "accuracy, 5, all: open, recomputed no"
+
+
+@pytest.mark.parametrize("script", [recompute_table1, recompute_claims])
+def test_a_script_shares_nothing_with_the_harness(script):
+    with open(script.__file__, encoding="utf-8") as file:
         found = re.findall(r"^(?:import|from) (\w+)", file.read(), re.MULTILINE)
-    assert {"experiments", "hdc", "scipy", "tests"}.isdisjoint(found)
+    assert {"experiments", "hdc", "scipy"}.isdisjoint(found)
     assert "numpy" in found
 
 

@@ -103,7 +103,7 @@ def test_own_numbers_stand_beside_the_reference_unless_some_alone_are_asked_for(
     assert float(row["over_hdc"]) < 0  # measured against what is not shown
     assert "eference" not in text
     text, files = written(tmp_path)
-    assert "(reference)" in text
+    assert "Reference, on its own machine" in text
     # Nothing that was not measured stands under one's own.
     assert all(row["measured"] for row in rows_of(files["comparison.csv"]))
     assert files["report.html"].decode().count('id="table1"') == 1

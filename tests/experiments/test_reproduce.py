@@ -94,7 +94,8 @@ def test_every_claim_has_steps_and_its_quick_ones_need_no_asking():
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--claim", "nothing"], "--claim: invalid choice: 'nothing' (choose from "),
+        (["--claim", "accurcy"], "found accurcy; did you mean accuracy?"),
+        (["--step", "xyz"], "--step: expected one of table1, first_report, times"),
         (["--claim", "softmax"], "add --full, or --quick"),
         (["--claim", "accuracy"], "nothing is measured"),
         (["--claim", "networks_three_layers", "--quick"], "it has no step for --quick"),

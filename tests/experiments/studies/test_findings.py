@@ -4,11 +4,9 @@ from types import SimpleNamespace
 
 import pandas as pd
 import pytest
-from omegaconf import OmegaConf
 
 from experiments.reporting.text import two_digits
 from experiments.studies.claims import findings as module
-from experiments.studies.claims.rules import TRAINED, read
 
 VALUES = pd.DataFrame(
     {
@@ -57,15 +55,6 @@ def test_the_verdict_chooses_the_sentence(filled):
         ValueError, match=r"findings\.yaml, finding 1: texts: .* for no, found yes"
     ):
         filled(text.replace('"no": behind, ', ""))
-
-
-@pytest.mark.parametrize("row", ["model: cnn1", "model: hdc, size: 5"])
-def test_a_row_of_later_may_be_missing_and_is_named_so(filled, row):
-    text = "- later: {a: {table: values, %s}}\n  text: 'so: {a.gain:points interval}'"
-    assert filled(text % row) == ["so: *not measured yet*"]
-    assert filled(text % "model: hdc") == ["so: −4.2 points [−6.0, −2.0]"]
-    open_row = (text % "model: softmax").replace("a.gain:points", "a.word:")
-    assert filled(open_row) == ["so: *not measured yet*"]
 
 
 @pytest.mark.parametrize(
@@ -119,16 +108,3 @@ def test_the_training_times_of_readme_are_those_of_its_table_of_costs(committed)
 def test_most_accuracy_is_lost_by_the_majority_as_readme_says(committed):
     steps = committed.table("decomposition").data.groupby("step").change.median()
     assert steps.idxmin() == "LDA to majority: as published"
-
-
-def test_what_is_to_come_is_of_rules_4():
-    rules = read(module.PATH.with_name("rules_4.yaml"))
-    later = [
-        row for f in OmegaConf.load(module.PATH) for row in f.get("later", {}).values()
-    ]
-    assert later
-    for row in later:
-        claim = rules.claims.get(row.claim)
-        sizes = claim.sizes or rules.sizes if claim else (TRAINED,)
-        assert claim or row.claim in rules.times
-        assert row["size"] in sizes
