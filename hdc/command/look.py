@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shlex
 from collections import Counter
-from contextlib import suppress
 from pathlib import Path, PurePath
 
 import click
@@ -115,12 +114,16 @@ def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
     try:
         return [(words, opened.main(words, standalone_mode=False))]
     except Ambiguous as error:
-        found = []
+        found, reasons = [], []
         for choice in error.choices[:MOST]:
-            with suppress(ValueError):
+            try:
                 found += _readings(_with(words, choice))
+            except ValueError as why:
+                reasons.append(why)
         if not found:
-            raise
+            raise reasons[
+                0
+            ] from error  # each choice fails: the first one's reason says more
         return found
 
 

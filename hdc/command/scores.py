@@ -132,7 +132,7 @@ def recorded_together(
         unit = np.unique(known[index], return_inverse=True)[1]
         count = int(unit.max()) + 1
         if 1 < count < n:
-            return unit, f"{count} {kind}s"
+            return unit, f"{count} {kind}s{alone}"
         if count == 1:
             alone = f" of one {kind}"
     return np.arange(n), f"{n} frames{alone}"

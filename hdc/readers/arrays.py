@@ -39,9 +39,9 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         ValueError: the file or one of its arrays is not as described.
     """
     store = load(path)
-    name = _frames_name(path, store, asked.dataset)
+    name = _frames_name(path, store, asked)
     array = store.arrays.pop(name)
-    _check_pixels(path, name, array)
+    _check_pixels(path, name, array, asked.axes)
     # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
     group = name[: name.rfind("/") + 1]
     asked = asked.within(group)
@@ -132,8 +132,9 @@ def _digest(path: Path, dataset: str, axes: tuple[str, ...]) -> str:
     return own if usual and not dataset else repr((own, (dataset, axes)))
 
 
-def _frames_name(path: Path, store: Store, dataset: str) -> str:
+def _frames_name(path: Path, store: Store, asked: Asked) -> str:
     """The array that holds the frames."""
+    dataset = asked.dataset
     wanted = dataset or "frames"
     if wanted in store.arrays:
         return wanted
@@ -143,7 +144,7 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
     listed = ", ".join(f"{name} {tuple(array.shape)}" for name, array in arrays)
     if dataset:
         raise SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
-    found = _stacks(store)
+    found = _stacks(store, asked.axes)
     if len(found) == 1:
         return found[0]
     if found:
@@ -156,9 +157,12 @@ def _frames_name(path: Path, store: Store, dataset: str) -> str:
     )
 
 
-def _stacks(store: Store) -> list[str]:
-    """Names of the arrays that can be frames: of three axes or more, else of two."""
+def _stacks(store: Store, axes: Sequence[str] | None) -> list[str]:
+    """Names of the arrays that can be frames: of three axes or more, else of two; of one if it is
+    the only axis that is asked for."""
     shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
+    if axes is not None and len(axes) == 1:
+        return [name for name, shape in shapes.items() if len(shape) == 1]
     stacks = [name for name, shape in shapes.items() if len(shape) > 2]
     return stacks or [name for name, shape in shapes.items() if _is_table(shape)]
 
@@ -167,11 +171,13 @@ def _is_table(shape: tuple[int, ...]) -> bool:
     return len(shape) == 2 and min(shape) > 1
 
 
-def _check_pixels(path: Path, name: str, array: Any) -> None:
+def _check_pixels(
+    path: Path, name: str, array: Any, axes: Sequence[str] | None
+) -> None:
     shape, kind = tuple(array.shape), array.dtype
-    if 0 in shape or len(shape) < 2:
-        raise ValueError(
-            f"{path}[{name}]: expected shape [N, H, W] or [N, D], found {shape}"
-        )
+    if 0 in shape or len(shape) < (2 if axes is None else 1):
+        text = f"{path}[{name}]: expected shape [N, H, W] or [N, D], found {shape}"
+        one = len(shape) == 1 and shape[0] > 1
+        raise ValueError(f"{text}; --axes feature reads one frame" if one else text)
     if kind.kind not in "uif" or kind.itemsize > 8:
         raise ValueError(f"{path}[{name}]: expected integers or floats, found {kind}")

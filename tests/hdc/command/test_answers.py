@@ -207,12 +207,14 @@ def test_an_interval_is_of_recordings_where_they_are_known(tmp_path):
     kept = {"labels": [*"acac"], "group": [0, 0, 1, 1], "session": [5, 5, 5, 5]}
     recording = open_recording(saved(tmp_path / "g.npz", frames, **kept))
     found = scores.score(Nearest(), recording, np.arange(4))
-    assert found["interval_by"] == "2 groups"
+    assert found["interval_by"] == "2 groups of one session"
     kept |= {"session": [0, 1, 2, 3], "group": [0, 0, 0, 0]}
     alone = open_recording(saved(tmp_path / "s.npz", frames, **kept))
     by = scores.score(Nearest(), alone, np.arange(4))["interval_by"]
     assert by == "4 frames of one group"
-    assert "% by 2 groups), 4 of 4 frames" in messages.score_lines(found)[0]
+    assert (
+        "% by 2 groups of one session), 4 of 4 frames" in messages.score_lines(found)[0]
+    )
 
 
 def test_a_score_of_values_is_complete(tmp_path):

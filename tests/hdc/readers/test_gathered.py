@@ -139,3 +139,24 @@ def test_a_file_of_other_frames_is_named(gathered):
     np.save(root / "day2" / "mug_1.npy", frames_of(1)[:, 1:])
     with pytest.raises(BadFrame, match=r"mug_1\.npy: expected frames \(16, 24\) uint8"):
         open_recording(root, template=f"{TEMPLATE}.npy")
+
+
+@pytest.mark.parametrize("suffix", ["npy", "mat"])
+def test_a_vector_in_each_file_is_one_frame(tmp_path, suffix):
+    """Public data sets of key points and of slices had no way through."""
+    vectors = np.random.default_rng(0).random((4, 30))
+    for number, vector in enumerate(vectors):
+        path = tmp_path / f"{'ab'[number % 2]}_{number}.{suffix}"
+        if suffix == "npy":
+            np.save(path, vector)
+        else:
+            mat(path, data=vector, torque=0.5)
+    template = f"{{label}}_{{group}}.{suffix}"
+    if suffix == "npy":
+        with pytest.raises(
+            ValueError, match=r"\(30,\); --axes feature reads one frame"
+        ):
+            open_recording(tmp_path, template=template)
+    recording = open_recording(tmp_path, template=template, axes=["feature"])
+    assert said(recording, "label group") == ["a 0", "a 2", "b 1", "b 3"]
+    assert np.array_equal(recording.frames(range(4)), vectors[[0, 2, 1, 3]])
