@@ -20,7 +20,7 @@ _MODULES = {
 REVISION = 1
 """Version of the shared arithmetic (bits, planes, prototypes), raised by hand in the commit
 that changes a number of theirs. Encoders and read-outs have revisions of their own."""
-__version__ = "3.0.0"  # pyproject.toml has it from here
+__version__ = "4.0.0"  # pyproject.toml has it from here
 
 
 def __getattr__(name: str) -> Any:
