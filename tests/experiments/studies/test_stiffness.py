@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 import torch
 from torch.nn import functional as F
 
 from experiments.protocol.evaluate import bank_of
+from experiments.protocol.settings import Split
 from experiments.studies.limits.stiffness import measure, newton
 from experiments.studies.limits.stiffness.problem import Problem, condition
 from scenes.frames import Frames
@@ -91,6 +94,20 @@ def test_the_condition_number_of_frames_is_that_of_the_hessian_of_the_solver_tha
     *_, largest = eigenvalues(problem, optimum_of(problem)[0], without_intercept)
     found = measure.condition_of(bank_of(scene))
     assert found == pytest.approx(largest * 30, rel=1e-3)
+
+
+def test_a_scene_may_set_a_part_of_the_split():
+    """Scenes that leave groups out state no share of test frames, and ended the whole study."""
+    rng = np.random.default_rng(0)
+    frames = rng.integers(0, 256, (24, 4, 5), dtype=np.uint8)
+    groups = {"group": np.arange(24) // 2 % 4}
+    images = torch.from_numpy(frames)
+    scene = Frames(images, np.arange(24) % 2, ("a", "b"), samples=groups)
+    context = SimpleNamespace(scene=lambda *_: scene)
+    own = {"scene": {}, "split": {"kind": "leave_group_out", "group": "group"}}
+    usual = Split("random", 0.25)
+    (row,) = measure.real_problems(context, {"mine": own}, usual, 0, 100)
+    assert (row["real"], row["n"]) == ("mine", 18)
 
 
 def test_the_optimum_has_digits_that_float64_has_not():

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
 
+import msgspec
 import numpy as np
 import torch
 from scipy.sparse.linalg import LinearOperator, eigs
@@ -90,15 +91,15 @@ def real_problems(
     most: int,
 ) -> Iterator[Row]:
     """κ of converged softmax on training frames of each scene: at most `most`, evenly spread, by
-    the split of the scene if it has one, else by `split`. A scene without files is left out."""
+    `split` with what the scene sets of it. A scene without files is left out."""
     for name, part in real.items():
         try:
             scene = context.scene(part["scene"], seed)
         except (ValueError, OSError) as error:
             context.note(f"{name} left out: {str(error).partition(';')[0]}")
             continue
-        own = checked(part["split"], Split, "split") if "split" in part else split
-        train, _ = choose(scene, own, seed)
+        given = msgspec.to_builtins(split) | part.get("split", {})
+        train, _ = choose(scene, checked(given, Split, "split"), seed)
         some = train[:: -(-len(train) // most)]
         kappa = condition_of(bank_of(scene, some))
         yield {"real": name, "kappa": kappa, "n": len(some), "origin": scene.origin}
