@@ -168,10 +168,13 @@ def _label(record: Record) -> str:
 def _is_beside(one: Record, other: Record) -> bool:
     """Whether a measurement has other models than another, seeds of it or more, and all other
     settings are equal. Times of two calls do not compare, so of what is timed there is one, or one
-    of each number of its ``measurement``."""
+    of each number of its ``measurement``, which may leave models out."""
     if one.config.get(_AGAIN) != other.config.get(_AGAIN):
-        first, second = (configs.without((_AGAIN,), m.config) for m in (one, other))
-        return bool(first == second)
+        keys = (_AGAIN, "models")
+        first, second = (configs.without(keys, m.config) for m in (one, other))
+        mine, theirs = (m.config.get("models") or {} for m in (one, other))
+        common = mine.keys() & theirs.keys()
+        return bool(first == second and all(mine[k] == theirs[k] for k in common))
     rest, of_other = (configs.without(_OF_MODELS, m.config) for m in (one, other))
     models, seeds = (
         [set(m.config.get(key) or ()) for m in (one, other)] for key in _OF_MODELS

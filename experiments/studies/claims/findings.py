@@ -52,6 +52,7 @@ FORMATS: Mapping[str, Callable[[Any], str]] = {
     "scenes": _on_each,
     "model": display_name,
     "scene": scene_name,
+    "processor": lambda name: name.partition(" (")[0],  # without its marks
 }
 # Units that stand between a number and its bounds.
 UNITS = {"points": " points", "percentage": " percentage points"}

@@ -127,6 +127,14 @@ OTHER_FRAMES, TIMED = {"elsewhere": True}, {"timed": True}
             ],
             ["ridge", "ridge"],
         ),
+        # The second one may leave out a model that takes long.
+        (
+            [
+                of_models("cnn3", "ridge", measurement=1) | TIMED,
+                of_models("ridge", measurement=2) | TIMED,
+            ],
+            ["ridge", "ridge"],
+        ),
         # The experiment's own frames before others, however new.
         (
             [of_models("hdc", "ridge"), of_models("ridge", "hdc", p=1) | OTHER_FRAMES],
