@@ -110,3 +110,4 @@ def plain_decades(axes: Axes) -> None:
     axes.xaxis.set_major_formatter(
         lambda x, _: f"{x:,g}" if 1e-3 <= x <= 1e5 else f"{x:.0e}"
     )
+    axes.xaxis.set_minor_formatter(lambda *_: "")  # they overlap within one decade

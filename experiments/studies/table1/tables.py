@@ -106,8 +106,7 @@ def disturbed(runs: pd.DataFrame) -> str:
     found = list(filter(None, reasons))
     if not found or len(runs) == 1:
         return "".join(found)
-    first = "" if len(found) == 1 else ", the first"
-    return f"{len(found)} of {len(runs)} seeds{first}: {found[0]}"
+    return f"{len(found)} of {len(runs)} seeds: {'; '.join(dict.fromkeys(found))}"
 
 
 def _relative_times(runs: pd.DataFrame) -> dict[str, float]:

@@ -46,7 +46,8 @@ def _time(cells: Cells) -> str:
     if not cells["seeds"]:
         return NOT_MEASURED
     reason = cells.get(DISTURBED)
-    mark = f" (disturbed: {reason})" if reason else ""
+    # Of several seeds only how many; the CSV has every reason.
+    mark = f" (disturbed: {reason.partition(': ')[0]})" if reason else ""
     if cells["at_least_s"] is not None:
         accuracy = percent(cells["train_accuracy_final"])
         return f"> {number(cells['at_least_s'])}: {accuracy} % in training{mark}"
