@@ -74,7 +74,8 @@ def busy(frame: pd.DataFrame) -> pd.DataFrame:
     keys = ["threads", "busy", "model"]
     load = [name for name in lines if name.startswith("yardstick_")]
     table = lines.groupby(keys)[["others", *load, "fit_s", "cpu_s"]].median()
-    hdc = table.fit_s.xs("hdc", level="model")
+    is_hdc = table.index.get_level_values("model") == "hdc"
+    hdc = table.fit_s[is_hdc].droplevel("model")
     table["over_hdc"] = table.fit_s / hdc.reindex(table.index.droplevel("model")).values
     quiet = table.over_hdc.groupby(["threads", "model"]).transform("first")
     table["inflation"] = table.over_hdc / quiet

@@ -114,7 +114,7 @@ def test_few_ties_are_not_warned_of():
         Levels().encode(frame)
     for share, encoder in ((49, Median("raster")), (59, Levels(ties="raster"))):
         frame[0, 790 - 10 * share : 790] = 500
-        with pytest.warns(UserWarning, match=f"{share}% of .*ties='raster'"):
+        with pytest.warns(UserWarning, match=f"{share} % of .*ties='raster'"):
             encoder.encode(frame)
         with warnings.catch_warnings():  # once
             warnings.simplefilter("error")
