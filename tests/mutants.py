@@ -56,7 +56,9 @@ def main() -> None:
         counts = Counter(NOTICED.get(found[name], "not run") for name in sample)
         tested = counts["noticed"] + counts["too slow"] + counts["survived"]
         share = (tested - counts["survived"]) / tested
-        print(f"{part}: {dict(counts)}; {share:.1%} of those that a test reaches")
+        print(
+            f"{part}: {dict(counts)}; {100 * share:.1f} % of those that a test reaches"
+        )
         for name in sample:
             if found[name] not in (1, 3):
                 print(f"  {NOTICED.get(found[name], 'not run')}: {name}")

@@ -166,22 +166,35 @@ def _label(record: Record) -> str:
 
 
 def _is_beside(one: Record, other: Record) -> bool:
-    """Whether a measurement has other models than another, seeds of it or more, and all other
-    settings are equal. Times of two calls do not compare, so of what is timed there is one, or one
-    of each number of its ``measurement``, which may leave models out."""
+    """Whether two measurements of a scene count side by side: of other models, or made again."""
     if one.config.get(_AGAIN) != other.config.get(_AGAIN):
-        keys = (_AGAIN, "models")
-        first, second = (configs.without(keys, m.config) for m in (one, other))
-        mine, theirs = (m.config.get("models") or {} for m in (one, other))
-        common = mine.keys() & theirs.keys()
-        return bool(first == second and all(mine[k] == theirs[k] for k in common))
-    rest, of_other = (configs.without(_OF_MODELS, m.config) for m in (one, other))
+        return _is_again(one, other)
+    # Times of two calls do not compare.
+    return not one.timed and _is_of_others(one, other)
+
+
+def _is_again(one: Record, other: Record) -> bool:
+    """Whether two measurements have equal settings; one may leave models out."""
+    first, second = (
+        configs.without((_AGAIN, "models"), m.config) for m in (one, other)
+    )
+    models, others = (m.config.get("models") or {} for m in (one, other))
+    return bool(
+        first == second
+        and all(models[name] == others[name] for name in models.keys() & others.keys())
+    )
+
+
+def _is_of_others(one: Record, other: Record) -> bool:
+    """Whether two measurements have no model in common, the seeds of one among those of the other,
+    and all other settings equal."""
+    first, second = (configs.without(_OF_MODELS, m.config) for m in (one, other))
     models, seeds = (
         [set(m.config.get(key) or ()) for m in (one, other)] for key in _OF_MODELS
     )
     apart = all(models) and models[0].isdisjoint(models[1])
     within = seeds[0] <= seeds[1] or seeds[1] <= seeds[0]
-    return not one.timed and rest == of_other and apart and within
+    return bool(first == second and apart and within)
 
 
 def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:

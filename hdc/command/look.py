@@ -114,16 +114,17 @@ def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
     try:
         return [(words, opened.main(words, standalone_mode=False))]
     except Ambiguous as error:
-        found, reasons = [], []
-        for choice in error.choices[:MOST]:
+        found: list[tuple[list[str], Recording]] = []
+        refused: ValueError = error
+        for choice in reversed(error.choices[:MOST]):
             try:
-                found += _readings(_with(words, choice))
+                found = _readings(_with(words, choice)) + found
             except ValueError as why:
-                reasons.append(why)
-        if not found:
-            raise reasons[
-                0
-            ] from error  # each choice fails: the first one's reason says more
+                refused = why
+        if (
+            not found
+        ):  # why the first choice fails says more than that there are several
+            raise refused from error
         return found
 
 

@@ -24,7 +24,7 @@ from statistics import NormalDist
 import numpy as np
 import yaml
 
-from tests.experiments.recompute_table1 import STUDENT
+from tests.experiments.recompute_table1 import STUDENT, main
 
 ROOT = Path(__file__).parents[2]
 RULES = yaml.safe_load(
@@ -285,15 +285,5 @@ def choice(records: list[dict], where: str, row: dict) -> Iterator[str]:
     yield from differing(where, row, {"equal": gains[word]}, {})
 
 
-def main() -> int:
-    folder = Path(sys.argv[1] if len(sys.argv) > 1 else ROOT / "results" / "reference")
-    wrong = list(disagreements(folder))
-    for line in wrong:
-        print(line)
-    if not wrong:
-        print(f"{folder / 'tables' / 'verdicts.csv'}: every number recomputed")
-    return 1 if wrong else 0
-
-
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(main(disagreements, "verdicts.csv"))
