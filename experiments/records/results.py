@@ -186,8 +186,8 @@ def _is_again(one: Record, other: Record) -> bool:
 
 
 def _is_of_others(one: Record, other: Record) -> bool:
-    """Whether two measurements have no model in common, the seeds of one among those of the other,
-    and all other settings equal."""
+    """Whether two measurements have no model in common, the same seeds or a part of them, and all
+    other settings equal."""
     first, second = (configs.without(_OF_MODELS, m.config) for m in (one, other))
     models, seeds = (
         [set(m.config.get(key) or ()) for m in (one, other)] for key in _OF_MODELS
