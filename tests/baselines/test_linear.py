@@ -72,7 +72,10 @@ def test_an_update_from_old_weights_is_the_optimum_near_them(kind, pixels, speck
     old = kind(pixels=pixels).fit(frames[:40], labels[:40])
     scores = model.scores_from_old(bank, TRAIN, new, np.arange(60))
     with_one = F.pad(x, (0, 1), value=1.0)  # scores are linear in pixels and one
-    weights = torch.linalg.lstsq(with_one, scores, rcond=1e-5).solution.requires_grad_()
+    # Standardised pixels sum to zero, so this matrix is singular. PyTorch's usual driver does not
+    # always notice; gelsd decomposes into singular values and does.
+    solved = torch.linalg.lstsq(with_one, scores, rcond=1e-5, driver="gelsd")
+    weights = solved.solution.requires_grad_()
     change = (weights[:-1] - x[:40].T @ old.coefficients_).square().sum()
     z, y = with_one[new] @ weights, torch.from_numpy(labels[new])
     if kind is RidgeReadout:
