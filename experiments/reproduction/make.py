@@ -21,7 +21,7 @@ from experiments.records import locks
 from experiments.records.console import say
 from experiments.records.files import ROOT
 from experiments.records.revision import PACKAGES
-from experiments.reproduction.steps import LANES, Step, able, cost_text
+from experiments.reproduction.steps import LANES, Step, able
 from hdc.io import write_atomically
 
 FOLDER = "reproduce"  # of makefiles and stamps, in the folder of results
@@ -102,8 +102,7 @@ def _makefile(found: Sequence[Step], stamps: Path) -> Iterator[str]:
         yield f"{goal}: {' '.join(targets)}"
     ordered = sorted(found, key=lambda step: not step.timed)
     for number, step in enumerate(ordered):
-        left = cost_text(ordered[number:])
-        text = f"{number + 1} of {len(ordered)}: {step.name}; about {left} left"
+        text = f"{number + 1} of {len(ordered)}: {step.name}"
         threads = "" if step.timed else "OMP_NUM_THREADS=1 "
         command = shlex.join([sys.executable, "-m", *step.all_words])
         yield f"{_escaped(stamps / step.name)}:"
