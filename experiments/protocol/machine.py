@@ -16,14 +16,16 @@ import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
+from rich.console import Console
 
 from experiments.records import revision
+from experiments.records.console import say
 
 _POLL_S = 0.2
 # Options of mallopt in glibc's malloc.h (M_MMAP_MAX, M_TRIM_THRESHOLD, M_TOP_PAD), and what they
@@ -85,14 +87,14 @@ def threads(wanted: Any, launcher: Any) -> int:
 def held(
     n: int,
     device: str,
-    waiting: Callable[[], None],
+    console: Console,
 ) -> Iterator[None]:
     """Hold n cores, or all if there are fewer, and the GPU that is computed on.
 
     Args:
         n: number of cores.
         device: as torch names it.
-        waiting: called once if they are not free at once.
+        console: says it once if they are not free at once.
     """
     folder = Path(tempfile.gettempdir()) / f"optical-hdc-cores-{os.getuid()}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -108,7 +110,8 @@ def held(
         # All were given back, so that two runs that wait for each other's cores cannot lock up;
         # at random times, so that they do not go on meeting.
         if attempt == 0:
-            waiting()
+            text = f"waiting for {n} free cores: another run is timed"
+            say(console, f"{text} (exclusive=false runs beside it)", "yellow")
         time.sleep(_POLL_S * random.uniform(0.5, 1.5))
 
 

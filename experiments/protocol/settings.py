@@ -54,12 +54,9 @@ def resolved(cfg: DictConfig) -> dict[str, Any]:
     """A composed config as plain values.
 
     Raises:
-        ValueError: naming the keys that have no value.
+        MissingMandatoryValue: naming a key that has no value.
     """
-    missing = ", ".join(sorted(OmegaConf.missing_keys(cfg)))
-    if missing:
-        raise ValueError(f"{missing}: expected a value, found none")
-    values: Any = OmegaConf.to_container(cfg, resolve=True)
+    values: Any = OmegaConf.to_container(cfg, resolve=True, throw_on_missing=True)
     return values
 
 

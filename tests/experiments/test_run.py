@@ -240,6 +240,7 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
             r"error: model: expected one of .*hdc, .*, found hcd; did you mean hdc\?",
         ),
         (["nothing"], r"error: nothing, Error parsing override 'nothing', missing .*"),
+        (["scene.path=???"], r"error: Missing mandatory .*, full_key: scene\.path, .*"),
         (
             ["scene.colour=1"],
             r"error: Could not override 'scene\.colour'.*, To append .*",

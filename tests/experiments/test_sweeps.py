@@ -12,6 +12,7 @@ import time
 
 import psutil
 import pytest
+from rich.console import Console
 
 from experiments.protocol import machine
 from experiments.records import store
@@ -130,7 +131,7 @@ def test_runs_wait_for_free_cores_unless_told_not_to(
     results, scene, start, monkeypatch
 ):
     monkeypatch.setattr(machine, "available", lambda: [0])
-    with machine.held(1, "cpu", lambda: None):
+    with machine.held(1, "cpu", Console(quiet=True)):
         waiting, beside = start(*scene), start(*scene, "seed.run=1", "exclusive=false")
         beside.join(60)
         waiting.join(0.5)

@@ -11,7 +11,6 @@ from experiments.protocol.settings import checked
 @pytest.mark.parametrize(
     ("override", "message"),
     [
-        ("scene.path=???", r"scene\.path: expected a value, found none"),
         ("seed.run=-1", r"seed\.run: Expected `int` >= 0"),
         ("data=null", r"data: Expected `object`, got `null`"),
         (
