@@ -12,6 +12,7 @@ import importlib
 import itertools
 import os
 import random
+import re
 import resource
 import sys
 import tempfile
@@ -169,16 +170,9 @@ def peak_bytes() -> int:
 
     On Linux it excludes the memory of the parent process, which ``getrusage`` includes.
     """
-    unit = 1 if sys.platform == "darwin" else 1024
-    return _status("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-
-
-def _status(key: str) -> int | None:
-    """A number of kilobytes of Linux's ``/proc/self/status``, in bytes."""
     status = Path("/proc/self/status")
-    if not status.exists():
-        return None
-    for line in status.read_text().splitlines():
-        if line.startswith(f"{key}:"):
-            return 1024 * int(line.split()[1])
-    return None
+    if status.exists():
+        (kilobytes,) = re.findall(r"^VmHWM:\s+(\d+)", status.read_text(), re.MULTILINE)
+        return 1024 * int(kilobytes)
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

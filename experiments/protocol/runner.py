@@ -129,7 +129,7 @@ def _begun(
     changed, device = _changed(own, asked.keys), config["device"]
     about: dict[str, Any] = {}
     if kind is Training:
-        name, determining = f"{scene}-{model}", own
+        name = f"{scene}-{model}"
         about["model"] = Named(model, model, config.get("display") or {})
         about |= {"stop": stop, "revisions": revisions(own)}
         if device != "cpu":  # its times do not compare
@@ -138,11 +138,11 @@ def _begun(
         name = experiment = experiment or kind.__name__
         about["task"] = target = f"{kind.__module__}.{kind.__qualname__}"
         about["revisions"] = revisions({"_target_": target, **own})
-        determining = own if device == "cpu" else {**own, "device": device}
         others = asked.other_scene or any(map(_is_of_frames, asked.keys))
         about["elsewhere"] = has_scene and others
     if has_scene:
         about["scene"] = Named(scene, scene, config.get("scene_display") or {})
+    determining = own if device == "cpu" else {**own, "device": device}
     return Record(
         schema=SCHEMA,
         id=name_of(name, determining, data),

@@ -239,7 +239,6 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
             ["model=hcd"],
             r"error: model: expected one of .*hdc, .*, found hcd; did you mean hdc\?",
         ),
-        (["nothing"], r"error: nothing, Error parsing override 'nothing', missing .*"),
         (["scene.path=???"], r"error: Missing mandatory .*, full_key: scene\.path, .*"),
         (
             ["scene.colour=1"],
@@ -252,10 +251,6 @@ def test_a_task_that_another_process_is_at_is_left_to_it_and_the_exit_status_say
         (
             ["model._target_=nowhere.Model"],
             r"error: Error locating target 'nowhere\.Model', .*, full_key: model",
-        ),
-        (
-            ["experiment=stability", "+task.nothing=1"],
-            r"error: task: Object contains unknown field `nothing`",
         ),
         (
             ["+task={_target_: os.system, command: 'true'}"],

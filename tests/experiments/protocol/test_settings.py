@@ -1,11 +1,6 @@
 """Typed parts of a config: a wrong value is named by its key, before anything is built."""
 
-from collections.abc import Mapping
-
-import msgspec
 import pytest
-
-from experiments.protocol.settings import checked
 
 
 @pytest.mark.parametrize(
@@ -26,24 +21,3 @@ from experiments.protocol.settings import checked
 def test_a_wrong_value_is_named_by_its_key(carry_out, override, message):
     with pytest.raises(ValueError, match=f"^{message}"):
         carry_out(override)
-
-
-class Whole(msgspec.Struct):
-    draws: dict[str, int] = {}
-    sizes: list[int] = []
-    parts: Mapping[str, int] | None = None
-
-
-@pytest.mark.parametrize(
-    ("values", "message"),
-    [
-        ({"draws": {"b": "x"}}, r"task\.draws\[...\]: Expected `int`, got `str`"),
-        ({"sizes": [5, "x"]}, r"task\.sizes\[1\]: Expected `int`, got `str`"),
-        ({"parts": 5}, r"task\.parts: Expected `object \| null`, got `int`"),
-        (5, "task: Expected `object`, got `int`"),
-    ],
-    ids=str,
-)
-def test_a_wrong_value_inside_a_mapping_or_a_list_is_named(values, message):
-    with pytest.raises(ValueError, match=f"^{message}"):
-        checked(values, Whole, "task")
