@@ -160,7 +160,7 @@ def _in_one_line(error: Exception) -> str:
 class Launch(Callback):
     """Says at the end of a sweep where its records lie."""
 
-    def on_multirun_end(self, **_: Any) -> None:
+    def on_multirun_end(self, config: DictConfig, **_: Any) -> None:
         """Called by Hydra after the last run."""
         _say(f"records: {results_dir()}; tables of them: python -m experiments.report")
 
@@ -179,7 +179,7 @@ def _without_effect(cfg: DictConfig, words: Sequence[str]) -> list[str]:
     if cfg.task is None:
         return []
     task = OmegaConf.to_yaml(cfg.task)
-    named = {part for part in cfg if f"${{{part}" in task}
+    named = {part for part in map(str, cfg) if f"${{{part}" in task}
     if "seeds" in cfg.task:  # which sets every seed
         named.discard("seed")
     return [

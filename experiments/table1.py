@@ -49,7 +49,8 @@ def main() -> int:
             with call.shown():
                 _measure(console, model, retries)
                 made = TABLE1.made(Results(results_dir()).frame(*TABLE1.experiments))
-                show_row(console, made, model, heads=number == 0)
+                if made is not None:
+                    show_row(console, made, model, heads=number == 0)
         with call.shown():
             report.write(results_dir(), console, brief=True)
     return call.status
