@@ -82,13 +82,12 @@ def _make(makefile: Path, goal: str, lanes: int) -> int:
     process = subprocess.Popen([*command, f"-j{lanes}", goal], cwd=ROOT)
     try:
         process.wait()
-    except BaseException as error:
-        # An interrupt of the terminal has reached make as well.
-        if not isinstance(error, KeyboardInterrupt):
-            process.terminate()
+    except KeyboardInterrupt:  # which has reached make as well
         process.wait()
-        if isinstance(error, KeyboardInterrupt):
-            return 128 + signal.SIGINT
+        return 128 + signal.SIGINT
+    except SystemExit:
+        process.terminate()
+        process.wait()
         raise
     return 0
 
