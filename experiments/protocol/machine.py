@@ -147,8 +147,9 @@ def libraries(
     numpy, scipy and scikit-learn bring OpenBLAS and OpenMP libraries of their own, with a thread a
     core each. Only scikit-learn's estimators compute with them.
     """
-    named = [target for target, _ in revision.targets(model)]
-    estimators = [target for target in named if target.startswith("sklearn.")]
+    estimators = [
+        target for target, _ in revision.targets(model) if target.startswith("sklearn.")
+    ]
     if not estimators:
         yield []
         return
@@ -158,11 +159,11 @@ def libraries(
     for name in estimators:
         importlib.import_module(name.rpartition(".")[0])
     with threadpool_limits(threads):
-        limited = []
-        for info in threadpool_info():
-            about = {"library": info["prefix"], "version": info["version"]}
-            limited.append({**about, "threads": info["num_threads"]})
-        yield limited
+        keys = {"library": "prefix", "version": "version", "threads": "num_threads"}
+        yield [
+            {name: info[key] for name, key in keys.items()}
+            for info in threadpool_info()
+        ]
 
 
 def peak_bytes() -> int:
