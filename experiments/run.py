@@ -8,16 +8,16 @@ at is left to it. ``experiment=NAME`` carries out an experiment of ``configs/exp
 
 from __future__ import annotations
 
-import copy
+import difflib
 import os
 import re
 import shlex
 import signal
 import sys
-import time
 import traceback
 import warnings
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -29,17 +29,16 @@ import hydra
 import torch
 from hydra import compose, initialize_config_dir
 from hydra.core.hydra_config import HydraConfig
+from hydra.errors import HydraException, MissingConfigException, OverrideParseException
 from hydra.experimental.callback import Callback
-from hydra.types import RunMode
 from omegaconf import DictConfig, OmegaConf
 from omegaconf.errors import OmegaConfBaseException
 from rich.console import Console
 from rich.markup import escape
 
-from experiments.protocol import machine, sweep
-from experiments.protocol.messages import is_users, message
+from experiments.protocol import machine
 from experiments.protocol.needs import needs
-from experiments.protocol.runner import Asked, carry_out, task_class
+from experiments.protocol.runner import Asked, carry_out
 from experiments.protocol.settings import resolved
 from experiments.protocol.validation import ACCURACY
 from experiments.records import configs, locks
@@ -49,6 +48,8 @@ from experiments.records.files import results_dir
 from experiments.records.record import Record
 from experiments.reporting.summary import summarise
 
+# What a user can mend: one line. Others are ours, and have a traceback.
+_USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
 # Keys that say how any task is carried out.
 _OF_ANY = ("device", "threads", "exclusive", "cache", "force", "experiment")
 # What an experiment may set of its runs; and its default that says which frames there are.
@@ -82,108 +83,86 @@ class CommandLine:
     A run that fails is shown, and the next one begins. A worker of a launcher has a copy of this:
     there the run raises, and Hydra hands its error on.
 
-    Args:
-        words: of the command line.
-        brief: whether results are shown by the caller; progress and errors are shown here.
-
     Attributes:
-        failed: whether a run failed.
-        left: whether a run was left to another process.
+        status: to exit with: 1 after any error, else :data:`locks.LEFT` where a run was left to
+            another process, else 0.
     """
 
-    def __init__(self, words: Sequence[str], brief: bool = False):
-        self.failed = self.left = False
-        self._brief = brief
-        self._words, self._process = list(words), os.getpid()
-        self._seconds: list[float] = []  # of runs that were not found finished
+    def __init__(self) -> None:
+        self.status = 0
+        self._process = os.getpid()
         self._warned: set[str] = set()
         self._told = {""}  # lines of what runs need
 
     def carry_out(self, cfg: DictConfig) -> float | None:
         """One run. Returns what a sweeper may optimise, if the run has it: the accuracy inside the
         training frames."""
+        with self.shown():
+            hydra_cfg, config = HydraConfig.get(), resolved(cfg)
+            for word in _without_effect(cfg, hydra_cfg.overrides.task):
+                _say(f"{word}: nothing of this experiment depends on it", "yellow")
+            told = needs(config)
+            if told not in self._told:
+                self._told.add(told)
+                _say(told)
+            console = Console()
+            record, was_there = _made(config, hydra_cfg, console)
+            summarise(console, record, was_there)
+            found = [row[ACCURACY] for row in record.rows.dicts() if ACCURACY in row]
+            return sum(found) / len(found) if found else None
+        return None
+
+    @contextmanager
+    def shown(self) -> Iterator[None]:
+        """Show an error and the warnings of what runs inside, and go on."""
         with warnings.catch_warnings():
-            warnings.showwarning = self.warn  # type: ignore[assignment]
+            warnings.showwarning = self._warn  # type: ignore[assignment]
             try:
-                return self._carry_out(cfg)
+                yield
             except Exception as error:
                 if os.getpid() != self._process:
                     raise
-                self.complain(error)
-                return None
+                self._complain(error)
 
-    def _carry_out(self, cfg: DictConfig) -> float | None:
-        hydra_cfg, config = HydraConfig.get(), resolved(cfg)
-        task = task_class(config)
-        for word in _without_effect(cfg, hydra_cfg.overrides.task):
-            seeds = "; its seeds are task.seeds" if "seeds" in cfg.task else ""
-            _say(f"{word}: nothing of this experiment depends on it{seeds}", "yellow")
-        if hydra_cfg.mode == RunMode.MULTIRUN:
-            self._show_progress(config["exclusive"] and not task.timed, hydra_cfg)
-        told = needs(config)
-        if told not in self._told:
-            self._told.add(told)
-            _say(told)
-        start, console = time.perf_counter(), Console()
-        record, was_there = _made(config, hydra_cfg, console)
-        if not self._brief:
-            summarise(console, record, was_there)
-        if not was_there:
-            self._seconds.append(time.perf_counter() - start)
-        found = [row[ACCURACY] for row in record.rows.dicts() if ACCURACY in row]
-        return sum(found) / len(found) if found else None
-
-    def _show_progress(self, could_share: bool, hydra_cfg: Any) -> None:
-        """Say which run of a sweep begins; before the first, that it could run beside others."""
-        number = int(hydra_cfg.job.num) + 1
-        if number == 1 and could_share:
-            _say("nothing of this is timed: exclusive=false runs it beside other runs")
-        params = hydra_cfg.sweeper.get("params")
-        # A sweeper that chooses values, as Optuna's, says how many trials it makes.
-        trials = hydra_cfg.sweeper.get("n_trials")
-        runs = trials or sweep.size(params, self._words)
-        if runs > 1:
-            words = list(hydra_cfg.overrides.task)
-            _say(sweep.progress(number, runs, words, self._seconds))
-
-    def complain(self, error: Exception) -> None:
-        """Show an error and go on: the user's as one line, others with their traceback."""
+    def _complain(self, error: Exception) -> None:
+        """Show the user's errors as one line, others with their traceback."""
         if isinstance(error, locks.Held):
-            self.left = True
+            self.status = self.status or locks.LEFT
             _say(str(error), style="yellow")
             return
-        self.failed = True
-        if not is_users(error):
+        self.status = 1
+        if isinstance(error, _USER_ERRORS):
+            _tell("[red]error:[/red]", _in_one_line(error))
+        else:
             traceback.print_exception(error)
-            return
-        lines = message(error, self._words).splitlines()
-        _tell("[red]error:[/red]", "\n".join(map(printable, lines)))
 
-    def warn(self, text: Warning | str, *_: Any) -> None:
+    def _warn(self, text: Warning | str, *_: Any) -> None:
         """Show a warning, the first time but for its numbers, which differ from seed to seed."""
         but_for_numbers = re.sub(r"\d+", "", str(text))
-        if but_for_numbers in self._warned:
-            return
-        self._warned.add(but_for_numbers)
-        _tell("[yellow]warning:[/yellow]", str(text))
+        if but_for_numbers not in self._warned:
+            self._warned.add(but_for_numbers)
+            _tell("[yellow]warning:[/yellow]", str(text))
+
+
+def _in_one_line(error: Exception) -> str:
+    """The message of an error; of a file of ``configs/`` that there is not, with the nearest."""
+    if isinstance(error, MissingConfigException) and error.options:
+        group, _, name = str(error.missing_cfg_file).rpartition("/")
+        text = f"{group}: expected one of {', '.join(error.options)}, found {name}"
+        meant = difflib.get_close_matches(name, error.options, 1)
+        return f"{text}; did you mean {meant[0]}?" if meant else text
+    lines = [line.strip() for line in str(error).splitlines()]
+    if isinstance(error, OverrideParseException):
+        lines.insert(0, error.override)
+    return printable(", ".join(filter(None, lines)))
 
 
 class Launch(Callback):
-    """Says where workers print, and at the end of a sweep where its records lie."""
-
-    def on_multirun_start(self, config: DictConfig, **_: Any) -> None:
-        """Called by Hydra before the first run."""
-        folder = config.hydra.launcher.get("submitit_folder")
-        if folder:
-            _say(f"each run prints into {folder}/*.out")
+    """Says at the end of a sweep where its records lie."""
 
     def on_multirun_end(self, config: DictConfig, **_: Any) -> None:
         """Called by Hydra after the last run."""
-        params, words = config.hydra.sweeper.get("params"), config.hydra.overrides.task
-        if sweep.size(params, words) > 1:
-            _say(
-                f"records: {results_dir()}; tables of them: python -m experiments.report"
-            )
+        _say(f"records: {results_dir()}; tables of them: python -m experiments.report")
 
 
 def _made(
@@ -195,27 +174,24 @@ def _made(
     return carry_out(config, _asked(hydra_cfg), console)
 
 
-def _without_effect(cfg: DictConfig, words: Sequence[str]) -> Iterator[str]:
-    """Words of the command line on which the task of an experiment does not depend: with another
-    value of the key it is the same."""
+def _without_effect(cfg: DictConfig, words: Sequence[str]) -> list[str]:
+    """Words of the command line that set a part of the config which the task does not name."""
     if cfg.task is None:
-        return
-    task = OmegaConf.to_container(cfg.task, resolve=True)
-    for word in words:
-        key = word.lstrip("+~").partition("=")[0].partition("@")[0]
-        if key.partition(".")[0] in ("task", *_OF_ANY):
-            continue
-        if key.startswith("seed.") and "seeds" in cfg.task:  # which it sets everywhere
-            yield word
-            continue
-        other = copy.deepcopy(cfg)
-        OmegaConf.update(other, key, "another", force_add=True)
-        try:
-            same = OmegaConf.to_container(other.task, resolve=True) == task
-        except OmegaConfBaseException:  # it refers to what lies below the key
-            same = False
-        if same:
-            yield word
+        return []
+    task = OmegaConf.to_yaml(cfg.task)
+    named = {part for part in map(str, cfg) if f"${{{part}" in task}
+    if "seeds" in cfg.task:  # which sets every seed
+        named.discard("seed")
+    return [
+        word
+        for word in words
+        if _key(word).partition(".")[0] not in ("task", *_OF_ANY, *named)
+    ]
+
+
+def _key(word: str) -> str:
+    """The dotted key that a word of the command line sets."""
+    return word.lstrip("+~").partition("=")[0].rpartition("@")[2]
 
 
 def _command(words: Sequence[str]) -> str:
@@ -225,8 +201,7 @@ def _command(words: Sequence[str]) -> str:
 def _asked(hydra_cfg: Any) -> Asked:
     """Choices and settings of the command line and of the experiment's file."""
     choices = dict(hydra_cfg.runtime.choices)
-    words = (word.lstrip("+~").partition("=")[0] for word in hydra_cfg.overrides.task)
-    keys = [word.rpartition("@")[2] for word in words]
+    keys = [_key(word) for word in hydra_cfg.overrides.task]
     file = _experiment(choices.get("experiment"), hydra_cfg)
     keys += configs.flat({part: file[part] for part in _PARTS if part in file})
     chosen = {_SCENE: "touch"}  # as configs/config.yaml
@@ -259,34 +234,29 @@ def _tell(kind: str, text: str) -> None:
     stderr.print(kind, escape(text), soft_wrap=True, emoji=False)
 
 
-def entry_point(brief: bool = False) -> None:
-    """Carry out the command line; in brief, the caller shows the results.
-
-    It exits with 1 after any error, and with :data:`locks.LEFT` where runs were left to another
-    process.
-    """
-    call = CommandLine(sys.argv[1:], brief)
-    signal.signal(signal.SIGINT, signal.default_int_handler)
+def entry_point() -> None:
+    """Carry out the command line."""
+    call = CommandLine()
     # Hydra's own errors come here, and leave as one line.
     os.environ["HYDRA_FULL_ERROR"] = "1"
     os.environ[COMMAND] = _command(sys.argv[1:])
-    # A scheduler's or a user's end of a run is written into its record, a closed terminal's too.
+    with ended_by_signals(), call.shown():
+        _start(call)
+    sys.exit(call.status)
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """An end from outside leaves a record of how far a run came, and the exit status says which."""
+    signal.signal(signal.SIGINT, signal.default_int_handler)
+    # Of a scheduler, a user, a closed terminal.
     for number in (signal.SIGTERM, signal.SIGHUP):
         signal.signal(number, lambda number, _: sys.exit(128 + number))
     try:
-        _start(call)
-        sys.stdout.flush()
+        yield
     except KeyboardInterrupt:
         print("interrupted; the same command resumes", file=sys.stderr)
         sys.exit(128 + signal.SIGINT)
-    except BrokenPipeError:  # whoever read the output has read enough
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(128 + signal.SIGPIPE)
-    except Exception as error:
-        call.complain(error)
-    if call.failed:
-        sys.exit(1)
-    sys.exit(locks.LEFT if call.left else 0)
 
 
 def _start(call: CommandLine) -> None:
@@ -298,11 +268,10 @@ def _start(call: CommandLine) -> None:
     main = hydra.main(
         version_base="1.3", config_path="../configs", config_name="config"
     )
-    with warnings.catch_warnings():
-        # configs/hydra/launcher changes parts of the launchers' own configs.
-        text = "(?s).*validated against ConfigStore schema"
-        warnings.filterwarnings("ignore", message=text)
-        main(call.carry_out)()
+    # configs/hydra/launcher changes parts of the launchers' own configs.
+    text = "(?s).*validated against ConfigStore schema"
+    warnings.filterwarnings("ignore", message=text)
+    main(call.carry_out)()
 
 
 if __name__ == "__main__":

@@ -14,7 +14,6 @@ import numpy as np
 import torch
 from filelock import FileLock
 from rich.console import Console
-from rich.progress import Progress
 from torch import Tensor
 
 from experiments.protocol.clock import Clock
@@ -102,26 +101,15 @@ class DerivedScene:
 
 
 class CachedScene(DerivedScene):
-    """A scene whose frames lie in one file on disk, uint8 or uint16 .npy [N, H, W].
-
-    Raises:
-        ValueError: naming the file, if it is not that.
-    """
+    """A scene whose frames lie in one file on disk, uint8 or uint16 .npy [N, H, W]."""
 
     def __init__(self, scene: Scene, path: Path):
         super().__init__(scene)
         self._path = path
-        self.frames([])
 
     def frames(self, indices: Any) -> Tensor:
         """Read from a map that is closed again: its pages count as memory of the process."""
-        expected = f"{self._path}: expected {len(self)} frames {self.shape} (remove it to renew it)"
-        try:
-            mapped = np.load(self._path, mmap_mode="r", allow_pickle=False)
-        except (ValueError, EOFError) as error:
-            raise ValueError(f"{expected}, found: {error}") from error
-        if mapped.shape != (len(self), *self.shape):
-            raise ValueError(f"{expected}, found shape {mapped.shape}")
+        mapped = np.load(self._path, mmap_mode="r", allow_pickle=False)
         return torch.from_numpy(mapped[np.asarray(indices, dtype=np.int64)])
 
 
@@ -140,7 +128,7 @@ def cached(
     Args:
         scene: where the frames come from.
         folder: of the files.
-        console: shows the progress.
+        console: says what is kept.
         config: of the scene; a fingerprint says nothing of the code of its parts.
 
     Raises:
@@ -156,32 +144,22 @@ def cached(
     with FileLock(path.with_suffix(".lock")):  # made by one process; others wait for it
         if not path.exists():
             try:
-                _make(scene, path, console)
+                _make(scene, path)
             except OSError as error:
                 raise OSError(error.errno, error.strerror, str(path)) from error
             size = path.stat().st_size / 1e6
-            say(
-                console,
-                f"kept {size:.0f} MB of frames in {folder} (cache=false keeps none)",
-                "dim",
-            )
+            text = f"kept {size:.0f} MB of frames in {folder} (cache=false keeps none)"
+            say(console, text, "dim")
     return CachedScene(scene, path)
 
 
-def _make(
-    scene: Scene,
-    path: Path,
-    console: Console,
-) -> None:
+def _make(scene: Scene, path: Path) -> None:
     """Write all frames; what a killed process left is overwritten."""
     n, partial = len(scene.labels), path.with_suffix(".partial")
-    bars = Progress(console=console, transient=True, disable=not console.is_terminal)
     try:
         # Written, not mapped: a full disk is then an error and not a signal.
-        with partial.open("wb") as file, bars:
-            for start in bars.track(
-                range(0, n, _BATCH), description=f"make {scene.origin} frames"
-            ):
+        with partial.open("wb") as file:
+            for start in range(0, n, _BATCH):
                 frames = scene.frames(np.arange(start, min(n, start + _BATCH)))
                 pixels = frames.contiguous().numpy(force=True)
                 if start == 0:

@@ -12,18 +12,21 @@ import importlib
 import itertools
 import os
 import random
+import re
 import resource
 import sys
 import tempfile
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock, Timeout
+from rich.console import Console
 
 from experiments.records import revision
+from experiments.records.console import say
 
 _POLL_S = 0.2
 # Options of mallopt in glibc's malloc.h (M_MMAP_MAX, M_TRIM_THRESHOLD, M_TOP_PAD), and what they
@@ -85,14 +88,14 @@ def threads(wanted: Any, launcher: Any) -> int:
 def held(
     n: int,
     device: str,
-    waiting: Callable[[], None],
+    console: Console,
 ) -> Iterator[None]:
     """Hold n cores, or all if there are fewer, and the GPU that is computed on.
 
     Args:
         n: number of cores.
         device: as torch names it.
-        waiting: called once if they are not free at once.
+        console: says it once if they are not free at once.
     """
     folder = Path(tempfile.gettempdir()) / f"optical-hdc-cores-{os.getuid()}"
     folder.mkdir(parents=True, exist_ok=True)
@@ -108,7 +111,8 @@ def held(
         # All were given back, so that two runs that wait for each other's cores cannot lock up;
         # at random times, so that they do not go on meeting.
         if attempt == 0:
-            waiting()
+            text = f"waiting for {n} free cores: another run is timed"
+            say(console, f"{text} (exclusive=false runs beside it)", "yellow")
         time.sleep(_POLL_S * random.uniform(0.5, 1.5))
 
 
@@ -143,8 +147,9 @@ def libraries(
     numpy, scipy and scikit-learn bring OpenBLAS and OpenMP libraries of their own, with a thread a
     core each. Only scikit-learn's estimators compute with them.
     """
-    named = [target for target, _ in revision.targets(model)]
-    estimators = [target for target in named if target.startswith("sklearn.")]
+    estimators = [
+        target for target, _ in revision.targets(model) if target.startswith("sklearn.")
+    ]
     if not estimators:
         yield []
         return
@@ -154,11 +159,11 @@ def libraries(
     for name in estimators:
         importlib.import_module(name.rpartition(".")[0])
     with threadpool_limits(threads):
-        limited = []
-        for info in threadpool_info():
-            about = {"library": info["prefix"], "version": info["version"]}
-            limited.append({**about, "threads": info["num_threads"]})
-        yield limited
+        keys = {"library": "prefix", "version": "version", "threads": "num_threads"}
+        yield [
+            {name: info[key] for name, key in keys.items()}
+            for info in threadpool_info()
+        ]
 
 
 def peak_bytes() -> int:
@@ -166,16 +171,9 @@ def peak_bytes() -> int:
 
     On Linux it excludes the memory of the parent process, which ``getrusage`` includes.
     """
-    unit = 1 if sys.platform == "darwin" else 1024
-    return _status("VmHWM") or resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit
-
-
-def _status(key: str) -> int | None:
-    """A number of kilobytes of Linux's ``/proc/self/status``, in bytes."""
     status = Path("/proc/self/status")
-    if not status.exists():
-        return None
-    for line in status.read_text().splitlines():
-        if line.startswith(f"{key}:"):
-            return 1024 * int(line.split()[1])
-    return None
+    if status.exists():
+        (kilobytes,) = re.findall(r"^VmHWM:\s+(\d+)", status.read_text(), re.MULTILINE)
+        return 1024 * int(kilobytes)
+    unit = 1 if sys.platform == "darwin" else 1024
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

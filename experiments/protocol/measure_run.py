@@ -10,9 +10,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 import numpy as np
-from rich.console import Console
 from rich.live import Live
-from rich.text import Text
 from torch import Tensor
 
 from baselines import library
@@ -21,24 +19,16 @@ from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.protocol.clock import Clock, timed
 from experiments.protocol.load import Limits, Watch
 from experiments.protocol.model import Model, check_model, instantiate
-from experiments.protocol.settings import (
-    Data,
-    Seeds,
-    Split,
-    check_arguments,
-    check_device,
-)
+from experiments.protocol.settings import Data, Seeds, Split, check_device
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, Row, Task
 from experiments.protocol.trial import Report, Trial, train, warm_up
-from experiments.records.console import say
 from experiments.records.files import results_dir
 from experiments.records.rows import pack_labels
 from hdc.accuracy import accuracy
 from scenes.frames import Scene
 
-_SHARES = ("train_accuracy", "test_accuracy")
 _SINGLE_FRAMES = 20
 _BATCH_TIMES = 3  # of a prediction in a batch, of which the shortest counts …
 _LONG_S = 1.0  # … fewer where they take this long
@@ -93,8 +83,6 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
     disturbed: Limits | None = None
 
     def __post_init__(self) -> None:
-        check_arguments(self.scene, "scene")
-        check_arguments(self.model, "model")
         check_device("model.device", self.model.get("device", "cpu"))
 
     @functools.cached_property
@@ -119,9 +107,7 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         check_model(unused)
         clock = Clock(self.device)
         trained, tested = self._samples(context, clock)
-        shape = self.built.shape if self.data.pixels is None else (1, self.data.pixels)
-        warm_up(unused, shape, len(trained.labels))
-        beside = _Beside(self, shape, trained)
+        self._warm_up(unused, trained)
         model: Model = instantiate(self.model, "model")
         digests = trained.digest, tested.digest
         tests = _Tests(model, trained, tested, target)
@@ -131,16 +117,15 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         # Without automatic refreshing: no thread draws while the clock runs.
         live = Live(console=context.console, transient=True, auto_refresh=False)
         with watch.watching() if watch else nullcontext(), live:
-            beside.train()
-            live.update(Text(f"train {name}"), refresh=True)
+            before = self._beside(trained)
+            live.update(f"train {name}", refresh=True)
             for trial in train(model, name, *samples, self.stop, clock, tests):
                 yield from trial.curve[len(curve) :]
                 curve = trial.curve
                 if curve:
-                    live.update(
-                        Text(f"train {name} {_progress(curve[-1])}"), refresh=True
-                    )
-            beside.train()
+                    seconds = curve[-1]["training_s"]
+                    live.update(f"train {name} {seconds:.2f} s", refresh=True)
+            after = self._beside(trained)
         if not curve:
             raise ValueError(f"model {name}: expected at least one report, found none")
         if "train_accuracy" not in curve[-1]:  # it was not tested at its end
@@ -148,27 +133,44 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
         results = {
             **self._of_frames(trained, tested),
             **_of_trial(trial, target),
-            **beside.seconds(),
-            **self._load(watch),
+            **{key: (before[key] + after[key]) / 2 for key in before},
             "train_accuracy_final": tests.train_accuracy,
             "test_accuracy_final": accuracy(tests.predicted, tested.labels),
             "right": int((tests.predicted == tested.labels).sum()),
             "predicted": pack_labels(tests.predicted),
             **_predicting(model, tested, self.device),
             **dict(zip(("train_set", "test_set"), digests, strict=True)),
+            "model_bytes": _size(model),
         }
+        if self.disturbed and watch:
+            load = self.disturbed.columns(watch.load)
+            results |= {f"load.{key}": value for key, value in load.items()}
         if (trained.digest, tested.digest) != digests:
             raise ValueError(
                 f"model {name}: expected it to leave its frames as they are"
             )
-        yield {**results, "model_bytes": _size(model, context.console)}
+        yield results
 
-    def _load(self, watch: Watch | None) -> Row:
-        """The load of the machine during the training, if it was watched."""
-        if self.disturbed is None or watch is None:
-            return {}
-        cells = self.disturbed.columns(watch.load)
-        return {f"load.{name}": value for name, value in cells.items()}
+    def _warm_up(self, unused: Model, trained: Samples) -> None:
+        """Use each model once; one whose size cannot be asked fails here, before its training."""
+        n, height, width = trained.frames.shape
+        beside = [instantiate(part["model"], "model") for part in self.beside.values()]
+        for model in (*beside, unused):
+            warm_up(model, (height, width), n)
+        _size(unused)
+
+    def _beside(self, trained: Samples) -> dict[str, float]:
+        """Train the models beside this one on the same frames; their seconds. They are trained
+        before and after, so that a ratio of times is one of neighbours in time."""
+        seconds = {}
+        if self.beside and isinstance(trained.frames, data.LazyFrames):
+            raise ValueError("beside={}: frames that exceed the memory need it")
+        for name, part in self.beside.items():
+            model: Model = instantiate(part["model"], "model")
+            clock, samples = Clock(self.device), (trained.frames, trained.labels)
+            *_, trial = train(model, name, *samples, self.stop, clock)
+            seconds[f"beside.{name}_s"] = trial.training_s or 0.0
+        return seconds
 
     def _samples(self, context: Context, clock: Clock) -> Iterator[Samples]:
         """The training and the test samples."""
@@ -198,38 +200,6 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
             "test_indices": pack_labels(tested.indices),
             "labels": pack_labels(tested.labels),
         }
-
-
-class _Beside:
-    """Other models that train on the same frames around a training: a ratio of times is one of
-    neighbours in time."""
-
-    def __init__(self, run: Training, shape: tuple[int, int], trained: Samples):
-        self._run, self._trained = run, trained
-        self._models = {name: part["model"] for name, part in run.beside.items()}
-        self._seconds: dict[str, list[float]] = {name: [] for name in self._models}
-        if self._models and isinstance(trained.frames, data.LazyFrames):
-            found = f"{len(trained.labels)} of {shape[0]} × {shape[1]} pixels"
-            raise ValueError(
-                f"beside={{NAME: …}} needs frames that fit in memory, found {found}; "
-                "set beside={}"
-            )
-        for config in self._models.values():
-            warm_up(instantiate(config, "model"), shape, len(trained.labels))
-
-    def train(self) -> None:
-        """Train each of them once more."""
-        for name, config in self._models.items():
-            model: Model = instantiate(config, "model")
-            clock, rule = Clock(self._run.device), self._run.stop
-            samples = self._trained.frames, self._trained.labels
-            *_, trial = train(model, name, *samples, rule, clock)
-            self._seconds[name].append(trial.training_s or 0.0)
-
-    def seconds(self) -> Row:
-        """Mean seconds of each."""
-        means = {name: float(np.mean(times)) for name, times in self._seconds.items()}
-        return {f"beside.{name}_s": seconds for name, seconds in means.items()}
 
 
 class _Tests:
@@ -272,16 +242,6 @@ class _Tests:
         """Accuracy on the test frames."""
         self.predicted = np.asarray(self._model.predict(self._tested.frames))
         return {"test_accuracy": accuracy(self.predicted, self._tested.labels)}
-
-
-def _progress(row: Report) -> str:
-    """The time and the accuracies of a checkpoint."""
-    shares = (
-        f"  {k.partition('_')[0]} {100 * x:.1f} %"
-        for k, x in row.items()
-        if k in _SHARES
-    )
-    return f"{row['training_s']:.2f} s{''.join(shares)}"
 
 
 def _of_trial(trial: Trial, target: float) -> Row:
@@ -333,14 +293,9 @@ def _predicting(model: Model, tested: Samples, device: str) -> Row:
     }
 
 
-def _size(model: Model, console: Console) -> int | None:
+def _size(model: Model) -> int | None:
     """Bytes of what a model has learnt; None where that is not known."""
-    try:
-        state: Any = library.state_tensors(model)
-        if state is None:
-            return None
-        return sum(t.numel() * t.element_size() for t in state.values())
-    # Any model can be asked: an error costs its size, and not its training.
-    except Exception as error:
-        say(console, f"model_bytes: not known, {error}", "yellow")
+    state = library.state_tensors(model)
+    if state is None:
         return None
+    return sum(t.numel() * t.element_size() for t in state.values())

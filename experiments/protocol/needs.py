@@ -18,12 +18,8 @@ def needs(config: Any) -> str:
         config: resolved. Nothing of it is imported or built.
     """
     names = [name for name, _ in revision.targets(config)]
-    # A module of the user's own is no package to install.
-    own = {
-        n for name in names if not revision.is_installed(n := name.partition(".")[0])
-    }
     here: dict[str, bool] = {}
-    for package in sorted(sources.packages_of(names) - own):
+    for package in sorted(sources.packages_of(names)):
         if package not in sys.modules:
             here[package] = importlib.util.find_spec(package) is not None
     for source in sources_of(config):

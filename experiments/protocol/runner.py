@@ -21,8 +21,7 @@ from experiments.protocol.measure_run import Training
 from experiments.protocol.settings import Carried, check_device, checked
 from experiments.protocol.task import Context, Row, Task, named
 from experiments.records import configs, locks, store
-from experiments.records.console import say
-from experiments.records.environment import COMMAND, environment
+from experiments.records.environment import COMMAND, Environment, environment
 from experiments.records.files import results_dir
 from experiments.records.record import SCHEMA, Named, Record, labelled, name_of
 from experiments.records.revision import revisions
@@ -76,8 +75,10 @@ def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, b
     how = checked(config, Carried)
     check_device("device", how.device)
     task, own = _task(config)
-    about = _about(task, own, config, asked)
-    folder, threads = results_dir(), torch.get_num_threads()
+    threads, folder = torch.get_num_threads(), results_dir()
+    here = environment(how.device, threads)
+    here.exclusive = how.exclusive
+    begun = _begun(task, own, config, asked, here)
 
     def known(console: Console | None = None) -> Record | None:
         """The finished record, if today's code would make the same."""
@@ -85,40 +86,29 @@ def carry_out(config: Config, asked: Asked, console: Console) -> tuple[Record, b
             return None
         columns = [f"beside.{name}_s" for name in getattr(task, "beside", ())]
         same = threads if task.timed else None
-        now = about["revisions"]
-        return store.made_before(folder, about["id"], now, console, same, columns)
+        now = begun.revisions
+        return store.made_before(folder, begun.id, now, console, same, columns)
 
     found = known()
     if found is not None:
         return found, True
-    with locks.held(store.lock_of(folder, about["id"]), about["id"]):
+    with locks.held(store.lock_of(folder, begun.id), begun.id):
         found = known(console)  # another process may have finished it since
         if found is not None:
             return found, True
-        limited = machine.libraries(own, threads)
-        with _alone(how, console), limited as libraries:
-            here = environment(how.device, threads)
-            here.exclusive, here.libraries = how.exclusive, libraries
-            begun = Record(**about, environment=here)
+        held = machine.held(threads, how.device, console)
+        alone: AbstractContextManager[None] = held if how.exclusive else nullcontext()
+        with alone, machine.libraries(own, threads) as here.libraries:
             return _made(task, begun, how, console, folder), False
-
-
-def task_class(config: Config) -> type[Task]:
-    """The task of a config: its ``task``, or a training.
-
-    Raises:
-        ValueError: if there is no task of its name.
-    """
-    return Training if config["task"] is None else named(config["task"])
 
 
 def _task(config: Config) -> tuple[Task, dict[str, Any]]:
     """The task of a config, and what determines its rows."""
-    kind = task_class(config)
-    if kind is Training:
+    if config["task"] is None:
         own = {k: v for k, v in config.items() if k not in NOT_IDENTITY}
         own["threads"] = torch.get_num_threads()
-        return checked(config, kind), own
+        return checked(config, Training), own
+    kind = named(config["task"])
     given = configs.without(("display",), config["task"])
     given.pop("_target_")
     task = checked(given, kind, "task")
@@ -129,23 +119,21 @@ def _task(config: Config) -> tuple[Task, dict[str, Any]]:
     return task, own
 
 
-def _about(
-    task: Task, own: dict[str, Any], config: Config, asked: Asked
-) -> dict[str, Any]:
-    """The fields of a record that are known before anything is made."""
-    is_training = isinstance(task, Training)
+def _begun(
+    task: Task, own: dict[str, Any], config: Config, asked: Asked, here: Environment
+) -> Record:
+    """The record before anything is made."""
     scene, model, stop = (asked.choices.get(g) or "custom" for g in _GROUPS)
-    experiment, kind = asked.choices.get("experiment"), type(task)
+    experiment, kind = asked.choices.get("experiment") or "", type(task)
     data, has_scene = task.fingerprint(), own.get("scene") is not None
-    about: dict[str, Any] = {"config": own, "data": data, "timed": task.timed}
-    about["changed"] = changed = _changed(own, asked.keys)
-    if is_training:
+    changed, device = _changed(own, asked.keys), config["device"]
+    about: dict[str, Any] = {}
+    if kind is Training:
         name = f"{scene}-{model}"
-        shown = config.get("display") or {}
-        about |= {"model": Named(model, model, shown), "stop": stop}
-        about["revisions"] = revisions(own)
-        if config["device"] != "cpu":  # its times do not compare
-            changed["model.device"] = json.dumps(config["device"])
+        about["model"] = Named(model, model, config.get("display") or {})
+        about |= {"stop": stop, "revisions": revisions(own)}
+        if device != "cpu":  # its times do not compare
+            changed["model.device"] = json.dumps(device)
     else:
         name = experiment = experiment or kind.__name__
         about["task"] = target = f"{kind.__module__}.{kind.__qualname__}"
@@ -154,12 +142,20 @@ def _about(
         about["elsewhere"] = has_scene and others
     if has_scene:
         about["scene"] = Named(scene, scene, config.get("scene_display") or {})
-    determining = own
-    if config["device"] != "cpu":
-        determining = {**own, "device": config["device"]}
-    about["id"] = name_of(name, determining, data)
-    about |= {"experiment": experiment or "", "command": os.environ.get(COMMAND, "")}
-    return {"schema": SCHEMA, "status": "interrupted", **about}
+    determining = own if device == "cpu" else {**own, "device": device}
+    return Record(
+        schema=SCHEMA,
+        id=name_of(name, determining, data),
+        experiment=experiment,
+        config=own,
+        changed=changed,
+        timed=task.timed,
+        command=os.environ.get(COMMAND, ""),
+        data=data,
+        environment=here,
+        status="interrupted",
+        **about,
+    )
 
 
 def _is_of_frames(key: str) -> bool:
@@ -190,19 +186,6 @@ def _at(config: Any, key: str) -> Any:
             config = dict(zip(map(str, range(len(config))), config, strict=True))
         config = config.get(part) if isinstance(config, Mapping) else None
     return config
-
-
-def _alone(how: Carried, console: Console) -> AbstractContextManager[None]:
-    """The machine to oneself, unless the config says otherwise."""
-    if not how.exclusive:
-        return nullcontext()
-    n = torch.get_num_threads()
-
-    def waiting() -> None:
-        text = f"waiting for {n} free cores: another run is timed (exclusive=false runs beside it)"
-        say(console, text, "yellow")
-
-    return machine.held(n, how.device, waiting)
 
 
 def _made(
@@ -249,9 +232,10 @@ def _ended(begun: Record, rows: Sequence[Row], **ended: Any) -> Record:
         of_scene = {
             k: v for k, v in changed.items() if k.startswith(("scene.", "split."))
         }
-        name, path = scene.name, _at(begun.config, "scene.path")
+        name = scene.name
         if name == "recorded":  # whatever the name of the file, by what is in it
-            name += f" {PurePath(str(path)).name} ({begun.data[:6]})"
+            path = PurePath(begun.config["scene"]["path"])
+            name += f" {path.name} ({begun.data[:6]})"
         scene = Named(scene.name, labelled(name, of_scene), scene.display)
     about = {"changed": changed, "scene": scene, "model": model, "rows": Rows.of(rows)}
     return msgspec.structs.replace(begun, **about, **ended)

@@ -66,28 +66,24 @@ class Context:
             key: tells the part from others of the same experiment and config.
             compute: makes its rows.
         """
-        if self.force or self.about is None:
+        about = self.about
+        if self.force or about is None:
             yield from compute()
-        else:
-            yield from self._kept(self.about, key, compute).rows.dicts()
-
-    def _kept(
-        self,
-        about: Record,
-        key: Mapping[str, Any],
-        compute: Callable[[], Iterable[Row]],
-    ) -> Record:
+            return
         folder = results_dir() / "cache" / "parts"
         config = {**about.config, "part": dict(key)}
         name = name_of(self.name, config, about.data)
         made = store.made_before(folder, name, about.revisions)
         if made is None:
-            rows = Rows.of(compute())
             made = msgspec.structs.replace(
-                about, id=name, config=config, status="finished", rows=rows
+                about,
+                id=name,
+                config=config,
+                status="finished",
+                rows=Rows.of(compute()),
             )
             store.append(folder, made)
-        return made
+        yield from made.rows.dicts()
 
 
 class Task(msgspec.Struct, frozen=True, kw_only=True, forbid_unknown_fields=True):

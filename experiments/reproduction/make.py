@@ -21,7 +21,7 @@ from experiments.records import locks
 from experiments.records.console import say
 from experiments.records.files import ROOT
 from experiments.records.revision import PACKAGES
-from experiments.reproduction.steps import LANES, Step, able, cost_text
+from experiments.reproduction.steps import LANES, Step, able
 from hdc.io import write_atomically
 
 FOLDER = "reproduce"  # of makefiles and stamps, in the folder of results
@@ -82,13 +82,12 @@ def _make(makefile: Path, goal: str, lanes: int) -> int:
     process = subprocess.Popen([*command, f"-j{lanes}", goal], cwd=ROOT)
     try:
         process.wait()
-    except BaseException as error:
-        # An interrupt of the terminal has reached make as well.
-        if not isinstance(error, KeyboardInterrupt):
-            process.terminate()
+    except KeyboardInterrupt:  # which has reached make as well
         process.wait()
-        if isinstance(error, KeyboardInterrupt):
-            return 128 + signal.SIGINT
+        return 128 + signal.SIGINT
+    except SystemExit:
+        process.terminate()
+        process.wait()
         raise
     return 0
 
@@ -102,8 +101,7 @@ def _makefile(found: Sequence[Step], stamps: Path) -> Iterator[str]:
         yield f"{goal}: {' '.join(targets)}"
     ordered = sorted(found, key=lambda step: not step.timed)
     for number, step in enumerate(ordered):
-        left = cost_text(ordered[number:])
-        text = f"{number + 1} of {len(ordered)}: {step.name}; about {left} left"
+        text = f"{number + 1} of {len(ordered)}: {step.name}"
         threads = "" if step.timed else "OMP_NUM_THREADS=1 "
         command = shlex.join([sys.executable, "-m", *step.all_words])
         yield f"{_escaped(stamps / step.name)}:"

@@ -7,15 +7,10 @@ import shlex
 from collections.abc import Iterable
 from dataclasses import dataclass
 
-from experiments.protocol.sweep import span
 from experiments.records import configs
 
 LANES = 2  # steps that run at a time where nothing is timed
 _RUN = "experiments.run"
-WHAT = {
-    "full": "everything",
-    "quick": "everything with fewer seeds, without the long steps",
-}
 _SHARING = ("threads=1", "exclusive=false")  # how a step shares the machine
 
 
@@ -52,11 +47,6 @@ class Step:
         return shlex.join(["python", "-m", *self.all_words])
 
     @property
-    def wall_minutes(self) -> float:
-        """Its share of the time that the whole takes."""
-        return self.minutes if self.timed else self.minutes / LANES
-
-    @property
     def skipped(self) -> str:
         """Why it cannot run here, in a sentence; empty if it can."""
         if self.needs is None or os.environ.get(self.needs):
@@ -65,7 +55,7 @@ class Step:
 
 
 def steps(mode: str = "full", claim: str | None = None) -> list[Step]:
-    """The steps of one of :data:`WHAT`; of a claim, those that it needs."""
+    """The steps of ``full`` or ``quick``; of a claim, those that it needs."""
     found = []
     for step in configs.reproduction():
         left_out = step.get("not_quick", ()) if mode == "quick" else ()
@@ -96,11 +86,7 @@ def claims() -> list[str]:
     return list(dict.fromkeys(every))
 
 
-def cost(found: Iterable[Step]) -> float:
-    """Minutes that steps take together."""
-    return sum(step.wall_minutes for step in found)
-
-
 def cost_text(found: Iterable[Step]) -> str:
-    """The time that steps take together, as one would say it."""
-    return span(60 * cost(found))
+    """The time that steps take together: untimed ones run side by side."""
+    minutes = sum(s.minutes if s.timed else s.minutes / LANES for s in found)
+    return f"{minutes:.0f} min" if minutes < 90 else f"{minutes / 60:.1f} h"

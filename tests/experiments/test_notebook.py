@@ -47,5 +47,5 @@ def test_a_sweeper_gets_the_accuracy_inside_the_training_frames(recording, monke
     cfg = tree(*words, with_hydra=True)
     monkeypatch.setattr(run.HydraConfig, "get", lambda: cfg.hydra)
     own = OmegaConf.masked_copy(cfg, [key for key in cfg if key != "hydra"])
-    found = run.CommandLine(words).carry_out(own)
+    found = run.CommandLine().carry_out(own)
     assert found == sum(row["validation_accuracy"] for row in rows) / 2

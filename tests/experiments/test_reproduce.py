@@ -12,9 +12,9 @@ from rich.console import Console
 from experiments import reproduce
 from experiments.records import locks
 from experiments.records.configs import CONFIGS
-from experiments.records.files import ROOT
+from experiments.records.files import REFERENCE, ROOT
 from experiments.reproduction import make
-from experiments.reproduction.steps import WHAT, Step, claims, cost, cost_text, steps
+from experiments.reproduction.steps import Step, claims, cost_text, steps
 from tests.experiments.composed import tree
 from tests.experiments.helpers import until
 
@@ -64,7 +64,7 @@ def done(folder):
 
 def test_every_step_names_something_that_exists_and_composes():
     calls = set()
-    for mode in WHAT:
+    for mode in ("full", "quick"):
         found = steps(mode)
         assert len({step.name for step in found}) == len(found)
         assert all(step.minutes > 0 for step in found)
@@ -85,21 +85,12 @@ def test_every_experiment_is_reproduced():
     assert {f"experiment={name}" for name in there} <= words
 
 
-def test_every_claim_has_steps_and_its_quick_ones_need_no_asking():
-    for name in claims():
-        assert steps("full", name)
-        assert cost(steps("quick", name)) < reproduce.ASKS
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [
         (["--claim", "accurcy"], "found accurcy; did you mean accuracy?"),
-        (["--step", "xyz"], "--step: expected one of table1, first_report, times"),
-        (["--claim", "softmax"], "add --full, or --quick"),
-        (["--claim", "accuracy"], "nothing is measured"),
-        (["--claim", "networks_three_layers", "--quick"], "it has no step for --quick"),
-        (["--step", "recordings_gelsight"], "nothing is measured"),
+        (["--claim", "accuracy"], "nothing is measured: skipped"),
+        (["--claim", "networks_three_layers", "--quick"], "no step is quick"),
     ],
 )
 def test_what_cannot_be_run_is_refused_in_one_line(
@@ -119,14 +110,24 @@ def test_what_cannot_be_run_is_refused_in_one_line(
 
 def test_a_list_counts_the_time_of_what_can_run_here(capsys, monkeypatch):
     monkeypatch.delenv("MEASURED_DATA", raising=False)
-    monkeypatch.setenv("COLUMNS", "500")
     assert reproduce.main(["--list"]) == 0
-    first, *lines = capsys.readouterr().out.splitlines()
+    first, *_, last = capsys.readouterr().out.splitlines()
     here = [step for step in steps() if step.needs is None]
+    assert first.startswith(f"{len(here)} of {len(steps())} steps can run here, ")
     assert f"about {cost_text(here)} from nothing" in first
-    assert f"{len(steps()) - len(here)} of {len(steps())} steps are skipped" in first
     assert cost_text(here) != cost_text(steps())
-    assert [line for line in lines if line.startswith("accuracy: skipped: ")]
+    assert all(name in last for name in claims())
+
+
+def test_a_claim_ends_with_its_verdicts_by_rules_4(capsys, monkeypatch):
+    monkeypatch.setenv("RESULTS_DIR", str(REFERENCE))
+    monkeypatch.setattr(make, "run", lambda *_: 0)
+    assert reproduce.main(["--claim", "softmax"]) == 0
+    _, title, lines = capsys.readouterr().out.partition("Verdicts by rules 4")
+    assert title
+    assert "does not hold" in " ".join(lines.split())
+    assert "softmax" in lines
+    assert "accuracy" not in lines.partition("Points:")[0]
 
 
 # Running it ---------------------------------------------------------------------------------------
@@ -143,7 +144,7 @@ def test_it_goes_on_after_a_failure_and_the_same_call_tries_it_again(
     said = out.file.getvalue()
     assert "SOME_DATA" in said
     assert "failed: two" in said.splitlines()[-1]
-    assert "2 of 3: two; about 2 min left" in capfd.readouterr().out
+    assert "2 of 3: two" in capfd.readouterr().out
     assert make.run(found, "full", tmp_path, console()) == 1
     assert done(tmp_path) == ["one", "two", "four", "two"]
 

@@ -12,6 +12,7 @@ import time
 
 import psutil
 import pytest
+from rich.console import Console
 
 from experiments.protocol import machine
 from experiments.records import store
@@ -130,7 +131,7 @@ def test_runs_wait_for_free_cores_unless_told_not_to(
     results, scene, start, monkeypatch
 ):
     monkeypatch.setattr(machine, "available", lambda: [0])
-    with machine.held(1, "cpu", lambda: None):
+    with machine.held(1, "cpu", Console(quiet=True)):
         waiting, beside = start(*scene), start(*scene, "seed.run=1", "exclusive=false")
         beside.join(60)
         waiting.join(0.5)
@@ -158,7 +159,7 @@ def test_workers_of_a_launcher_run_a_sweep_and_name_its_failures(results, scene)
     )  # fmt: skip
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
-    assert "seed.run: expected an integer >= 0, found -1" in done.stderr
+    assert "seed.run: Expected `int` >= 0" in done.stderr
     (entry,) = store.read(results)
     assert (entry.config["seed"]["run"], entry.status) == (0, "finished")
     assert entry.config["threads"] == entry.environment.threads == 1

@@ -8,6 +8,8 @@ import pytest
 from experiments import report, table1
 from experiments.protocol.settings import checked
 from experiments.protocol.stop import StopRule
+from experiments.records import locks, store
+from experiments.records.configs import sweep
 from experiments.records.files import ROOT
 from experiments.records.results import Results
 from experiments.studies.table1.view import TABLE1
@@ -18,21 +20,23 @@ OTHERS = "others took 9% of the processor time"
 
 @pytest.fixture
 def called(tmp_path, monkeypatch, write_run):
-    """The command lines of runs that leave their record, by a stand-in for the runner; and what is
+    """The words of runs that leave their record, by a stand-in for the runner; and what is
     reported at the end."""
     monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
 
-    def carry_out(brief):
-        model = table1.sys.argv[2].removeprefix("model=")
-        called.words.append(table1.sys.argv[1:])
+    def carry_out(*words):
+        called.words.append(words)
+        model = words[1].removeprefix("model=")
+        if model in called.failures:
+            raise called.failures[model]
         reasons = called.disturbed.get(model)
         load = {"load.disturbed": reasons.pop(0) if reasons else ""}
-        write_run(model, curve=[{"training_s": 0.035}], **load)
-        table1.sys.exit(called.status.get(model, 0))
+        name = write_run(model, curve=[{"training_s": 0.035}], **load)
+        return store.find(tmp_path, name)
 
-    called = SimpleNamespace(words=[], reports=[], status={}, disturbed={})
+    called = SimpleNamespace(words=[], reports=[], failures={}, disturbed={})
     monkeypatch.setattr(report, "write", lambda *_, **how: called.reports.append(how))
-    monkeypatch.setattr(table1.run, "entry_point", carry_out)
+    monkeypatch.setattr(table1.run, "run", carry_out)
     monkeypatch.setattr(table1.sys, "argv", ["table1"])
     return called
 
@@ -41,14 +45,21 @@ def test_each_row_is_shown_before_the_next_model_is_trained(called, capsys):
     assert table1.main() == 0
     models = ["hdc", "softmax", "cnn1", "cnn3"]
     assert [words[:2] for words in called.words] == [
-        ["experiment=table1", f"model={name}"] for name in models
+        ("experiment=table1", f"model={name}") for name in models
     ]
     assert called.reports == [{"brief": True}]
-    shown = [line.partition(";")[0] for line in capsys.readouterr().out.splitlines()]
+    shown = capsys.readouterr().out.splitlines()
     names = ["HDC as published", "Softmax", "CNN, 1 layer", "CNN, 3 layers"]
     begun = [shown.index(name) for name in names]
     for name, first, then in zip(names, begun, [*begun[1:], None], strict=True):
         assert [line for line in shown[first + 1 : then] if line.startswith(name)]
+
+
+def test_its_runs_are_those_of_the_sweep_of_table1_but_for_its_one_seed():
+    swept = sweep("table1")
+    set_ = dict(word.split("=") for word in table1._ONE_SEED)
+    assert {key: swept[key] for key in set_} == {k: [v] for k, v in set_.items()}
+    assert set(table1.seconds()) <= set(swept["model"])
 
 
 def test_a_disturbed_row_is_measured_again_within_a_minute_and_marked(
@@ -63,20 +74,31 @@ def test_a_disturbed_row_is_measured_again_within_a_minute_and_marked(
     again = [words[1] for words in called.words if "force=true" in words]
     assert again == ["model=hdc", "model=softmax", "model=softmax"]
     assert len(called.words) == 4 + len(again)
-    said = capsys.readouterr().out
-    assert f"HDC as published: disturbed, {OTHERS}; once more" in said
+    assert f"HDC as published: disturbed, {OTHERS}" in capsys.readouterr().out
     made = TABLE1.made(Results(tmp_path).frame(*TABLE1.experiments))
     disturbed = {cells[0] for cells in made.cells() if OTHERS in cells[1]}
     assert disturbed == {"Softmax", "CNN, 1 layer"}
 
 
-@pytest.mark.parametrize(("status", "trained", "shown"), [(75, 4, 1), (143, 2, 0)])
+@pytest.mark.parametrize(
+    ("failure", "status", "trained", "reports"),
+    [
+        (locks.Held("it"), locks.LEFT, 4, 1),
+        (ValueError("it"), 1, 4, 1),
+        (KeyboardInterrupt(), 130, 2, 0),
+    ],
+    ids=repr,
+)
 def test_a_run_that_fails_costs_its_own_row_and_an_interruption_all_that_come(
-    called, status, trained, shown
+    called, failure, status, trained, reports
 ):
-    called.status["softmax"] = status
-    assert table1.main() == status
-    assert (len(called.words), len(called.reports)) == (trained, shown)
+    called.failures["softmax"] = failure
+    try:
+        found = table1.main()
+    except SystemExit as end:
+        found = end.code
+    assert found == status
+    assert (len(called.words), len(called.reports)) == (trained, reports)
 
 
 def test_the_time_that_is_promised_stands_in_the_readme():

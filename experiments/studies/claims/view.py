@@ -24,7 +24,7 @@ from experiments.studies.claims.history import frozen
 from experiments.studies.claims.rules import RULES, read
 from experiments.studies.drift import numbers as drift
 
-COMMAND = "python -m experiments.reproduce --full --claim NAME"
+COMMAND = "python -m experiments.reproduce --claim NAME"
 Row = Mapping[str, Any]
 
 

@@ -84,20 +84,6 @@ def test_frames_wanted_by_several_processes_are_made_by_one(
     assert made.value == 60
 
 
-@pytest.mark.parametrize("damage", ["truncated", "other"])
-def test_a_damaged_cache_file_is_named(tmp_path, damage, make_scene):
-    scene = make_scene()
-    data.cached(scene, tmp_path, QUIET)
-    (path,) = tmp_path.glob("*.npy")
-    if damage == "other":
-        np.save(path, np.zeros((60, 5, 8), np.uint8))
-    else:
-        path.write_bytes(path.read_bytes()[:500])
-    with pytest.raises(ValueError, match="expected 60 frames") as caught:
-        data.cached(scene, tmp_path, QUIET)
-    assert str(path) in str(caught.value)
-
-
 # Which pixels and which samples --------------------------------------------------------------
 
 

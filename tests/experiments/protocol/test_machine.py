@@ -24,7 +24,8 @@ def use(n, log, ends, device="cpu"):
     """A run on n cores in a thread; ends when told."""
 
     def run():
-        with machine.held(n, device, lambda: log.append(f"{n} waits")):
+        console = SimpleNamespace(print=lambda text, **_: log.append(f"{n} waits"))
+        with machine.held(n, device, console):
             log.append(f"{n} runs")
             ends.wait(20)
             log.append(f"{n} ends")

@@ -127,9 +127,8 @@ def test_what_would_spoil_a_record_is_refused(
 
 
 def test_a_model_whose_size_is_not_known_is_finished_without_it(carry_out, fake):
-    fake({"samples_seen": 1}, state_tensors=lambda self: {"w": [1]})
+    fake({"samples_seen": 1}, state_tensors=lambda self: None)
     assert carry_out().results["model_bytes"] is None
-    assert "model_bytes: not known, 'list' object has no" in carry_out.said
 
 
 def test_an_object_that_is_no_model_is_refused_with_a_hint():

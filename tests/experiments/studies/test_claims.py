@@ -5,9 +5,7 @@ import hashlib
 
 import pytest
 import yaml
-from rich.console import Console
 
-from experiments.reproduction import claim
 from experiments.studies.claims.history import HISTORY
 
 FOLDER = HISTORY.parent
@@ -43,19 +41,3 @@ def test_the_words_of_rules_1_are_those_of_their_file(history):
     rows = [row for row in history if row["rules"] == "1"]
     assert {row["claim"]: row["word"] for row in rows} == earlier["words"]
     assert {row["judged"] for row in rows} == {earlier["commit"]}
-
-
-def test_one_claim_says_its_words_its_verdicts_and_what_judged(
-    capsys, monkeypatch, tmp_path
-):
-    monkeypatch.setenv("RESULTS_DIR", str(tmp_path))
-    claim.show("recalibration", Console(width=200, highlight=False))
-    said = capsys.readouterr().out
-    assert "the paper says: Recalibration restores accuracy (32 to 95 %)" in said
-    assert "against its own loss: Undecided (rules 2: no), 40 % [32, 48]" in said
-    assert "digest dcbc15c1f131" in said
-    assert "rules 4, as trained: open: not measured" in said
-    with pytest.raises(
-        ValueError, match=r"expected one of bits, accuracy.*, found nothing"
-    ):
-        claim.show("nothing", Console())
