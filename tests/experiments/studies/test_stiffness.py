@@ -11,7 +11,7 @@ from torch.nn import functional as F
 
 from experiments.protocol.evaluate import bank_of
 from experiments.protocol.settings import Split
-from experiments.studies.limits.stiffness import measure, newton
+from experiments.studies.limits.stiffness import measure, methods, newton
 from experiments.studies.limits.stiffness.problem import Problem, condition
 from scenes.frames import Frames
 
@@ -53,7 +53,7 @@ def optimum_of(problem):
 def followed(name, problem, budget_s=60.0, least=None):
     """The points of a method; `least` is the loss of the optimum, if that is known."""
     least = optimum_of(problem)[1] if least is None else least
-    return measure.Watch(problem, least, budget_s, goal=1e-6).follow(METHODS[name])
+    return methods.Watch(problem, least, budget_s, goal=1e-6).follow(METHODS[name])
 
 
 # The problem --------------------------------------------------------------------------------------
