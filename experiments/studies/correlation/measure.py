@@ -52,8 +52,8 @@ class Correlation(Task, frozen=True):
     scene: Mapping[str, Any]
     split: Split
     seeds: Sequence[int]
-    kinds: Sequence[str] = tuple(KINDS)
-    samples: Sequence[str] = SAMPLES
+    kinds: Sequence[str]
+    samples: Sequence[str]
 
     def rows(self, context: Context) -> Iterator[Row]:
         if set(self.kinds) - set(KINDS):

@@ -17,10 +17,11 @@ SPLITS = {"random": {"kind": "random", "test_fraction": 0.4, "group": None}}
 MODELS = composed.models("hdc", "hdc_lda")
 
 
-def rows_of(kind, **config):
+def rows_of(kind, **changed):
     """The rows of a task on the frames of the test."""
-    task = composed.made(kind, scene={}, splits=SPLITS, **config)
-    return list(task.rows(Context()))
+    config = composed.task(kind.__name__.lower())
+    config |= {"scene": {}, "splits": SPLITS, **changed}
+    return list(composed.made(kind, **config).rows(Context()))
 
 
 @pytest.fixture

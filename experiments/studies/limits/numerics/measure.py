@@ -36,9 +36,9 @@ class Numerics(Task, frozen=True):
 
     revision: ClassVar = 1
 
-    samples: int = 100
-    pixels: int = 25000
-    repeats: int = 3
+    samples: int
+    pixels: int
+    repeats: int
 
     def rows(self, context: Context) -> Iterator[Row]:
         # Of numpy and torch: waiting threads would count as CPU time.
