@@ -165,12 +165,9 @@ def exact_mean(frames: Samples) -> float:
     products = (rows @ rows.T).astype(object)
     covariance = rows.shape[1] * products - np.outer(sums, sums)
     with localcontext(prec=50):
-        root = [Decimal(variance).sqrt() for variance in covariance.diagonal()]
-        values = []
-        for i, j in zip(*np.triu_indices(len(rows), 1), strict=True):
-            correlation = Decimal(covariance[i, j]) / (root[i] * root[j])
-            values.append(correlation)
-        return float(sum(values) / len(values))
+        root = np.array([Decimal(one).sqrt() for one in covariance.diagonal()])
+        of_pairs = (covariance / np.outer(root, root))[np.triu_indices(len(rows), 1)]
+        return float(of_pairs.sum() / len(of_pairs))
 
 
 FORMS: tuple[tuple[str, str, Callable[[Samples], float]], ...] = (

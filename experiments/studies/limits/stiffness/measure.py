@@ -78,29 +78,22 @@ class Stiffness(Task, frozen=True):
                 watch = methods.Watch(problem, float(least), self.budget_s, self.goal)
                 for point in watch.follow(method):
                     yield same | {"method": name, **point}
-        yield from real_problems(context, self.real, self.split, self.seed, self.most)
+        yield from self.real_problems(context)
 
-
-def real_problems(
-    context: Context,
-    real: Mapping[str, Mapping[str, Any]],
-    split: Split,
-    seed: int,
-    most: int,
-) -> Iterator[Row]:
-    """κ of converged softmax on training frames of each scene: at most `most`, evenly spread, by
-    `split` with what the scene sets of it. A scene without files is left out."""
-    for name, part in real.items():
-        try:
-            scene = context.scene(part["scene"], seed)
-        except (ValueError, OSError) as error:
-            context.note(f"{name} left out: {str(error).partition(';')[0]}")
-            continue
-        given = msgspec.to_builtins(split) | part.get("split", {})
-        train, _ = choose(scene, checked(given, Split, "split"), seed)
-        some = train[:: -(-len(train) // most)]
-        kappa = condition_of(bank_of(scene, some))
-        yield {"real": name, "kappa": kappa, "n": len(some), "origin": scene.origin}
+    def real_problems(self, context: Context) -> Iterator[Row]:
+        """κ of converged softmax on training frames of each real scene: at most `most`, evenly
+        spread, by `split` with what the scene sets of it. A scene without files is left out."""
+        for name, part in self.real.items():
+            try:
+                scene = context.scene(part["scene"], self.seed)
+            except (ValueError, OSError) as error:
+                context.note(f"{name} left out: {str(error).partition(';')[0]}")
+                continue
+            given = msgspec.to_builtins(self.split) | part.get("split", {})
+            train, _ = choose(scene, checked(given, Split, "split"), self.seed)
+            some = train[:: -(-len(train) // self.most)]
+            kappa = condition_of(bank_of(scene, some))
+            yield {"real": name, "kappa": kappa, "n": len(some), "origin": scene.origin}
 
 
 def condition_of(bank: Bank) -> float:
