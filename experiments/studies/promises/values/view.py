@@ -86,20 +86,20 @@ def estimated(
 
 def errors(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each scene, split and number of training frames; a column for each model."""
-    lines: dict[Any, dict[str, Any]] = {}
+    lines = []
     for scene, rows in by_scene(frame).items():
         first = rows.iloc[0]
-        answer = f"{first.value}, {first.unit}"
-        about = {"recording": scene, "answer": answer}
+        about = {"recording": scene, "answer": f"{first.value}, {first.unit}"}
         ordered = rows.sort_values("model", kind="stable")
-        for own in estimated(ordered, BY, ["error"]):
-            at = {"split": own["split"], "n": own["n"]}
-            line = lines.setdefault((scene, *at.values()), about | at)
-            line |= {f"{own['model']}{end}": own[f"error{end}"] for end in ENDS}
-        of_regressor = rows[rows.model == "regressor"]
-        for own in estimated(of_regressor, ["split", "n"], ["inside", "width"]):
-            lines[scene, own["split"], own["n"]] |= own
-    return pd.DataFrame(lines.values())
+        for (split, n), same in ordered.groupby(["split", "n"], sort=False):
+            line = {**about, "split": split, "n": n}
+            for own in estimated(same, ["model"], ["error"]):
+                line |= {f"{own['model']}{end}": own[f"error{end}"] for end in ENDS}
+            of_regressor = same[same.model == "regressor"]
+            for own in estimated(of_regressor, ["n"], ["inside", "width"]):
+                line |= own
+            lines.append(line)
+    return pd.DataFrame(lines)
 
 
 def coverage(frame: pd.DataFrame) -> pd.DataFrame:
@@ -138,8 +138,11 @@ def promises(frame: pd.DataFrame) -> pd.DataFrame:
         line: dict[str, Any] = {"model": model, "n": n, "promised": promise(model, n)}
         for split, session in SESSIONS.items():
             own = rows[rows.split == split]
-            line |= {session: own.covered.mean(), f"{session}_least": own.covered.min()}
-            line[f"{session}_size"] = own["size"].mean()
+            line |= {
+                session: own.covered.mean(),
+                f"{session}_least": own.covered.min(),
+                f"{session}_size": own["size"].mean(),
+            }
         lines.append(line)
     return pd.DataFrame(lines)
 
