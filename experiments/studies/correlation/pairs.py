@@ -104,16 +104,9 @@ def pair_correlations_double_sum(
 
 
 def standardise(samples: Any, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """Samples [N, D] minus their means, divided by their norms; NaN for one without variance.
-
-    Raises:
-        ValueError: for a value that is not finite; the sample is named.
-    """
+    """Samples [N, D] minus their means, divided by their norms; NaN for one without variance, or
+    with a value that is not finite."""
     samples = np.asarray(samples)
-    if samples.dtype.kind == "f":
-        finite = np.isfinite(samples).all(1)
-        if not finite.all():
-            raise ValueError(f"samples[{finite.argmin()}]: expected finite values")
     constant = _constant(samples)
     x = samples.astype(np.float64)
     # Twice: a mean 10⁶ times the deviation leaves a rounded part of itself behind.

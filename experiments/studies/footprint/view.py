@@ -21,8 +21,6 @@ def _bytes(value: float) -> str:
 COLUMNS = {
     "first_prediction_s": Column("First prediction, s", of_machine=True),
     "peak_bytes": Column("Peak memory", _bytes, of_machine=True),
-    "package": Column("Package"),
-    "modules": Column("Modules"),
     "package_s": Column("Time to import, s", of_machine=True),
     "package_bytes": Column("Memory", _bytes, of_machine=True),
 }
