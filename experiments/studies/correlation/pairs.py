@@ -40,7 +40,7 @@ class CorrelationSums:
 
     @classmethod
     def of(cls, samples: Any, dtype: DTypeLike = np.float64) -> Self:
-        """Of one sample of each class, [L, D].
+        """Make the sums of one sample of each class, [L, D].
 
         Args:
             samples: of any real or integer type.

@@ -64,8 +64,8 @@ def errors(frame: pd.DataFrame) -> pd.DataFrame:
         by_unit = rows.astype(numbers).groupby(of_unit, sort=False)
         means = by_unit[[*numbers]].mean().round(9)
         for (split, n), same in means.groupby(["split", "n"], sort=False):
-            line = {"recording": scene, "answer": f"{first.value}, {first.unit}"}
-            line |= {"split": split, "n": n}
+            answer = f"{first.value}, {first.unit}"
+            line = {"recording": scene, "answer": answer, "split": split, "n": n}
             for model, own in same.groupby("model"):
                 line |= over_units(own.error.tolist(), several).columns(str(model))
             own = same.xs("regressor", level="model")
