@@ -8,7 +8,8 @@ them Eq. 6 compares with the prototype. Here it is compared with the samples tha
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
 
 import numpy as np
@@ -24,12 +25,17 @@ from hdc.encoders import Median
 from hdc.prototypes import Counters
 from scenes.frames import Scene
 
-KINDS = ("speckle", "hypervector", "prototype")  # Eqs. 4, 5, 6
+# Kinds of Eqs. 4, 5 and 6, and what they correlate: Eq. 6 a prototype with hypervectors.
+KINDS = {
+    "speckle": "speckle",
+    "hypervector": "hypervector",
+    "prototype": "hypervector",
+}
 PARTS = ("training", "held-out")
 SAMPLES = (*PARTS, "all")
 
 # By what is correlated and by part.
-Sums = dict[tuple[str, str], CorrelationSums]
+Sums = Mapping[tuple[str, str], CorrelationSums]
 
 
 class Correlation(Task, frozen=True):
@@ -46,8 +52,8 @@ class Correlation(Task, frozen=True):
     scene: Mapping[str, Any]
     split: Split
     seeds: Sequence[int]
-    kinds: Sequence[str] = KINDS
-    samples: Sequence[str] = SAMPLES
+    kinds: Sequence[str]
+    samples: Sequence[str]
 
     def rows(self, context: Context) -> Iterator[Row]:
         if set(self.kinds) - set(KINDS):
@@ -55,40 +61,32 @@ class Correlation(Task, frozen=True):
                 f"task.kinds: expected among {', '.join(KINDS)}, found {list(self.kinds)}"
             )
         for seed, sensor in context.scenes(self.scene, self.seeds):
-            for row in correlations(sensor, self.split, seed, self.kinds, self.samples):
-                yield {"origin": sensor.origin, "seed": seed, **row}
+            for row in correlations(sensor, self.split, seed):
+                if row["kind"] in self.kinds and row["samples"] in self.samples:
+                    yield {"origin": sensor.origin, "seed": seed, **row}
             context.note(f"seed {seed}")
 
 
-def correlations(
-    scene: Scene,
-    split: Split,
-    seed: int,
-    kinds: Sequence[str] = KINDS,
-    samples: Sequence[str] = SAMPLES,
-) -> Iterator[Row]:
+def correlations(scene: Scene, split: Split, seed: int) -> Iterator[Row]:
     """Every C_ij of a scene, a row each; see :class:`Correlation`."""
-    members = members_of(scene, split, seed)
-    sums, prototypes = add_up(scene, members, {*map(_correlated, kinds)})
-    for kind in kinds:
-        parts = {part: sums[_correlated(kind), part] for part in PARTS}
-        training, held_out = parts.values()
-        for part in samples:
-            total = training + held_out if part == "all" else parts[part]
+    sums, prototypes = add_up(scene, members_of(scene, split, seed))
+    for kind, what in KINDS.items():
+        training, held_out = (sums[what, part] for part in PARTS)
+        of_samples = (training, held_out, training + held_out)
+        for name, total in zip(SAMPLES, of_samples, strict=True):
             if kind == "prototype":
                 means = total.means_with(prototypes.numpy())
             else:
                 means = total.pair_means()
             for i, j in np.ndindex(means.shape):
-                pair = [i] if i == j else [i, j]
                 yield {
                     "kind": kind,
-                    "samples": part,
+                    "samples": name,
                     "class_i": scene.classes[i],
                     "class_j": scene.classes[j],
                     "value": float(means[i, j]),
                     "n": total.n,
-                    "undefined": int(total.undefined[pair].sum()),
+                    "undefined": int(total.undefined[np.unique([i, j])].sum()),
                 }
 
 
@@ -112,16 +110,10 @@ def members_of(scene: Scene, split: Split, seed: int) -> dict[str, np.ndarray]:
     return members
 
 
-def add_up(
-    scene: Scene, members: Mapping[str, np.ndarray], correlated: Collection[str]
-) -> tuple[Sums, Tensor]:
+def add_up(scene: Scene, members: Mapping[str, np.ndarray]) -> tuple[Sums, Tensor]:
     """The sums of parts of the samples, and the prototypes bool [L, D]; each frame is read once."""
     n_classes, dimension = len(scene.classes), math.prod(scene.shape)
-    sums = {
-        (what, part): CorrelationSums(n_classes, dimension)
-        for what in correlated
-        for part in members
-    }
+    sums = defaultdict[tuple[str, str], CorrelationSums](CorrelationSums)
     counters = Counters(n_classes, dimension)
     for part, indices in members.items():
         for sample_of_each in indices.T:
@@ -130,12 +122,6 @@ def add_up(
             if part == "training":
                 counters.add(words, torch.arange(n_classes))
             ones = bits.unpack(words, dimension)
-            samples = {"hypervector": ones, "speckle": frames.flatten(1)}
-            for what in correlated:
-                sums[what, part].add(samples[what])
+            sums["speckle", part] += CorrelationSums.of(frames.flatten(1))
+            sums["hypervector", part] += CorrelationSums.of(ones)
     return sums, bits.unpack(counters.majority(), dimension)
-
-
-def _correlated(kind: str) -> str:
-    """Samples behind a kind: Eq. 6 correlates a prototype with hypervectors."""
-    return "hypervector" if kind == "prototype" else kind

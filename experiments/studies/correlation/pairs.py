@@ -14,47 +14,46 @@ belongs to; such frames are counted.
 
 from __future__ import annotations
 
-from typing import Any
+import operator
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 
+@dataclass
 class CorrelationSums:
-    """Sums behind the mean correlations of L classes.
+    """Sums behind the mean correlations of L classes; without arguments, of no samples.
 
-    Args:
-        n_classes, dimension: L and D.
-        dtype: of the standardised samples: float64, or float32, which rounds each once.
+    Attributes:
+        n: N_s, samples of each class.
+        sums: S, float64 [L, D].
+        same: Σ_k z_lk·z_l′k, float64 [L, L].
+        undefined: samples of each class without variance, int64 [L].
     """
 
-    def __init__(
-        self,
-        n_classes: int,
-        dimension: int,
-        dtype: DTypeLike = np.float64,
-    ):
-        self.dtype = dtype
-        self.n = 0  # N_s, samples per class so far
-        self.sums = np.zeros((n_classes, dimension))  # S
-        self.same = np.zeros((n_classes, n_classes))  # Σ_k z_lk·z_l′k
-        self.undefined = np.zeros(n_classes, np.int64)  # samples without variance
+    n: int = 0
+    sums: Any = 0.0
+    same: Any = 0.0
+    undefined: Any = 0
 
-    def add(self, samples: Any) -> None:
-        """Count one sample of each class: [L, D]."""
-        z = standardise(samples, self.dtype)
-        self.n += 1
-        self.sums += z
-        self.same += z @ z.T
-        self.undefined += np.isnan(z[:, 0])
+    @classmethod
+    def of(cls, samples: Any, dtype: DTypeLike = np.float64) -> Self:
+        """Make the sums of one sample of each class, [L, D].
+
+        Args:
+            samples: of any real or integer type.
+            dtype: of the standardised samples: float64, or float32, which rounds each once.
+        """
+        z = standardise(samples, dtype)
+        undefined = np.isnan(z[:, 0]).astype(np.int64)
+        return cls(1, z.astype(np.float64), (z @ z.T).astype(np.float64), undefined)
 
     def __add__(self, other: CorrelationSums) -> CorrelationSums:
         """The sums of both sets of samples."""
-        total = CorrelationSums(*self.sums.shape, self.dtype)
-        for name in ("n", "sums", "same", "undefined"):
-            of_both = getattr(self, name) + getattr(other, name)
-            setattr(total, name, of_both)
-        return total
+        both = map(operator.add, vars(self).values(), vars(other).values())
+        return CorrelationSums(*both)
 
     def pair_means(self) -> NDArray[np.float64]:
         """C_ll′ of Eqs. 4 and 5, float64 [L, L]; of two samples per class at least."""
@@ -62,14 +61,13 @@ class CorrelationSums:
             raise ValueError(
                 f"samples: expected at least two of each class, found {self.n}"
             )
-        of_pairs = self.sums @ self.sums.T - self.same
+        of_pairs: NDArray[np.float64] = self.sums @ self.sums.T - self.same
         return of_pairs / (self.n * (self.n - 1))
 
     def means_with(self, prototypes: Any) -> NDArray[np.float64]:
         """C_ll′ of Eq. 6, float64 [P, L]: prototypes [P, D] with the samples of each class."""
-        if self.n < 1:
-            raise ValueError("samples: expected at least one of each class, found 0")
-        return standardise(prototypes, self.dtype) @ self.sums.T / self.n
+        means: NDArray[np.float64] = standardise(prototypes) @ self.sums.T / self.n
+        return means
 
 
 def mean_pair_correlations(
@@ -82,12 +80,11 @@ def mean_pair_correlations(
     Args:
         a, b: samples [N_s, D] of class l and l′, of any real or integer type; the same array twice
             for the diagonal element C_ll. NaN if one has no variance.
-        dtype: see :class:`CorrelationSums`.
+        dtype: see :meth:`CorrelationSums.of`.
     """
-    sums = CorrelationSums(2, np.shape(a)[1], dtype)
-    for pair in zip(a, b, strict=True):
-        sums.add(np.stack(pair))
-    return float(sums.pair_means()[0, 1])
+    pairs = map(np.stack, zip(a, b, strict=True))
+    each = (CorrelationSums.of(pair, dtype) for pair in pairs)
+    return float(sum(each, CorrelationSums()).pair_means()[0, 1])
 
 
 def pair_correlations_double_sum(
@@ -107,16 +104,9 @@ def pair_correlations_double_sum(
 
 
 def standardise(samples: Any, dtype: DTypeLike = np.float64) -> NDArray[Any]:
-    """Samples [N, D] minus their means, divided by their norms; NaN for one without variance.
-
-    Raises:
-        ValueError: for a value that is not finite; the sample is named.
-    """
+    """Samples [N, D] minus their means, divided by their norms; NaN for one without variance, or
+    with a value that is not finite."""
     samples = np.asarray(samples)
-    if samples.dtype.kind == "f":
-        finite = np.isfinite(samples).all(1)
-        if not finite.all():
-            raise ValueError(f"samples[{finite.argmin()}]: expected finite values")
     constant = _constant(samples)
     x = samples.astype(np.float64)
     # Twice: a mean 10⁶ times the deviation leaves a rounded part of itself behind.

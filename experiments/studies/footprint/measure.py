@@ -36,27 +36,24 @@ class Footprint(Task, frozen=True):
     needed: Mapping[str, Sequence[str]]
 
     def rows(self, context: Context) -> Iterator[Row]:
-        # What a scene loads and what a model loads add up: each scene is run with the first model
-        # alone, and each model on the first scene.
-        with_first = ((scene, self.models[0]) for scene in self.scenes[1:])
-        pairs = [*((self.scenes[0], model) for model in self.models), *with_first]
-        for scene, model in pairs:
+        # What a scene loads and what a model loads add up: each model is run on the first scene,
+        # and each other scene with the first model.
+        of_models = [(self.scenes[0], model) for model in self.models]
+        of_scenes = [(scene, self.models[0]) for scene in self.scenes[1:]]
+        for scene, model in of_models + of_scenes:
             for repetition in range(self.repetitions):
                 context.note(f"{scene}, {model}, {repetition + 1}")
                 row = probed(scene, model, str(self.frames))
-                others = self._not_needed(scene, model, row)
+                needed = {
+                    n for key in ("all", scene, model) for n in self.needed.get(key, ())
+                }
+                others = sorted(set(row.get("package", ())) - needed)
                 if others:
                     row["status"] = f"fails: loads {', '.join(others)}"
                 about = {"scene": scene, "model": model, "n": self.frames}
                 yield {**about, "repetition": repetition, **row}
                 if "package" not in row:
                     break  # it is skipped, whatever the repetition
-
-    def _not_needed(self, scene: str, model: str, row: Row) -> list[str]:
-        keys = ("all", scene, model)
-        needed = {name for key in keys for name in self.needed.get(key, ())}
-        loaded = row.get("package", ())
-        return sorted(name for name in loaded if name not in needed)
 
 
 def probed(*arguments: str) -> Row:

@@ -2,18 +2,12 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import pandas as pd
 
-from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.facets import spread
-from experiments.reporting.study import Figure, Study
+from experiments.reporting.columns import Column
+from experiments.reporting.study import Study
 from experiments.reporting.table import Table
 from experiments.reporting.text import size
-
-if TYPE_CHECKING:
-    from matplotlib.figure import Figure as Canvas
 
 CASE = ["scene", "model", "n", "status", "origin"]
 MEASURED = ["first_prediction_s", "peak_bytes"]
@@ -27,8 +21,6 @@ def _bytes(value: float) -> str:
 COLUMNS = {
     "first_prediction_s": Column("First prediction, s", of_machine=True),
     "peak_bytes": Column("Peak memory", _bytes, of_machine=True),
-    "package": Column("Package"),
-    "modules": Column("Modules"),
     "package_s": Column("Time to import, s", of_machine=True),
     "package_bytes": Column("Memory", _bytes, of_machine=True),
 }
@@ -53,21 +45,6 @@ def packages(frame: pd.DataFrame) -> pd.DataFrame | None:
     return found.reset_index().sort_values(
         ["scene", "model", "package_bytes"], **by_size
     )
-
-
-def draw(figure: Canvas, data: pd.DataFrame) -> None:
-    """A row per scene: memory and time of HDC."""
-    of_hdc = data[(data.model == "hdc") & data.peak_bytes.notna()]
-    left, right = figure.subplots(1, 2, sharey=True)
-    for axes, name, label, scale in (
-        (left, "peak_bytes", "peak memory (MB)", 1e-6),
-        (right, "first_prediction_s", "time to the first\nprediction (s)", 1),
-    ):
-        values, distances = spread(of_hdc, name, scale)
-        places = of_hdc.scene.map(scene_name)
-        axes.barh(places, values, 0.6, xerr=distances, color="#0072B2")
-        axes.set_xlabel(label)
-    left.invert_yaxis()
 
 
 FOOTPRINT = Table(
@@ -97,16 +74,4 @@ STUDY = Study(
     "out?",
     order=13,
     tables=[FOOTPRINT, PACKAGES],
-    figures=[
-        Figure(
-            "footprint",
-            FOOTPRINT,
-            draw,
-            title="Memory and time of HDC with ten frames",
-            details="",
-            caption="Peak memory of a process that learns ten frames of a data set with HDC, and "
-            "its time to the first prediction.",
-            size=(3.4, 2.4),
-        )
-    ],
 )

@@ -39,7 +39,8 @@ def rows_of(*models, split=SPLIT):
     """Rows of two draws, which leave each class out once."""
     named = {name: composed.part("model", name) for name in models}
     numbers = {"n_per_class": N, "draws": 2, "n_left_out": 2, "alpha": ALPHA}
-    task = composed.made(Rejection, scene={}, split=split, models=named, **numbers)
+    config = composed.task("rejection") | {"scene": {}, "split": split, **numbers}
+    task = composed.made(Rejection, **config | {"models": named})
     return list(task.rows(Context()))
 
 

@@ -10,10 +10,10 @@ import torch
 from torch.nn import functional as F
 
 from experiments.protocol.evaluate import bank_of
-from experiments.protocol.settings import Split
-from experiments.studies.limits.stiffness import measure, newton
+from experiments.studies.limits.stiffness import measure, methods, newton
 from experiments.studies.limits.stiffness.problem import Problem, condition
 from scenes.frames import Frames
+from tests.experiments import composed
 
 pytestmark = pytest.mark.usefixtures("one_thread")
 METHODS = measure.named_methods([1], 2000, {"lr": 0.1, "batch_size": None})
@@ -53,7 +53,7 @@ def optimum_of(problem):
 def followed(name, problem, budget_s=60.0, least=None):
     """The points of a method; `least` is the loss of the optimum, if that is known."""
     least = optimum_of(problem)[1] if least is None else least
-    return measure.Watch(problem, least, budget_s, goal=1e-6).follow(METHODS[name])
+    return methods.Watch(problem, least, budget_s, goal=1e-6).follow(METHODS[name])
 
 
 # The problem --------------------------------------------------------------------------------------
@@ -105,8 +105,8 @@ def test_a_scene_may_set_a_part_of_the_split():
     scene = Frames(images, np.arange(24) % 2, ("a", "b"), samples=groups)
     context = SimpleNamespace(scene=lambda *_: scene)
     own = {"scene": {}, "split": {"kind": "leave_group_out", "group": "group"}}
-    usual = Split("random", 0.25)
-    (row,) = measure.real_problems(context, {"mine": own}, usual, 0, 100)
+    config = composed.task("stiffness") | {"real": {"mine": own}}
+    (row,) = composed.made(measure.Stiffness, **config).real_problems(context)
     assert (row["real"], row["n"]) == ("mine", 18)
 
 

@@ -16,7 +16,6 @@ STUDIES = ROOT / "experiments" / "studies"
 # Figures without a split in their head, and why.
 NO_SPLIT = {
     "stability": "its inputs are made up",
-    "footprint": "memory and time of loading what a scene needs",
 }
 SPLITS = ("split", "frames are of another")  # what a head says of it
 

@@ -2,22 +2,15 @@
 
 from __future__ import annotations
 
-import pandas as pd
-
 from experiments.reporting.columns import Column, milliseconds
 from experiments.reporting.table import Table
 
 NAMES = ["input", "method", "number", "error", "tolerance", "time_s", "verdict"]
 
 
-def numerics(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row per method."""
-    return frame[NAMES]
-
-
 TABLE = Table(
     "numerics",
-    numerics,
+    lambda frame: frame[NAMES],
     of="numerics",
     title="Error and time of phases and of mean correlations. {machine}",
     columns={

@@ -53,8 +53,10 @@ class Case:
         (tolerance,) = derived or (0.0,)
         error = self._error(ours, exact)
         holds = error is not None and error <= tolerance
-        texts = ("case", "part", "extreme", "naive", "ours", "unit")
-        return {name: getattr(self, name) for name in texts} | {
+        texts = {
+            name: text for name, text in vars(self).items() if isinstance(text, str)
+        }
+        return texts | {
             "tolerance": tolerance,
             "error_naive": self._error(naive, exact),
             "error_ours": error,

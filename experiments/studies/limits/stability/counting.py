@@ -35,13 +35,9 @@ def tail_bits(d: int = 65) -> Any:
     """Ones of a prototype whose bits are all tied, so that it is all ones: as many as D."""
     mask = random_bits(1, d)
     pair = bits.pack(torch.cat((mask, ~mask)))
-
-    def ones(words: Tensor) -> Tensor:
-        return bits.count_ones(words[None])
-
     return (
-        lambda: ones(~bits.majority(pair, "zero")),
-        lambda: ones(bits.majority(pair, "one")),
+        lambda: bits.count_ones(~bits.majority(pair, "zero")),
+        lambda: bits.count_ones(bits.majority(pair, "one")),
         d,
     )
 
@@ -49,12 +45,8 @@ def tail_bits(d: int = 65) -> Any:
 def distances_above_255() -> Any:
     mask = random_bits(1, D)
     a, b = bits.pack(mask), bits.pack(~mask)
-
-    def naive() -> np.uint8:
-        apart = (a ^ b).numpy().view(np.uint64)
-        return np.bitwise_count(apart).sum(dtype=np.uint8)
-
-    return naive, partial(bits.hamming, a, b), D
+    apart = np.bitwise_count((a ^ b).numpy().view(np.uint64))
+    return partial(apart.sum, dtype=np.uint8), partial(bits.hamming, a, b), D
 
 
 def ties(readout: str, d: int = 1024) -> Any:
@@ -71,23 +63,20 @@ def counters_above_2_to_the_16(n: int = 70_000, d: int = 200) -> Any:
     ones = [round(n * share) for share in np.linspace(0, 1, d)]  # of each bit
     mask = torch.arange(n)[:, None] < torch.tensor(ones)
     labels = torch.zeros(n, dtype=torch.int64)
-
-    def ours() -> Tensor:
-        return counted(mask, labels).counts()[0]
-
-    return partial(mask.numpy().sum, 0, dtype=np.uint16), ours, ones
+    naive = partial(mask.numpy().sum, 0, dtype=np.uint16)
+    return naive, lambda: counted(mask, labels).counts()[0], ones
 
 
 def unequal_classes(d: int = 10_000) -> Any:
     sizes = torch.tensor([1, 2, 997])
     labels = torch.repeat_interleave(torch.arange(3), sizes)
     mask = random_bits(1000, d)
-    counts = torch.stack([mask[labels == c].sum(0) for c in range(3)])
-
-    def ours() -> Tensor:
-        return bits.unpack(counted(mask, labels).majority(), d)
-
-    return lambda: counts > len(labels) / 6, ours, 2 * counts > sizes[:, None]
+    counts = torch.stack([part.sum(0) for part in mask.split(sizes.tolist())])
+    return (
+        lambda: counts > len(labels) / 6,
+        lambda: bits.unpack(counted(mask, labels).majority(), d),
+        2 * counts > sizes[:, None],
+    )
 
 
 def repeated_merges(times: int = 12, d: int = 2000) -> Any:

@@ -133,12 +133,10 @@ def smoothed(frames: Array, mode: str) -> Array:
 
 def steps(frame: Array) -> Array:
     """(x − mean)/deviation of grey values [D] in steps of 2⁻¹⁶, rounded down: int64 [D]."""
-    n, levels = frame.size, range(256)
-    counts = np.bincount(frame, minlength=256).tolist()
-    total = sum(grey * count for grey, count in enumerate(counts))
-    squares = sum(grey**2 * count for grey, count in enumerate(counts))
+    n, grey = frame.size, frame.astype(np.int64)
+    total, squares = int(grey.sum()), int((grey**2).sum())
     divisor = max(1, math.isqrt(n * squares - total**2))
-    return np.array([(n * grey - total) * 2**16 // divisor for grey in levels])[frame]
+    return (n * grey - total) * 2**16 // divisor  # below 2⁴⁹
 
 
 def referred(frames: Array) -> Array:
@@ -158,7 +156,7 @@ def above(differences: Array, thresholds: Sequence[float]) -> Array:
     squares = int((differences**2).sum())  # below 2⁶³
     sigma = math.isqrt((n * squares - total**2) // n**2)
     limits = [math.floor(Fraction(t) * sigma) for t in thresholds]
-    return np.stack([differences > limit for limit in limits])
+    return differences > np.array(limits)[:, None]
 
 
 def prepared(encoder: Encoder, levels: Sequence[Any], ways: Any, name: str) -> Any:

@@ -29,11 +29,6 @@ LOOKS = {
 }
 
 
-def stability(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row per case."""
-    return frame[NAMES]
-
-
 def error(value: float) -> str:
     """An error; counts are written out."""
     return f"{value:,.0f}" if value == int(value) and value < 1e6 else number(value, 2)
@@ -74,7 +69,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
 
 TABLE = Table(
     "stability",
-    stability,
+    lambda frame: frame[NAMES],
     of="stability",
     title=title,
     columns={

@@ -9,9 +9,7 @@ optimum in extended precision.
 
 from __future__ import annotations
 
-import time
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, ClassVar
 
@@ -30,8 +28,6 @@ from experiments.studies.limits.stiffness import methods
 from experiments.studies.limits.stiffness.newton import optimum
 from experiments.studies.limits.stiffness.problem import Array, Problem, condition
 from scenes.frames import Scene
-
-_LATER = 1.25  # factor between the times of two points of a curve
 
 
 class Stiffness(Task, frozen=True):
@@ -68,7 +64,9 @@ class Stiffness(Task, frozen=True):
         every = named_methods(self.adam["rates"], self.adam["steps"], self.softmax)
         # Run each method for a moment: its first steps load parts of libraries.
         for method in every.values():
-            Watch(Problem.of(frames, onehot, 1.0, 1.0, 1), 0.0, 0.0, 0.0).follow(method)
+            methods.Watch(
+                Problem.of(frames, onehot, 1.0, 1.0, 1), 0.0, 0.0, 0.0
+            ).follow(method)
         for number, how in enumerate(self.problems):
             problem = Problem.of(frames, onehot, **how, originals=self.originals)
             best = optimum(problem)
@@ -77,32 +75,25 @@ class Stiffness(Task, frozen=True):
             same["kappa"] = condition(problem, best.astype(np.float64))
             for name, method in every.items():
                 context.note(f"κ = {same['kappa']:.1e}, {name}")
-                watch = Watch(problem, float(least), self.budget_s, self.goal)
+                watch = methods.Watch(problem, float(least), self.budget_s, self.goal)
                 for point in watch.follow(method):
                     yield same | {"method": name, **point}
-        yield from real_problems(context, self.real, self.split, self.seed, self.most)
+        yield from self.real_problems(context)
 
-
-def real_problems(
-    context: Context,
-    real: Mapping[str, Mapping[str, Any]],
-    split: Split,
-    seed: int,
-    most: int,
-) -> Iterator[Row]:
-    """κ of converged softmax on training frames of each scene: at most `most`, evenly spread, by
-    `split` with what the scene sets of it. A scene without files is left out."""
-    for name, part in real.items():
-        try:
-            scene = context.scene(part["scene"], seed)
-        except (ValueError, OSError) as error:
-            context.note(f"{name} left out: {str(error).partition(';')[0]}")
-            continue
-        given = msgspec.to_builtins(split) | part.get("split", {})
-        train, _ = choose(scene, checked(given, Split, "split"), seed)
-        some = train[:: -(-len(train) // most)]
-        kappa = condition_of(bank_of(scene, some))
-        yield {"real": name, "kappa": kappa, "n": len(some), "origin": scene.origin}
+    def real_problems(self, context: Context) -> Iterator[Row]:
+        """κ of converged softmax on training frames of each real scene: at most `most`, evenly
+        spread, by `split` with what the scene sets of it. A scene without files is left out."""
+        for name, part in self.real.items():
+            try:
+                scene = context.scene(part["scene"], self.seed)
+            except (ValueError, OSError) as error:
+                context.note(f"{name} left out: {str(error).partition(';')[0]}")
+                continue
+            given = msgspec.to_builtins(self.split) | part.get("split", {})
+            train, _ = choose(scene, checked(given, Split, "split"), self.seed)
+            some = train[:: -(-len(train) // self.most)]
+            kappa = condition_of(bank_of(scene, some))
+            yield {"real": name, "kappa": kappa, "n": len(some), "origin": scene.origin}
 
 
 def condition_of(bank: Bank) -> float:
@@ -153,68 +144,3 @@ def named_methods(
         "SoftmaxRegression": partial(methods.minibatches, **softmax),
         "DualSoftmaxRegression": methods.dual,
     }
-
-
-class Ended(Exception):
-    """Ends a method; its text is why."""
-
-
-@dataclass
-class Watch:
-    """Records the points that a method reaches, and their times.
-
-    Args:
-        problem: what the method minimises.
-        least: F of the optimum.
-        budget_s: time that a method has.
-        goal: error, in units of the first, at which it has arrived.
-    """
-
-    problem: Problem
-    least: float
-    budget_s: float
-    goal: float
-    points: list[Row] = field(default_factory=list)
-
-    def follow(self, method: methods.Method) -> list[Row]:
-        """The points of the curve of a method; the first is that of zero weights."""
-        self._evaluations, self._due = 0, 0.0
-        first, _ = self.problem.evaluate(self.problem.start)
-        self._unit = float(first) - self.least
-        self._begin = time.perf_counter()
-        try:
-            method(self.problem, self)
-            ended = "goes no further"
-        except Ended as end:
-            ended = str(end)
-        except np.linalg.LinAlgError:
-            ended = "failed: Hessian not positive definite"
-        self.points.append(self._point | {"ended": ended})
-        return self.points
-
-    def evaluate(self, weights: Array) -> tuple[Any, Array]:
-        """The loss and its gradient."""
-        loss, gradient = self.problem.evaluate(weights)
-        self.reached(float(loss))
-        return loss, gradient
-
-    def reached(self, loss: float) -> None:
-        """Keep the point, if it is due.
-
-        Raises:
-            Ended: the method has arrived, failed, or used its time.
-        """
-        self._evaluations += 1
-        seconds = time.perf_counter() - self._begin
-        error = (loss - self.least) / self._unit
-        self._point: Row = {"evaluations": self._evaluations, "fit_s": seconds}
-        self._point |= {"error": error, "ended": ""}
-        if not np.isfinite(error):
-            raise Ended("failed: not a number")
-        if error <= self.goal:
-            raise Ended("arrived")
-        if seconds >= self.budget_s:
-            raise Ended("out of time")
-        if seconds >= self._due:
-            self._due = _LATER * seconds
-            self.points.append(self._point)

@@ -1,4 +1,4 @@
-"""Methods for the optimum, each a function of a problem and of what it tells where it is.
+"""Methods for the optimum, each a function of a problem and of what watches it.
 
 Every method starts at zero weights. It asks the watch for the loss and its gradient, or says which
 loss it has reached; the watch ends it by an exception, unless it can go no further before.
@@ -7,9 +7,10 @@ loss it has reached; the watch ends it by an exception, unless it can go no furt
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Callable
-from functools import partial
-from typing import Any, Protocol
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import torch
@@ -19,52 +20,111 @@ from torch import Tensor
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
 from baselines.training import OPTIMIZERS
+from experiments.records.rows import Row
 from experiments.studies.limits.stiffness import newton as of_newton
 from experiments.studies.limits.stiffness.problem import Array, Problem
 
+_LATER = 1.25  # factor between the times of two points of a curve
 
-class Watching(Protocol):
-    """Ends a method by an exception."""
+
+class Ended(Exception):
+    """Ends a method; its text is why."""
+
+
+@dataclass
+class Watch:
+    """Records the points that a method reaches, and their times.
+
+    Args:
+        problem: what the method minimises.
+        least: F of the optimum.
+        budget_s: time that a method has.
+        goal: error, in units of the first, at which it has arrived.
+    """
+
+    problem: Problem
+    least: float
+    budget_s: float
+    goal: float
+    points: list[Row] = field(default_factory=list)
+
+    def follow(self, method: Method) -> list[Row]:
+        """The points of the curve of a method; the first is that of zero weights."""
+        self._evaluations, self._due = 0, 0.0
+        first, _ = self.problem.evaluate(self.problem.start)
+        self._unit = float(first) - self.least
+        self._begin = time.perf_counter()
+        try:
+            method(self.problem, self)
+            ended = "goes no further"
+        except Ended as end:
+            ended = str(end)
+        except np.linalg.LinAlgError:
+            ended = "failed: Hessian not positive definite"
+        self.points.append(self._point | {"ended": ended})
+        return self.points
 
     def evaluate(self, weights: Array) -> tuple[Any, Array]:
         """The loss and its gradient."""
+        loss, gradient = self.problem.evaluate(weights)
+        self.reached(float(loss))
+        return loss, gradient
 
     def reached(self, loss: float) -> None:
-        """A method that computes its own loss says it."""
+        """Keep the point, if it is due.
+
+        Raises:
+            Ended: the method has arrived, failed, or used its time.
+        """
+        self._evaluations += 1
+        seconds = time.perf_counter() - self._begin
+        error = (loss - self.least) / self._unit
+        self._point: Row = {"evaluations": self._evaluations, "fit_s": seconds}
+        self._point |= {"error": error, "ended": ""}
+        if not np.isfinite(error):
+            raise Ended("failed: not a number")
+        if error <= self.goal:
+            raise Ended("arrived")
+        if seconds >= self.budget_s:
+            raise Ended("out of time")
+        if seconds >= self._due:
+            self._due = _LATER * seconds
+            self.points.append(self._point)
 
 
-Method = Callable[[Problem, Watching], None]
+Method = Callable[[Problem, Watch], None]
 
 
-def gradient_descent(problem: Problem, watch: Watching) -> None:
+def gradient_descent(problem: Problem, watch: Watch, momentum: float = 0.0) -> None:
     """Steps of 1/B, with B the bound of the Hessian: stable everywhere."""
     rate = 1 / problem.bound
-    _by_torch(problem, watch, partial(torch.optim.SGD, lr=rate))
+    weights, velocity = problem.start, problem.start
+    while True:
+        _, gradient = watch.evaluate(weights)
+        velocity = momentum * velocity + gradient
+        weights = weights - rate * (gradient + momentum * velocity)
 
 
-def momentum(problem: Problem, watch: Watching) -> None:
+def momentum(problem: Problem, watch: Watch) -> None:
     """Nesterov's momentum with the rate 1/B and the factor (√B − √λ)/(√B + √λ) (Nesterov, 2004,
     2.2.22)."""
     fast, slow = math.sqrt(problem.bound), math.sqrt(problem.strength)
-    make = partial(
-        torch.optim.SGD,
-        lr=1 / problem.bound,
-        momentum=(fast - slow) / (fast + slow),
-        nesterov=True,
-    )
-    _by_torch(problem, watch, make)
+    gradient_descent(problem, watch, (fast - slow) / (fast + slow))
 
 
-def adam(problem: Problem, watch: Watching, rate: float, steps: int) -> None:
+def adam(problem: Problem, watch: Watch, rate: float, steps: int) -> None:
     """Adam in full batches, at a rate that falls to zero by a cosine in so many steps."""
+    weights = torch.from_numpy(problem.start).requires_grad_()
+    optimizer = torch.optim.Adam([weights], lr=rate)
+    for step in range(steps):
+        _, gradient = watch.evaluate(weights.detach().numpy())
+        weights.grad = torch.from_numpy(gradient)
+        falling = (1 + math.cos(math.pi * step / steps)) / 2
+        optimizer.param_groups[0]["lr"] = rate * falling
+        optimizer.step()
 
-    def falling(step: int) -> float:
-        return (1 + math.cos(math.pi * step / steps)) / 2
 
-    _by_torch(problem, watch, partial(torch.optim.Adam, lr=rate), falling, steps)
-
-
-def l_bfgs(problem: Problem, watch: Watching) -> None:
+def l_bfgs(problem: Problem, watch: Watch) -> None:
     """SciPy's L-BFGS, without limits of its own."""
 
     def flat(weights: Array) -> tuple[Any, Array]:
@@ -77,13 +137,13 @@ def l_bfgs(problem: Problem, watch: Watching) -> None:
     minimize(flat, start, method="L-BFGS-B", jac=True, options=without)
 
 
-def newton(problem: Problem, watch: Watching) -> None:
+def newton(problem: Problem, watch: Watch) -> None:
     """Newton's method, a Cholesky decomposition a step, with halved steps."""
     for _ in of_newton.newton(problem, problem.start, watch.evaluate):
         pass
 
 
-def dual(problem: Problem, watch: Watching) -> None:
+def dual(problem: Problem, watch: Watch) -> None:
     """:class:`baselines.softmax_dual.DualSoftmaxRegression`, from the products of the frames."""
     n, n_classes = problem.onehot.shape
     c = 1 / (problem.strength * n)
@@ -100,7 +160,7 @@ def dual(problem: Problem, watch: Watching) -> None:
     model.solve(frames @ frames.T, torch.from_numpy(problem.onehot.argmax(1)))
 
 
-def minibatches(problem: Problem, watch: Watching, **recipe: Any) -> None:
+def minibatches(problem: Problem, watch: Watch, **recipe: Any) -> None:
     """:class:`baselines.softmax.SoftmaxRegression` in float32, from zero weights."""
     n, n_classes = problem.onehot.shape
 
@@ -127,24 +187,3 @@ def minibatches(problem: Problem, watch: Watching, **recipe: Any) -> None:
         both = torch.cat([weight, bias[:, None]], 1).detach().double()
         loss, _ = problem.evaluate(both.numpy())
         watch.reached(loss)
-
-
-def _by_torch(
-    problem: Problem,
-    watch: Watching,
-    make: Callable[..., torch.optim.Optimizer],
-    factor: Callable[[int], float] = lambda step: 1.0,
-    steps: float = math.inf,
-) -> None:
-    """Steps of an optimiser whose rate has a factor; its weights share the memory of an array."""
-    weights = problem.start
-    parameter = torch.from_numpy(weights).requires_grad_()
-    optimizer = make([parameter])
-    rate = optimizer.param_groups[0]["lr"]
-    step = 0
-    while step < steps:
-        _, gradient = watch.evaluate(weights)
-        parameter.grad = torch.from_numpy(gradient)
-        optimizer.param_groups[0]["lr"] = rate * factor(step)
-        optimizer.step()
-        step += 1

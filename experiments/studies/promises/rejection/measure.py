@@ -11,10 +11,11 @@ of these numbers is confirmatory.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from sklearn.metrics import roc_auc_score
 
 from baselines import library
@@ -23,14 +24,13 @@ from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import bank_of
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
-from experiments.protocol.splits import nested
-from experiments.protocol.task import Context, Row, Task
-from experiments.studies.promises.values.measure import parts
+from experiments.protocol.task import Context, Row
+from experiments.studies.promises.values.measure import Drawn, of_classes
 from hdc import HDCClassifier
 from scenes.frames import Scene
 
 
-class Rejection(Task, frozen=True):
+class Rejection(Drawn, frozen=True):
     """One row: a model that has not learned the class ``left_out``, in one draw.
 
     Lists over groups of known test frames: the ``group``, its number of ``known`` frames, and how
@@ -45,15 +45,11 @@ class Rejection(Task, frozen=True):
         ValueError: naming the key that is wrong.
     """
 
-    scene: Mapping[str, Any]
     split: Split
     models: Mapping[str, Any]
-    seeds: Sequence[int] = (0,)
-    n_per_class: int = 20
-    draws: int = 3
-    n_left_out: int = 3
-    most_test: int = 200
-    alpha: float | int = 0.05
+    n_per_class: int
+    n_left_out: int
+    alpha: float | int
 
     def rows(self, context: Context) -> Iterator[Row]:
         if self.split.group is None:
@@ -62,31 +58,20 @@ class Rejection(Task, frozen=True):
                 f"{self.split.kind!r}; name a scene whose split has groups"
             )
         models = models_of(at_seed(self.models, 0))
-        splits = {"counts": self.split}
-        for recording, row, pool, test in parts(
-            context, self.scene, splits, self.seeds, self.draws, self.most_test
-        ):
-            key = row["seed"], row["draw"]
-            order, _ = nested(pool, recording.labels, [], key)
-            n = min(self.n_per_class, *map(len, order))
-            train = np.concatenate([of_class[:n] for of_class in order])
-            n_train = len(train)
+        for recording, row, pool, test in self.parts(context, {"counts": self.split}):
+            train, n = of_classes(recording, row, pool, self.n_per_class)
             chosen = np.concatenate([train, test])
             bank = bank_of(recording, chosen)
             groups = groups_of(recording, self.split)[chosen]
             row |= {"n": n, "alpha": self.alpha}
-            for left_out in self._in_turn(row["draw"], bank.n_classes):
+            # Those after the ones that the draw before has left out.
+            first = row["draw"] * self.n_left_out
+            for k in range(min(self.n_left_out, bank.n_classes)):
+                left_out = (first + k) % bank.n_classes
                 row["left_out"] = recording.classes[left_out]
                 for name, model in models.items():
-                    found = answers(model, bank, groups, n_train, left_out, self.alpha)
-                    yield {**row, "model": name, **found}
-
-    def _in_turn(self, draw: int, n_classes: int) -> list[int]:
-        """The classes that a draw leaves out, one at a time: those after the ones of the draw
-        before."""
-        first = draw * self.n_left_out
-        number = min(self.n_left_out, n_classes)
-        return [(first + k) % n_classes for k in range(number)]
+                    given = bank, groups, len(train), left_out, self.alpha
+                    yield {**row, "model": name, **answers(model, *given)}
 
 
 def groups_of(scene: Scene, split: Split) -> np.ndarray:
@@ -118,8 +103,8 @@ def answers(
     """
     train = np.flatnonzero(bank.labels[:n_train] != left_out)
     test = np.arange(n_train, len(bank))
-    words = library.words_of(model, bank, train, train)
     fitted = HDCClassifier(**model.get_params(deep=False))
+    words = library.words_of(model, bank, train, train)
     fitted.fit(words, bank.labels[train], groups[train])
     asked = library.words_of(model, bank, test, train)
     refused = ~fitted.is_known(asked, alpha)
@@ -127,12 +112,12 @@ def answers(
     distances = head.rejection.nearest(asked.packed).numpy(force=True)
     scores = head.scores(asked).amax(1).numpy(force=True)
     unknown = bank.labels[test] == left_out
-    known = test[~unknown]
-    group, place = np.unique(groups[known], return_inverse=True)
+    of_groups = pd.Series(refused[~unknown]).groupby(groups[test[~unknown]])
+    counts = of_groups.agg(["size", "sum"])
     return {
-        "group": group.tolist(),
-        "known": np.bincount(place).tolist(),
-        "refused": np.bincount(place[refused[~unknown]], minlength=len(group)).tolist(),
+        "group": counts.index.tolist(),
+        "known": counts["size"].tolist(),
+        "refused": counts["sum"].tolist(),
         "unknown": int(unknown.sum()),
         "unknown_refused": int(refused[unknown].sum()),
         "area": float(roc_auc_score(unknown, distances)),

@@ -7,6 +7,7 @@ not.
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar
@@ -19,14 +20,45 @@ from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import nested, resample_split
 from experiments.protocol.task import Context, Row, Task
-from experiments.studies.promises.values.numbers import answers, intervals
+from experiments.studies.promises.values.numbers import answers
 from hdc import HDCClassifier
 
 BINS = 10
 """Bins of equal width of the probability of an answer."""
 
 
-class Values(Task, frozen=True):
+class Drawn(Task, frozen=True):
+    """A task with several draws of training and test frames of a recording."""
+
+    scene: Mapping[str, Any]
+    seeds: Sequence[int]
+    draws: int
+    most_test: int
+
+    def parts(
+        self, context: Context, splits: Mapping[str, Split]
+    ) -> Iterator[tuple[Any, Row, np.ndarray, np.ndarray]]:
+        """Every draw of every split: recording, start of a row, indices to learn and to test."""
+        for seed, recording in context.scenes(self.scene, self.seeds):
+            for split, draw in itertools.product(splits, range(self.draws)):
+                pool, test = resample_split(
+                    recording, splits[split], (seed, draw), self.most_test
+                )
+                row: Row = {"origin": recording.origin, "seed": seed}
+                yield recording, row | {"split": split, "draw": draw}, pool, test
+            context.note(f"seed {seed}")
+
+
+def of_classes(
+    recording: Any, row: Row, pool: np.ndarray, n: int
+) -> tuple[np.ndarray, int]:
+    """Up to n samples of each class of a pool, as many of one as of another, and this number."""
+    order, _ = nested(pool, recording.labels, [], (row["seed"], row["draw"]))
+    n = min(n, *map(len, order))
+    return np.concatenate([of_class[:n] for of_class in order]), n
+
+
+class Values(Drawn, frozen=True):
     """One row: mean absolute ``error`` of one model's answers to ``n_test`` frames, in ``unit`` of
     the first value of the scene; of the library's regressor also the share of the values ``inside``
     its intervals for ``alpha`` and their mean ``width``. Frames of values below ``at_least`` are
@@ -38,20 +70,14 @@ class Values(Task, frozen=True):
     revision: ClassVar = 2
     uses: ClassVar = ("hdc.HDCClassifier",)
 
-    scene: Mapping[str, Any]
     splits: Mapping[str, Split]
-    seeds: Sequence[int] = (0,)
-    n_train: Sequence[int] = (50, 200, 1000)
-    draws: int = 3
-    most_test: int = 1000
-    bins: int = 10
-    alpha: float | int = 0.1
-    at_least: float | int | None = None
+    n_train: Sequence[int]
+    bins: int
+    alpha: float | int
+    at_least: float | int | None
 
     def rows(self, context: Context) -> Iterator[Row]:
-        for recording, row, pool, test in parts(
-            context, self.scene, self.splits, self.seeds, self.draws, self.most_test
-        ):
+        for recording, row, pool, test in self.parts(context, self.splits):
             known: Any = recording  # a cached scene has frames and labels alone
             if not hasattr(recording, "values"):
                 known = scene_at(self.scene, row["seed"], False, context.console)
@@ -64,18 +90,16 @@ class Values(Task, frozen=True):
             sizes = [n for n in self.n_train if n <= len(order)]
             train = order[: max(sizes)]
             bank = bank_of(recording, np.concatenate([train, test]))
-            asked = np.arange(len(train), len(bank)), numbers[test]
+            queries = np.arange(len(train), len(bank))
             row |= {"value": known.value_names[0], "unit": known.units[0]}
             row["n_test"] = len(test)
             for n in sizes:
-                y = numbers[train[:n]]
-                for found in answers(bank, y, *asked, self.bins):
+                given = bank, numbers[train[:n]], queries, numbers[test]
+                for found in answers(*given, self.bins, self.alpha):
                     yield {**row, "n": n, **found}
-                for found in intervals(bank, y, *asked, self.alpha):
-                    yield {**row, "n": n, "alpha": self.alpha, **found}
 
 
-class Coverage(Task, frozen=True):
+class Coverage(Drawn, frozen=True):
     """One row: a model in one draw of one split after ``n`` frames of every class.
 
     The share ``covered`` of ``n_test`` held-out frames by the model's prediction set for ``alpha``,
@@ -91,32 +115,21 @@ class Coverage(Task, frozen=True):
 
     revision: ClassVar = 5
 
-    scene: Mapping[str, Any]
     splits: Mapping[str, Split]
     models: Mapping[str, Any]
-    seeds: Sequence[int] = (0,)
-    n_per_class: Sequence[int] = (1, 2, 5, 10, 20, 50)
-    draws: int = 3
-    most_test: int = 200
-    alpha: float | int = 0.1
+    n_per_class: Sequence[int]
+    alpha: float | int
 
     def rows(self, context: Context) -> Iterator[Row]:
         asked = models_of(at_seed(self.models, 0))
-        for recording, row, pool, test in parts(
-            context, self.scene, self.splits, self.seeds, self.draws, self.most_test
-        ):
-            key = row["seed"], row["draw"]
-            order, _ = nested(pool, recording.labels, [], key)
-            least = min(map(len, order))
-            sizes = sorted({min(n, least) for n in self.n_per_class})
-            most = np.concatenate([of_class[: sizes[-1]] for of_class in order])
+        for recording, row, pool, test in self.parts(context, self.splits):
+            most, n_most = of_classes(recording, row, pool, max(self.n_per_class))
             bank = bank_of(recording, np.concatenate([most, test]))
             queries = bank.at(np.arange(len(most), len(bank)))
             labels = recording.labels[test]
             row |= {"n_test": len(test), "alpha": self.alpha}
-            for n in sizes:
-                place = np.arange(len(most)) % sizes[-1]
-                train = np.flatnonzero(place < n)
+            for n in sorted({min(n, n_most) for n in self.n_per_class}):
+                train = np.flatnonzero(np.arange(len(most)) % n_most < n)
                 for name, model in asked.items():
                     model.fit(bank.at(train), bank.labels[train])
                     found = sets(model, queries, labels, self.alpha)
@@ -156,22 +169,3 @@ def probabilities(model: HDCClassifier, queries: Any, labels: np.ndarray) -> Row
         "sure": summed(sure),
         "spread": summed(sure * (1 - sure)),
     }
-
-
-def parts(
-    context: Context,
-    scene: Any,
-    splits: Mapping[str, Split],
-    seeds: Sequence[int],
-    draws: int,
-    most_test: int,
-) -> Iterator[tuple[Any, Row, np.ndarray, np.ndarray]]:
-    """Every draw of every split: the recording, the row's start, indices to learn and to test."""
-    for seed, recording in context.scenes(scene, seeds):
-        for split, wanted in splits.items():
-            for draw in range(draws):
-                pool, test = resample_split(recording, wanted, (seed, draw), most_test)
-                row: Row = {"origin": recording.origin, "seed": seed}
-                row |= {"split": split, "draw": draw}
-                yield recording, row, pool, test
-        context.note(f"seed {seed}")

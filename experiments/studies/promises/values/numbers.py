@@ -9,7 +9,7 @@ from sklearn.decomposition import KernelPCA
 from sklearn.linear_model import RidgeCV
 from torch import Tensor
 
-from baselines.bank import Bank
+from baselines.bank import Bank, Rows
 from experiments.records.rows import Row
 from hdc import HDCClassifier, HDCRegressor
 from hdc.readouts import Majority
@@ -21,9 +21,16 @@ REGRESSORS = {"regressor": "ridge", "nearest_neighbour": "neighbours"}
 
 
 def answers(
-    bank: Bank, y: np.ndarray, queries: np.ndarray, truth: np.ndarray, bins: int
+    bank: Bank,
+    y: np.ndarray,
+    queries: np.ndarray,
+    truth: np.ndarray,
+    bins: int,
+    alpha: float,
 ) -> Iterator[Row]:
-    """The mean absolute ``error`` of each model without intervals, trained on the first frames.
+    """The mean absolute ``error`` of each model that is trained on the first frames; of the
+    library's regressors also the share of values ``inside`` their intervals, and the mean
+    ``width``.
 
     Args:
         bank: all frames.
@@ -31,43 +38,36 @@ def answers(
         queries: indices of the frames asked for [Q].
         truth: their values [Q].
         bins: prototypes, one a bin of the value; bins hold as many frames each.
+        alpha: share of values that may lie outside the intervals.
     """
     train = np.arange(len(y))
-    found = {
-        "mean": np.full(len(queries), y.mean()),
-        "bins": binned(bank, y, queries, bins),
-        "ridge_greys": ridge_values(*bank.kernel(train, queries, "unit_centred"), y),
-    }
-    for model, answer in found.items():
-        yield {"model": model, "error": float(np.abs(answer - truth).mean())}
+    learned, asked = bank.at(train), bank.at(queries)
 
+    def row(model: str, answer: np.ndarray) -> Row:
+        return {"model": model, "error": float(np.abs(answer - truth).mean())}
 
-def intervals(
-    bank: Bank, y: np.ndarray, queries: np.ndarray, truth: np.ndarray, alpha: float
-) -> Iterator[Row]:
-    """The ``error`` of each regressor, the share of values ``inside`` its intervals, and their
-    mean ``width``; arguments as of :func:`answers`, and ``alpha``, the share outside asked for."""
-    asked = bank.at(queries)
+    yield row("mean", np.full(len(queries), y.mean()))
+    yield row("bins", binned(learned, y, asked, bins))
+    products = bank.kernel(train, queries, "unit_centred")
+    yield row("ridge_greys", ridge_values(*products, y))
     for name, readout in REGRESSORS.items():
-        model = HDCRegressor(readout=readout).fit(bank.at(np.arange(len(y))), y)
+        model = HDCRegressor(readout=readout).fit(learned, y)
         answer, low, high = model.predict(asked, True, alpha)
         yield {
-            "model": name,
-            "error": float(np.abs(answer - truth).mean()),
+            **row(name, answer),
+            "alpha": alpha,
             "inside": float(((low <= truth) & (truth <= high)).mean()),
             "width": float((high - low).mean()),
         }
 
 
-def binned(bank: Bank, y: np.ndarray, queries: np.ndarray, bins: int) -> np.ndarray:
-    """The mean value of the bin whose prototype is nearest."""
-    edges = np.unique(np.quantile(y, np.linspace(0, 1, bins + 1)[1:-1]))
-    places = np.searchsorted(edges, y, side="right")
-    filled, bin_of = np.unique(places, return_inverse=True)
-    means = np.array([y[bin_of == k].mean() for k in range(len(filled))])
+def binned(learned: Rows, y: np.ndarray, asked: Rows, bins: int) -> np.ndarray:
+    """The mean value of the bin whose prototype is nearest, for each of the frames asked for."""
+    edges = np.quantile(y, np.linspace(0, 1, bins + 1)[1:-1])
+    _, bin_of = np.unique(np.searchsorted(edges, y, side="right"), return_inverse=True)
+    means = np.array([y[bin_of == k].mean() for k in range(bin_of.max() + 1)])
     model = HDCClassifier(readout=Majority(class_weight="balanced"))
-    model.fit(bank.at(np.arange(len(y))), bin_of)
-    return means[model.predict(bank.at(queries))]
+    return means[model.fit(learned, bin_of).predict(asked)]
 
 
 def ridge_values(inside: Tensor, across: Tensor, y: np.ndarray) -> np.ndarray:

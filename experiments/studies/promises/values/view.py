@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 
 from experiments.records.results import by_scene
@@ -18,8 +16,8 @@ from experiments.reporting.resamples import (
     seeds_are_units,
 )
 from experiments.reporting.study import Figure
-from experiments.reporting.table import ENDS, Table
-from experiments.reporting.text import SIMULATED, kind_of, percent, points
+from experiments.reporting.table import Table
+from experiments.reporting.text import SIMULATED, kind_of, percent
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -29,11 +27,6 @@ FEWEST = 20
 COUNTING = ("hdc", "hdc_integer")
 """Models whose promise is proven, and from how many frames of a class at 90 %."""
 PROVEN_FROM = 9
-BY = ["model", "n", "split"]
-RESAMPLE = [*BY, "origin", "seed", "draw"]
-OF_SETS = ["covered", "size", "refused"]
-OF_BINS = ["accuracy", "calibration", "perfect"]
-SHARES = ("covered", "inside", "refused", "accuracy", "calibration")
 SHOWN = ("hdc", "hdc_lda", "hdc_kernel")
 """Read-outs of the figure: published, and LDA and kernel of the same bits."""
 SESSIONS = {"random": "same", "counts": "next"}
@@ -51,10 +44,6 @@ COLUMNS = {
     "ridge_greys": Column("Ridge on grey values"),
     "regressor": Column("HDCRegressor"),
     "inside": Column("In its intervals, of 90 %", percent),
-    "covered": Column("Covered, of 90 %", percent),
-    "size": Column("Labels of a set"),
-    "calibration": Column("Calibration error, percentage points", points),
-    "perfect": Column("that of perfect probabilities, percentage points", points),
     "same": Column("Covered, same session, %", percent),
     "same_least": Column("lowest, %", percent),
     "same_size": Column("Labels of a set"),
@@ -62,84 +51,46 @@ COLUMNS = {
     "next_least": Column("lowest, %", percent),
 }
 SESSION = "Same session: a random split; next: split by session, time or position. "
-BRACKETS = (
-    "Brackets: Student over sensors or input fields; of one camera, the central 95 % of draws, "
-    "none of fewer than ten."
-)
-
-
-def estimated(
-    rows: pd.DataFrame, by: list[str], names: list[str]
-) -> Iterator[dict[str, Any]]:
-    """Means over seeds, or over draws where there is one seed: a line for each group of the rows of
-    one scene, in their order, with the columns that every row of the group has."""
-    several = seeds_are_units(rows)
-    for key, group in rows.groupby(by, sort=False):
-        line: dict[str, Any] = dict(zip(by, key, strict=True))
-        known = group[names].dropna(axis="columns").astype(float)
-        means = known.groupby(group.seed if several else group.draw).mean().round(9)
-        for name, values in means.items():
-            value = over_units(values.tolist(), several)
-            line |= (value.within(0, 1) if name in SHARES else value).columns(str(name))
-        yield line
 
 
 def errors(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene, split and number of training frames; a column for each model."""
-    lines: dict[Any, dict[str, Any]] = {}
+    """A row for each scene, split and number of training frames; a column for each model. Means are
+    over seeds, or over draws where there is one seed."""
+    numbers = dict.fromkeys(("error", "inside", "width"), float)
+    lines = []
     for scene, rows in by_scene(frame).items():
-        first = rows.iloc[0]
-        answer = f"{first.value}, {first.unit}"
-        about = {"recording": scene, "answer": answer}
-        ordered = rows.sort_values("model", kind="stable")
-        for own in estimated(ordered, BY, ["error"]):
-            at = {"split": own["split"], "n": own["n"]}
-            line = lines.setdefault((scene, *at.values()), about | at)
-            line |= {f"{own['model']}{end}": own[f"error{end}"] for end in ENDS}
-        of_regressor = rows[rows.model == "regressor"]
-        for own in estimated(of_regressor, ["split", "n"], ["inside", "width"]):
-            lines[scene, own["split"], own["n"]] |= own
-    return pd.DataFrame(lines.values())
-
-
-def coverage(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each scene, split, model and n."""
-    lines: list[dict[str, Any]] = []
-    for scene, rows in by_scene(frame).items():
-        resamples = calibrated(rows)
-        for model in models_of(rows):
-            of_model = resamples[resamples.model == model]
-            found = estimated(of_model, BY, [*OF_SETS, *OF_BINS])
-            lines += [{"recording": scene, **line} for line in found]
+        first, several = rows.iloc[0], seeds_are_units(rows)
+        of_unit = ["split", "n", "model", "seed" if several else "draw"]
+        by_unit = rows.astype(numbers).groupby(of_unit, sort=False)
+        means = by_unit[[*numbers]].mean().round(9)
+        for (split, n), same in means.groupby(["split", "n"], sort=False):
+            answer = f"{first.value}, {first.unit}"
+            line = {"recording": scene, "answer": answer, "split": split, "n": n}
+            for model, own in same.groupby("model"):
+                line |= over_units(own.error.tolist(), several).columns(str(model))
+            own = same.xs("regressor", level="model")
+            inside = over_units(own.inside.tolist(), several).within(0, 1)
+            line |= inside.columns("inside")
+            line |= over_units(own.width.tolist(), several).columns("width")
+            lines.append(line)
     return pd.DataFrame(lines)
-
-
-def calibrated(rows: pd.DataFrame) -> pd.DataFrame:
-    """A row for each resample of one scene: its sets, the share of right answers, the expected
-    calibration error Σ_b |right answers − probabilities| / n of bins b (Guo et al., ICML 2017), and
-    what perfect probabilities have on average: Σ_b √(2/π · Σ p(1 − p)) / n, for sums that are
-    nearly normal. A resample without probabilities has NaN there."""
-    bins = rows.assign(
-        accuracy=rows.right,
-        calibration=(rows.right - rows.sure).abs(),
-        perfect=np.sqrt(2 / np.pi * rows.spread),
-    )
-    by_resample = bins.groupby(RESAMPLE, sort=False)
-    sums = by_resample[OF_BINS].sum().div(by_resample.answers.sum(), axis="index")
-    return by_resample[OF_SETS].first().join(sums).reset_index()
 
 
 def promises(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each read-out and n: means over scenes, and the scene with the least coverage."""
-    every = coverage(frame)
+    by_scene = frame.groupby(["model", "n", "split", "scene"], sort=False)
+    every = by_scene[["covered", "size"]].mean().round(9).reset_index()
     lines = []
     for (_, n), rows in every.groupby([pd.factorize(every.model)[0], "n"]):
         model = rows.model.iloc[0]
         line: dict[str, Any] = {"model": model, "n": n, "promised": promise(model, n)}
         for split, session in SESSIONS.items():
             own = rows[rows.split == split]
-            line |= {session: own.covered.mean(), f"{session}_least": own.covered.min()}
-            line[f"{session}_size"] = own["size"].mean()
+            line |= {
+                session: own.covered.mean(),
+                f"{session}_least": own.covered.min(),
+                f"{session}_size": own["size"].mean(),
+            }
         lines.append(line)
     return pd.DataFrame(lines)
 
@@ -197,21 +148,6 @@ TABLES = [
         "than nine frames compared together. A class of one to three frames is in every set.",
     ),
     Table(
-        "coverage",
-        coverage,
-        of="coverage",
-        title="Label sets and probabilities of each data set and read-out",
-        key=("recording", "model", "n", "split"),
-        columns=COLUMNS,
-        shown=(
-            *("recording", "model", "n", "split"),
-            *("covered", "size", "calibration", "perfect"),
-        ),
-        note=f"{SESSION}Calibration error: the expected one, over ten bins of equal width (Guo et "
-        "al., ICML 2017); by chance alone it is above zero, as the last column has it. The CSV has "
-        f"the share of empty sets, too. {BRACKETS}",
-    ),
-    Table(
         "values",
         errors,
         of="values",
@@ -231,7 +167,9 @@ TABLES = [
         note=f"{SESSION}HDCRegressor: ridge regression on bits; 1 − 2·alpha of its intervals is "
         "proven for the same session, about 1 − alpha is expected. The CSV has its nearest frame, "
         "and prototypes of ten bins of the value that stand for the mean of the bin's training "
-        f"frames. Ridge: the penalty of the least leave-one-out error. {BRACKETS}",
+        f"frames. Ridge: the penalty of the least leave-one-out error. Brackets: Student over "
+        "sensors or input fields; of one camera, the central 95 % of draws, none of fewer than "
+        "ten.",
     ),
 ]
 FIGURES = [
