@@ -209,29 +209,20 @@ def table_row(answer: Mapping[str, Any], units: Sequence[str]) -> dict[str, str]
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():
-        cells |= _cells(name, part, units)
+        if name == "probabilities":  # the table has that of the best class
+            continue
+        if name == "values":
+            cells |= zip(with_units([*part], units), part.values(), strict=True)
+        elif isinstance(part, dict):
+            cells |= {f"{name} {key}": own for key, own in part.items()}
+        else:
+            cells[name] = NONE if part is None and name == "label" else part
     return {printable(name): _cell(cell) for name, cell in cells.items()}
 
 
-def _cells(name: str, part: Any, units: Sequence[str]) -> dict[str, Any]:
-    """A part of an answer by the heads of its columns."""
-    if name == "values":
-        return dict(zip(with_units([*part], units), part.values(), strict=True))
-    if name == "intervals":
-        ends = ("from", -np.inf), ("to", np.inf)
-        return {
-            f"{value} {head}": infinite if end is None else end
-            for value, pair in part.items()
-            for end, (head, infinite) in zip(pair, ends, strict=True)
-        }
-    if name == "distances":
-        return {f"distance {label}": share for label, share in part.items()}
-    if name == "set":
-        return {name: ", ".join(map(str, part)) or NONE}
-    if name == "probabilities":  # the table has that of the best class
-        return {}
-    return {name: NONE if part is None and name == "label" else part}
-
-
 def _cell(item: Any) -> str:
+    if isinstance(item, list):
+        return ", ".join(map(_cell, item)) or NONE
+    if item is None:  # an end of an interval, or the margin of a single class
+        return "-"
     return f"{item:.4f}" if isinstance(item, float) else printable(str(item))

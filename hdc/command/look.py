@@ -11,7 +11,7 @@ import numpy as np
 
 from hdc import readers
 from hdc.command import messages
-from hdc.command.source import Source, opened, recording
+from hdc.command.source import Source, recording
 from hdc.readers import Recording, Window, about, stores
 from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
@@ -22,9 +22,18 @@ MOST = 12
 """Arrays, columns and readings that are shown."""
 
 
-@click.command(short_help="Show how a recording is read.")
+class _Typed(click.Command):
+    """A command that keeps the words of its line, to show them with others."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.obj = list(args)
+        return super().parse_args(ctx, args)
+
+
+@click.command(cls=_Typed, short_help="Show how a recording is read.")
 @recording
-def look(source: Source) -> None:
+@click.pass_obj
+def look(typed: list[str], source: Source) -> None:
     """Show what a RECORDING holds, and the line to type for hdc train.
 
     A RECORDING that can be read in several ways has a line for each.
@@ -33,7 +42,9 @@ def look(source: Source) -> None:
     with stores.loaded_once():
         if file.exists():
             messages.say(*_shortened(contents(file)))
-        for taken, frames in _readings(source.words(Window()))[:MOST]:
+        path = next(word for word in typed if Path(word) == source.path)
+        typed.remove(path)
+        for taken, frames in _readings([str(source.path), *typed])[:MOST]:
             messages.say("", *_described(taken, frames))
 
 
@@ -105,6 +116,13 @@ def _video(path: Path) -> list[str]:
 # How it can be read ------------------------------------------------------------------------------
 
 
+@click.command()
+@recording
+def _opened(source: Source) -> Recording:
+    """A recording opened as a line of words says."""
+    return source.open(Window())
+
+
 def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
     """Each way in which the words of a command line can be read: with what is added, and opened.
 
@@ -112,7 +130,7 @@ def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
         ValueError: there is none.
     """
     try:
-        return [(words, opened.main(words, standalone_mode=False))]
+        return [(words, _opened.main(words, standalone_mode=False))]
     except Ambiguous as error:
         found: list[tuple[list[str], Recording]] = []
         refused: ValueError = error

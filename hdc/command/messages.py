@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,12 +12,6 @@ import numpy as np
 
 from hdc.readers import Recording, natural_key
 
-TURN = 360
-"""Degrees; values that span this share of them look like angles of a whole turn."""
-_WHOLE = 0.9
-_DEGREES = re.compile(r"deg|angle|°|theta|yaw|rotation|azimuth|orientation")
-_MARKUP = re.compile(r"(?::\w+:)?`+~?([^`]*)`+")
-"""A name in a docstring, as Sphinx marks it."""
 FALL = 0.1
 """Fall of the accuracy on another recording from which on the sensor is said to differ."""
 DIFFERS = (
@@ -27,8 +20,6 @@ DIFFERS = (
 )
 LISTED = 12
 """Names of classes or sessions that one line shows."""
-WIDE = 12
-"""Characters of the head of a column of confusions."""
 
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
@@ -52,24 +43,6 @@ def form_line(model: Any, path: Path) -> str:
 def sizes(model: Any, path: Path) -> tuple[int, int]:
     """Bytes that a prediction needs, and bytes of the file."""
     return model.prediction_bytes_, path.stat().st_size
-
-
-def circular_lines(recording: Recording, period: float | None = None) -> list[str]:
-    """A line on each value that looks like degrees of a whole turn, unless a period is given."""
-    lines: list[str] = []
-    if period is not None or recording.values is None:
-        return lines
-    units = recording.value_units or ("",) * len(recording.value_names)
-    columns = zip(recording.value_names, units, recording.values.T, strict=True)
-    for name, unit, numbers in columns:
-        low, high = float(numbers.min()), float(numbers.max())
-        turns = low >= -TURN / 2 and high <= TURN and high - low >= _WHOLE * TURN
-        if turns and _DEGREES.search(f"{name} {unit}".lower()):
-            lines.append(
-                f"{printable(name)}: {low:.4g} to {high:.4g} looks like angles of a whole turn; "
-                "--circular 360 predicts them by sine and cosine"
-            )
-    return lines
 
 
 def whole(recording: Recording) -> str:
@@ -140,9 +113,7 @@ def described(model: Any, path: Path) -> dict[str, Any]:
     rows: dict[str, Any] = {
         "kind": type(model).__name__,
         "encoder": repr(model.encoder_),
-        "encoder in words": _in_words(model.encoder_),
         "readout": repr(model.readout_),
-        "readout in words": _in_words(model.readout_),
         "frames": size(model.frame_shape_),
         f"bits per pixel and {unit}": round(
             8 * n_used / model.n_features_in_ / n_outputs, 2
@@ -155,13 +126,6 @@ def described(model: Any, path: Path) -> dict[str, Any]:
         counts = zip(model.classes_, model.counts_, strict=True)
         rows["classes"] = {str(c): int(n) for c, n in counts}
     return rows
-
-
-def _in_words(part: object) -> str:
-    """The first paragraph of what a part of a model says of itself."""
-    text = type(part).__doc__ or ""
-    first = " ".join(text.strip().partition("\n\n")[0].split())
-    return _MARKUP.sub(r"\1", first)
 
 
 # Scores ------------------------------------------------------------------------------------------
@@ -249,21 +213,10 @@ def confusions(result: Mapping[str, Any]) -> list[str]:
         return []
     counts = np.array(result["confusion"])
     names = [printable(name) for name in result["classes"]]
-    heads = _shortened(names)
-    numbers = [str(n) for n in counts.ravel()]
-    width = max(len(name) for name in names)
-    cell = max(len(text) for text in [*heads, *numbers])
+    width = max(len(text) for text in [*names, str(counts.max())])
     found = ["rows are the true classes, columns the predicted ones"]
-    found.append(" ".join([" " * width, *(f"{head:>{cell}}" for head in heads)]))
-    for name, row in zip(names, counts, strict=True):
-        found.append(" ".join([f"{name:{width}}", *(f"{n:>{cell}}" for n in row)]))
+    for name, row in [("", names), *zip(names, counts.tolist(), strict=True)]:
+        found.append(
+            " ".join([f"{name:{width}}", *(f"{cell:>{width}}" for cell in row)])
+        )
     return found
-
-
-def _shortened(names: Sequence[str]) -> list[str]:
-    """The beginnings of names: :data:`WIDE` characters, or as many more as make them differ."""
-    for length in range(WIDE, max(map(len, names))):
-        found = [name[:length] for name in names]
-        if len(set(found)) == len(names):
-            return found
-    return list(names)

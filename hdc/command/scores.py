@@ -22,7 +22,7 @@ def score(
     reject: float | None = None,
     interval: float | None = None,
 ) -> dict[str, Any]:
-    """Accuracy, confusions and wrong frames, or errors of values, of the n frames `index`.
+    """Accuracy and confusions, or errors of values, of the n frames `index`.
 
     With a share to `reject` also how many frames were refused, and with an `interval` how often
     the truth was in the intervals or sets.
@@ -42,13 +42,12 @@ def _of_classes(
     found: Mapping[str, Any],
     wanted: Wanted,
 ) -> dict[str, Any]:
-    """Accuracy with its interval, that of the majority-class baseline, confusions, wrong frames."""
+    """Accuracy with its interval, that of the majority-class baseline, confusions."""
     names = [str(label) for label in model.classes_]
     row = {name: k for k, name in enumerate(names)}
     truth = np.array([row[name] for name in np.array(recording.names)[index].tolist()])
     answers = np.array([row[str(label)] for label in found["label"]])
     largest = int(model.counts_.argmax())
-    wrong = np.flatnonzero(answers != truth)
     right = answers == truth
     unit, of = recorded_together(recording, index)
     result: dict[str, Any] = {
@@ -59,14 +58,6 @@ def _of_classes(
         "guess": float((truth == largest).mean()),
         "classes": names,
         "confusion": confusion(answers, truth, len(names)).tolist(),
-        "wrong": [
-            {
-                "file": recording.place(index[k]),
-                "label": names[truth[k]],
-                "predicted": names[answers[k]],
-            }
-            for k in wrong
-        ],
     }
     if wanted.reject:
         result |= {"reject": wanted.reject, "refused": found["known"].count(False)}

@@ -16,6 +16,10 @@ from hdc.readers import Recording
 FOLDS = 5
 MOST = 10
 """Sessions or groups that are left out one by one; more are dealt out to the folds."""
+NO_SESSIONS = (
+    "no sessions are known ({session} in a template, or --sessions NAME of a column); "
+    "frames recorded together are nearly alike"
+)
 Split = tuple[np.ndarray, np.ndarray]
 """Indices of frames to learn and to test, increasing."""
 
@@ -27,17 +31,12 @@ class Units:
     Attributes:
         kind: ``"session"``, ``"group"`` or ``"frame"``.
         of: the unit of each frame [N], as numbers that keep the order of the sessions.
-        why: why it is no session; empty where it is one.
+        why: why it is no session; empty where it is one, or where groups alone are known.
     """
 
     kind: str
     of: np.ndarray
     why: str = ""
-
-    def reason(self, recording: Recording) -> str:
-        """Why frames or groups are tested and no sessions; empty of groups where none are known."""
-        is_said = self.kind == "frame" or recording.session is not None
-        return self.why if is_said else ""
 
 
 def _kinds(recording: Recording) -> np.ndarray:
@@ -47,30 +46,27 @@ def _kinds(recording: Recording) -> np.ndarray:
     return np.asarray(recording.labels)
 
 
-def units(recording: Recording, rows: np.ndarray) -> Units:
+def units(recording: Recording, rows: np.ndarray | slice = slice(None)) -> Units:
     """Sessions, if every class of the frames `rows` has two or more; else groups, if known."""
     labels = _kinds(recording)[rows]
     session, group = (
         None if known is None else np.unique(known[rows], return_inverse=True)[1]
         for known in (recording.session, recording.group)
     )
-    why = _why_no_session(labels, session, group)
-    if session is not None and not why:
-        return Units("session", session)
+    why = ""
+    if session is not None:
+        why = _why_no_session(labels, session, group)
+        if not why:
+            return Units("session", session)
     if group is not None:
         return Units("group", group, why)
-    return Units("frame", np.arange(len(rows)), why)
+    return Units("frame", np.arange(len(labels)), why or NO_SESSIONS)
 
 
 def _why_no_session(
-    labels: np.ndarray, session: np.ndarray | None, group: np.ndarray | None
+    labels: np.ndarray, session: np.ndarray, group: np.ndarray | None
 ) -> str:
     """Why no session can be tested; empty where one can."""
-    if session is None:
-        return (
-            "no sessions are known ({session} in a template, or --sessions NAME of a column); "
-            "frames recorded together are nearly alike"
-        )
     if not session.any():
         return "all frames are from one session"
     if _fewest(labels, session) < 2:
@@ -127,12 +123,11 @@ def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
     Raises:
         ValueError: a class has one unit, or none that can be held out.
     """
-    every = np.arange(len(recording))
-    unit = units(recording, every)
+    unit = units(recording)
     labels = _kinds(recording)
     _check_several(recording, labels, unit, "--test-fraction")
     held = np.isin(unit.of, _held_units(recording, labels, unit, fraction))
-    return (every[~held], every[held]), unit
+    return (np.flatnonzero(~held), np.flatnonzero(held)), unit
 
 
 def _held_units(
@@ -169,8 +164,8 @@ def _can_leave(unit: int, left: dict[int, set[int]]) -> bool:
 # Folds -------------------------------------------------------------------------------------------
 
 
-def folds(recording: Recording, rows: np.ndarray) -> tuple[list[Split], Units]:
-    """Splits of the frames `rows`, which test each of them once; indices count within `rows`.
+def folds(recording: Recording) -> tuple[list[Split], Units]:
+    """Splits of all frames, which test each of them once.
 
     Sessions or groups are left out one by one; of more than :data:`MOST`, and of frames, there are
     five folds with alike shares of each class.
@@ -178,8 +173,8 @@ def folds(recording: Recording, rows: np.ndarray) -> tuple[list[Split], Units]:
     Raises:
         ValueError: a class has a single frame, or a single group.
     """
-    unit = units(recording, rows)
-    labels = _kinds(recording)[rows]
+    unit = units(recording)
+    labels = _kinds(recording)
     _check_several(recording, labels, unit, "cross-validation")
     return list(_folds(labels, unit)), unit
 

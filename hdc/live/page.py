@@ -15,7 +15,6 @@ from nicegui import app, ui
 from nicegui.server import Server
 from starlette.responses import Response
 
-from hdc import HDCRegressor
 from hdc.live.guard import Guard
 from hdc.live.session import ALPHA, Answer, Session
 from hdc.live.sources import Recorded
@@ -140,16 +139,10 @@ class Page:
         self._beside = small()
 
     def controls(self) -> None:
-        """Controls of the source: buttons that step through a recording."""
+        """Controls of the source: a button that pauses a recording."""
         source = self.source
-        if not isinstance(source, Recorded):
-            return
-        with div("row"):
-            back = self.doing(lambda _: source.step(-1))
-            _icon("skip_previous", "one frame back", back)
+        if isinstance(source, Recorded):
             _icon("play_arrow", "play or pause", self.doing(lambda _: source.play()))
-            ahead = self.doing(lambda _: source.step(+1))
-            _icon("skip_next", "one frame ahead", ahead)
 
     def _classified(self) -> None:
         """The classes, taught here or before."""
@@ -161,8 +154,6 @@ class Page:
         self._classes = div("flex flex-col gap-3")
         if model is None or hasattr(model, "distances"):
             small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
-        if isinstance(model, HDCRegressor):
-            small("Numbers and their intervals; those that go round have none.")
         if self.session.is_taught:
             with div("row"):
                 button("Forget everything", self.doing(lambda s: s.forget(None)))
@@ -274,23 +265,16 @@ def recalibration() -> ui.slider:
 
 
 def _in_words(answer: Answer, seconds: float) -> tuple[str, str]:
-    """The predicted class, or the values; and its set, distances and the time that it took."""
+    """The predicted class; and its set, distances and the time that it took."""
     parts = []
     text = "none of these" if answer.label is None else answer.label
-    if answer.values:
-        text = ", ".join(_with_interval(*value) for value in answer.values)
-    elif answer.likely is not None:
+    if answer.likely is not None:
         likely = ", ".join(answer.likely) or "none"
         parts.append(f"{100 * (1 - ALPHA):.0f} % prediction set: {likely}")
     nearest = sorted(answer.distances.values())[:2]
     parts += [f"distance {distance:.3f}" for distance in nearest[:1]]
     parts += [f"margin {margin:.3f}" for margin in np.diff(nearest)]
     return text, " · ".join([*parts, f"{1e3 * seconds:.1f} ms"])
-
-
-def _with_interval(value: float, *ends: float) -> str:
-    shown = ", ".join(f"{end:.1f}" for end in ends)
-    return f"{value:.1f} [{shown}]" if ends else f"{value:.1f}"
 
 
 def div(classes: str) -> ui.element:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from hdc import HDCClassifier, HDCRegressor, bits
+from hdc import HDCClassifier, bits
 from hdc.encoders import Median
 from hdc.hypervectors import Hypervectors
 from hdc.inputs import tensor
@@ -26,21 +26,17 @@ from hdc.readouts import Majority
 
 ALPHA = 0.05
 """Share of known frames that are shown as none of the classes, and of sets without the true one."""
-Interval = tuple[float, ...]
-"""A value, and the lower and upper end of its interval; one with a period has no interval."""
 
 
 @dataclass(frozen=True)
 class Answer:
     """The model's prediction for a frame."""
 
-    label: str | None = None  # None: none of these, or values only
+    label: str | None = None  # None: none of these
     likely: tuple[str, ...] | None = ()
     """Prediction set; None of a model that was recalibrated for some classes alone."""
     distances: Mapping[str, float] = field(default_factory=dict)
     """Hamming, to each prototype, as a share of the bits."""
-    values: tuple[Interval, ...] = ()
-    """The values that a model of numbers predicts."""
 
 
 @dataclass(frozen=True)
@@ -80,20 +76,18 @@ class Session:
     Attributes:
         source: of the frames.
         is_taught: whether the page teaches the model.
-        model: of classes or numbers; None until two classes are taught.
+        model: None until two classes are taught.
         samples: all that it was taught; replaced, never changed.
         counts: samples of each class, in the order they were taught; replaced, never changed.
     """
 
-    def __init__(
-        self, source: Source, trained: HDCClassifier | HDCRegressor | None = None
-    ) -> None:
+    def __init__(self, source: Source, trained: HDCClassifier | None = None) -> None:
         self.source = source
         self.is_taught = trained is None
         self.model: Any = trained
         self.counts: dict[str, int] = {}
         self.samples: list[Sample] = []
-        if isinstance(trained, HDCClassifier):
+        if trained is not None:
             names = map(str, trained.classes_.tolist())
             self.counts = dict(zip(names, trained.counts_.tolist(), strict=True))
 
@@ -129,12 +123,6 @@ class Session:
         model = self.model
         if model is None:
             return None
-        if isinstance(model, HDCRegressor):
-            parts: tuple[np.ndarray, ...] = (model.predict(words),)
-            if model.period is None:
-                parts = model.predict(words, return_interval=True)
-            columns = [np.ravel(part).tolist() for part in parts]
-            return Answer(values=tuple(zip(*columns, strict=True)))
         names = [str(c) for c in model.classes_]
         distances: dict[str, float] = {}
         if hasattr(model, "distances"):

@@ -146,13 +146,14 @@ def test_a_recording_is_played_over_and_over_and_learnt(tmp_path, frames_and_lab
     session = Session(recorded)
     seen = [session.look().drawn for _ in range(41)]
     assert (seen[40] == seen[0]).all()
-    recorded.step(+1)
-    while recorded.label != "1 mm":
-        recorded.step(+1)
+    while session.look() and recorded.label != "1 mm":
+        pass
+    recorded.play()
     assert (session.look().drawn == session.look().drawn).all()  # it is paused
     session.learn("1 mm", 6, new=True)
-    while recorded.label != "2 mm":
-        recorded.step(-1)
+    recorded.play()
+    while session.look() and recorded.label != "2 mm":
+        pass
     session.learn("2 mm", 6, new=True)
     session.learn("2 mm", 4)
     assert session.counts == {"1 mm": 6, "2 mm": 10}

@@ -98,7 +98,7 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
         "distances": {"a": 0.8, "b": 0.05, "c": 0.15},
     }
     assert table(model, found[2:]) == [
-        "file|label|set|probability|margin|distance a|distance b|distance c",
+        "file|label|set|probability|margin|distances a|distances b|distances c",
         f"{classes}, frame 2|b|b, c|0.9500|0.1000|0.8000|0.0500|0.1500",
         f"{classes}, frame 3|(none of these)|(none of these)|0.3000|0.0500|0.9500|0.7500|0.7000",
     ]
@@ -122,9 +122,9 @@ def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp
         {"force": [None, None], "x": [None, None]},
     ]
     assert table(model, found) == [
-        "file|force [N]|x|force from|force to|x from|x to",
-        f"{path}, frame 0|5.0000|7.0000|3.0000|7.0000|5.0000|9.0000",
-        f"{path}, frame 1|6.0000|8.0000|-inf|inf|-inf|inf",
+        "file|force [N]|x|intervals force|intervals x",
+        f"{path}, frame 0|5.0000|7.0000|3.0000, 7.0000|5.0000, 9.0000",
+        f"{path}, frame 1|6.0000|8.0000|-, -|-, -",
     ]
 
 
@@ -169,7 +169,6 @@ def test_a_score_of_classes_is_complete(classes):
         "guess": 0.25,
         "classes": ["a", "b", "c"],
         "confusion": [[1, 1, 0], [0, 1, 0], [0, 0, 1]],
-        "wrong": [{"file": f"{classes}, frame 1", "label": "a", "predicted": "b"}],
         "reject": 0.4,
         "refused": 1,
         "left_out": "group",

@@ -2,8 +2,6 @@
 
 import json
 import os
-import shlex
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -43,18 +41,12 @@ def write_classes(root, names, n=4):
             write(root / name / f"{k}.png", image(c))
 
 
-# What is held out --------------------------------------------------------------------------------
-
-
 def table_of(root, n, columns, row):
     """A folder of n images, and a table with a row for each."""
     for k in range(n):
         write(root / f"{k}.png", image(k % 2, k))
     rows = [columns, *(f"{k}.png,{row(k)}" for k in range(n))]
     (root / "t.csv").write_text("\n".join(rows))
-
-
-# Vectors and values ------------------------------------------------------------------------------
 
 
 # What the commands share -------------------------------------------------------------------------
@@ -125,24 +117,6 @@ def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc, tmp_path
     assert line == "error: r: expected a label of each frame, found only x, y"
 
 
-def test_the_line_to_type_has_every_option_that_was_given():
-    """Without those left at their defaults."""
-    plain = {"template": None, "value_columns": (), "image_column": "image"}
-    words = ["hdc", "train", "r", "-o", "model.safetensors"]
-    assert shlex.split(Source(Path("r"), plain).training_line(Window())) == words
-    given = {"template": "{label}/*.png", "table": Path("t.csv"), "value_columns": ("x", "y 2"),
-             "image_column": "file", "labels": "kind", "axes": ("height", "width", "frame"),
-             "skip_damaged": True, "skip_missing": True}  # fmt: skip
-    line = Source(Path("my r"), given).training_line(
-        Window((1, 2, 30, 40), 5), "--encoder", "levels"
-    )
-    assert line == (
-        "hdc train 'my r' --template '{label}/*.png' --values t.csv --column x --column 'y 2' "
-        "--image-column file --labels kind --axes height,width,frame --skip-damaged --skip-missing "
-        "--crop 1 2 30 40 --subsample 5 --encoder levels -o model.safetensors"
-    )
-
-
 def test_what_is_no_model_of_frames_says_what_is_expected(tmp_path):
     io.write_model(
         tmp_path / "m", {"kind": "HDCIndex", "metadata": {}}, {}, lambda *_: None
@@ -162,7 +136,7 @@ def test_classes_named_like_columns_have_columns_of_their_own(hdc, tmp_path):
     distances = HDCClassifier.load("m").distances(cv2.imread("r/label/0.png", 0)[None])
     shares = [f"{share:.4f}" for share in distances[0] / BASE[0].size / 7]
     assert row[:2] == ["r/label/0.png", "label"]
-    assert header[-3:] == ["distance file", "distance label", "distance margin"]
+    assert header[-3:] == ["distances file", "distances label", "distances margin"]
     assert row[-3:] == shares
 
 

@@ -137,10 +137,11 @@ def left_out_one_by_one(model, frames, names, unit):
 
 def compared(typed, *words):
     """The accuracies of two models by hdc compare."""
-    form = ("--encoder", "median", "--readout", "majority", "--json")
-    models = json.loads(typed("compare", *words, *form)[1])["models"]
+    form = ("--encoder", "median", "--readout", "majority")
+    lines = typed("compare", *words, *form)[1].splitlines()
     rows = ("median, majority", "1-NN of grey values")
-    return [models[name]["accuracy"][0] for name in rows]
+    shares = {line.split("  ")[0]: line.split("%")[0].split()[-1] for line in lines}
+    return [float(shares[name]) / 100 for name in rows]
 
 
 def expected(frames, names, unit):
@@ -158,7 +159,9 @@ def test_two_lines_give_the_accuracy_over_trials(
     is_typed_by_hand = write is one_frame_each
     assert f" {options}" in shown or is_typed_by_hand
     found = compared(typed, name, *options.split())
-    assert found == pytest.approx(expected(FRAMES.reshape(-1, *SHAPE), NAMES, unit))
+    assert found == pytest.approx(
+        expected(FRAMES.reshape(-1, *SHAPE), NAMES, unit), abs=5e-4
+    )
     assert 0.4 < found[0] < 1
 
 
@@ -227,4 +230,4 @@ def test_two_lines_are_enough_for_a_public_folder_of_arrays(typed):
         "height,width",
     )
     found = compared(typed, places[0], *given, "--subsample", 16)
-    assert found == pytest.approx(expected(frames, names, billet))
+    assert found == pytest.approx(expected(frames, names, billet), abs=5e-4)
