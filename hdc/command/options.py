@@ -25,13 +25,6 @@ class _Names(click.ParamType):
         return tuple(value.replace(" ", "").split(","))
 
 
-def _file(_: Any, __: Any, path: Path | None) -> Path | None:
-    """A file, and no dash: nothing is written to the output."""
-    if path == Path("-"):
-        raise click.BadParameter("expected the name of a file, found -")
-    return path
-
-
 template = click.option(
     "--template",
     metavar="PATTERN",
@@ -90,7 +83,6 @@ output = click.option(
     "--output",
     type=FILE,
     required=True,
-    callback=_file,
     help="File to write the model to.",
 )
 TRUSTED = "hdc.trusted"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -66,6 +67,7 @@ def compare(
     """
     from hdc.command.compare import candidates, judge
 
+    warnings.filterwarnings("ignore", module="sklearn")  # of baselines, in each fold
     frames = source.open(window)
     models = candidates.cheapest_first(encoders, readouts, frames.values is not None)
     later = None if other is None else source.like(other).open(window)

@@ -227,6 +227,16 @@ def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
     assert (status, "expected median, majority to learn" in line) == (1, True)
 
 
+def test_a_warning_of_a_form_is_seen_once_and_none_of_a_baseline(hdc, tmp_path):
+    frames = frames_of(3, 12, noise=40)
+    frames[:, 3:] = 0
+    np.savez(tmp_path / "dark.npz", frames=frames, labels=np.repeat(NAMES, 12))
+    words = ("--encoder", "median", "--readout", "majority")
+    (line,) = hdc("compare", tmp_path / "dark.npz", *words)[2]
+    assert line.startswith("warning: 8")
+    assert "% of the pixels of a frame equal its threshold" in line
+
+
 @pytest.mark.parametrize(
     ("known", "how", "why"),
     [

@@ -66,7 +66,6 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
         (["evaluate", "--choose"], "No such option"),
         ([*train, "--set", "thresholds=15"],
          "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
-        (["train", "x", "-o", "-"], "expected the name of a file, found -"),
     ):  # fmt: skip
         status, out, (line,) = hdc(*words)
         assert (status, out) == (2, [])
