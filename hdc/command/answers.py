@@ -113,9 +113,9 @@ def ask(
     """The model's answers for image files, then for each frame of arrays, tables and videos.
 
     Each has ``file``, and of a regressor ``values`` by name, or else ``label`` (None: none of
-    these). Where classes have prototypes, ``margin`` and ``distances`` by class follow, as shares
-    of the bits. With an interval, values have ``intervals`` by name (an end of None is infinite),
-    and labels the ``set`` of all classes that may be. With probabilities the best class has a
+    these). Where classes have prototypes, ``distances`` by class follow, as shares of the bits.
+    With an interval, values have ``intervals`` by name (an end of None is infinite), and labels the
+    ``set`` of all classes that may be. With probabilities the best class has a
     ``probability``, and every class has one in ``probabilities``. The `settings` are ``template``,
     ``axes`` and ``image_column`` of :func:`hdc.readers.open_recording`.
 
@@ -188,9 +188,6 @@ def _class_row(model: Any, own: Mapping[str, Any]) -> dict[str, Any]:
         row["probabilities"] = dict(zip(names, own["proba"], strict=True))
     if "distances" in own:
         shares = [distance / model.dimension_ for distance in own["distances"]]
-        nearest = sorted(shares)[:2]
-        # How much farther the second nearest class is; one class alone has no second.
-        row["margin"] = nearest[1] - nearest[0] if len(nearest) > 1 else None
         row["distances"] = dict(zip(names, shares, strict=True))
     return row
 
@@ -223,6 +220,6 @@ def table_row(answer: Mapping[str, Any], units: Sequence[str]) -> dict[str, str]
 def _cell(item: Any) -> str:
     if isinstance(item, list):
         return ", ".join(map(_cell, item)) or NONE
-    if item is None:  # an end of an interval, or the margin of a single class
+    if item is None:  # an infinite end of an interval
         return "-"
     return f"{item:.4f}" if isinstance(item, float) else printable(str(item))

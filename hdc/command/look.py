@@ -16,7 +16,7 @@ from hdc.readers import Recording, Window, about, stores
 from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
 from hdc.readers.table import columns_in
-from hdc.readers.template import Template, numbered
+from hdc.readers.template import numbered
 
 MOST = 12
 """Arrays, columns and readings that are shown."""
@@ -39,13 +39,16 @@ def look(typed: list[str], source: Source) -> None:
     A RECORDING that can be read in several ways has a line for each.
     """
     file, _ = readers.split_name(source.path)
+    path = next(word for word in typed if Path(word) == source.path)
+    typed.remove(path)
     with stores.loaded_once():
-        if file.exists():
-            messages.say(*_shortened(contents(file)))
-        path = next(word for word in typed if Path(word) == source.path)
-        typed.remove(path)
+        said = _shortened(contents(file)) if file.exists() else []
+        messages.say(*said)
         for taken, frames in _readings([str(source.path), *typed])[:MOST]:
-            messages.say("", *_described(taken, frames))
+            if said:
+                messages.say("")
+            said = _described(taken, frames)
+            messages.say(*said)
 
 
 def _shortened(lines: list[str]) -> list[str]:
@@ -61,19 +64,10 @@ def contents(path: Path) -> list[str]:
     of_kind = {
         readers.FOLDER: _files,
         readers.ARRAY: _arrays,
-        readers.IMAGES: _parquet,
         readers.VECTORS: _table,
-        readers.VIDEO: _video,
     }
     found = of_kind.get(readers.kind_of(path))
     return [] if found is None else found(path)
-
-
-def _parquet(path: Path) -> list[str]:
-    from hdc.readers import parquet
-
-    schema = parquet.schema_of(path)
-    return [f"{field.name}: {field.type}" for field in schema]
 
 
 def _table(path: Path) -> list[str]:
@@ -100,17 +94,6 @@ def _arrays(path: Path) -> list[str]:
         kind = "text" if array.dtype.kind == "U" else array.dtype.name
         lines.append(f"{name}: {kind} {tuple(array.shape)}")
     return lines + [f"{name}: not read, {why}" for name, why in store.unread.items()]
-
-
-def _video(path: Path) -> list[str]:
-    from hdc.readers import film  # late: PyAV is of the extra files
-
-    with film.opened(path) as (_, stream):
-        rate = float(stream.average_rate or 0)
-        size = messages.size((stream.height, stream.width))
-        return [
-            f"{stream.name}, {size}, {stream.frames or '?'} frames, {rate:g} a second"
-        ]
 
 
 # How it can be read ------------------------------------------------------------------------------
@@ -192,12 +175,6 @@ def _twins_lines(words: list[str], frames: Recording) -> list[str]:
     template = numbered(frames.classes)
     if not template:
         return []
-    read = Template(template).read
-    things = [(read(name) or {}).get("label", name) for name in frames.classes]
-    first = next(thing for thing in things if things.count(thing) > 1)
-    twins = [n for n, t in zip(frames.classes, things, strict=True) if t == first]
-    shown = messages.printable(", ".join(_shortened(twins)))
-    asked = f"are {shown} recordings of one class?"
     in_folders = Path(words[0]).is_dir() and "--template" not in words
-    rest = f" --template '{template}/*'" if in_folders else f" {template} reads them so"
-    return [f"{asked}{rest}"]
+    read = f"--template '{template}/*'" if in_folders else template
+    return [f"do numbers of the classes count recordings? {read} reads them so"]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping
 from itertools import chain
 from typing import Any
@@ -9,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from hdc import circular
-from hdc.accuracy import accuracy, confusion, r_squared, wilson
+from hdc.accuracy import r_squared, wilson
 from hdc.command.answers import Wanted, batched, columns
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
@@ -44,31 +45,30 @@ def _of_classes(
 ) -> dict[str, Any]:
     """Accuracy with its interval, that of the majority-class baseline, confusions."""
     names = [str(label) for label in model.classes_]
-    row = {name: k for k, name in enumerate(names)}
-    truth = np.array([row[name] for name in np.array(recording.names)[index].tolist()])
-    answers = np.array([row[str(label)] for label in found["label"]])
-    largest = int(model.counts_.argmax())
+    truth = np.array(recording.names)[index]
+    answers = np.array([str(label) for label in found["label"]])
     right = answers == truth
+    guessed = names[int(model.counts_.argmax())]
     unit, of = recorded_together(recording, index)
+    pairs = Counter(zip(truth.tolist(), answers.tolist(), strict=True))
     result: dict[str, Any] = {
-        "accuracy": accuracy(answers, truth),
+        "accuracy": float(right.mean()),
         "interval": [*interval_of(right, unit)],
         "interval_by": of,
-        "guessed": names[largest],
-        "guess": float((truth == largest).mean()),
+        "guessed": guessed,
+        "guess": float((truth == guessed).mean()),
         "classes": names,
-        "confusion": confusion(answers, truth, len(names)).tolist(),
+        "confusion": [[pairs[row, column] for column in names] for row in names],
     }
     if wanted.reject:
         result |= {"reject": wanted.reject, "refused": found["known"].count(False)}
         result["left_out"] = model.left_out_
     if wanted.interval is not None:
         sets = [[str(label) for label in own] for own in found["set"]]
-        inside = np.array([names[k] in own for k, own in zip(truth, sets, strict=True)])
+        inside = [name in own for name, own in zip(truth, sets, strict=True)]
         size = float(np.mean([len(own) for own in sets]))
-        result["coverage"] = _coverage(inside, wanted.interval, unit) | {
-            "mean_size": size
-        }
+        coverage = _coverage(np.array(inside), wanted.interval, unit)
+        result["coverage"] = coverage | {"mean_size": size}
     return result
 
 
@@ -116,17 +116,13 @@ def recorded_together(
 ) -> tuple[np.ndarray, str]:
     """The session [n] of each of the frames `index`, else its group, else a number of its own; and
     how many there are, in words."""
-    n, alone = len(index), ""
+    n = len(index)
     for kind, known in (("session", recording.session), ("group", recording.group)):
-        if known is None:
-            continue
-        unit = np.unique(known[index], return_inverse=True)[1]
-        count = int(unit.max()) + 1
-        if 1 < count < n:
-            return unit, f"{count} {kind}s{alone}"
-        if count == 1:
-            alone = f" of one {kind}"
-    return np.arange(n), f"{n} frames{alone}"
+        if known is not None:
+            different, unit = np.unique(known[index], return_inverse=True)
+            if 1 < len(different) < n:
+                return unit, f"{len(different)} {kind}s"
+    return np.arange(n), f"{n} frames"
 
 
 def interval_of(right: np.ndarray, unit: np.ndarray) -> tuple[float, float]:

@@ -80,29 +80,35 @@ def _why_no_session(
 
 def _fewest(labels: np.ndarray, unit: np.ndarray) -> int:
     """The number of units of the class that has the fewest."""
-    return min(len(known) for known in _of_classes(labels, unit).values())
+    return int(_have(labels, unit).sum(axis=1).min())
 
 
-def _of_classes(labels: np.ndarray, unit: np.ndarray) -> dict[int, np.ndarray]:
-    """The different units of each class, increasing."""
-    return {c: np.unique(unit[labels == c]) for c in np.unique(labels).tolist()}
+def _have(labels: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Whether each of the L different labels has each of the U units: bool [L, U]."""
+    _, row = np.unique(labels, return_inverse=True)
+    have = np.zeros((row.max() + 1, unit.max() + 1), bool)
+    have[row, unit] = True
+    return have
 
 
-def _check_several(
-    recording: Recording, labels: np.ndarray, unit: Units, option: str
-) -> None:
-    """Raise a ValueError for a class of a single unit, which is either learnt or tested."""
-    for c, known in _of_classes(labels, unit.of).items():
-        if len(known) < 2:
-            found = (
-                "one"
-                if recording.values is not None
-                else f"one of {recording.classes[c]}"
-            )
+def _checked(recording: Recording, option: str) -> tuple[np.ndarray, Units]:
+    """The class and the unit of each frame; a ValueError for a class of a single unit, which is
+    either learnt or tested."""
+    labels, unit = _kinds(recording), units(recording)
+    for c, count in enumerate(_have(labels, unit.of).sum(axis=1)):
+        if count < 2:
             raise ValueError(
-                f"{option}: expected two {unit.kind}s or more of each class, found {found} "
-                "(record it again, or test another recording)"
+                f"{option}: expected two {unit.kind}s or more of each class, found one"
+                f"{_of_class(recording, c)} (record it again, or test another recording)"
             )
+    return labels, unit
+
+
+def _of_class(recording: Recording, c: int) -> str:
+    """The name of the class in row c of :func:`_have`; none of numbers."""
+    if recording.values is not None:
+        return ""
+    return f" of {recording.classes[np.unique(recording.labels)[c]]}"
 
 
 # Held out ----------------------------------------------------------------------------------------
@@ -123,42 +129,28 @@ def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
     Raises:
         ValueError: a class has one unit, or none that can be held out.
     """
-    unit = units(recording)
-    labels = _kinds(recording)
-    _check_several(recording, labels, unit, "--test-fraction")
-    held = np.isin(unit.of, _held_units(recording, labels, unit, fraction))
-    return (np.flatnonzero(~held), np.flatnonzero(held)), unit
-
-
-def _held_units(
-    recording: Recording, labels: np.ndarray, unit: Units, fraction: float
-) -> list[int]:
-    """Units to hold out; every class is left one to learn."""
+    labels, unit = _checked(recording, "--test-fraction")
+    have = _have(labels, unit.of)
+    held = np.zeros(have.shape[1], bool)
+    left = have.sum(axis=1)  # units of each class to learn
     rng = np.random.default_rng(0)
-    own = _of_classes(labels, unit.of)
-    left = {c: set(known.tolist()) for c, known in own.items()}
-    held: list[int] = []
-    for c, known in own.items():
-        order = known[::-1] if unit.kind == "session" else rng.permutation(known)
-        wanted = min(max(1, round(len(known) * fraction)), len(known) - 1)
-        for candidate in order.tolist():
-            if len(known) - len(left[c]) < wanted and _can_leave(candidate, left):
-                held.append(candidate)
-                for others in left.values():
-                    others.discard(candidate)
-        if len(left[c]) == len(known):
+    for c, row in enumerate(have):
+        own = np.flatnonzero(row)
+        order = own[::-1] if unit.kind == "session" else rng.permutation(own)
+        wanted = min(max(1, round(len(own) * fraction)), len(own) - 1)
+        for one in order:
+            of = have[:, one]
+            if not held[one] and held[own].sum() < wanted and (left[of] > 1).all():
+                held[one] = True
+                left -= of
+        if not held[own].any():
             raise ValueError(
                 f"--test-fraction: expected a {unit.kind} of each class to test and another to "
-                f"learn, found that {recording.classes[c]} and another share one (hdc evaluate "
-                "tests another recording)"
+                f"learn, found that one{_of_class(recording, c)} is that of another class (hdc "
+                "evaluate tests another recording)"
             )
-    return held
-
-
-def _can_leave(unit: int, left: dict[int, set[int]]) -> bool:
-    """Whether each class that has a unit has another one to learn."""
-    having = [units for units in left.values() if unit in units]
-    return bool(having) and all(len(units) > 1 for units in having)
+    is_held = held[unit.of]
+    return (np.flatnonzero(~is_held), np.flatnonzero(is_held)), unit
 
 
 # Folds -------------------------------------------------------------------------------------------
@@ -173,9 +165,7 @@ def folds(recording: Recording) -> tuple[list[Split], Units]:
     Raises:
         ValueError: a class has a single frame, or a single group.
     """
-    unit = units(recording)
-    labels = _kinds(recording)
-    _check_several(recording, labels, unit, "cross-validation")
+    labels, unit = _checked(recording, "cross-validation")
     return list(_folds(labels, unit)), unit
 
 

@@ -94,13 +94,12 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
         "set": ["b", "c"],  # of those within 1 − 0.8
         "probability": 0.95,
         "probabilities": {"a": pytest.approx(0.2), "b": 0.95, "c": 0.85},
-        "margin": pytest.approx(0.1),
         "distances": {"a": 0.8, "b": 0.05, "c": 0.15},
     }
     assert table(model, found[2:]) == [
-        "file|label|set|probability|margin|distances a|distances b|distances c",
-        f"{classes}, frame 2|b|b, c|0.9500|0.1000|0.8000|0.0500|0.1500",
-        f"{classes}, frame 3|(none of these)|(none of these)|0.3000|0.0500|0.9500|0.7500|0.7000",
+        "file|label|set|probability|distances a|distances b|distances c",
+        f"{classes}, frame 2|b|b, c|0.9500|0.8000|0.0500|0.1500",
+        f"{classes}, frame 3|(none of these)|(none of these)|0.3000|0.9500|0.7500|0.7000",
     ]
     model.readout_ = object()  # without prototypes
     first, *_ = answers.ask(model, Window(), [classes], PLAIN)
@@ -206,14 +205,12 @@ def test_an_interval_is_of_recordings_where_they_are_known(tmp_path):
     kept = {"labels": [*"acac"], "group": [0, 0, 1, 1], "session": [5, 5, 5, 5]}
     recording = open_recording(saved(tmp_path / "g.npz", frames, **kept))
     found = scores.score(Nearest(), recording, np.arange(4))
-    assert found["interval_by"] == "2 groups of one session"
+    assert found["interval_by"] == "2 groups"
     kept |= {"session": [0, 1, 2, 3], "group": [0, 0, 0, 0]}
     alone = open_recording(saved(tmp_path / "s.npz", frames, **kept))
     by = scores.score(Nearest(), alone, np.arange(4))["interval_by"]
-    assert by == "4 frames of one group"
-    assert (
-        "% by 2 groups of one session), 4 of 4 frames" in messages.score_lines(found)[0]
-    )
+    assert by == "4 frames"
+    assert "% by 2 groups), 4 of 4 frames" in messages.score_lines(found)[0]
 
 
 def test_a_score_of_values_is_complete(tmp_path):

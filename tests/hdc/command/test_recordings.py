@@ -145,7 +145,7 @@ def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, tmp_path):
     words = ("train", "r", "-o", "m", "--readout", "majority")
     assert hdc(*words)[1][1] == r"classes: a\tb (4), c\nd (4)"
     rows = [line.split("\t") for line in hdc("predict", "m", "r")[1]]
-    assert {len(row) for row in rows} == {5}
+    assert {len(row) for row in rows} == {4}
     assert rows[5][:2] == [r"r/c\nd/0.png", r"c\nd"]
 
 

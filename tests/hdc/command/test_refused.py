@@ -44,7 +44,7 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tm
          f"--template: expected a folder or a file of arrays, found {folder}/a/0.png"),
         (("predict", tmp_path / "n", folder, "--reject"),
          "--reject: expected a model of classes, found HDCRegressor"),
-        (("evaluate", folder, model), "found a folder (the MODEL comes first)"),
+        (("evaluate", folder, model), "expected a saved model, found what is not a regular file"),
         (("evaluate", model, wide),
          f"{wide}/a/0.png: expected 24 × 24 pixels as in training, found 26 × 24 pixels"),
         (("recalibrate", model, other, "-o", out), unknown),

@@ -95,7 +95,7 @@ def test_of_each_class_the_same_share_is_held_out(n, group, fraction, held):
         (made([0, 0, 1, 1], None, [7, 7, 8, 8]), "expected two groups or more of each"),
         # Each two classes share a group: of two that are tested, a third learns nothing.
         (made([0, 0, 1, 1, 2, 2], None, [1, 2, 2, 3, 1, 3]),
-         "found that .* and another share one"),
+         "found that one of .* is that of another class"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_held_out_is_refused(recording, message):
