@@ -108,7 +108,7 @@ def _of_class(recording: Recording, c: int) -> str:
     """The name of the class in row c of :func:`_have`; none of numbers."""
     if recording.values is not None:
         return ""
-    return f" of {recording.classes[np.unique(recording.labels)[c]]}"
+    return f" of {recording.classes[np.unique(_kinds(recording))[c]]}"
 
 
 # Held out ----------------------------------------------------------------------------------------

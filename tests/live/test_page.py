@@ -169,15 +169,14 @@ def test_a_trained_model_answers_over_and_over_and_is_not_taught(film, frames, e
         assert np.abs(shares / 255 - expected).mean() < 0.02
     for job in (
         lambda: session.learn("left", 1),
-        lambda: session.forget(None),
-        lambda: session.recalibrate("left", 1, 0.5),
+        lambda: session.forget("left"),
+        lambda: session.recalibrate("left", 1),
     ):
         with pytest.raises(ValueError, match="trained before and is shown as it is"):
             job()
     assert session.counts == {"left": N, "right": N}
-    model.predict_set = lambda frames, alpha: [np.array([])]
-    answer = session.ask(film.frame())
-    assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
+    model.is_known = lambda words: np.array([False])
+    assert session.ask(film.frame()).label is None
 
 
 def test_a_page_of_a_model_is_made_without_a_browser(film, frames):
