@@ -30,21 +30,20 @@ class Wanted(NamedTuple):
         reject: share of known frames that may be refused as none of the classes.
         interval: share of frames of which sets or intervals are to hold the truth.
         proba: whether probabilities of the classes are wanted.
-        distances: whether distances to prototypes are, where a class has one.
     """
 
     reject: float | None = None
     interval: float | None = None
     proba: bool = False
-    distances: bool = True
 
 
 def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
     """The answers for frames [n, …] by name; each frame is encoded once.
 
     A classifier gives ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
-    arrays), ``proba`` and ``distances`` [n, L] in bits; a regressor gives ``values``, ``low`` and
-    ``high`` [n, T].
+    arrays), ``probability`` of the best class [n] and ``probabilities`` [n, L], and where there are
+    prototypes ``distances`` [n, L] as shares of the bits. A regressor gives ``values`` [n, T], and
+    ``intervals`` [n, T, 2] where they are wanted.
 
     Raises:
         ValueError: probabilities or rejection by a regressor, or by a model that has none.
@@ -56,17 +55,16 @@ def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
 
 
 def _of_classes(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
-    from hdc.readouts import Majority  # late: torch takes seconds
-
     found = {"label": model.predict(words)}
     if wanted.reject:
         found["known"] = model.is_known(words, wanted.reject)
     if wanted.interval is not None:
         found["set"] = model.predict_set(words, outside(wanted.interval))
     if wanted.proba:
-        found["proba"] = model.predict_proba(words)
-    if wanted.distances and isinstance(model.readout_, Majority):
-        found["distances"] = model.distances(words)
+        found["probabilities"] = model.predict_proba(words)
+        found["probability"] = found["probabilities"].max(axis=1)
+    if hasattr(model, "distances"):
+        found["distances"] = model.distances(words) / model.dimension_
     return found
 
 
@@ -76,16 +74,15 @@ def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
             found = type(model).__name__
             raise ValueError(f"{option}: expected a model of classes, found {found}")
     if wanted.interval is None:
-        parts = [model.predict(words)]
-    elif model.period is None:
-        alpha = outside(wanted.interval)
-        parts = model.predict(words, return_interval=True, alpha=alpha)
-    else:
+        return {"values": model.predict(words).reshape(len(words), -1)}
+    if model.period is not None:
         raise ValueError(
             "--interval: expected a model of numbers without a period; leave it out"
         )
-    tables = [part.reshape(len(words), -1) for part in parts]
-    return dict(zip(("values", "low", "high"), tables, strict=False))
+    alpha = outside(wanted.interval)
+    parts = model.predict(words, return_interval=True, alpha=alpha)
+    values, *ends = (part.reshape(len(words), -1) for part in parts)
+    return {"values": values, "intervals": np.stack(ends, axis=2)}
 
 
 def outside(interval: float) -> float:
@@ -172,34 +169,22 @@ def _rows(
         for place, frame in some:
             check_size(model, frame.shape, place)
         found = columns(model, np.stack([frame for _, frame in some]), wanted)
+        if "values" in found:
+            names = value_names(model) or numbered(found["values"].shape[1])
+        else:
+            names = tuple(str(label) for label in model.classes_)
+        if "intervals" in found:  # JSON has no infinite numbers
+            ends = found["intervals"]
+            found["intervals"] = np.where(np.isfinite(ends), ends, None)
         for k, (place, _) in enumerate(some):
-            own = {name: column[k].tolist() for name, column in found.items()}
-            make = _value_row if "values" in own else _class_row
-            yield {"file": str(place)} | make(model, own)
-
-
-def _class_row(model: Any, own: Mapping[str, Any]) -> dict[str, Any]:
-    names = [str(name) for name in model.classes_]
-    row = {"label": own["label"] if own.get("known", True) else None}
-    if "set" in own:
-        row["set"] = own["set"]
-    if "proba" in own:
-        row["probability"] = max(own["proba"])
-        row["probabilities"] = dict(zip(names, own["proba"], strict=True))
-    if "distances" in own:
-        shares = [distance / model.dimension_ for distance in own["distances"]]
-        row["distances"] = dict(zip(names, shares, strict=True))
-    return row
-
-
-def _value_row(model: Any, own: Mapping[str, Any]) -> dict[str, Any]:
-    names = value_names(model) or numbered(len(own["values"]))
-    row = {"values": dict(zip(names, own["values"], strict=True))}
-    if "low" in own:
-        ends = zip(own["low"], own["high"], strict=True)
-        finite = ([e if np.isfinite(e) else None for e in pair] for pair in ends)
-        row["intervals"] = dict(zip(names, finite, strict=True))
-    return row
+            row: dict[str, Any] = {"file": str(place)}
+            for name, column in found.items():
+                own = column[k].tolist()
+                by_name = isinstance(column, np.ndarray) and column.ndim > 1
+                row[name] = dict(zip(names, own, strict=True)) if by_name else own
+            if not row.pop("known", True):
+                row["label"] = None
+            yield row
 
 
 def table_row(answer: Mapping[str, Any], units: Sequence[str]) -> dict[str, str]:

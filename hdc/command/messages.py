@@ -106,23 +106,17 @@ def with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
 
 def described(model: Any, path: Path) -> dict[str, Any]:
     """Description of a saved model; the last rows say what was trained."""
-    classifies = hasattr(model, "classes_")
-    n_outputs = len(model.classes_ if classifies else model.mean_)
     n_used, n_file = sizes(model, path)
-    unit = "class" if classifies else "value"
     rows: dict[str, Any] = {
         "kind": type(model).__name__,
         "encoder": repr(model.encoder_),
         "readout": repr(model.readout_),
         "frames": size(model.frame_shape_),
-        f"bits per pixel and {unit}": round(
-            8 * n_used / model.n_features_in_ / n_outputs, 2
-        ),
         "bytes to predict": n_used,
         "bytes of the file": n_file,
         **model.metadata_,
     }
-    if classifies:
+    if hasattr(model, "classes_"):
         counts = zip(model.classes_, model.counts_, strict=True)
         rows["classes"] = {str(c): int(n) for c, n in counts}
     return rows

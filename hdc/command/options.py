@@ -108,7 +108,9 @@ def model(command: Callable[..., Any]) -> Callable[..., Any]:
 
 LEFT = {
     "compare --budget": "rows come cheapest first, and Ctrl-C keeps those that are done",
-    "compare --all": "--encoder and --readout name other forms",
+    "compare --all": "the list is short",
+    "compare --encoder": "hdc train --encoder --test-fraction tests another form",
+    "compare --readout": "hdc train --readout --test-fraction tests another form",
     "compare --draws": "there is no learning curve",
     "compare --output": "there is no figure",
     "compare -o": "there is no figure",

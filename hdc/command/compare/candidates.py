@@ -6,8 +6,6 @@ They stand in the order in which they are tried, the cheapest first.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -48,30 +46,11 @@ def exports(model: Any) -> bool:
     )
 
 
-def forms(
-    encoders: Sequence[str], readouts: Sequence[str], learns_values: bool
-) -> dict[str, Any]:
-    """Untrained models by name: the form without a choice, then the forms of a short list.
-
-    Where encoders or read-outs are named, each named encoder with each named read-out instead; if
-    only one of the two is named, the short list gives the other.
-
-    Raises:
-        ValueError, TypeError: for a name that is none of them.
-    """
+def forms(learns_values: bool) -> dict[str, Any]:
+    """Untrained models by name: the form without a choice, then the others of the short list."""
+    kind = HDCRegressor if learns_values else HDCClassifier
     listed = VALUE_FORMS if learns_values else FORMS
-    pairs = list(listed)
-    if encoders or readouts:
-        every_encoder, every_readout = zip(*listed, strict=True)
-        chosen = itertools.product(encoders or every_encoder, readouts or every_readout)
-        pairs = [listed[0], *chosen]
-    found: dict[str, Any] = {}
-    for parts in pairs:
-        model = (HDCRegressor if learns_values else HDCClassifier)(*parts)
-        for part in model.parts:
-            model.fresh(part)
-        found[", ".join(parts)] = model
-    return found
+    return {", ".join(parts): kind(*parts) for parts in listed}
 
 
 def baselines(learns_values: bool) -> dict[str, Any]:
@@ -114,10 +93,8 @@ def _flat(frames: np.ndarray) -> np.ndarray:
     return frames.reshape(len(frames), -1).astype(np.float32)
 
 
-def cheapest_first(
-    encoders: Sequence[str], readouts: Sequence[str], learns_values: bool
-) -> dict[str, Any]:
+def cheapest_first(learns_values: bool) -> dict[str, Any]:
     """The form without a choice, the baselines, the other forms, and last support vectors."""
-    first, *others = forms(encoders, readouts, learns_values).items()
+    first, *others = forms(learns_values).items()
     *cheap, machine = baselines(learns_values).items()
     return dict([first, *cheap, *others, machine])

@@ -18,8 +18,9 @@ from hdc.readers import Recording, Window
 if TYPE_CHECKING:
     from hdc.command.compare.judge import Data, Test
 
-Errors = list[np.ndarray]
-"""Errors of a model in each test [Q, T]."""
+Losses = dict[str, list[np.ndarray]]
+"""Losses of the models by name, in each test [Q]: 1 for a wrong label, 0 for a right one; of values
+the mean of the errors as multiples of those of the constant baseline."""
 CLEAR = 0.05
 """A gain is clear below this probability that it is chance."""
 _NAME = 26
@@ -35,27 +36,11 @@ _NAME = 26
     metavar="RECORDING",
     help="Test on this recording, of another day.",
 )
-@click.option(
-    "--encoder",
-    "encoders",
-    multiple=True,
-    metavar="NAME",
-    help="Choose among this encoder, or a module.Class; may be repeated. [default: a short list]",
-)
-@click.option(
-    "--readout",
-    "readouts",
-    multiple=True,
-    metavar="NAME",
-    help="Choose among this read-out, or a module.Class; may be repeated. [default: a short list]",
-)
 @pixels
 def compare(
     source: Source,
     window: Window,
     other: Path | None,
-    encoders: tuple[str, ...],
-    readouts: tuple[str, ...],
 ) -> None:
     """Find the encoder and read-out for a RECORDING, and compare with models of grey values.
 
@@ -69,43 +54,36 @@ def compare(
 
     warnings.filterwarnings("ignore", module="sklearn")  # of baselines, in each fold
     frames = source.open(window)
-    models = candidates.cheapest_first(encoders, readouts, frames.values is not None)
+    models = candidates.cheapest_first(frames.values is not None)
     later = None if other is None else source.like(other).open(window)
     if later is not None:
         _check_alike(frames, later)
     data, tests = judge.prepared(frames, later)
     heads = _heads(frames, ["in folds", f"on {other}"][: len(tests)])
     messages.say(*_about(frames, tests, other), "  ".join(heads))
-    tried = _tried(models, data, tests, heads)
+    losses = _losses(models, data, tests, heads)
     published, *_ = models
-    if published not in tried:
+    if published not in losses:
         raise ValueError(f"{source.path}: expected {published} to learn the frames")
-    scale: Any = 1.0
-    if frames.values is not None:
-        scale = judge.constant_errors(frames.values)
-    losses = {
-        name: [(errors / scale).mean(axis=1) for errors in of_tests]
-        for name, of_tests in tried.items()
-    }
-    forms = [name for name in tried if candidates.is_form(models[name])]
+    forms = [name for name in losses if candidates.is_form(models[name])]
     chosen = min(forms, key=lambda name: losses[name][0].mean())
     messages.say(
-        *_chosen_lines(chosen, losses, models),
+        *_chosen_lines(models[chosen], chosen, losses),
         *_gain_lines(chosen, published, forms, losses, tests[-1].units, frames),
     )
 
 
-def _tried(
+def _losses(
     models: Mapping[str, Any],
     data: Data,
     tests: Sequence[Test],
     heads: Sequence[str],
-) -> dict[str, Errors]:
-    """The errors of the models in each test, whose rows are said; not of those that refuse the
-    frames, or that come after an interruption."""
+) -> Losses:
+    """The losses of the models, whose rows are said; not of those that refuse the frames, or that
+    come after an interruption."""
     from hdc.command.compare import judge
 
-    tried: dict[str, Errors] = {}
+    losses: Losses = {}
     refused: list[str] = []
     try:
         for name, model in models.items():
@@ -114,12 +92,12 @@ def _tried(
             except ValueError as why:
                 refused.append(f"left out: {name}: {why}")
             else:
-                tried[name] = found
+                losses[name] = [(each / data.scale).mean(axis=1) for each in found]
                 messages.say(_row(name, model, found, data.truth, heads))
     except KeyboardInterrupt:
         messages.say("interrupted: the rows above are whole")
     messages.say(*refused)
-    return tried
+    return losses
 
 
 def _check_alike(recording: Recording, other: Recording) -> None:
@@ -168,7 +146,11 @@ def _heads(frames: Recording, tests: Sequence[str]) -> list[str]:
 
 
 def _row(
-    name: str, model: Any, found: Errors, truth: np.ndarray, heads: Sequence[str]
+    name: str,
+    model: Any,
+    found: Sequence[np.ndarray],
+    truth: np.ndarray,
+    heads: Sequence[str],
 ) -> str:
     """A row, its cells as wide as the heads: the accuracy, or the mean error of each value, in each
     test."""
@@ -185,26 +167,22 @@ def _row(
     return "  ".join([named, *(f"{cell:>{len(head)}}" for cell, head in pairs)])
 
 
-def _chosen_lines(
-    chosen: str, losses: Mapping[str, Errors], models: Mapping[str, Any]
-) -> list[str]:
+def _chosen_lines(form: Any, chosen: str, losses: Losses) -> list[str]:
     """The best models of the last test, and the options of the form that was chosen."""
     last = {name: of_tests[-1].mean() for name, of_tests in losses.items()}
     best = [name for name, loss in last.items() if loss == min(last.values())]
-    form = models[chosen]
-    lines = [f"Use: hdc train with --encoder {form.encoder} --readout {form.readout}"]
+    line = f"Use: hdc train with --encoder {form.encoder} --readout {form.readout}"
     if best == [chosen]:
-        return lines
-    names = ", ".join(best)
-    said = f"Best of the table: {names}. Cross-validation chose {chosen}."
-    return [said, *lines]
+        return [line]
+    said = f"Best of the table: {', '.join(best)}. Cross-validation chose {chosen}."
+    return [said, line]
 
 
 def _gain_lines(
     chosen: str,
     published: str,
     forms: Sequence[str],
-    losses: Mapping[str, Errors],
+    losses: Losses,
     units: Any,
     frames: Recording,
 ) -> list[str]:

@@ -28,10 +28,12 @@ class Data:
     Attributes:
         frames: [N, H, W] or [N, D].
         truth: names of the classes [N], or values [N, T].
+        scale: errors of values [T] that count as much as a wrong label.
     """
 
     frames: np.ndarray
     truth: np.ndarray
+    scale: np.ndarray | float = 1.0
 
     @cached_property
     def _bank(self) -> Bank:
@@ -79,13 +81,14 @@ def prepared(
     """
     tests = [Test(*splits.folds(recording))]
     frames, truth = recording[:], truth_of(recording)
+    scale = 1.0 if truth.ndim == 1 else constant_errors(truth)
     if other is not None:
         rows = np.arange(len(frames) + len(other))
         first, new = np.split(rows, [len(frames)])
         tests.append(Test([(first, new)], splits.units(other)))
         frames = np.concatenate([frames, other[:]])
         truth = np.concatenate([truth, truth_of(other)])
-    return Data(frames, truth), tests
+    return Data(frames, truth, scale), tests
 
 
 def errors(model: Any, data: Data, test: Test) -> np.ndarray:

@@ -6,7 +6,6 @@ import pytest
 
 from hdc.command import answers, messages, scores
 from hdc.readers import BadFrame, Window, open_recording
-from hdc.readouts import Majority
 
 NAMES = np.array(["a", "b", "c"])
 PLAIN = answers.Wanted()
@@ -18,7 +17,6 @@ class Nearest:
     frame_shape_ = (1, 3)
     classes_ = NAMES
     dimension_ = 100
-    readout_ = Majority()
     counts_ = np.array([1, 3, 2])
     left_out_ = "group"
 
@@ -101,8 +99,15 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
         f"{classes}, frame 2|b|b, c|0.9500|0.8000|0.0500|0.1500",
         f"{classes}, frame 3|(none of these)|(none of these)|0.3000|0.9500|0.7500|0.7000",
     ]
-    model.readout_ = object()  # without prototypes
-    first, *_ = answers.ask(model, Window(), [classes], PLAIN)
+
+    class Without(Nearest):
+        """Without prototypes."""
+
+        @property
+        def distances(self):
+            raise AttributeError
+
+    first, *_ = answers.ask(Without(), Window(), [classes], PLAIN)
     assert first == {"file": f"{classes}, frame 0", "label": "a"}
 
 

@@ -61,7 +61,7 @@ def of_values(tmp_path):
 def errors_of(name, path, learns_values=False):
     """Errors of a model in folds of a recording."""
     data, (test,) = judge.prepared(open_recording(path))
-    models = candidates.cheapest_first((), (), learns_values)
+    models = candidates.cheapest_first(learns_values)
     return judge.errors(models[name], data, test)
 
 
@@ -85,7 +85,7 @@ def test_a_row_of_classes_is_the_plain_computation(archive):
     """Of each form and of each baseline, in folds."""
     recording = open_recording(archive)
     frames, names = recording[:], np.array(recording.names)
-    listed = candidates.cheapest_first((), (), False)
+    listed = candidates.cheapest_first(False)
     forms = dict(zip(map(", ".join, candidates.FORMS), candidates.FORMS, strict=True))
     assert {*listed} == {*PLAIN, *forms}
     for name in listed:
@@ -102,7 +102,7 @@ def test_a_row_of_classes_is_the_plain_computation(archive):
 def test_a_row_of_values_is_the_plain_computation(of_values):
     recording = open_recording(of_values)
     frames, values = recording[:], recording.values
-    for name in candidates.cheapest_first((), (), True):
+    for name in candidates.cheapest_first(True):
         expected = np.empty((60, 2))
         for session in range(3):
             is_test = np.arange(60) // 20 == session
@@ -152,7 +152,7 @@ def test_rows_come_cheapest_first_and_the_last_lines_say_what_to_type(hdc, archi
     status, out, _ = hdc("compare", archive)
     assert status == 0
     rows = rows_of(out)
-    assert [*rows] == [*candidates.cheapest_first((), (), False)]
+    assert [*rows] == [*candidates.cheapest_first(False)]
     assert [name for name, cells in rows.items() if cells[-1] == "yes"] == [
         "median, majority", "levels, lda", "deviation, lda",
     ]  # fmt: skip
@@ -180,14 +180,17 @@ def test_a_gain_is_clear_only_over_what_was_recorded_together(
 ):
     monkeypatch.chdir(tmp_path)
     corner("c.npz")
-    words = ("--readout", "lda", "--encoder", "levels", "--crop", 0, 0, 16, 8)
+    words = ("--crop", 0, 0, 16, 8)
     out = hdc("compare", "c.npz", *words)[1]
     right = {name: float(cells[0]) for name, cells in rows_of(out).items()}
-    won = right["levels, lda"] - right["median, majority"]
-    said = f"levels, lda over median, majority: {won:+.1f} points of accuracy, p = 0.0001 of"
+    best = max(right, key=lambda name: ("grey" not in name, right[name]))
+    won = right[best] - right["median, majority"]
+    said = f"{best} over median, majority: {won:+.1f} points of accuracy, p = 0.0001 of"
     assert out[-1].startswith(said)
     assert out[-1].endswith("a gain is clear only over sessions or groups.")
-    assert out[-2] == "Use: hdc train with --encoder levels --readout lda"
+    assert out[-2] == "Use: hdc train with --encoder {} --readout {}".format(
+        *best.split(", ")
+    )
     kept = dict(np.load("c.npz")) | {"session": np.arange(60) // 6}
     np.savez("sessions.npz", **kept)
     assert ", a clear gain (p = " in hdc("compare", "sessions.npz", *words)[1][-1]
@@ -198,7 +201,7 @@ def test_another_recording_is_tested_and_chooses_nothing(hdc, archive, tmp_path)
     other = tmp_path / "tomorrow.npz"
     frames = 255 - frames_of(3, 5, 1, 40)
     np.savez(other, frames=frames, labels=np.repeat(NAMES, 5))
-    out = hdc("compare", archive, "--test", other, "--encoder", "median")[1]
+    out = hdc("compare", archive, "--test", other)[1]
     assert f"tested on {other}: 15 frames" in out
     assert "Use: hdc train with --encoder median --readout majority" in out
     published = HDCClassifier()
@@ -231,10 +234,12 @@ def test_a_warning_of_a_form_is_seen_once_and_none_of_a_baseline(hdc, tmp_path):
     frames = frames_of(3, 12, noise=40)
     frames[:, 3:] = 0
     np.savez(tmp_path / "dark.npz", frames=frames, labels=np.repeat(NAMES, 12))
-    words = ("--encoder", "median", "--readout", "majority")
-    (line,) = hdc("compare", tmp_path / "dark.npz", *words)[2]
-    assert line.startswith("warning: 8")
-    assert "% of the pixels of a frame equal its threshold" in line
+    err = hdc("compare", tmp_path / "dark.npz")[2]
+    assert (
+        sum("% of the pixels of a frame equal its threshold" in line for line in err)
+        == 1
+    )
+    assert len(err) <= 4
 
 
 @pytest.mark.parametrize(
@@ -255,8 +260,7 @@ def test_folds_are_of_what_was_recorded_together_or_it_is_said_why(
     path = tmp_path / "r.npz"
     labels = np.arange(24) // 12
     np.savez(path, frames=frames_of(2, 12, noise=40), labels=labels, **known)
-    words = ("compare", path, "--encoder", "median", "--readout", "majority")
-    (line,) = [row for row in hdc(*words)[1] if row.startswith("chosen by")]
+    (line,) = [row for row in hdc("compare", path)[1] if row.startswith("chosen by")]
     assert line == f"chosen by {how}" + (f", for {why}" if why else "")
 
 
@@ -269,7 +273,7 @@ def test_the_other_recording_has_a_table_of_its_own(hdc, tmp_path, monkeypatch):
         for k, frame in enumerate(frames_of(1, n)):
             assert cv2.imwrite(f"{name}/{name}_{k}.png", frame)
         (tmp_path / name / "t.csv").write_text("\n".join(["image,z", *rows]))
-    words = ("compare", "pins", "--test", "pins2", "--readout", "neighbours")
+    words = ("compare", "pins", "--test", "pins2")
     assert "tested on pins2: 5 frames" in hdc(*words, "--values", "t.csv")[1]
     (line,) = hdc(*words, "--values", "pins/t.csv")[2]
     assert "--test: expected labels and numbers in pins2, found pins/t.csv" in line
@@ -282,7 +286,6 @@ def test_errors_are_one_line(hdc, archive, of_values, tmp_path):
         ((archive, "--test", tmp_path / "others.npz"), 1, "--test: expected classes among "),
         ((archive, "--test", tmp_path / "small.npz"), 1, "--test: expected frames (16, 16)"),
         ((of_values, "--test", archive), 1, "--test: expected values depth, force as "),
-        ((of_values, "--readout", "lda"), 1, "readout: expected one of "),
         ((archive, "--budget", 5), 2, "--budget: this option left; rows come cheapest first"),
         ((archive, "--json"), 2, "--json: this option left; hdc evaluate --json writes"),
     ):  # fmt: skip
@@ -291,9 +294,9 @@ def test_errors_are_one_line(hdc, archive, of_values, tmp_path):
         assert message in line
 
 
-def test_a_form_that_cannot_learn_the_frames_is_left_out_and_said(hdc, tmp_path):
-    flat = frames_of(3, 12, noise=40).reshape(36, -1)
-    np.savez(tmp_path / "flat.npz", frames=flat, labels=np.repeat(NAMES, 12))
-    words = ("--readout", "majority", "--encoder", "smoothed")
-    status, out, _ = hdc("compare", tmp_path / "flat.npz", *words)
-    assert (status, "left out: smoothed, majority: " in "\n".join(out)) == (0, True)
+def test_a_form_that_cannot_learn_the_frames_is_left_out_and_said(
+    hdc, archive, monkeypatch
+):
+    monkeypatch.setattr("hdc.readouts.discriminant.MOST_FRAMES", 20)
+    status, out, _ = hdc("compare", archive)
+    assert (status, "left out: levels, lda: " in "\n".join(out)) == (0, True)

@@ -137,8 +137,7 @@ def left_out_one_by_one(model, frames, names, unit):
 
 def compared(typed, *words):
     """The accuracies of two models by hdc compare."""
-    form = ("--encoder", "median", "--readout", "majority")
-    lines = typed("compare", *words, *form)[1].splitlines()
+    lines = typed("compare", *words)[1].splitlines()
     rows = ("median, majority", "1-NN of grey values")
     shares = {line.split("  ")[0]: line.split("%")[0].split()[-1] for line in lines}
     return [float(shares[name]) / 100 for name in rows]
