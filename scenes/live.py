@@ -110,29 +110,15 @@ class SimulatedSensor:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m scenes.live", description=__doc__)
-    parser.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        help="which sensor (default: 0)",
-    )
-    parser.add_argument(
-        "--port",
-        type=int,
-        default=8080,
-        help="default: 8080",
-    )
-    parser.add_argument(
-        "--host", help="address to listen at (default: this computer alone)"
-    )
+    parser.add_argument("--port", type=int, default=8080, help="default: 8080")
     given = parser.parse_args(arguments)
     torch.set_num_threads(1)  # the other core is the page's
-    sensor = SimulatedSensor(seed=given.seed)
+    sensor = SimulatedSensor()
     from hdc.live.page import serve
     from scenes.pressed import PressedPage, PressedSession
 
     try:
-        serve(PressedSession(sensor), given.host, given.port, PressedPage)
+        serve(PressedSession(sensor), port=given.port, page=PressedPage)
     except OSError as error:
         sys.exit(f"error: {error}")
 

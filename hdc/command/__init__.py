@@ -54,9 +54,8 @@ def _status(arguments: Sequence[str] | None) -> int:
     except (ValueError, OSError) as error:
         return _say(f"error: {error}", 1)
     except MemoryError as error:
-        found = str(error) or "none left"
         advice = "--crop and --subsample make frames smaller"
-        return _say(f"error: expected more memory, found: {found} ({advice})", 1)
+        return _say(f"error: expected more memory: {error} ({advice})", 1)
 
 
 def _run(arguments: Sequence[str] | None) -> int:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections import Counter
 from pathlib import Path, PurePath
 
 import click
@@ -76,14 +75,12 @@ def _table(path: Path) -> list[str]:
 
 def _files(folder: Path) -> list[str]:
     """How many files of each suffix there are, and the first of them."""
-    files = all_files(folder)
-    suffixes = Counter(PurePath(file).suffix.lower() for file in files)
-    first: dict[str, str] = {}
-    for file in files:
-        first.setdefault(PurePath(file).suffix.lower(), file)
+    found: dict[str, list[str]] = {}
+    for file in all_files(folder):
+        found.setdefault(PurePath(file).suffix.lower(), []).append(file)
     return [
-        f"{n} {suffix or 'other'} files, such as {first[suffix]}"
-        for suffix, n in suffixes.most_common()
+        f"{len(files)} {suffix or 'other'} files, such as {files[0]}"
+        for suffix, files in sorted(found.items(), key=lambda pair: -len(pair[1]))
     ]
 
 

@@ -102,25 +102,19 @@ def _losses(
 
 def _check_alike(recording: Recording, other: Recording) -> None:
     """Raise a ValueError for frames, values or classes that the first recording has not."""
-    for what, first, second in (
-        ("frames", _frame(recording), _frame(other)),
-        ("values", _listed(recording.value_names), _listed(other.value_names)),
-    ):
-        if first != second:
-            raise ValueError(
-                f"--test: expected {what} {first} as in the first recording, found {second}"
-            )
+    wanted, found = _kind(recording), _kind(other)
+    if wanted != found:
+        raise ValueError(
+            f"--test: expected {wanted} as in the first recording, found {found}"
+        )
     if unknown := sorted(set(other.classes) - set(recording.classes)):
-        listed = _listed(recording.classes)
+        listed = ", ".join(recording.classes)
         raise ValueError(f"--test: expected classes among {listed}, found {unknown[0]}")
 
 
-def _frame(recording: Recording) -> str:
-    return f"{recording.frame_shape} {recording.dtype}"
-
-
-def _listed(names: Sequence[str]) -> str:
-    return ", ".join(names) or "none"
+def _kind(recording: Recording) -> str:
+    values = ", ".join(recording.value_names) or "none"
+    return f"frames {recording.frame_shape} {recording.dtype} and values {values}"
 
 
 # Words -------------------------------------------------------------------------------------------
@@ -163,8 +157,8 @@ def _row(
         cells = [f"{mean:.4g}" for mean in np.ravel(means, order="F")]
     cells.append("yes" if candidates.exports(model) else "no")
     pairs = zip(cells, heads[1:], strict=True)
-    named = f"{printable(name):<{_NAME}}"
-    return "  ".join([named, *(f"{cell:>{len(head)}}" for cell, head in pairs)])
+    columns = [f"{cell:>{len(head)}}" for cell, head in pairs]
+    return "  ".join([f"{name:<{_NAME}}", *columns])
 
 
 def _chosen_lines(form: Any, chosen: str, losses: Losses) -> list[str]:

@@ -247,7 +247,7 @@ def test_a_warning_of_a_form_is_seen_once_and_none_of_a_baseline(hdc, tmp_path):
     [
         ({"group": np.arange(24) // 4}, "6 folds by group", ""),
         ({"group": np.arange(24) // 4, "session": np.zeros(24, int)}, "6 folds by group",
-         "all frames are from one session"),
+         "a class has frames from one session only"),
         ({"session": np.arange(24) // 12}, "5 folds at random",
          "a class has frames from one session only"),
         ({"session": np.arange(24) % 4}, "4 folds by session", ""),
@@ -285,7 +285,7 @@ def test_errors_are_one_line(hdc, archive, of_values, tmp_path):
     for words, status, message in (
         ((archive, "--test", tmp_path / "others.npz"), 1, "--test: expected classes among "),
         ((archive, "--test", tmp_path / "small.npz"), 1, "--test: expected frames (16, 16)"),
-        ((of_values, "--test", archive), 1, "--test: expected values depth, force as "),
+        ((of_values, "--test", archive), 1, "and values depth, force as "),
         ((archive, "--budget", 5), 2, "--budget: this option left; rows come cheapest first"),
         ((archive, "--json"), 2, "--json: this option left; hdc evaluate --json writes"),
     ):  # fmt: skip

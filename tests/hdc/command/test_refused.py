@@ -204,7 +204,7 @@ def test_a_memory_that_is_too_small_is_one_line(instead):
 
     status, (line,) = instead(fill)
     assert status == 1
-    assert line.startswith("error: expected more memory, found: Unable to allocate 9")
+    assert line.startswith("error: expected more memory: Unable to allocate 9")
 
 
 def test_a_warning_is_said_once_whatever_its_share(instead):

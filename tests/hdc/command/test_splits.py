@@ -44,7 +44,8 @@ NO_SESSIONS = "no sessions are known"
         # A class of one session, a group of two, one session alone.
         (made([0, 0, 1, 1, 0], [0, 1, 0, 0, 1]), 0.4, "frame", None,
          "a class has frames from one session only"),
-        (made(ROUNDS, [3] * 12), 0.3, "frame", None, "all frames are from one session"),
+        (made(ROUNDS, [3] * 12), 0.3, "frame", None,
+     "a class has frames from one session only"),
         (made(ROUNDS, np.arange(12) % 3, np.arange(12)), 0.3, "session", None, ""),
         (made(ROUNDS, np.arange(12) // 4, np.arange(12) % 4), 0.3, "group", None,
          "a group has frames from several sessions"),
