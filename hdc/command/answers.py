@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hdc import readers
-from hdc.command.messages import printable, with_units
+from hdc.command.messages import printable
 from hdc.command.work import check_fits, check_size, value_names
 from hdc.readers import VECTORS, VIDEO, Window, kind_of
 from hdc.readers.about import numbered
@@ -187,15 +187,13 @@ def _rows(
             yield row
 
 
-def table_row(answer: Mapping[str, Any], units: Sequence[str]) -> dict[str, str]:
+def table_row(answer: Mapping[str, Any]) -> dict[str, str]:
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():
         if name == "probabilities":  # the table has that of the best class
             continue
-        if name == "values":
-            cells |= zip(with_units([*part], units), part.values(), strict=True)
-        elif isinstance(part, dict):
+        if isinstance(part, dict):
             cells |= {f"{name} {key}": own for key, own in part.items()}
         else:
             cells[name] = NONE if part is None and name == "label" else part

@@ -83,7 +83,7 @@ output = click.option(
     "--output",
     type=FILE,
     required=True,
-    help="File to write the model to.",
+    help="File to write.",
 )
 TRUSTED = "hdc.trusted"
 """Where the names of ``--trusted`` are kept in the context of a command."""

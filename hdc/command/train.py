@@ -150,8 +150,6 @@ def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
         metadata["image"] = list(frames.image_shape)
     if frames.values is not None:
         metadata["values"] = list(frames.value_names)
-    if any(frames.value_units):
-        metadata["units"] = list(frames.value_units)
     metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
     metadata["version"] = hdc.__version__
     return metadata

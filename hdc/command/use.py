@@ -55,13 +55,12 @@ def predict(
         is_listed = path.is_dir() and template is None
         files += _files_in(path) if is_listed else [path]
     wanted = answers.Wanted(reject, interval, proba)
-    units = found.metadata_.get("units", ())
     settings = {"template": template, "axes": axes, "image_column": image_column}
     rows = answers.ask(found, window, files, wanted, settings)
     refused = number = 0
     for number, answer in enumerate(rows, 1):
         refused += answer.get("label", "") is None
-        row = answers.table_row(answer, units)
+        row = answers.table_row(answer)
         if number == 1 and not as_json:
             click.echo("\t".join(row))
         click.echo(json.dumps(answer) if as_json else "\t".join(row.values()))

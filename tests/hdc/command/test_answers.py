@@ -50,7 +50,7 @@ class Read:
     frame_shape_ = (1, 3)
 
     def __init__(self):
-        self.metadata_ = {"values": ["force", "x"], "units": ["N", ""]}
+        self.metadata_ = {"values": ["force", "x"]}
 
     def encode(self, frames):
         return frames.reshape(len(frames), -1).astype(float)
@@ -75,10 +75,9 @@ def classes(tmp_path):
     return saved(tmp_path / "c.npz", frames, labels=[*"aabc"])
 
 
-def table(model, found):
+def table(found):
     """Lines of the table of some answers, a bar between two cells."""
-    units = getattr(model, "metadata_", {}).get("units", ())
-    rows = [answers.table_row(answer, units) for answer in found]
+    rows = [answers.table_row(answer) for answer in found]
     return ["|".join(row) for row in (rows[0], *(row.values() for row in rows))]
 
 
@@ -94,7 +93,7 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
         "probabilities": {"a": pytest.approx(0.2), "b": 0.95, "c": 0.85},
         "distances": {"a": 0.8, "b": 0.05, "c": 0.15},
     }
-    assert table(model, found[2:]) == [
+    assert table(found[2:]) == [
         "file|label|set|probability|distances a|distances b|distances c",
         f"{classes}, frame 2|b|b, c|0.9500|0.8000|0.0500|0.1500",
         f"{classes}, frame 3|(none of these)|(none of these)|0.3000|0.9500|0.7500|0.7000",
@@ -116,8 +115,8 @@ def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp
     model = Read()
     plain = list(answers.ask(model, Window(), [path], PLAIN))
     assert plain[0] == {"file": f"{path}, frame 0", "values": {"force": 5.0, "x": 7.0}}
-    assert table(model, plain)[:2] == [
-        "file|force [N]|x",
+    assert table(plain)[:2] == [
+        "file|values force|values x",
         f"{path}, frame 0|5.0000|7.0000",
     ]
     found = list(answers.ask(model, Window(), [path], answers.Wanted(None, 0.8)))
@@ -125,8 +124,8 @@ def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp
         {"force": [3.0, 7.0], "x": [5.0, 9.0]},
         {"force": [None, None], "x": [None, None]},
     ]
-    assert table(model, found) == [
-        "file|force [N]|x|intervals force|intervals x",
+    assert table(found) == [
+        "file|values force|values x|intervals force|intervals x",
         f"{path}, frame 0|5.0000|7.0000|3.0000, 7.0000|5.0000, 9.0000",
         f"{path}, frame 1|6.0000|8.0000|-, -|-, -",
     ]

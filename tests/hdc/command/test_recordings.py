@@ -91,7 +91,7 @@ def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_pat
     np.savez("two.npz", frames=frames, values=values)
     np.savez("one.npz", frames=frames, values=values[:, 0])
     out = hdc("predict", "m", "two.npz")[1]
-    assert out[0].split("\t") == ["file", "value_0", "value_1"]
+    assert out[0].split("\t") == ["file", "values value_0", "values value_1"]
     assert hdc("evaluate", "m", "two.npz")[1][1].startswith("value_1: mean absolute")
     (line,) = hdc("evaluate", "m", "one.npz")[2]
     assert "expected 2 numbers per frame as in training, found value" in line
