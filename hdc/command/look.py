@@ -138,8 +138,8 @@ def _described(words: list[str], frames: Recording) -> list[str]:
     lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
     if frames.features:
         first, *_, last = (frames.features[0], *frames.features)
-        numbers = f"{messages.printable(first)} to {messages.printable(last)}"
-        lines.append(f"a frame is the {len(frames.features)} columns from {numbers}")
+        n = len(frames.features)
+        lines.append(f"a frame is the {n} columns from {first} to {last}")
     if frames.session is not None:
         lines.append(messages.session_line(frames, np.arange(len(frames))))
     if frames.group is not None:
@@ -159,7 +159,7 @@ def _unit_lines(frames: Recording) -> list[str]:
     for name, column in frames.samples.items():
         n = len(np.unique(column))
         if about.is_of_units(name) and 1 < n < len(frames):
-            word = messages.printable(shlex.quote(name))
+            word = shlex.quote(name)
             lines.append(
                 f"{word} has {n} values: --sessions {word} tests whole recordings, --groups {word} "
                 "whole objects"

@@ -24,13 +24,11 @@ LISTED = 12
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
     """The classes and sessions that are learnt, with the frames of each."""
-    lines = []
-    if recording.values is None:
-        names = np.array(recording.names)[learnt].tolist()
-        lines.append(f"classes: {_counted(names, recording.classes)}")
-        if len(recording.classes) == 1:
-            lines.append("one class: hdc predict --reject finds frames unlike it")
-    return [*lines, session_line(recording, learnt)]
+    sessions = session_line(recording, learnt)
+    if recording.values is not None:
+        return [sessions]
+    names = np.array(recording.names)[learnt].tolist()
+    return [f"classes: {_counted(names, recording.classes)}", sessions]
 
 
 def form_line(model: Any, path: Path) -> str:
@@ -74,7 +72,7 @@ def session_line(recording: Recording, rows: np.ndarray) -> str:
 
 def _counted(names: Sequence[str], different: Sequence[str]) -> str:
     counts = Counter(names)
-    shown = [f"{printable(name)} ({counts[name]})" for name in different[:LISTED]]
+    shown = [f"{name} ({counts[name]})" for name in different[:LISTED]]
     if len(different) > LISTED:
         shown.append(f"… {len(different)} in all")
     return ", ".join(shown)
@@ -139,27 +137,24 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
         return [*found, *widths]
     n, share = result["frames"], result["accuracy"]
     low, high = result["interval"]
-    guessed = printable(result["guessed"])
-    by = (
-        "" if result["interval_by"] == f"{n} frames" else f" by {result['interval_by']}"
-    )
+    by = f" by {result['interval_by']}".removesuffix(f" by {n} frames")
     found = [
         f"accuracy {percent(share)} (95 % interval {percent(low)} to {percent(high)}{by}), "
         f"{round(share * n)} of {n} frames",
-        f"majority-class baseline (always {guessed}): accuracy {percent(result['guess'])}",
+        f"majority-class baseline (always {result['guessed']}): accuracy "
+        f"{percent(result['guess'])}",
     ]
     if "refused" in result:
-        found.append(_refused_of(result, n))
+        limit = limit_of_refused(result["reject"], result["left_out"])
+        text = (
+            f"refused {result['refused']} of {n} known frames; expected at most {limit}"
+        )
+        found.append(text)
     if "coverage" in result:
         own = result["coverage"]
         line = _coverage_line(own, "sets")
         found.append(f"{line}; {own['mean_size']:.2f} classes a set")
     return found
-
-
-def _refused_of(result: Mapping[str, Any], n: int) -> str:
-    text = f"refused {result['refused']} of {n} known frames; expected at most "
-    return text + limit_of_refused(result["reject"], result["left_out"])
 
 
 def limit_of_refused(reject: float, left_out: str) -> str:
@@ -176,7 +171,7 @@ def limit_of_refused(reject: float, left_out: str) -> str:
 def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:
     error, guess = (_number(own[key], own) for key in ("mean_absolute_error", "guess"))
     return (
-        f"{printable(name)}: mean absolute error {error} (mean baseline {guess}), R² "
+        f"{name}: mean absolute error {error} (mean baseline {guess}), R² "
         f"{own['r_squared']:.3f}, {n} frames"
     )
 
@@ -185,7 +180,7 @@ def _width_line(name: str, own: Mapping[str, Any]) -> str:
     width = own["coverage"]["mean_width"]
     line = _coverage_line(own["coverage"], "intervals")
     shown = _number(float("inf") if width is None else width, own)
-    return f"{printable(name)}: {line}; mean width {shown}"
+    return f"{name}: {line}; mean width {shown}"
 
 
 def _number(value: float, own: Mapping[str, Any]) -> str:
@@ -206,7 +201,7 @@ def confusions(result: Mapping[str, Any]) -> list[str]:
     if "classes" not in result:
         return []
     counts = np.array(result["confusion"])
-    names = [printable(name) for name in result["classes"]]
+    names = result["classes"]
     width = max(len(text) for text in [*names, str(counts.max())])
     found = ["rows are the true classes, columns the predicted ones"]
     for name, row in [("", names), *zip(names, counts.tolist(), strict=True)]:

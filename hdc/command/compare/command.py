@@ -11,7 +11,7 @@ import click
 import numpy as np
 
 from hdc.command import messages, options
-from hdc.command.messages import printable, with_units
+from hdc.command.messages import with_units
 from hdc.command.source import Source, pixels, recording
 from hdc.readers import Recording, Window
 
@@ -135,7 +135,7 @@ def _about(frames: Recording, tests: Sequence[Test], other: Path | None) -> list
 def _heads(frames: Recording, tests: Sequence[str]) -> list[str]:
     """Names of the columns, that of the models as wide as the longest."""
     names = with_units(frames.value_names, frames.value_units) or ["accuracy"]
-    columns = [f"{printable(name)} {test}" for name in names for test in tests]
+    columns = [f"{name} {test}" for name in names for test in tests]
     return [f"{'model':<{_NAME}}", *columns, "exports"]
 
 

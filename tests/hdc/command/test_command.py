@@ -46,9 +46,8 @@ def test_frames_of_one_kind_tell_what_is_unlike_them(hdc, frames, write, tmp_pat
     one = write(tmp_path / "one", np.concatenate([frames[0]] * 3)[None], "a")
     other = write(tmp_path / "other", frames[1:2], "b")
     path = tmp_path / "m"
-    status, out, err = hdc("train", one, "-o", path, "--test-fraction", 0.25)
-    assert (status, err) == (0, [])
-    assert "one class: hdc predict --reject finds frames unlike it" in out
+    words = ("train", one, "-o", path, "--test-fraction", 0.25)
+    assert hdc(*words)[::2] == (0, [])
     for images, least, most in ((one, 0, 3), (other, 12, 12)):
         _, (_, *rows), (said,) = hdc("predict", path, "--reject", 0.1, images)
         n = sum("(none of these)" in row for row in rows)
