@@ -67,7 +67,9 @@ def train(
     if period is not None and frames.values is None:
         raise ValueError("--circular: expected a table of numbers, found classes")
     check_replaceable(output)
-    rows, tested, unit = _split(frames, test_fraction)
+    rows, tested, unit = np.arange(len(frames)), None, None
+    if test_fraction is not None:
+        (rows, tested), unit = splits.hold_out(frames, test_fraction)
     model, lines = _untrained(frames, len(rows), encoder, readout, period)
     model.set_params(**dict(parameters))
     given = _learnable(model, frames, rows)
@@ -75,7 +77,7 @@ def train(
     model._columns = list(frames.features) or None
     lines += messages.content_lines(frames, rows)
     metadata = _metadata(frames, window)
-    if unit is not None:
+    if tested is not None and unit is not None:
         said, kept = _held_out(model, frames, tested, unit)
         lines += said
         metadata |= kept
@@ -85,18 +87,6 @@ def train(
         form += "; --encoder {} --readout {} is the published form".format(*PUBLISHED)
     first = f"{output}: {len(rows)} frames, {messages.whole(frames)}"
     messages.say(first, *lines, form, *messages.reading_lines(frames))
-
-
-def _split(
-    frames: Recording, test_fraction: float | None
-) -> tuple[np.ndarray, np.ndarray, splits.Units | None]:
-    """Rows to learn and to test, and the units that are held out; all are learnt without a
-    fraction."""
-    if test_fraction is None:
-        every = np.arange(len(frames))
-        return every, every[:0], None
-    (rows, tested), unit = splits.hold_out(frames, test_fraction)
-    return rows, tested, unit
 
 
 def _untrained(
