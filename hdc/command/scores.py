@@ -12,6 +12,7 @@ import numpy as np
 from hdc import circular
 from hdc.accuracy import r_squared, wilson
 from hdc.command.answers import Wanted, batched, columns
+from hdc.command.source import truth_of
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
 
@@ -33,9 +34,8 @@ def score(
     parts = [columns(model, np.stack(some), wanted) for some in batched(frames)]
     found = {name: [*chain(*(part[name] for part in parts))] for name in parts[0]}
     unit, by = recorded_together(recording, index)
-    if recording.values is not None and not hasattr(model, "classes_"):
-        about = recording.value_names, recording.value_units
-        errors = _errors(model, recording.values[index], found, about, interval, unit)
+    if not hasattr(model, "classes_"):
+        errors = _errors(model, recording, index, found, interval, unit)
         return {"frames": len(index), "errors": errors}
     truth = np.array(recording.names)[index]
     result = _accuracy(model, truth, found["label"], unit)
@@ -72,9 +72,9 @@ def _accuracy(
 
 def _errors(
     model: Any,
-    truth: np.ndarray,
+    recording: Recording,
+    index: np.ndarray,
     found: Mapping[str, Any],
-    about: tuple[Sequence[str], Sequence[str]],
     interval: float | None,
     unit: np.ndarray,
 ) -> dict[str, Any]:
@@ -82,7 +82,8 @@ def _errors(
 
     R² of a circular value is the mean of those of its cosine and sine.
     """
-    answers, period, (names, units) = np.array(found["values"]), model.period, about
+    names, units, period = recording.value_names, recording.value_units, model.period
+    truth, answers = truth_of(recording)[index], np.array(found["values"])
     planes = [truth, answers]
     if period is not None:
         planes = [circular.to_plane(values, period) for values in planes]

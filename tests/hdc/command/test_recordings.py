@@ -52,24 +52,6 @@ def table_of(root, n, columns, row):
 # What the commands share -------------------------------------------------------------------------
 
 
-def test_frames_may_have_neither_labels_nor_values(tmp_path):
-    """Loose images, arrays and tables of frames alone; all of the size of training."""
-    frames = RNG.integers(0, 256, (3, 4, 5), np.uint8)
-    flat = frames.reshape(3, 20)
-    for k, frame in enumerate(frames):
-        write(tmp_path / "wide" / f"{k}.png", np.pad(frame, 1))
-    rows = [",".join(map(str, row)) for row in [range(20), *flat]]
-    (tmp_path / "t.csv").write_text("\n".join(rows))
-    for name, learnt, crop in (
-        ("wide", frames, (1, 1, 5, 4)),
-        ("t.csv", flat, None),
-    ):
-        model = HDCClassifier().fit(learnt, [0, 1, 2])
-        found = frames_for(model, Window(crop), Source(tmp_path / name), 0)
-        assert (found.labels, found.values) == (None, None)
-        assert np.array_equal(found[:].reshape(3, 20), flat)
-
-
 def test_a_recording_is_opened_as_a_model_was_trained(tmp_path):
     """A table of other columns of numbers has the model's values, unless others are named."""
     frames = np.random.default_rng(1).integers(0, 256, (3, 20))
