@@ -80,7 +80,7 @@ def _errors(
 ) -> dict[str, Any]:
     """Errors and R² of each value, its coverage and width of intervals, if asked for; by name.
 
-    R² of a circular value is the mean of those of its cosine and sine.
+    R² of a circular value is the mean of the R² of its cosine and of its sine.
     """
     names, units, period = recording.value_names, recording.value_units, model.period
     truth, answers = truth_of(recording)[index], np.array(found["values"])

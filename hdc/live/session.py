@@ -50,7 +50,7 @@ class View:
 
 
 class Sample(NamedTuple):
-    """A frame with its label; those of lesson 0 train the model, later ones recalibrate it."""
+    """A frame with its label. Samples of lesson 0 train the model, later ones recalibrate it."""
 
     frame: np.ndarray
     label: str

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from hdc.command.compare.judge import Data, Test
 
 Losses = dict[str, list[np.ndarray]]
-"""Losses of the models by name, in each test [Q]: 1 for a wrong label, 0 for a right one; of values
-the mean of the errors as multiples of those of the constant baseline."""
+"""Losses of the models by name, in each test [Q]: 1 for a wrong label and 0 for a right one. A loss
+of values is the mean of their errors, each divided by the error of the constant baseline."""
 CLEAR = 0.05
 """A gain is clear below this probability that it is chance."""
 _NAME = 26
@@ -180,8 +180,8 @@ def _gain_lines(
     units: Any,
     frames: Recording,
 ) -> list[str]:
-    """What the choice wins over the published form in the last test, and whether its accuracy falls
-    there."""
+    """The gain of the choice over the published form in the last test, and a line where its
+    accuracy is much lower than in the folds."""
     from hdc.command.compare import judge
 
     first, *others = (1 - loss.mean() for loss in losses[chosen])

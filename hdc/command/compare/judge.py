@@ -40,7 +40,7 @@ class Data:
         return Bank(tensor(self.frames), np.zeros(len(self.frames), np.int64), 1)
 
     def given(self, model: Any) -> Any:
-        """What a model takes of all frames: hypervectors, each made once, or the frames for a
+        """All frames as a model takes them: hypervectors, each made once; or the frames, for a
         model of grey values and for an encoder that learns, which is another one in each fold."""
         encoder = model.fresh("encoder") if hasattr(model, "encoder") else None
         if encoder is None or encoder.learns:
