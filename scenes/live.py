@@ -36,7 +36,6 @@ class SimulatedSensor:
 
     Each touch has a temperature drawn from that of the room, and misses place and depth as the
     robot of the scene ``touch`` does; the seed and the number of the touch determine both.
-    Displacements of several touches add up, as in any linear elastic layer.
 
     Args:
         side: pixels a side of the frame.
@@ -44,7 +43,7 @@ class SimulatedSensor:
     """
 
     label = None
-    deepest, sixteen_days = 2e-3, SIXTEEN_DAYS
+    sixteen_days = SIXTEEN_DAYS
 
     def __init__(self, side: int = 250, seed: int = 0) -> None:
         whole = Camera()
@@ -66,54 +65,38 @@ class SimulatedSensor:
         self._press = ExactPress(press, self._sensor)
         self._room = Room()
         self._seed, self._touched, self._frames = seed, 0, 0
-        self.touches: tuple[Touch, ...] = ()
-        self._temperature = 0.0  # of the present touches, in K
-        self._indented = self._indentation(())
+        self.press(None)
 
-    def press(self, touches: Sequence[Touch]) -> None:
-        self.touches = tuple(touches)
-        missed, self._temperature, _ = self._draw(touches)
-        self._indented = self._indentation(missed)
+    def press(self, touch: Touch | None) -> None:
+        self.touch = touch
+        self._pressed, self._temperature, _ = self._draw(touch)
 
     def frame(self) -> np.ndarray:
         self._frames += 1
         noise = stream(self._seed, "live noise", self._frames)
-        return self._exposed(self._indented, self._temperature, noise)
+        return self._exposed(self._pressed, self._temperature, noise)
 
     def samples(self, n: int) -> list[np.ndarray]:
-        return self.touched(n, self.touches)
+        return self.touched(n, self.touch)
 
-    def touched(self, n: int, touches: Sequence[Touch]) -> list[np.ndarray]:
-        frames = []
-        for _ in range(n):
-            missed, temperature, rng = self._draw(touches)
-            indented = self._indentation(missed)
-            frames.append(self._exposed(indented, temperature, rng))
-        return frames
+    def touched(self, n: int, touch: Touch | None) -> list[np.ndarray]:
+        return [self._exposed(*self._draw(touch)) for _ in range(n)]
 
-    def _draw(
-        self, touches: Sequence[Touch]
-    ) -> tuple[list[Touch], float, np.random.Generator]:
-        """Touches that miss their places, the temperature in K, and the generator for the noise."""
+    def _draw(self, touch: Touch | None) -> tuple[Tensor, float, np.random.Generator]:
+        """The change of phase float64 [P] in rad by a touch that misses its place, the temperature
+        in K, and the generator for the noise."""
         rng = stream(self._seed, "live touch", self._touched)
         self._touched += 1
         temperature = float(self._room.temperatures(1, rng)[0])
-        missed = []
-        for touch in touches:
-            across, along, deeper = rng.standard_normal(3)
-            x = touch.x + POSITION_SPREAD * across
-            y = touch.y + POSITION_SPREAD * along
-            depth = touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper)
-            missed.append(Touch(x, y, depth))
-        return missed, temperature, rng
-
-    def _indentation(self, touches: Sequence[Touch]) -> Tensor:
-        """Change of phase float64 [P] in rad."""
-        changes = [torch.zeros_like(self._sensor.phase)]
-        for touch in touches:
-            contact = Contact(touch.depth, touch.x, touch.y)
-            changes.append(self._press(contact))
-        return torch.stack(changes).sum(0)
+        if touch is None:
+            return torch.zeros_like(self._sensor.phase), temperature, rng
+        across, along, deeper = rng.standard_normal(3)
+        missed = Contact(
+            touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper),
+            touch.x + POSITION_SPREAD * across,
+            touch.y + POSITION_SPREAD * along,
+        )
+        return self._press(missed), temperature, rng
 
     def _exposed(
         self, indented: Tensor, temperature: float, noise: np.random.Generator
@@ -127,29 +110,15 @@ class SimulatedSensor:
 
 def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(prog="python -m scenes.live", description=__doc__)
-    parser.add_argument(
-        "--seed",
-        type=int,
-        default=0,
-        help="which sensor (default: 0)",
-    )
-    parser.add_argument(
-        "--port",
-        type=int,
-        default=8080,
-        help="default: 8080",
-    )
-    parser.add_argument(
-        "--host", help="address to listen at (default: this computer alone)"
-    )
+    parser.add_argument("--port", type=int, default=8080, help="default: 8080")
     given = parser.parse_args(arguments)
     torch.set_num_threads(1)  # the other core is the page's
-    sensor = SimulatedSensor(seed=given.seed)
+    sensor = SimulatedSensor()
     from hdc.live.page import serve
     from scenes.pressed import PressedPage, PressedSession
 
     try:
-        serve(PressedSession(sensor), given.host, given.port, PressedPage)
+        serve(PressedSession(sensor), port=given.port, page=PressedPage)
     except OSError as error:
         sys.exit(f"error: {error}")
 

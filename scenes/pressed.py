@@ -10,7 +10,6 @@ import html
 import math
 import time
 from collections import deque
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -20,13 +19,12 @@ from nicegui import events, ui
 
 from hdc.live import Source
 from hdc.live.page import (
+    RECALIBRATION,
     SAMPLES,
     Page,
     button,
     colour,
     div,
-    recalibration,
-    slider,
     small,
 )
 from hdc.live.session import Sample, Session, View
@@ -37,6 +35,8 @@ TEST_EVERY = 0.25
 """Seconds between two fresh touches that test the model."""
 NEAR = 2e-3
 """m; a press so near a taught place goes to it."""
+DEPTH = 1.8e-3
+"""m, of a touch."""
 _PLACE = """<g transform="translate({:.2f} {:.2f})" stroke="{c}" fill="{c}">
 <circle r="2" fill="none" stroke-width=".6"/>
 <text y="-2.8" text-anchor="middle" font-size="3" stroke="none">{name}</text></g>"""
@@ -49,25 +49,24 @@ class Touch:
 
     x: float
     y: float
-    depth: float
+    depth: float = DEPTH
 
 
 class Pressable(Source, Protocol):
-    """A sensor that the page presses. Each sample is a new touch at the present places."""
+    """A sensor that the page presses. Each sample is a new touch at the present place."""
 
     length: float  # of the surface in m: x in [0, length]
     width: float  # in m: |y| ≤ width/2
-    deepest: float  # largest depth in m
     offset: float  # temperature drift in K
     sixteen_days: float  # drift in K after 16 days
-    touches: tuple[Touch, ...]  # the present ones
+    touch: Touch | None  # the present one
 
-    def press(self, touches: Sequence[Touch]) -> None:
-        """Press here until the next call (no touches: lift off)."""
+    def press(self, touch: Touch | None) -> None:
+        """Press here until the next call, or lift off."""
         ...
 
-    def touched(self, n: int, touches: Sequence[Touch]) -> list[np.ndarray]:
-        """Frames of n new touches at these places."""
+    def touched(self, n: int, touch: Touch | None) -> list[np.ndarray]:
+        """Frames of n new touches at this place."""
         ...
 
 
@@ -75,7 +74,7 @@ class PressedSession(Session):
     """A session of a sensor that is pressed.
 
     Attributes:
-        places: touches of each class.
+        places: touch of each class.
         tests: whether the latest tests were right.
     """
 
@@ -83,7 +82,7 @@ class PressedSession(Session):
 
     def __init__(self, source: Pressable) -> None:
         super().__init__(source)
-        self.places: dict[str, tuple[Touch, ...]] = {}
+        self.places: dict[str, Touch | None] = {}
         self.tests: deque[bool] = deque(maxlen=RECENT)
         self._tested = 0
         self._latest = -TEST_EVERY
@@ -108,11 +107,11 @@ class PressedSession(Session):
 
     def learn(self, name: str, n: int, new: bool = False) -> None:
         super().learn(name, n, new)
-        self.places = self.places | {name.strip(): self.source.touches}
+        self.places = self.places | {name.strip(): self.source.touch}
 
-    def recalibrate_all(self, n: int, p: float) -> None:
+    def recalibrate_all(self, n: int) -> None:
         """Recalibrate all classes, each touched where it was taught."""
-        lesson = self.next_lesson(p)
+        lesson = self.next_lesson()
         samples: list[Sample] = []
         for name in self.counts:
             frames = self.source.touched(n, self.places[name])
@@ -123,13 +122,9 @@ class PressedSession(Session):
         super().train(samples)
         self.tests.clear()
 
-    def forget(self, name: str | None) -> None:
+    def forget(self, name: str) -> None:
         super().forget(name)
-        self.places = {
-            label: touches
-            for label, touches in self.places.items()
-            if label in self.counts
-        }
+        self.places = {c: touch for c, touch in self.places.items() if c != name}
 
     def drift(self, kelvin: float) -> None:
         """Set the drift of the sensor."""
@@ -153,9 +148,7 @@ class PressedPage(Page):
             f"The silicone from above, {size[0]:.0f} × {size[1]:.0f} mm: press it. Near the ring "
             "of a class the robot returns to where it was taught."
         )
-        self._depth = slider("depth in mm", 0.1, self.source.deepest * 1e3, 0.1, 1.8)
-        lift = ui.button("Lift off", on_click=lambda: self._press())
-        lift.props("no-caps outline dense")
+        button("Lift off", partial(self._press, None))
         self._accuracy = ui.label()
         small(
             f"Accuracy on the latest {RECENT} new touches; “none of these” counts as wrong."
@@ -170,7 +163,7 @@ class PressedPage(Page):
         with div("row"):
             button("Let 16 days pass", self._drift(days))
             button("Back to the first day", self._drift(0.0))
-        self.p = recalibration()
+        small(RECALIBRATION)
         button("Recalibrate all classes where they were taught", self._all)
 
     def refresh(self) -> None:
@@ -180,12 +173,13 @@ class PressedPage(Page):
         self._accuracy.set_text(share or "not tested yet")
         names = list(self.session.counts)
         drawn = []
-        for name, touches in self.session.places.items():
-            look, title = colour(names, name), html.escape(name)
-            for touch in touches:
-                x, y = self._on_drawing(touch)
+        for name, place in self.session.places.items():
+            if place is not None:
+                look, title = colour(names, name), html.escape(name)
+                x, y = self._on_drawing(place)
                 drawn.append(_PLACE.format(x, y, c=look, name=title))
-        for touch in self.source.touches:
+        touch = self.source.touch
+        if touch is not None:
             x, y = self._on_drawing(touch)
             drawn.append(_TOUCH.format(x, y, 1 + 900 * touch.depth))
         self._drawing.content = "".join(drawn)
@@ -198,19 +192,18 @@ class PressedPage(Page):
         return partial(self.do, lambda _: self.session.drift(kelvin))
 
     async def _all(self) -> None:
-        await self.do(lambda _: self.session.recalibrate_all(SAMPLES, self.p.value))
+        await self.do(lambda _: self.session.recalibrate_all(SAMPLES))
 
     async def _pressed(self, event: events.MouseEventArguments) -> None:
         x = event.image_x * 1e-3
         y = self.source.width / 2 - event.image_y * 1e-3
-        near = []
-        for place in self.session.places.values():
-            for touch in place:
-                apart = math.hypot(touch.x - x, touch.y - y)
-                if apart < NEAR:
-                    near.append((apart, touch.x, touch.y))
-        _, x, y = min(near, default=(0.0, x, y))
-        await self._press(Touch(x, y, self._depth.value * 1e-3))
+        near = {
+            math.hypot(place.x - x, place.y - y): place
+            for place in self.session.places.values()
+            if place is not None
+        }
+        least = min(near, default=math.inf)
+        await self._press(near[least] if least < NEAR else Touch(x, y))
 
-    async def _press(self, *touches: Touch) -> None:
-        await self.do(lambda _: self.source.press(touches))
+    async def _press(self, touch: Touch | None) -> None:
+        await self.do(lambda _: self.source.press(touch))

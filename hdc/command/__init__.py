@@ -54,15 +54,15 @@ def _status(arguments: Sequence[str] | None) -> int:
     except (ValueError, OSError) as error:
         return _say(f"error: {error}", 1)
     except MemoryError as error:
-        found = str(error) or "none left"
         advice = "--crop and --subsample make frames smaller"
-        return _say(f"error: expected more memory, found: {found} ({advice})", 1)
+        return _say(f"error: expected more memory: {error} ({advice})", 1)
 
 
 def _run(arguments: Sequence[str] | None) -> int:
     import click
 
     from hdc.command.cli import cli
+    from hdc.command.options import LEFT
 
     try:
         status = cli.main(arguments, prog_name="hdc", standalone_mode=False) or 0
@@ -74,6 +74,12 @@ def _run(arguments: Sequence[str] | None) -> int:
         return error.exit_code
     except click.Abort:
         return _say("interrupted", 130)
+    except click.NoSuchOption as error:
+        command = error.ctx.info_name if error.ctx else ""
+        instead = LEFT.get(f"{command} {error.option_name}")
+        why = f"{error.option_name}: this option left; {instead}"
+        said = why if instead else error.format_message()
+        return _say(f"error: {said}", error.exit_code)
     except click.ClickException as error:
         return _say(f"error: {error.format_message()}", error.exit_code)
 

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hdc import readers
-from hdc.command.messages import printable, with_units
+from hdc.command.messages import printable
 from hdc.command.work import check_fits, check_size, value_names
 from hdc.readers import VECTORS, VIDEO, Window, kind_of
 from hdc.readers.about import numbered
@@ -30,21 +30,20 @@ class Wanted(NamedTuple):
         reject: share of known frames that may be refused as none of the classes.
         interval: share of frames of which sets or intervals are to hold the truth.
         proba: whether probabilities of the classes are wanted.
-        distances: whether distances to prototypes are, where a class has one.
     """
 
     reject: float | None = None
     interval: float | None = None
     proba: bool = False
-    distances: bool = True
 
 
 def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
     """The answers for frames [n, …] by name; each frame is encoded once.
 
     A classifier gives ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
-    arrays), ``proba`` and ``distances`` [n, L] in bits; a regressor gives ``values``, ``low`` and
-    ``high`` [n, T].
+    arrays), ``probability`` of the best class [n] and ``probabilities`` [n, L], and where there are
+    prototypes ``distances`` [n, L] as shares of the bits. A regressor gives ``values`` [n, T], and
+    ``intervals`` [n, T, 2] where they are wanted.
 
     Raises:
         ValueError: probabilities or rejection by a regressor, or by a model that has none.
@@ -56,17 +55,16 @@ def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
 
 
 def _of_classes(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
-    from hdc.readouts import Majority  # late: torch takes seconds
-
     found = {"label": model.predict(words)}
     if wanted.reject:
         found["known"] = model.is_known(words, wanted.reject)
     if wanted.interval is not None:
         found["set"] = model.predict_set(words, outside(wanted.interval))
     if wanted.proba:
-        found["proba"] = model.predict_proba(words)
-    if wanted.distances and isinstance(model.readout_, Majority):
-        found["distances"] = model.distances(words)
+        found["probabilities"] = model.predict_proba(words)
+        found["probability"] = found["probabilities"].max(axis=1)
+    if hasattr(model, "distances"):
+        found["distances"] = model.distances(words) / model.dimension_
     return found
 
 
@@ -76,16 +74,15 @@ def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
             found = type(model).__name__
             raise ValueError(f"{option}: expected a model of classes, found {found}")
     if wanted.interval is None:
-        parts = [model.predict(words)]
-    elif model.period is None:
-        alpha = outside(wanted.interval)
-        parts = model.predict(words, return_interval=True, alpha=alpha)
-    else:
+        return {"values": model.predict(words).reshape(len(words), -1)}
+    if model.period is not None:
         raise ValueError(
             "--interval: expected a model of numbers without a period; leave it out"
         )
-    tables = [part.reshape(len(words), -1) for part in parts]
-    return dict(zip(("values", "low", "high"), tables, strict=False))
+    alpha = outside(wanted.interval)
+    parts = model.predict(words, return_interval=True, alpha=alpha)
+    values, *ends = (part.reshape(len(words), -1) for part in parts)
+    return {"values": values, "intervals": np.stack(ends, axis=2)}
 
 
 def outside(interval: float) -> float:
@@ -113,9 +110,9 @@ def ask(
     """The model's answers for image files, then for each frame of arrays, tables and videos.
 
     Each has ``file``, and of a regressor ``values`` by name, or else ``label`` (None: none of
-    these). Where classes have prototypes, ``margin`` and ``distances`` by class follow, as shares
-    of the bits. With an interval, values have ``intervals`` by name (an end of None is infinite),
-    and labels the ``set`` of all classes that may be. With probabilities the best class has a
+    these). Where classes have prototypes, ``distances`` by class follow, as shares of the bits.
+    With an interval, values have ``intervals`` by name (an end of None is infinite), and labels the
+    ``set`` of all classes that may be. With probabilities the best class has a
     ``probability``, and every class has one in ``probabilities``. The `settings` are ``template``,
     ``axes`` and ``image_column`` of :func:`hdc.readers.open_recording`.
 
@@ -172,66 +169,40 @@ def _rows(
         for place, frame in some:
             check_size(model, frame.shape, place)
         found = columns(model, np.stack([frame for _, frame in some]), wanted)
+        if "values" in found:
+            names = value_names(model) or numbered(found["values"].shape[1])
+        else:
+            names = tuple(str(label) for label in model.classes_)
+        if "intervals" in found:  # JSON has no infinite numbers
+            ends = found["intervals"]
+            found["intervals"] = np.where(np.isfinite(ends), ends, None)
         for k, (place, _) in enumerate(some):
-            own = {name: column[k].tolist() for name, column in found.items()}
-            make = _value_row if "values" in own else _class_row
-            yield {"file": str(place)} | make(model, own)
+            row: dict[str, Any] = {"file": str(place)}
+            for name, column in found.items():
+                own = column[k].tolist()
+                by_name = isinstance(column, np.ndarray) and column.ndim > 1
+                row[name] = dict(zip(names, own, strict=True)) if by_name else own
+            if not row.pop("known", True):
+                row["label"] = None
+            yield row
 
 
-def _class_row(model: Any, own: Mapping[str, Any]) -> dict[str, Any]:
-    names = [str(name) for name in model.classes_]
-    row = {"label": own["label"] if own.get("known", True) else None}
-    if "set" in own:
-        row["set"] = own["set"]
-    if "proba" in own:
-        row["probability"] = max(own["proba"])
-        row["probabilities"] = dict(zip(names, own["proba"], strict=True))
-    if "distances" in own:
-        shares = [distance / model.dimension_ for distance in own["distances"]]
-        nearest = sorted(shares)[:2]
-        # How much farther the second nearest class is; one class alone has no second.
-        row["margin"] = nearest[1] - nearest[0] if len(nearest) > 1 else None
-        row["distances"] = dict(zip(names, shares, strict=True))
-    return row
-
-
-def _value_row(model: Any, own: Mapping[str, Any]) -> dict[str, Any]:
-    names = value_names(model) or numbered(len(own["values"]))
-    row = {"values": dict(zip(names, own["values"], strict=True))}
-    if "low" in own:
-        ends = zip(own["low"], own["high"], strict=True)
-        finite = ([e if np.isfinite(e) else None for e in pair] for pair in ends)
-        row["intervals"] = dict(zip(names, finite, strict=True))
-    return row
-
-
-def table_row(answer: Mapping[str, Any], units: Sequence[str]) -> dict[str, str]:
+def table_row(answer: Mapping[str, Any]) -> dict[str, str]:
     """The cells of an answer's line in a table, by the heads of their columns."""
     cells: dict[str, Any] = {}
     for name, part in answer.items():
-        cells |= _cells(name, part, units)
+        if name == "probabilities":  # the table has that of the best class
+            continue
+        if isinstance(part, dict):
+            cells |= {f"{name} {key}": own for key, own in part.items()}
+        else:
+            cells[name] = NONE if part is None and name == "label" else part
     return {printable(name): _cell(cell) for name, cell in cells.items()}
 
 
-def _cells(name: str, part: Any, units: Sequence[str]) -> dict[str, Any]:
-    """A part of an answer by the heads of its columns."""
-    if name == "values":
-        return dict(zip(with_units([*part], units), part.values(), strict=True))
-    if name == "intervals":
-        ends = ("from", -np.inf), ("to", np.inf)
-        return {
-            f"{value} {head}": infinite if end is None else end
-            for value, pair in part.items()
-            for end, (head, infinite) in zip(pair, ends, strict=True)
-        }
-    if name == "distances":
-        return {f"distance {label}": share for label, share in part.items()}
-    if name == "set":
-        return {name: ", ".join(map(str, part)) or NONE}
-    if name == "probabilities":  # the table has that of the best class
-        return {}
-    return {name: NONE if part is None and name == "label" else part}
-
-
 def _cell(item: Any) -> str:
+    if isinstance(item, list):
+        return ", ".join(map(_cell, item)) or NONE
+    if item is None:  # an infinite end of an interval
+        return "-"
     return f"{item:.4f}" if isinstance(item, float) else printable(str(item))

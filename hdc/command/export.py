@@ -22,25 +22,14 @@ TOO_LARGE = (
 
 @click.command(short_help="Write a model as a C99 header.")
 @click.argument("model", type=options.FILE)
-@click.option(
-    "-o",
-    "--output",
-    type=options.FILE,
-    required=True,
-    help="Header to write, such as touch.h.",
-)
+@options.output
 @click.option(
     "--bits",
     type=click.Choice(["8", "16"]),
     default="8",
     help="Bits per pixel of the frames on the board.",
 )
-@click.option(
-    "--reject",
-    type=click.FloatRange(0, 0.5, min_open=True),
-    metavar="RATE",
-    help="Tell frames unlike every class; about this share of known ones is refused, too.",
-)
+@options.reject
 @click.option(
     "--test-vectors",
     type=click.IntRange(0),

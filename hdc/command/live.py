@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
 from hdc.command import options, work
-from hdc.command.source import Source, pixels, reading
+from hdc.command.source import pixels
 from hdc.readers import Window
 
 
@@ -23,7 +22,6 @@ from hdc.readers import Window
 @click.option(
     "--video", type=options.FILE, metavar="FILE", help="Play this, without labels."
 )
-@reading
 @pixels
 @click.option(
     "--host",
@@ -36,7 +34,6 @@ def live(
     camera: int | None,
     folder: Path | None,
     video: Path | None,
-    settings: dict[str, Any],
     window: Window,
     host: str | None,
     port: int,
@@ -51,9 +48,6 @@ def live(
         raise click.UsageError(
             "expected one of --camera N, --folder RECORDING and --video FILE"
         )
-    _, *others = Source(Path(), settings).words(Window())
-    if folder is None and others:
-        raise click.UsageError(f"expected no {others[0]} without --folder")
     from hdc.live import open_source
     from hdc.live.page import serve
     from hdc.live.session import Session
@@ -61,11 +55,13 @@ def live(
     trained = None
     if model is not None:
         trained, own = work.load(model)
+        if not hasattr(trained, "classes_"):
+            raise ValueError(f"{model}: expected a model of classes, found numbers")
         if Window() not in (own, window):
             wanted = "no --crop or --subsample with a MODEL that has its own"
             raise click.UsageError(f"expected {wanted}")
         window = window if own == Window() else own
-    source = open_source(window, folder, video, camera or 0, settings)
+    source = open_source(window, folder, video, camera or 0)
     if trained is not None:
         work.check_size(trained, source.shape, source.title)
     serve(Session(source, trained), host, port)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import shlex
-from collections import Counter
 from pathlib import Path, PurePath
 
 import click
@@ -11,30 +10,44 @@ import numpy as np
 
 from hdc import readers
 from hdc.command import messages
-from hdc.command.source import Source, opened, recording
+from hdc.command.source import Source, recording
 from hdc.readers import Recording, Window, about, stores
 from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
 from hdc.readers.table import columns_in
-from hdc.readers.template import Template, numbered
+from hdc.readers.template import numbered
 
 MOST = 12
 """Arrays, columns and readings that are shown."""
 
 
-@click.command(short_help="Show how a recording is read.")
+class _Typed(click.Command):
+    """A command that keeps the words of its line, to show them with others."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        ctx.obj = list(args)
+        return super().parse_args(ctx, args)
+
+
+@click.command(cls=_Typed, short_help="Show how a recording is read.")
 @recording
-def look(source: Source) -> None:
+@click.pass_obj
+def look(typed: list[str], source: Source) -> None:
     """Show what a RECORDING holds, and the line to type for hdc train.
 
     A RECORDING that can be read in several ways has a line for each.
     """
     file, _ = readers.split_name(source.path)
+    path = next(word for word in typed if Path(word) == source.path)
+    typed.remove(path)
     with stores.loaded_once():
-        if file.exists():
-            messages.say(*_shortened(contents(file)))
-        for taken, frames in _readings(source.words(Window()))[:MOST]:
-            messages.say("", *_described(taken, frames))
+        said = _shortened(contents(file)) if file.exists() else []
+        messages.say(*said)
+        for taken, frames in _readings([str(source.path), *typed])[:MOST]:
+            if said:
+                messages.say("")
+            said = _described(taken, frames)
+            messages.say(*said)
 
 
 def _shortened(lines: list[str]) -> list[str]:
@@ -50,19 +63,10 @@ def contents(path: Path) -> list[str]:
     of_kind = {
         readers.FOLDER: _files,
         readers.ARRAY: _arrays,
-        readers.IMAGES: _parquet,
         readers.VECTORS: _table,
-        readers.VIDEO: _video,
     }
     found = of_kind.get(readers.kind_of(path))
     return [] if found is None else found(path)
-
-
-def _parquet(path: Path) -> list[str]:
-    from hdc.readers import parquet
-
-    schema = parquet.schema_of(path)
-    return [f"{field.name}: {field.type}" for field in schema]
 
 
 def _table(path: Path) -> list[str]:
@@ -71,14 +75,12 @@ def _table(path: Path) -> list[str]:
 
 def _files(folder: Path) -> list[str]:
     """How many files of each suffix there are, and the first of them."""
-    files = all_files(folder)
-    suffixes = Counter(PurePath(file).suffix.lower() for file in files)
-    first: dict[str, str] = {}
-    for file in files:
-        first.setdefault(PurePath(file).suffix.lower(), file)
+    found: dict[str, list[str]] = {}
+    for file in all_files(folder):
+        found.setdefault(PurePath(file).suffix.lower(), []).append(file)
     return [
-        f"{n} {suffix or 'other'} files, such as {first[suffix]}"
-        for suffix, n in suffixes.most_common()
+        f"{len(files)} {suffix or 'other'} files, such as {files[0]}"
+        for suffix, files in sorted(found.items(), key=lambda pair: -len(pair[1]))
     ]
 
 
@@ -91,18 +93,14 @@ def _arrays(path: Path) -> list[str]:
     return lines + [f"{name}: not read, {why}" for name, why in store.unread.items()]
 
 
-def _video(path: Path) -> list[str]:
-    from hdc.readers import film  # late: PyAV is of the extra files
-
-    with film.opened(path) as (_, stream):
-        rate = float(stream.average_rate or 0)
-        size = messages.size((stream.height, stream.width))
-        return [
-            f"{stream.name}, {size}, {stream.frames or '?'} frames, {rate:g} a second"
-        ]
-
-
 # How it can be read ------------------------------------------------------------------------------
+
+
+@click.command()
+@recording
+def _opened(source: Source) -> Recording:
+    """A recording opened as a line of words says."""
+    return source.open(Window())
 
 
 def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
@@ -112,7 +110,7 @@ def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
         ValueError: there is none.
     """
     try:
-        return [(words, opened.main(words, standalone_mode=False))]
+        return [(words, _opened.main(words, standalone_mode=False))]
     except Ambiguous as error:
         found: list[tuple[list[str], Recording]] = []
         refused: ValueError = error
@@ -140,8 +138,8 @@ def _described(words: list[str], frames: Recording) -> list[str]:
     lines = [f"{len(frames)} frames, {messages.whole(frames)}"]
     if frames.features:
         first, *_, last = (frames.features[0], *frames.features)
-        numbers = f"{messages.printable(first)} to {messages.printable(last)}"
-        lines.append(f"a frame is the {len(frames.features)} columns from {numbers}")
+        n = len(frames.features)
+        lines.append(f"a frame is the {n} columns from {first} to {last}")
     if frames.session is not None:
         lines.append(messages.session_line(frames, np.arange(len(frames))))
     if frames.group is not None:
@@ -161,7 +159,7 @@ def _unit_lines(frames: Recording) -> list[str]:
     for name, column in frames.samples.items():
         n = len(np.unique(column))
         if about.is_of_units(name) and 1 < n < len(frames):
-            word = messages.printable(shlex.quote(name))
+            word = shlex.quote(name)
             lines.append(
                 f"{word} has {n} values: --sessions {word} tests whole recordings, --groups {word} "
                 "whole objects"
@@ -174,12 +172,6 @@ def _twins_lines(words: list[str], frames: Recording) -> list[str]:
     template = numbered(frames.classes)
     if not template:
         return []
-    read = Template(template).read
-    things = [(read(name) or {}).get("label", name) for name in frames.classes]
-    first = next(thing for thing in things if things.count(thing) > 1)
-    twins = [n for n, t in zip(frames.classes, things, strict=True) if t == first]
-    shown = messages.printable(", ".join(_shortened(twins)))
-    asked = f"are {shown} recordings of one class?"
     in_folders = Path(words[0]).is_dir() and "--template" not in words
-    rest = f" --template '{template}/*'" if in_folders else f" {template} reads them so"
-    return [f"{asked}{rest}"]
+    read = f"--template '{template}/*'" if in_folders else template
+    return [f"do numbers of the classes count recordings? {read} reads them so"]

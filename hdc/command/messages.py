@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -13,12 +12,6 @@ import numpy as np
 
 from hdc.readers import Recording, natural_key
 
-TURN = 360
-"""Degrees; values that span this share of them look like angles of a whole turn."""
-_WHOLE = 0.9
-_DEGREES = re.compile(r"deg|angle|°|theta|yaw|rotation|azimuth|orientation")
-_MARKUP = re.compile(r"(?::\w+:)?`+~?([^`]*)`+")
-"""A name in a docstring, as Sphinx marks it."""
 FALL = 0.1
 """Fall of the accuracy on another recording from which on the sensor is said to differ."""
 DIFFERS = (
@@ -27,19 +20,15 @@ DIFFERS = (
 )
 LISTED = 12
 """Names of classes or sessions that one line shows."""
-WIDE = 12
-"""Characters of the head of a column of confusions."""
 
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
     """The classes and sessions that are learnt, with the frames of each."""
-    lines = []
-    if recording.values is None:
-        names = np.array(recording.names)[learnt].tolist()
-        lines.append(f"classes: {_counted(names, recording.classes)}")
-        if len(recording.classes) == 1:
-            lines.append("one class: hdc predict --reject finds frames unlike it")
-    return [*lines, session_line(recording, learnt)]
+    sessions = session_line(recording, learnt)
+    if recording.values is not None:
+        return [sessions]
+    names = np.array(recording.names)[learnt].tolist()
+    return [f"classes: {_counted(names, recording.classes)}", sessions]
 
 
 def form_line(model: Any, path: Path) -> str:
@@ -52,24 +41,6 @@ def form_line(model: Any, path: Path) -> str:
 def sizes(model: Any, path: Path) -> tuple[int, int]:
     """Bytes that a prediction needs, and bytes of the file."""
     return model.prediction_bytes_, path.stat().st_size
-
-
-def circular_lines(recording: Recording, period: float | None = None) -> list[str]:
-    """A line on each value that looks like degrees of a whole turn, unless a period is given."""
-    lines: list[str] = []
-    if period is not None or recording.values is None:
-        return lines
-    units = recording.value_units or ("",) * len(recording.value_names)
-    columns = zip(recording.value_names, units, recording.values.T, strict=True)
-    for name, unit, numbers in columns:
-        low, high = float(numbers.min()), float(numbers.max())
-        turns = low >= -TURN / 2 and high <= TURN and high - low >= _WHOLE * TURN
-        if turns and _DEGREES.search(f"{name} {unit}".lower()):
-            lines.append(
-                f"{printable(name)}: {low:.4g} to {high:.4g} looks like angles of a whole turn; "
-                "--circular 360 predicts them by sine and cosine"
-            )
-    return lines
 
 
 def whole(recording: Recording) -> str:
@@ -101,7 +72,7 @@ def session_line(recording: Recording, rows: np.ndarray) -> str:
 
 def _counted(names: Sequence[str], different: Sequence[str]) -> str:
     counts = Counter(names)
-    shown = [f"{printable(name)} ({counts[name]})" for name in different[:LISTED]]
+    shown = [f"{name} ({counts[name]})" for name in different[:LISTED]]
     if len(different) > LISTED:
         shown.append(f"… {len(different)} in all")
     return ", ".join(shown)
@@ -133,35 +104,20 @@ def with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
 
 def described(model: Any, path: Path) -> dict[str, Any]:
     """Description of a saved model; the last rows say what was trained."""
-    classifies = hasattr(model, "classes_")
-    n_outputs = len(model.classes_ if classifies else model.mean_)
     n_used, n_file = sizes(model, path)
-    unit = "class" if classifies else "value"
     rows: dict[str, Any] = {
         "kind": type(model).__name__,
         "encoder": repr(model.encoder_),
-        "encoder in words": _in_words(model.encoder_),
         "readout": repr(model.readout_),
-        "readout in words": _in_words(model.readout_),
         "frames": size(model.frame_shape_),
-        f"bits per pixel and {unit}": round(
-            8 * n_used / model.n_features_in_ / n_outputs, 2
-        ),
         "bytes to predict": n_used,
         "bytes of the file": n_file,
         **model.metadata_,
     }
-    if classifies:
+    if hasattr(model, "classes_"):
         counts = zip(model.classes_, model.counts_, strict=True)
         rows["classes"] = {str(c): int(n) for c, n in counts}
     return rows
-
-
-def _in_words(part: object) -> str:
-    """The first paragraph of what a part of a model says of itself."""
-    text = type(part).__doc__ or ""
-    first = " ".join(text.strip().partition("\n\n")[0].split())
-    return _MARKUP.sub(r"\1", first)
 
 
 # Scores ------------------------------------------------------------------------------------------
@@ -181,27 +137,24 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
         return [*found, *widths]
     n, share = result["frames"], result["accuracy"]
     low, high = result["interval"]
-    guessed = printable(result["guessed"])
-    by = (
-        "" if result["interval_by"] == f"{n} frames" else f" by {result['interval_by']}"
-    )
+    by = f" by {result['interval_by']}".removesuffix(f" by {n} frames")
     found = [
         f"accuracy {percent(share)} (95 % interval {percent(low)} to {percent(high)}{by}), "
         f"{round(share * n)} of {n} frames",
-        f"majority-class baseline (always {guessed}): accuracy {percent(result['guess'])}",
+        f"majority-class baseline (always {result['guessed']}): accuracy "
+        f"{percent(result['guess'])}",
     ]
     if "refused" in result:
-        found.append(_refused_of(result, n))
+        limit = limit_of_refused(result["reject"], result["left_out"])
+        text = (
+            f"refused {result['refused']} of {n} known frames; expected at most {limit}"
+        )
+        found.append(text)
     if "coverage" in result:
         own = result["coverage"]
         line = _coverage_line(own, "sets")
         found.append(f"{line}; {own['mean_size']:.2f} classes a set")
     return found
-
-
-def _refused_of(result: Mapping[str, Any], n: int) -> str:
-    text = f"refused {result['refused']} of {n} known frames; expected at most "
-    return text + limit_of_refused(result["reject"], result["left_out"])
 
 
 def limit_of_refused(reject: float, left_out: str) -> str:
@@ -218,7 +171,7 @@ def limit_of_refused(reject: float, left_out: str) -> str:
 def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:
     error, guess = (_number(own[key], own) for key in ("mean_absolute_error", "guess"))
     return (
-        f"{printable(name)}: mean absolute error {error} (mean baseline {guess}), R² "
+        f"{name}: mean absolute error {error} (mean baseline {guess}), R² "
         f"{own['r_squared']:.3f}, {n} frames"
     )
 
@@ -227,7 +180,7 @@ def _width_line(name: str, own: Mapping[str, Any]) -> str:
     width = own["coverage"]["mean_width"]
     line = _coverage_line(own["coverage"], "intervals")
     shown = _number(float("inf") if width is None else width, own)
-    return f"{printable(name)}: {line}; mean width {shown}"
+    return f"{name}: {line}; mean width {shown}"
 
 
 def _number(value: float, own: Mapping[str, Any]) -> str:
@@ -248,22 +201,11 @@ def confusions(result: Mapping[str, Any]) -> list[str]:
     if "classes" not in result:
         return []
     counts = np.array(result["confusion"])
-    names = [printable(name) for name in result["classes"]]
-    heads = _shortened(names)
-    numbers = [str(n) for n in counts.ravel()]
-    width = max(len(name) for name in names)
-    cell = max(len(text) for text in [*heads, *numbers])
+    names = result["classes"]
+    width = max(len(text) for text in [*names, str(counts.max())])
     found = ["rows are the true classes, columns the predicted ones"]
-    found.append(" ".join([" " * width, *(f"{head:>{cell}}" for head in heads)]))
-    for name, row in zip(names, counts, strict=True):
-        found.append(" ".join([f"{name:{width}}", *(f"{n:>{cell}}" for n in row)]))
+    for name, row in [("", names), *zip(names, counts.tolist(), strict=True)]:
+        found.append(
+            " ".join([f"{name:{width}}", *(f"{cell:>{width}}" for cell in row)])
+        )
     return found
-
-
-def _shortened(names: Sequence[str]) -> list[str]:
-    """The beginnings of names: :data:`WIDE` characters, or as many more as make them differ."""
-    for length in range(WIDE, max(map(len, names))):
-        found = [name[:length] for name in names]
-        if len(set(found)) == len(names):
-            return found
-    return list(names)

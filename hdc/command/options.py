@@ -25,13 +25,6 @@ class _Names(click.ParamType):
         return tuple(value.replace(" ", "").split(","))
 
 
-def _file(_: Any, __: Any, path: Path | None) -> Path | None:
-    """A file, and no dash: nothing is written to the output."""
-    if path == Path("-"):
-        raise click.BadParameter("expected the name of a file, found -")
-    return path
-
-
 template = click.option(
     "--template",
     metavar="PATTERN",
@@ -90,8 +83,7 @@ output = click.option(
     "--output",
     type=FILE,
     required=True,
-    callback=_file,
-    help="File to write the model to.",
+    help="File to write.",
 )
 TRUSTED = "hdc.trusted"
 """Where the names of ``--trusted`` are kept in the context of a command."""
@@ -114,6 +106,21 @@ def model(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.argument("model", type=FILE)(trusted(command))
 
 
+LEFT = {
+    "compare --budget": "rows come cheapest first, and Ctrl-C keeps those that are done",
+    "compare --all": "the list is short",
+    "compare --encoder": "hdc train --encoder --test-fraction tests another form",
+    "compare --readout": "hdc train --readout --test-fraction tests another form",
+    "compare --draws": "there is no learning curve",
+    "compare --output": "there is no figure",
+    "compare -o": "there is no figure",
+    "compare --test-fraction": "each frame is tested once, or --test names others",
+    "compare --json": "hdc evaluate --json writes the accuracy of a model",
+    "compare --circular": "hdc train --circular learns them, and hdc evaluate tests them",
+    "train --choose": "hdc compare shows the options of the best form",
+    "recalibrate --seed": "each recalibration of a model replaces other bits",
+}
+"""Options of commands that left, and what to do instead."""
 json = click.option("--json", "as_json", is_flag=True, help="Write JSON.")
 reject = click.option(
     "--reject",
@@ -132,21 +139,3 @@ interval = click.option(
     help="Answer with intervals of values, or sets of classes, that contain the truth for this "
     "share of the frames, such as 0.9.",
 )
-
-
-def left(name: str, why: str, *others: str) -> Callable[..., Any]:
-    """An option that left: it answers in one line, and is not in the help."""
-
-    def refuse(_: Any, __: Any, given: Any) -> None:
-        if given is not None:
-            raise click.UsageError(f"{name}: this option left; {why}")
-
-    return click.option(
-        name,
-        *others,
-        is_flag=False,
-        flag_value="",
-        hidden=True,
-        expose_value=False,
-        callback=refuse,
-    )

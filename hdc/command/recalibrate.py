@@ -38,16 +38,12 @@ PUBLISHED = (
     help="Replace bits with probability p, as published, or merge votes. [default: replace; "
     "merge for the read-out counts]",
 )
-@click.option(
-    "--seed", type=click.IntRange(0), help="Choice of the bits replaced. [default: 0]"
-)
 def recalibrate(
     model: Path,
     source: Source,
     output: Path,
     p: float | None,
     method: str | None,
-    seed: int | None,
 ) -> None:
     """Adapt a MODEL to a changed sensor.
 
@@ -63,23 +59,26 @@ def recalibrate(
     check_replaceable(output)
     found, window = load(model)
     frames = frames_for(found, window, source, fewest_classes=0)
-    every = {"p": p, "method": method, "random_state": seed}
+    every = {"p": p, "method": method}
     given = {name: value for name, value in every.items() if value is not None}
-    if hasattr(found, "classes_") and frames.labels is None:
-        _refuse(given, (), "frames without labels")
-        if not hasattr(found, "rezero"):
-            raise ValueError(
-                f"{source.path}: expected labels, or a model with an encoder such as reference, "
-                "which adapts without"
-            )
-        found.rezero(frames)
-        line = f"re-referenced by {len(frames)} new frames without labels"
-    elif hasattr(found, "classes_"):
+    if hasattr(found, "classes_") and frames.labels is not None:
         line = _by_labels(found, frames, given)
-    else:
-        _refuse(given, (), "numbers")
+    elif given:
+        wrong = " or ".join(f"--{name}" for name in given)
+        raise click.UsageError(
+            f"expected no {wrong} for numbers, or for frames without labels"
+        )
+    elif not hasattr(found, "classes_"):
         found.recalibrate(_batches(frames), frames.values)
         line = f"{len(frames)} new frames, {learnt(frames)}"
+    elif hasattr(found, "rezero"):
+        found.rezero(frames)
+        line = f"re-referenced by {len(frames)} new frames without labels"
+    else:
+        raise ValueError(
+            f"{source.path}: expected labels, or a model with an encoder such as reference, "
+            "which adapts without"
+        )
     found.save(output)
     say(f"{output}: {line}")
 
@@ -91,28 +90,14 @@ def _by_labels(model: Any, frames: Recording, given: dict[str, Any]) -> str:
             "recalibrate: expected the read-out majority, counts, ridge, neighbours, lda or "
             f"kernel, found {model.readout_!r}; hdc train on the new frames"
         )
-    readout = model.readout_
-    used = readout.adapts_by
-    _refuse(given, used, f"the read-out {type(readout).__name__}")
     by_name = {str(c): c for c in model.classes_.tolist()}
     labels = [by_name[name] for name in frames.names]
     model.recalibrate(_batches(frames), labels, **given)
+    methods = getattr(model.readout_, "methods", ("merge",))
+    if given.get("method", methods[0]) == "replace":
+        warnings.warn(PUBLISHED, stacklevel=2)
     names, counts = np.unique(frames.names, return_counts=True)
-    line = f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
-    if hasattr(readout, "methods"):
-        method = given.get("method", readout.methods[0])
-        line += f", {method}"
-        if method == "replace":
-            warnings.warn(PUBLISHED, stacklevel=2)
-    return f"{line}, p = {given.get('p', 0.5):g}" if "p" in used else line
-
-
-def _refuse(given: dict[str, Any], used: tuple[str, ...], what: str) -> None:
-    """Raise a UsageError for an option that changes nothing."""
-    unused = [name for name in given if name not in used]
-    wrong = ["--seed" if name == "random_state" else f"--{name}" for name in unused]
-    if wrong:
-        raise click.UsageError(f"expected no {' or '.join(wrong)} for {what}")
+    return f"{len(frames)} new frames of {len(names)} classes, at least {counts.min()} of each"
 
 
 def _batches(frames: Recording) -> Any:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from itertools import chain
 from typing import Any
 
 import numpy as np
 
 from hdc import circular
-from hdc.accuracy import accuracy, confusion, r_squared, wilson
+from hdc.accuracy import r_squared, wilson
 from hdc.command.answers import Wanted, batched, columns
+from hdc.command.source import truth_of
 from hdc.readers import Recording
 from hdc.readers.recording import with_progress
 
@@ -22,97 +24,89 @@ def score(
     reject: float | None = None,
     interval: float | None = None,
 ) -> dict[str, Any]:
-    """Accuracy, confusions and wrong frames, or errors of values, of the n frames `index`.
+    """Accuracy and confusions, or errors of values, of the n frames `index`.
 
     With a share to `reject` also how many frames were refused, and with an `interval` how often
     the truth was in the intervals or sets.
     """
-    wanted = Wanted(reject, interval, distances=False)
+    wanted = Wanted(reject, interval)
     frames = with_progress(recording.stream(index), len(index), "Evaluating")
     parts = [columns(model, np.stack(some), wanted) for some in batched(frames)]
     found = {name: [*chain(*(part[name] for part in parts))] for name in parts[0]}
-    of = _of_classes if hasattr(model, "classes_") else _of_values
-    return {"frames": len(index), **of(model, recording, index, found, wanted)}
-
-
-def _of_classes(
-    model: Any,
-    recording: Recording,
-    index: np.ndarray,
-    found: Mapping[str, Any],
-    wanted: Wanted,
-) -> dict[str, Any]:
-    """Accuracy with its interval, that of the majority-class baseline, confusions, wrong frames."""
-    names = [str(label) for label in model.classes_]
-    row = {name: k for k, name in enumerate(names)}
-    truth = np.array([row[name] for name in np.array(recording.names)[index].tolist()])
-    answers = np.array([row[str(label)] for label in found["label"]])
-    largest = int(model.counts_.argmax())
-    wrong = np.flatnonzero(answers != truth)
-    right = answers == truth
-    unit, of = recorded_together(recording, index)
-    result: dict[str, Any] = {
-        "accuracy": accuracy(answers, truth),
-        "interval": [*interval_of(right, unit)],
-        "interval_by": of,
-        "guessed": names[largest],
-        "guess": float((truth == largest).mean()),
-        "classes": names,
-        "confusion": confusion(answers, truth, len(names)).tolist(),
-        "wrong": [
-            {
-                "file": recording.place(index[k]),
-                "label": names[truth[k]],
-                "predicted": names[answers[k]],
-            }
-            for k in wrong
-        ],
-    }
-    if wanted.reject:
-        result |= {"reject": wanted.reject, "refused": found["known"].count(False)}
-        result["left_out"] = model.left_out_
-    if wanted.interval is not None:
+    unit, by = recorded_together(recording, index)
+    if not hasattr(model, "classes_"):
+        errors = _errors(model, recording, index, found, interval, unit)
+        return {"frames": len(index), "errors": errors}
+    truth = np.array(recording.names)[index]
+    result = _accuracy(model, truth, found["label"], unit)
+    if reject:
+        refused = found["known"].count(False)
+        result |= {"reject": reject, "refused": refused, "left_out": model.left_out_}
+    if interval is not None:
         sets = [[str(label) for label in own] for own in found["set"]]
-        inside = np.array([names[k] in own for k, own in zip(truth, sets, strict=True)])
+        inside = [name in own for name, own in zip(truth, sets, strict=True)]
         size = float(np.mean([len(own) for own in sets]))
-        result["coverage"] = _coverage(inside, wanted.interval, unit) | {
-            "mean_size": size
-        }
-    return result
+        coverage = _coverage(np.array(inside), interval, unit)
+        result["coverage"] = coverage | {"mean_size": size}
+    return {"frames": len(index), "interval_by": by, **result}
 
 
-def _of_values(
+def _accuracy(
+    model: Any, truth: np.ndarray, labels: Sequence[Any], unit: np.ndarray
+) -> dict[str, Any]:
+    """Accuracy with its interval, that of the majority-class baseline, confusions."""
+    names = [str(label) for label in model.classes_]
+    answers = np.array([str(label) for label in labels])
+    right = answers == truth
+    guessed = names[int(model.counts_.argmax())]
+    pairs = Counter(zip(truth.tolist(), answers.tolist(), strict=True))
+    return {
+        "accuracy": float(right.mean()),
+        "interval": [*interval_of(right, unit)],
+        "guessed": guessed,
+        "guess": float((truth == guessed).mean()),
+        "classes": names,
+        "confusion": [[pairs[row, column] for column in names] for row in names],
+    }
+
+
+def _errors(
     model: Any,
     recording: Recording,
     index: np.ndarray,
     found: Mapping[str, Any],
-    wanted: Wanted,
+    interval: float | None,
+    unit: np.ndarray,
 ) -> dict[str, Any]:
-    """Errors and R² of each value; coverage and width of its intervals, if asked for."""
-    assert recording.values is not None
-    truth = recording.values[index]
-    arrays = {name: np.array(rows) for name, rows in found.items()}
-    period = model.period
-    unit, _ = recorded_together(recording, index)
-    errors = circular.errors(arrays["values"], truth, period).mean(axis=0)
-    guesses = circular.errors(truth, model.mean_, period).mean(axis=0)
+    """Errors and R² of each value, its coverage and width of intervals, if asked for; by name.
+
+    R² of a circular value is the mean of the R² of its cosine and of its sine.
+    """
+    names, units, period = recording.value_names, recording.value_units, model.period
+    truth, answers = truth_of(recording)[index], np.array(found["values"])
+    planes = [truth, answers]
+    if period is not None:
+        planes = [circular.to_plane(values, period) for values in planes]
+    pairs = zip(planes[0].T, planes[1].T, strict=True)
+    explained = np.reshape([r_squared(*pair) for pair in pairs], (-1, len(names)))
+    columns_of = {
+        "mean_absolute_error": circular.errors(answers, truth, period),
+        "guess": circular.errors(truth, model.mean_, period),
+        "r_squared": explained,
+    }
     rows: dict[str, Any] = {}
-    for k, name in enumerate(recording.value_names):
-        rows[name] = {
-            "mean_absolute_error": float(errors[k]),
-            "guess": float(guesses[k]),
-            "r_squared": _explained(truth[:, k], arrays["values"][:, k], period),
-        }
-        if any(recording.value_units[k : k + 1]):
-            rows[name]["unit"] = recording.value_units[k]
-        if wanted.interval is not None:
-            low, high = arrays["low"][:, k], arrays["high"][:, k]
+    for k, name in enumerate(names):
+        rows[name] = {key: float(c[:, k].mean()) for key, c in columns_of.items()}
+        if any(units[k : k + 1]):
+            rows[name]["unit"] = units[k]
+        if interval is not None:
+            low, high = np.array(found["intervals"])[:, k].T
             inside = (low <= truth[:, k]) & (truth[:, k] <= high)
             width = float((high - low).mean())
+            coverage = _coverage(inside, interval, unit)
             width_or_none = width if np.isfinite(width) else None
-            coverage = _coverage(inside, wanted.interval, unit)
             rows[name]["coverage"] = coverage | {"mean_width": width_or_none}
-    return {"errors": rows}
+    return rows
 
 
 def _coverage(inside: np.ndarray, asked: float, unit: np.ndarray) -> dict[str, Any]:
@@ -125,17 +119,13 @@ def recorded_together(
 ) -> tuple[np.ndarray, str]:
     """The session [n] of each of the frames `index`, else its group, else a number of its own; and
     how many there are, in words."""
-    n, alone = len(index), ""
+    n = len(index)
     for kind, known in (("session", recording.session), ("group", recording.group)):
-        if known is None:
-            continue
-        unit = np.unique(known[index], return_inverse=True)[1]
-        count = int(unit.max()) + 1
-        if 1 < count < n:
-            return unit, f"{count} {kind}s{alone}"
-        if count == 1:
-            alone = f" of one {kind}"
-    return np.arange(n), f"{n} frames{alone}"
+        if known is not None:
+            different, unit = np.unique(known[index], return_inverse=True)
+            if 1 < len(different) < n:
+                return unit, f"{len(different)} {kind}s"
+    return np.arange(n), f"{n} frames"
 
 
 def interval_of(right: np.ndarray, unit: np.ndarray) -> tuple[float, float]:
@@ -158,12 +148,3 @@ def interval_of(right: np.ndarray, unit: np.ndarray) -> tuple[float, float]:
     free = k - 1
     as_many /= 1 + 2.42 / free + 4.35 / free**2
     return wilson(share * as_many, as_many)
-
-
-def _explained(truth: np.ndarray, predicted: np.ndarray, period: float | None) -> float:
-    """R² of one value [N]; of a circular one the mean R² of cosine and sine."""
-    pairs = [(truth, predicted)]
-    if period is not None:
-        planes = [circular.to_plane(v[:, None], period) for v in (truth, predicted)]
-        pairs = list(zip(planes[0].T, planes[1].T, strict=True))
-    return float(np.mean([r_squared(*pair) for pair in pairs]))

@@ -1,9 +1,8 @@
-"""The RECORDING of a command line: its options, how it is opened, and what to type for it."""
+"""The RECORDING of a command line: its options, and how it is opened."""
 
 from __future__ import annotations
 
 import functools
-import shlex
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -15,7 +14,7 @@ import numpy as np
 
 from hdc import readers
 from hdc.command.options import FILE, axes, image_column, template
-from hdc.readers import VECTORS, Recording, Window, kind_of
+from hdc.readers import Recording, Window
 from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
@@ -120,53 +119,19 @@ class Source:
         return not by_template and (self.path / MANIFEST).exists()
 
     def like(self, path: Path) -> Source:
-        """Another recording, opened as this one; a table in its folder is at the same place.
+        """Another recording, opened as this one.
 
         Raises:
             ValueError: a table has the labels or numbers of this recording alone.
         """
-        settings = dict(self.settings)
-        for key in ("table", "labels"):
-            given = settings.get(key)
-            is_table = key == "table" or kind_of(Path(str(given))) == VECTORS
-            if given is not None and is_table:
-                settings[key] = self._its_own(Path(given), path)
-        return Source(path, settings)
-
-    def _its_own(self, table: Path, path: Path) -> Path:
-        """The table of another recording: where this one's is in its folder."""
-        given = table.expanduser()
-        if self.path.is_dir() and not given.exists():  # named from the folder
-            return table
-        place, folder = given.resolve(), self.path.resolve()
-        if not place.is_relative_to(folder):
-            raise ValueError(
-                f"--test: expected labels and numbers in or beside {path}, found {table} for both "
-                "recordings"
-            )
-        return path / place.relative_to(folder)
-
-    def words(self, window: Window) -> list[str]:
-        """The words to type to open it so."""
-        given = dict(self.settings)
-        given |= {"crop": window.crop, "subsample": window.subsample}
-        words = [str(self.path)]
-        for option in opened.params:
-            value = given.get(option.name or "")
-            if isinstance(option, click.Option) and value != option.default:
-                words += _typed(option, value)
-        return words
-
-    def training_line(self, window: Window, *options: str) -> str:
-        """The line that trains a model of it."""
-        words = ["hdc", "train", *self.words(window), *options]
-        return shlex.join([*words, "-o", "model.safetensors"])
-
-
-def check_circular(recording: Recording, period: float | None) -> None:
-    """Raise a ValueError for a period of no values."""
-    if period is not None and recording.values is None:
-        raise ValueError("--circular: expected a table of numbers, found classes")
+        for name in ("table", "labels"):
+            given = Path(str(self.settings.get(name) or "")).expanduser()
+            if given.is_file():  # and not named from the folder of each
+                raise ValueError(
+                    f"--test: expected labels and numbers in {path}, found {given} for both "
+                    "recordings"
+                )
+        return Source(path, self.settings)
 
 
 def truth_of(recording: Recording) -> np.ndarray:
@@ -177,40 +142,15 @@ def truth_of(recording: Recording) -> np.ndarray:
     return np.array(recording.names)
 
 
-def _typed(option: click.Option, value: Any) -> list[str]:
-    """An option as it is typed."""
-    name = option.opts[0]
-    if not value:
-        return []
-    if option.is_flag:
-        return [name]
-    if option.multiple:
-        return [word for part in value for word in (name, part)]
-    if option.nargs > 1:
-        return [name, *map(str, value)]
-    return [name, ",".join(value) if isinstance(value, tuple) else str(value)]
-
-
 def recording(command: Callable[..., Any]) -> Callable[..., Any]:
     """Give a command the argument RECORDING and its options, as a Source."""
 
-    @reading
     @functools.wraps(command)
-    def with_source(recording: Path, settings: dict[str, Any], **given: Any) -> Any:
+    def with_source(recording: Path, **given: Any) -> Any:
+        settings = {name: given.pop(name) for name in _SETTINGS}
         return command(source=Source(recording, settings), **given)
 
-    return click.argument("recording", type=FILE)(with_source)
-
-
-def reading(command: Callable[..., Any]) -> Callable[..., Any]:
-    """Give a command the options of a recording, as settings of a Source."""
-
-    @functools.wraps(command)
-    def with_settings(**given: Any) -> Any:
-        settings = {name: given.pop(name) for name in _SETTINGS}
-        return command(settings=settings, **given)
-
-    return _with(with_settings, _OPTIONS)
+    return click.argument("recording", type=FILE)(_with(with_source, _OPTIONS))
 
 
 def pixels(command: Callable[..., Any]) -> Callable[..., Any]:
@@ -244,11 +184,3 @@ _SETTINGS = (
     "skip_damaged",
     "skip_missing",
 )
-
-
-@click.command()
-@recording
-@pixels
-def opened(source: Source, window: Window) -> Recording:
-    """A recording opened as a line of words says."""
-    return source.open(window)

@@ -16,6 +16,10 @@ from hdc.readers import Recording
 FOLDS = 5
 MOST = 10
 """Sessions or groups that are left out one by one; more are dealt out to the folds."""
+NO_SESSIONS = (
+    "no sessions are known ({session} in a template, or --sessions NAME of a column); "
+    "frames recorded together are nearly alike"
+)
 Split = tuple[np.ndarray, np.ndarray]
 """Indices of frames to learn and to test, increasing."""
 
@@ -27,17 +31,12 @@ class Units:
     Attributes:
         kind: ``"session"``, ``"group"`` or ``"frame"``.
         of: the unit of each frame [N], as numbers that keep the order of the sessions.
-        why: why it is no session; empty where it is one.
+        why: why it is no session; empty where it is one, or where groups alone are known.
     """
 
     kind: str
     of: np.ndarray
     why: str = ""
-
-    def reason(self, recording: Recording) -> str:
-        """Why frames or groups are tested and no sessions; empty of groups where none are known."""
-        is_said = self.kind == "frame" or recording.session is not None
-        return self.why if is_said else ""
 
 
 def _kinds(recording: Recording) -> np.ndarray:
@@ -47,32 +46,27 @@ def _kinds(recording: Recording) -> np.ndarray:
     return np.asarray(recording.labels)
 
 
-def units(recording: Recording, rows: np.ndarray) -> Units:
+def units(recording: Recording, rows: np.ndarray | slice = slice(None)) -> Units:
     """Sessions, if every class of the frames `rows` has two or more; else groups, if known."""
     labels = _kinds(recording)[rows]
     session, group = (
         None if known is None else np.unique(known[rows], return_inverse=True)[1]
         for known in (recording.session, recording.group)
     )
-    why = _why_no_session(labels, session, group)
-    if session is not None and not why:
-        return Units("session", session)
+    why = ""
+    if session is not None:
+        why = _why_no_session(labels, session, group)
+        if not why:
+            return Units("session", session)
     if group is not None:
         return Units("group", group, why)
-    return Units("frame", np.arange(len(rows)), why)
+    return Units("frame", np.arange(len(labels)), why or NO_SESSIONS)
 
 
 def _why_no_session(
-    labels: np.ndarray, session: np.ndarray | None, group: np.ndarray | None
+    labels: np.ndarray, session: np.ndarray, group: np.ndarray | None
 ) -> str:
     """Why no session can be tested; empty where one can."""
-    if session is None:
-        return (
-            "no sessions are known ({session} in a template, or --sessions NAME of a column); "
-            "frames recorded together are nearly alike"
-        )
-    if not session.any():
-        return "all frames are from one session"
     if _fewest(labels, session) < 2:
         return "a class has frames from one session only"
     if group is not None:
@@ -84,29 +78,35 @@ def _why_no_session(
 
 def _fewest(labels: np.ndarray, unit: np.ndarray) -> int:
     """The number of units of the class that has the fewest."""
-    return min(len(known) for known in _of_classes(labels, unit).values())
+    return int(_have(labels, unit).sum(axis=1).min())
 
 
-def _of_classes(labels: np.ndarray, unit: np.ndarray) -> dict[int, np.ndarray]:
-    """The different units of each class, increasing."""
-    return {c: np.unique(unit[labels == c]) for c in np.unique(labels).tolist()}
+def _have(labels: np.ndarray, unit: np.ndarray) -> np.ndarray:
+    """Whether each of the L different labels has each of the U units: bool [L, U]."""
+    _, row = np.unique(labels, return_inverse=True)
+    have = np.zeros((row.max() + 1, unit.max() + 1), bool)
+    have[row, unit] = True
+    return have
 
 
-def _check_several(
-    recording: Recording, labels: np.ndarray, unit: Units, option: str
-) -> None:
-    """Raise a ValueError for a class of a single unit, which is either learnt or tested."""
-    for c, known in _of_classes(labels, unit.of).items():
-        if len(known) < 2:
-            found = (
-                "one"
-                if recording.values is not None
-                else f"one of {recording.classes[c]}"
-            )
+def _checked(recording: Recording, option: str) -> tuple[np.ndarray, Units]:
+    """The class and the unit of each frame; a ValueError for a class of a single unit, which is
+    either learnt or tested."""
+    labels, unit = _kinds(recording), units(recording)
+    for c, count in enumerate(_have(labels, unit.of).sum(axis=1)):
+        if count < 2:
             raise ValueError(
-                f"{option}: expected two {unit.kind}s or more of each class, found {found} "
-                "(record it again, or test another recording)"
+                f"{option}: expected two {unit.kind}s or more of each class, found one"
+                f"{_of_class(recording, c)} (record it again, or test another recording)"
             )
+    return labels, unit
+
+
+def _of_class(recording: Recording, c: int) -> str:
+    """The name of the class in row c of :func:`_have`; none of numbers."""
+    if recording.values is not None:
+        return ""
+    return f" of {recording.classes[np.unique(_kinds(recording))[c]]}"
 
 
 # Held out ----------------------------------------------------------------------------------------
@@ -127,50 +127,35 @@ def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
     Raises:
         ValueError: a class has one unit, or none that can be held out.
     """
-    every = np.arange(len(recording))
-    unit = units(recording, every)
-    labels = _kinds(recording)
-    _check_several(recording, labels, unit, "--test-fraction")
-    held = np.isin(unit.of, _held_units(recording, labels, unit, fraction))
-    return (every[~held], every[held]), unit
-
-
-def _held_units(
-    recording: Recording, labels: np.ndarray, unit: Units, fraction: float
-) -> list[int]:
-    """Units to hold out; every class is left one to learn."""
+    labels, unit = _checked(recording, "--test-fraction")
+    have = _have(labels, unit.of)
+    held = np.zeros(have.shape[1], bool)
+    left = have.sum(axis=1)  # units of each class to learn
     rng = np.random.default_rng(0)
-    own = _of_classes(labels, unit.of)
-    left = {c: set(known.tolist()) for c, known in own.items()}
-    held: list[int] = []
-    for c, known in own.items():
-        order = known[::-1] if unit.kind == "session" else rng.permutation(known)
-        wanted = min(max(1, round(len(known) * fraction)), len(known) - 1)
-        for candidate in order.tolist():
-            if len(known) - len(left[c]) < wanted and _can_leave(candidate, left):
-                held.append(candidate)
-                for others in left.values():
-                    others.discard(candidate)
-        if len(left[c]) == len(known):
+    for c, row in enumerate(have):
+        own = np.flatnonzero(row)
+        order = own[::-1] if unit.kind == "session" else rng.permutation(own)
+        wanted = min(max(1, round(len(own) * fraction)), len(own) - 1)
+        for one in order:
+            of = have[:, one]
+            if not held[one] and held[own].sum() < wanted and (left[of] > 1).all():
+                held[one] = True
+                left -= of
+        if not held[own].any():
             raise ValueError(
                 f"--test-fraction: expected a {unit.kind} of each class to test and another to "
-                f"learn, found that {recording.classes[c]} and another share one (hdc evaluate "
-                "tests another recording)"
+                f"learn, found that one{_of_class(recording, c)} is that of another class (hdc "
+                "evaluate tests another recording)"
             )
-    return held
-
-
-def _can_leave(unit: int, left: dict[int, set[int]]) -> bool:
-    """Whether each class that has a unit has another one to learn."""
-    having = [units for units in left.values() if unit in units]
-    return bool(having) and all(len(units) > 1 for units in having)
+    is_held = held[unit.of]
+    return (np.flatnonzero(~is_held), np.flatnonzero(is_held)), unit
 
 
 # Folds -------------------------------------------------------------------------------------------
 
 
-def folds(recording: Recording, rows: np.ndarray) -> tuple[list[Split], Units]:
-    """Splits of the frames `rows`, which test each of them once; indices count within `rows`.
+def folds(recording: Recording) -> tuple[list[Split], Units]:
+    """Splits of all frames, which test each of them once.
 
     Sessions or groups are left out one by one; of more than :data:`MOST`, and of frames, there are
     five folds with alike shares of each class.
@@ -178,9 +163,7 @@ def folds(recording: Recording, rows: np.ndarray) -> tuple[list[Split], Units]:
     Raises:
         ValueError: a class has a single frame, or a single group.
     """
-    unit = units(recording, rows)
-    labels = _kinds(recording)[rows]
-    _check_several(recording, labels, unit, "cross-validation")
+    labels, unit = _checked(recording, "cross-validation")
     return list(_folds(labels, unit)), unit
 
 

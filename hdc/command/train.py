@@ -1,4 +1,4 @@
-"""``hdc train``: a model of a recording, of named parts or of those that are chosen."""
+"""``hdc train``: a model of a recording."""
 
 from __future__ import annotations
 
@@ -12,16 +12,9 @@ import numpy as np
 
 import hdc
 from hdc.command import messages, options, scores, splits
-from hdc.command.source import (
-    Source,
-    check_circular,
-    pixels,
-    recording,
-    truth_of,
-)
+from hdc.command.source import Source, pixels, recording, truth_of
 from hdc.io import check_replaceable
 from hdc.readers import Recording, Window
-from hdc.readers.recording import with_progress
 
 DEFAULT = ("levels", "lda")
 """Encoder and read-out for classes: chosen by the rule in docs/claims.md."""
@@ -54,12 +47,6 @@ PUBLISHED = ("median", "majority")
 )
 @options.parameters
 @options.circular
-@click.option(
-    "--choose",
-    is_flag=True,
-    help="Take the encoder and the read-out that are best in cross-validation of the training "
-    "frames, by session if there are several. Frames are held in memory.",
-)
 def train(
     source: Source,
     window: Window,
@@ -68,7 +55,6 @@ def train(
     encoder: str | None,
     readout: str | None,
     parameters: tuple[tuple[str, Any], ...],
-    choose: bool,
     period: float | None,
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values.
@@ -77,46 +63,30 @@ def train(
     --encoder median --readout majority. It also learns frames of one class, for a model that finds
     frames unlike them (hdc predict --reject), and more frames than lda can learn.
     """
-    if choose and (encoder or readout or parameters):
-        raise click.UsageError(
-            "expected --choose alone, or --encoder, --readout and --set without it"
-        )
-    frames = source.open(window, fewest_classes=2 if choose else 1)
-    check_circular(frames, period)
+    frames = source.open(window, fewest_classes=1)
+    if period is not None and frames.values is None:
+        raise ValueError("--circular: expected a table of numbers, found classes")
     check_replaceable(output)
-    rows, tested, unit = _split(frames, test_fraction)
-    if choose:
-        model, given, lines = chosen(frames, rows, period)
-    else:
-        model, lines = _untrained(frames, len(rows), encoder, readout, period)
-        model.set_params(**dict(parameters))
-        given = _learnable(model, frames, rows)
+    rows, tested, unit = np.arange(len(frames)), None, None
+    if test_fraction is not None:
+        (rows, tested), unit = splits.hold_out(frames, test_fraction)
+    model, lines = _untrained(frames, len(rows), encoder, readout, period)
+    model.set_params(**dict(parameters))
+    given = _learnable(model, frames, rows)
     model.fit(given, truth_of(frames)[rows], **_together(frames, rows))
     model._columns = list(frames.features) or None
     lines += messages.content_lines(frames, rows)
     metadata = _metadata(frames, window)
-    if unit is not None:
+    if tested is not None and unit is not None:
         said, kept = _held_out(model, frames, tested, unit)
         lines += said
         metadata |= kept
     model.save(output, metadata=metadata)
-    lines.append(messages.form_line(model, output) + _advice(model, choose))
-    lines += messages.reading_lines(frames)
-    lines += messages.circular_lines(frames, period)
+    form = messages.form_line(model, output)
+    if (model.encoder, model.readout) == DEFAULT:
+        form += "; --encoder {} --readout {} is the published form".format(*PUBLISHED)
     first = f"{output}: {len(rows)} frames, {messages.whole(frames)}"
-    messages.say(first, *lines)
-
-
-def _split(
-    frames: Recording, test_fraction: float | None
-) -> tuple[np.ndarray, np.ndarray, splits.Units | None]:
-    """Rows to learn and to test, and the units that are held out; all are learnt without a
-    fraction."""
-    if test_fraction is None:
-        every = np.arange(len(frames))
-        return every, every[:0], None
-    (rows, tested), unit = splits.hold_out(frames, test_fraction)
-    return rows, tested, unit
+    messages.say(first, *lines, form, *messages.reading_lines(frames))
 
 
 def _untrained(
@@ -146,17 +116,6 @@ def _untrained(
     return hdc.HDCClassifier(encoder or PUBLISHED[0], PUBLISHED[1]), [why]
 
 
-def _advice(model: Any, choose: bool) -> str:
-    """The end of the line on the form of a model: options of other forms."""
-    if choose:
-        return ""
-    if (model.encoder, model.readout) == DEFAULT:
-        encoder, readout = PUBLISHED
-        published = f"--encoder {encoder} --readout {readout}"
-        return f"; {published} is the published form, --choose tries others"
-    return "; --choose tries others"
-
-
 def _held_out(
     model: Any, frames: Recording, tested: np.ndarray, unit: splits.Units
 ) -> tuple[list[str], dict[str, Any]]:
@@ -167,8 +126,8 @@ def _held_out(
     result = scores.score(model, frames, tested, rate)
     first, *others = messages.score_lines(result)
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
-    if why := unit.reason(frames):
-        lines.append(f"held out {splits.HOW[unit.kind]} because {why}")
+    if unit.why:
+        lines.append(f"held out {splits.HOW[unit.kind]} because {unit.why}")
     if is_of_one or frames.values is not None:
         return lines, {}
     return lines, {"held_out": result["accuracy"]}
@@ -181,8 +140,6 @@ def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
         metadata["image"] = list(frames.image_shape)
     if frames.values is not None:
         metadata["values"] = list(frames.value_names)
-    if any(frames.value_units):
-        metadata["units"] = list(frames.value_units)
     metadata["trained"] = datetime.now(UTC).isoformat(timespec="seconds")
     metadata["version"] = hdc.__version__
     return metadata
@@ -204,30 +161,3 @@ def _learnable(model: Any, recording: Recording, rows: np.ndarray) -> Any:
     if make_encoder(model.encoder).learns:  # it reads all frames twice
         return recording.frames(rows)
     return recording.batches(rows)
-
-
-def chosen(
-    recording: Recording, rows: np.ndarray, period: float | None
-) -> tuple[Any, Any, list[str]]:
-    """The untrained form that is best in cross-validation of the frames `rows`, what it takes of
-    these, and what to say."""
-    from hdc.command.compare import candidates, judge
-
-    data, (folds,) = judge.prepared(recording, rows, period=period)
-    forms = candidates.forms((), (), recording.values is not None, period)
-    shown = with_progress(forms, len(forms), "Choosing")
-    answers = judge.compared(shown, data, [folds])
-    tried = {form: rows[0] for form, rows in answers if not isinstance(rows, str)}
-    best = judge.best(tried)
-    mine, published = (float(tried[form].losses.mean()) for form in (best, forms[0]))
-    if recording.values is not None:
-        found = f"{mine:.3g} of the constant baseline's error, {forms[0].name} {published:.3g}"
-    else:
-        shares = messages.percent(1 - mine), messages.percent(1 - published)
-        found = "accuracy {}, the published form {}".format(*shares)
-    lines = [f"chosen: {best.name} among {len(tried)} by {folds.how} ({found})"]
-    if why := folds.units.reason(recording):
-        lines.append(f"chosen by {folds.how} because {why}")
-    all_rows = np.arange(len(rows))
-    given, _ = data.given(best.model, all_rows, all_rows)
-    return best.model, given, lines

@@ -43,11 +43,11 @@ def predict(
 
     IMAGES are image files, videos, arrays or tables of frames, or folders with their sub-folders.
     A folder without images is read as one of arrays and videos.
-    Each frame has a line: its file and label. With the read-out majority, the line adds the margin
-    (how much farther the second nearest class is) and the distance of each class. Both are shares
-    of the bits: unrelated frames differ in half of them. --interval adds lower and upper ends of
-    each number, or all classes that the frame may be of, none if it is like no class. Probabilities
-    and intervals hold for frames recorded under the training conditions.
+    Each frame has a line: its file and label. With the read-out majority, the line adds the
+    distance of each class as a share of the bits: unrelated frames differ in half of them.
+    --interval adds lower and upper ends of each number, or all classes that the frame may be of,
+    none if it is like no class. Probabilities and intervals hold for frames recorded under the
+    training conditions.
     """
     found, window = work.load(model)
     files: list[Path] = []
@@ -55,13 +55,12 @@ def predict(
         is_listed = path.is_dir() and template is None
         files += _files_in(path) if is_listed else [path]
     wanted = answers.Wanted(reject, interval, proba)
-    units = found.metadata_.get("units", ())
     settings = {"template": template, "axes": axes, "image_column": image_column}
     rows = answers.ask(found, window, files, wanted, settings)
     refused = number = 0
     for number, answer in enumerate(rows, 1):
         refused += answer.get("label", "") is None
-        row = answers.table_row(answer, units)
+        row = answers.table_row(answer)
         if number == 1 and not as_json:
             click.echo("\t".join(row))
         click.echo(json.dumps(answer) if as_json else "\t".join(row.values()))

@@ -26,10 +26,6 @@ def load(path: Path) -> tuple[Any, Window]:
     Raises:
         ValueError: the file is no such model.
     """
-    if path.is_dir():
-        raise ValueError(
-            f"{path}: expected a saved model, found a folder (the MODEL comes first)"
-        )
     try:
         header, _ = io.read_model(path, tensors=False)
     except ValueError as error:

@@ -10,14 +10,12 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 from nicegui import app, ui
 from nicegui.server import Server
 from starlette.responses import Response
 
-from hdc import HDCRegressor
 from hdc.live.guard import Guard
-from hdc.live.session import ALPHA, Answer, Session
+from hdc.live.session import REPLACED, Answer, Session
 from hdc.live.sources import Recorded
 from hdc.live.worker import FASTEST, Worker
 
@@ -25,6 +23,10 @@ REFRESH = 0.2
 """Seconds between updates of words and bars."""
 SAMPLES = 10
 """Learned at a press of a button."""
+RECALIBRATION = (
+    f"Recalibrating takes {SAMPLES} new samples of a class, and {100 * REPLACED:.0f} % of the bits "
+    "of the new prototype."
+)
 # Okabe and Ito's colours, which the colour-blind tell apart, darkened for text.
 _COLOURS = (
     "#0060a0",
@@ -83,15 +85,6 @@ def colour(names: Sequence[str], name: str | None) -> str:
     return _COLOURS[names.index(name) % len(_COLOURS)]
 
 
-def slider(name: str, low: float, high: float, step: float, value: float) -> ui.slider:
-    """A slider that shows its value, beside its name."""
-    row = ui.element("div").classes("row w-full pt-6")
-    with row.style("flex-wrap: nowrap; gap: 16px"):
-        ui.label(name).classes("small").style("white-space: nowrap")
-        made = ui.slider(min=low, max=high, step=step, value=value)
-    return made.props(f'label-always aria-label="{name}"')
-
-
 class Page:
     """The page in one browser.
 
@@ -140,16 +133,10 @@ class Page:
         self._beside = small()
 
     def controls(self) -> None:
-        """Controls of the source: buttons that step through a recording."""
+        """Controls of the source: a button that pauses a recording."""
         source = self.source
-        if not isinstance(source, Recorded):
-            return
-        with div("row"):
-            back = self.doing(lambda _: source.step(-1))
-            _icon("skip_previous", "one frame back", back)
+        if isinstance(source, Recorded):
             _icon("play_arrow", "play or pause", self.doing(lambda _: source.play()))
-            ahead = self.doing(lambda _: source.step(+1))
-            _icon("skip_next", "one frame ahead", ahead)
 
     def _classified(self) -> None:
         """The classes, taught here or before."""
@@ -161,12 +148,8 @@ class Page:
         self._classes = div("flex flex-col gap-3")
         if model is None or hasattr(model, "distances"):
             small("Bars: 1 − 2 × Hamming distance to each prototype; 0 is chance.")
-        if isinstance(model, HDCRegressor):
-            small("Numbers and their intervals; those that go round have none.")
         if self.session.is_taught:
-            with div("row"):
-                button("Forget everything", self.doing(lambda s: s.forget(None)))
-                button("Save the model", self._save)
+            button("Save the model", self._save)
 
     def _teach(self) -> None:
         ui.label("2. Teach it").classes("heading")
@@ -179,7 +162,7 @@ class Page:
 
     def adapting(self) -> None:
         ui.label("3. Recalibrate").classes("heading")
-        self.p = recalibration()
+        small(RECALIBRATION)
         small("Show it a class again and press “recalibrate” in its row.")
 
     # Jobs ----------------------------------------------------------------------------------------
@@ -203,7 +186,7 @@ class Page:
         await self.do(lambda s: s.learn(name, SAMPLES, new=True))
 
     async def _recalibrate(self, name: str) -> None:
-        await self.do(lambda s: s.recalibrate(name, SAMPLES, self.p.value))
+        await self.do(lambda s: s.recalibrate(name, SAMPLES))
 
     async def _save(self) -> None:
         content = await self.do(Session.saved)
@@ -264,33 +247,11 @@ class Page:
         _icon("delete_outline", "forget", self.doing(lambda s: s.forget(name)))
 
 
-def recalibration() -> ui.slider:
-    """Words on a recalibration, and the slider of its probability."""
-    small(
-        f"Recalibrating takes {SAMPLES} new samples of a class, and each bit of the new "
-        "prototype with probability p."
-    )
-    return slider("p", 0, 1, 0.05, 0.5)
-
-
 def _in_words(answer: Answer, seconds: float) -> tuple[str, str]:
-    """The predicted class, or the values; and its set, distances and the time that it took."""
-    parts = []
+    """The predicted class; and its distance and the time that it took."""
     text = "none of these" if answer.label is None else answer.label
-    if answer.values:
-        text = ", ".join(_with_interval(*value) for value in answer.values)
-    elif answer.likely is not None:
-        likely = ", ".join(answer.likely) or "none"
-        parts.append(f"{100 * (1 - ALPHA):.0f} % prediction set: {likely}")
-    nearest = sorted(answer.distances.values())[:2]
-    parts += [f"distance {distance:.3f}" for distance in nearest[:1]]
-    parts += [f"margin {margin:.3f}" for margin in np.diff(nearest)]
-    return text, " · ".join([*parts, f"{1e3 * seconds:.1f} ms"])
-
-
-def _with_interval(value: float, *ends: float) -> str:
-    shown = ", ".join(f"{end:.1f}" for end in ends)
-    return f"{value:.1f} [{shown}]" if ends else f"{value:.1f}"
+    nearest = [f"distance {least:.3f}" for least in sorted(answer.distances.values())]
+    return text, " · ".join([*nearest[:1], f"{1e3 * seconds:.1f} ms"])
 
 
 def div(classes: str) -> ui.element:

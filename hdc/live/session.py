@@ -13,34 +13,28 @@ from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
-from hdc import HDCClassifier, HDCRegressor, bits
+from hdc import HDCClassifier, bits
 from hdc.encoders import Median
 from hdc.hypervectors import Hypervectors
 from hdc.inputs import tensor
 from hdc.live.sources import Source
 from hdc.readouts import Majority
 
-ALPHA = 0.05
-"""Share of known frames that are shown as none of the classes, and of sets without the true one."""
-Interval = tuple[float, ...]
-"""A value, and the lower and upper end of its interval; one with a period has no interval."""
+REPLACED = 0.75
+"""Probability that a recalibration replaces a bit."""
 
 
 @dataclass(frozen=True)
 class Answer:
     """The model's prediction for a frame."""
 
-    label: str | None = None  # None: none of these, or values only
-    likely: tuple[str, ...] | None = ()
-    """Prediction set; None of a model that was recalibrated for some classes alone."""
+    label: str | None  # None: none of these
     distances: Mapping[str, float] = field(default_factory=dict)
     """Hamming, to each prototype, as a share of the bits."""
-    values: tuple[Interval, ...] = ()
-    """The values that a model of numbers predicts."""
 
 
 @dataclass(frozen=True)
@@ -55,19 +49,12 @@ class View:
     error: str = ""  # why there is no newer frame
 
 
-class Lesson(NamedTuple):
-    """Samples of lesson 0 train the model; samples of a later lesson recalibrate it by p."""
-
-    number: int = 0
-    p: float = 0.0
-
-
 class Sample(NamedTuple):
-    """A frame with its label."""
+    """A frame with its label. Samples of lesson 0 train the model, later ones recalibrate it."""
 
     frame: np.ndarray
     label: str
-    lesson: Lesson
+    lesson: int
 
 
 class Session:
@@ -80,20 +67,18 @@ class Session:
     Attributes:
         source: of the frames.
         is_taught: whether the page teaches the model.
-        model: of classes or numbers; None until two classes are taught.
+        model: None until two classes are taught.
         samples: all that it was taught; replaced, never changed.
         counts: samples of each class, in the order they were taught; replaced, never changed.
     """
 
-    def __init__(
-        self, source: Source, trained: HDCClassifier | HDCRegressor | None = None
-    ) -> None:
+    def __init__(self, source: Source, trained: HDCClassifier | None = None) -> None:
         self.source = source
         self.is_taught = trained is None
-        self.model: Any = trained
+        self.model = trained
         self.counts: dict[str, int] = {}
         self.samples: list[Sample] = []
-        if isinstance(trained, HDCClassifier):
+        if trained is not None:
             names = map(str, trained.classes_.tolist())
             self.counts = dict(zip(names, trained.counts_.tolist(), strict=True))
 
@@ -118,8 +103,7 @@ class Session:
         """The hypervector of a frame [H, W]; the published one while there is no model."""
         if self.model is None:
             return _published(frame)
-        words: Hypervectors = self.model.encode(frame[None])
-        return words
+        return self.model.encode(frame[None])
 
     def ask(self, frame: np.ndarray) -> Answer | None:
         """The model's answer for a frame [H, W]; None while it can give none."""
@@ -129,34 +113,17 @@ class Session:
         model = self.model
         if model is None:
             return None
-        if isinstance(model, HDCRegressor):
-            parts: tuple[np.ndarray, ...] = (model.predict(words),)
-            if model.period is None:
-                parts = model.predict(words, return_interval=True)
-            columns = [np.ravel(part).tolist() for part in parts]
-            return Answer(values=tuple(zip(*columns, strict=True)))
-        names = [str(c) for c in model.classes_]
+        (label,) = map(str, model.predict(words).tolist())
+        try:
+            (known,) = model.is_known(words)
+        except ValueError:  # it was recalibrated for some classes alone
+            known = True
         distances: dict[str, float] = {}
         if hasattr(model, "distances"):
             shares = model.distances(words)[0] / model.dimension_
+            names = map(str, model.classes_)
             distances = dict(zip(names, shares.tolist(), strict=True))
-        likely: tuple[str, ...] | None
-        try:
-            likely = tuple(map(str, model.predict_set(words, ALPHA)[0]))
-        except ValueError:  # it was recalibrated, and has no scores of training frames
-            likely = None
-        # No label stands beside an empty set.
-        label = None if likely == () else self._label(words)
-        return Answer(label, likely, distances)
-
-    def _label(self, words: Hypervectors) -> str | None:
-        """The class of a frame; None if it is known to be none of them."""
-        (label,) = map(str, self.model.predict(words).tolist())
-        try:
-            (known,) = self.model.is_known(words, ALPHA)
-        except ValueError:  # it was recalibrated for some classes alone
-            return label
-        return label if known else None
+        return Answer(label if known else None, distances)
 
     # Teaching ------------------------------------------------------------------------------------
 
@@ -171,32 +138,28 @@ class Session:
             self._check_known(name)
         # Samples join the latest recalibration of their class: they are of today, too.
         own = [sample.lesson for sample in self.samples if sample.label == name]
-        self._take(name, n, max(own, default=Lesson()))
+        self._take(name, n, max(own, default=0))
 
-    def recalibrate(self, name: str, n: int, p: float) -> None:
+    def recalibrate(self, name: str, n: int) -> None:
         """Recalibrate a class by n samples of what is seen now."""
-        lesson = self.next_lesson(p)
+        lesson = self.next_lesson()
         self._check_known(name)
         self._take(name, n, lesson)
 
-    def next_lesson(self, p: float) -> Lesson:
+    def next_lesson(self) -> int:
         """The lesson of a recalibration, after all that there were."""
         if self.model is None:
             raise ValueError(
                 "There is nothing to recalibrate yet: teach two classes first."
             )
-        numbers = [sample.lesson.number for sample in self.samples]
-        return Lesson(max(numbers, default=0) + 1, p)
+        return max((sample.lesson for sample in self.samples), default=0) + 1
 
-    def forget(self, name: str | None) -> None:
-        """Forget a class, or (None) all of them."""
-        kept: list[Sample] = []
-        if name is not None:
-            self._check_known(name)
-            kept = [sample for sample in self.samples if sample.label != name]
-        self.train(kept)
+    def forget(self, name: str) -> None:
+        """Forget a class."""
+        self._check_known(name)
+        self.train([sample for sample in self.samples if sample.label != name])
 
-    def _take(self, name: str, n: int, lesson: Lesson) -> None:
+    def _take(self, name: str, n: int, lesson: int) -> None:
         """Learn up to n samples of what is seen now."""
         taken = [Sample(frame, name, lesson) for frame in self.source.samples(n)]
         self.train(self.samples + taken)
@@ -238,8 +201,8 @@ def _classifier(samples: Sequence[Sample]) -> HDCClassifier | None:
         own = [sample for sample in samples if sample.lesson == lesson]
         frames = np.stack([sample.frame for sample in own])
         labels = [sample.label for sample in own]
-        if lesson.number == 0:
+        if lesson == 0:
             model.fit(frames, labels)
         else:
-            model.recalibrate(frames, labels, lesson.p, lesson.number)
+            model.recalibrate(frames, labels, REPLACED, lesson)
     return model

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -37,15 +37,14 @@ def open_source(
     folder: Path | None,
     video: Path | None,
     camera: int,
-    settings: Mapping[str, Any],
 ) -> Source:
-    """A recording opened with these settings, else a video without labels, else a camera.
+    """A recording, else a video without labels, else a camera.
 
     Raises:
         ValueError: there is none, the crop does not fit its frames, or see :class:`Recorded`.
     """
     if folder is not None:
-        return Recorded(folder, window, **settings)
+        return Recorded(folder, window)
     if video is not None:
         return Stream(f"Video {video.name}", window, lambda: _film(video, window))
     return Stream(
@@ -103,7 +102,7 @@ class Recorded:
     """A recording played back in its order, over and over.
 
     Args:
-        path, window, settings: of :func:`hdc.readers.open_recording`.
+        path, window: of :func:`hdc.readers.open_recording`.
 
     Attributes:
         playing: False: paused.
@@ -112,8 +111,8 @@ class Recorded:
         ValueError: see :func:`hdc.readers.open_recording`.
     """
 
-    def __init__(self, path: Path, window: readers.Window, **settings: Any) -> None:
-        recording = readers.open_recording(path, window=window, **settings)
+    def __init__(self, path: Path, window: readers.Window) -> None:
+        recording = readers.open_recording(path, window=window)
         if len(recording.frame_shape) != 2 or recording.labels is None:
             found = f"frames {recording.frame_shape}, classes {recording.classes}"
             raise ValueError(f"{path}: expected images with labels, found {found}")
@@ -142,11 +141,6 @@ class Recorded:
     def play(self) -> None:
         """Play, or pause."""
         self.playing = not self.playing
-
-    def step(self, frames: int) -> None:
-        """Pause, this many frames ahead (or, negative, back)."""
-        self.playing = False
-        self._place = (self._place + frames) % len(self._order)
 
     def samples(self, n: int) -> list[np.ndarray]:
         """The next n frames of the class that is shown, or all of them where there are fewer."""

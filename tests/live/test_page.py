@@ -151,7 +151,7 @@ def frames(frames_and_labels):
 def film(write_film, tmp_path, frames):
     """A source that plays the frames."""
     write_film(tmp_path / "v.mkv", frames)
-    return open_source(Window(), None, tmp_path / "v.mkv", 0, {})
+    return open_source(Window(), None, tmp_path / "v.mkv", 0)
 
 
 @pytest.mark.parametrize("encoder", ["median", "levels"])
@@ -169,40 +169,25 @@ def test_a_trained_model_answers_over_and_over_and_is_not_taught(film, frames, e
         assert np.abs(shares / 255 - expected).mean() < 0.02
     for job in (
         lambda: session.learn("left", 1),
-        lambda: session.forget(None),
-        lambda: session.recalibrate("left", 1, 0.5),
+        lambda: session.forget("left"),
+        lambda: session.recalibrate("left", 1),
     ):
         with pytest.raises(ValueError, match="trained before and is shown as it is"):
             job()
     assert session.counts == {"left": N, "right": N}
-    model.predict_set = lambda frames, alpha: [np.array([])]
-    answer = session.ask(film.frame())
-    assert (answer.label, answer.likely) == (None, ())  # no label beside an empty set
+    model.is_known = lambda words: np.array([False])
+    assert session.ask(film.frame()).label is None
 
 
-def test_values_are_shown_with_intervals_unless_they_go_round(film, frames):
-    values = np.tile([1.0, 3.0], N) + np.linspace(0, 0.1, 2 * N)
-    session = Session(film, HDCRegressor().fit(frames, values))
-    ((value, low, high),) = session.look().answer.values
-    assert low <= value <= high
-    assert value == pytest.approx(3.05, abs=0.3)
-    session.model = HDCRegressor(period=360).fit(frames, values)
-    ((_,),) = session.look().answer.values
-
-
-@pytest.mark.parametrize(
-    ("kind", "word"), [(HDCClassifier, "distance 0."), (HDCRegressor, "[")]
-)
-def test_a_page_of_a_model_is_made_without_a_browser(film, frames, kind, word):
-    truth = LABELS if kind is HDCClassifier else np.arange(2.0 * N)
-    worker = Worker(Session(film, kind().fit(frames, truth)))
+def test_a_page_of_a_model_is_made_without_a_browser(film, frames):
+    worker = Worker(Session(film, HDCClassifier().fit(frames, LABELS)))
 
     async def look():
         worker.start()
         async with user_simulation(lambda: pages.Page(worker)) as user:
             await user.open("/")
             worker.picture()  # as the browser asks for it
-            await user.should_see(word, retries=100)
+            await user.should_see("distance 0.", retries=100)
         worker.stop()
 
     # playwright has an event loop of its own in this thread
@@ -219,7 +204,7 @@ def test_a_page_of_a_model_is_made_without_a_browser(film, frames, kind, word):
         ("", 2, "expected one of --camera N, --folder RECORDING and --video FILE"),
         ("own --video v.mkv --subsample 2", 2, "no --crop or --subsample with a MODEL that has"),
         ("m --video v.mkv --subsample 2", 1, "expected 32 × 32 pixels as in training, found 16"),
-        ("--video v.mkv --labels kind", 2, "expected no --labels without --folder"),
+        ("n --video v.mkv", 1, "n: expected a model of classes, found numbers"),
         ("--camera 97", 1, "expected a camera that can be opened at index 97, found"),
         ("x --video v.mkv", 1, "expected a saved model, found"),
         ("m --folder r.npz", 1, "r.npz: expected 32 × 32 pixels as in training"),
@@ -231,6 +216,7 @@ def test_what_does_not_fit_is_one_line(
     monkeypatch.chdir(tmp_path)
     HDCClassifier().fit(frames, LABELS).save("m")
     HDCClassifier().fit(frames, LABELS).save("own", {"subsample": 3})
+    HDCRegressor().fit(frames, np.arange(2.0 * N)).save("n")
     (tmp_path / "x").write_text("no model")
     np.savez("r.npz", frames=frames[:, :20], labels=LABELS)
     with pytest.raises(SystemExit) as caught:

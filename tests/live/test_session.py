@@ -14,7 +14,7 @@ from hdc.readers import Window
 from scenes.live import SIXTEEN_DAYS, SimulatedSensor
 from scenes.pressed import PressedSession, Touch
 
-PLACES = {name: (Touch(x, 0.0, 1.8e-3),)
+PLACES = {name: Touch(x, 0.0)
           for name, x in (("left", 0.028), ("middle", 0.040), ("right", 0.052))}  # fmt: skip
 
 
@@ -50,14 +50,14 @@ def test_it_is_taught_drifts_and_is_recalibrated(taught):
     taught.drift(SIXTEEN_DAYS)
     assert not taught.tests
     assert accuracy(taught) < before - 0.2
-    taught.recalibrate_all(20, 0.75)
+    taught.recalibrate_all(20)
     assert accuracy(taught) > 0.75
     assert taught.counts == dict.fromkeys(PLACES, 40)
 
 
 def test_one_class_is_recalibrated_by_the_present_touch_and_learns_on(taught):
     before = taught.model.prototypes_
-    taught.recalibrate("left", 5, 1.0)
+    taught.recalibrate("left", 5)
     changed = (taught.model.prototypes_ != before).any(1).tolist()
     assert changed == [name == "left" for name in taught.model.classes_]
     teach(taught, "left", 5)
@@ -65,12 +65,12 @@ def test_one_class_is_recalibrated_by_the_present_touch_and_learns_on(taught):
 
 
 def test_tests_and_recalibration_return_to_where_a_class_was_touched_last(taught):
-    elsewhere = (Touch(0.033, 2e-3, 1.5e-3),)
+    elsewhere = Touch(0.033, 2e-3, 1.5e-3)
     taught.source.press(elsewhere)
     taught.learn("left", 5)
     asked = []
-    taught.source.touched = lambda n, touches: asked.append(touches) or []
-    taught.recalibrate_all(1, 0.5)
+    taught.source.touched = lambda n, touch: asked.append(touch) or []
+    taught.recalibrate_all(1)
     assert asked == [elsewhere, PLACES["middle"], PLACES["right"]]
 
 
@@ -82,16 +82,15 @@ def test_forgetting_a_class_equals_never_teaching_it(taught):
     taught.forget("middle")
     assert (taught.model.prototypes_ == other.model.prototypes_).all()
     assert list(taught.counts) == list(taught.places) == ["left", "right"]
-    taught.recalibrate_all(5, 0.5)
+    taught.recalibrate_all(5)
     taught.forget("left")  # one class is left, which cannot be recalibrated
     assert taught.counts == {"right": 25}
-    taught.forget(None)
+    taught.forget("right")
     assert (taught.counts, taught.model) == ({}, None)
 
 
-def test_the_model_is_saved_and_its_sets_have_the_true_class(taught, tmp_path):
+def test_the_model_is_saved(taught, tmp_path):
     frames = taught.source.touched(20, PLACES["left"])
-    assert sum("left" in taught.ask(frame).likely for frame in frames) >= 14
     (tmp_path / "m").write_bytes(taught.saved())
     saved = HDCClassifier.load(tmp_path / "m")
     assert (saved.predict(frames) == taught.model.predict(frames)).all()
@@ -104,7 +103,7 @@ def test_the_model_is_saved_and_its_sets_have_the_true_class(taught, tmp_path):
         (lambda s: s.learn(" ", 1, new=True), "A class needs a name"),
         (lambda s: s.learn("left", 1, new=True), "a class “left” already"),
         (lambda s: s.learn("nobody", 1), "There is no class “nobody” any more"),
-        (lambda s: s.recalibrate("left", 1, float("nan")), "p"),
+        (lambda s: s.forget("nobody"), "There is no class “nobody” any more"),
     ],
 )
 def test_a_refused_operation_changes_nothing(taught, job, message):
@@ -146,13 +145,14 @@ def test_a_recording_is_played_over_and_over_and_learnt(tmp_path, frames_and_lab
     session = Session(recorded)
     seen = [session.look().drawn for _ in range(41)]
     assert (seen[40] == seen[0]).all()
-    recorded.step(+1)
-    while recorded.label != "1 mm":
-        recorded.step(+1)
+    while session.look() and recorded.label != "1 mm":
+        pass
+    recorded.play()
     assert (session.look().drawn == session.look().drawn).all()  # it is paused
     session.learn("1 mm", 6, new=True)
-    while recorded.label != "2 mm":
-        recorded.step(-1)
+    recorded.play()
+    while session.look() and recorded.label != "2 mm":
+        pass
     session.learn("2 mm", 6, new=True)
     session.learn("2 mm", 4)
     assert session.counts == {"1 mm": 6, "2 mm": 10}

@@ -6,15 +6,12 @@ They stand in the order in which they are tried, the cheapest first.
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from hdc import HDCClassifier, HDCRegressor, circular
-from hdc.export.plan import exports
+from hdc import HDCClassifier, HDCRegressor
+from hdc.export import plan
 
 FORMS = (
     ("median", "majority"),  # as published
@@ -37,64 +34,28 @@ PENALTIES = np.logspace(0, 6, 7)
 """Penalties of ridge regression; its own leave-one-out chooses among them."""
 
 
-@dataclass(frozen=True, eq=False)
-class Candidate:
-    """A model that is compared.
-
-    Attributes:
-        name: of the row.
-        model: untrained; copies of it learn.
-    """
-
-    name: str
-    model: Any
-
-    @property
-    def is_form(self) -> bool:
-        """Whether it is a form of the library, and no model of grey values."""
-        return isinstance(self.model, HDCClassifier | HDCRegressor)
-
-    @property
-    def exports(self) -> bool:
-        """Whether ``hdc export`` writes it as a header."""
-        return self.is_form and exports(
-            self.model.fresh("encoder"), self.model.fresh("readout")
-        )
+def is_form(model: Any) -> bool:
+    """Whether a model is a form of the library, and no model of grey values."""
+    return isinstance(model, HDCClassifier | HDCRegressor)
 
 
-def forms(
-    encoders: Sequence[str],
-    readouts: Sequence[str],
-    learns_values: bool,
-    period: float | None = None,
-) -> list[Candidate]:
-    """The form without a choice, then the forms of a short list.
+def exports(model: Any) -> bool:
+    """Whether ``hdc export`` writes a model as a header."""
+    return is_form(model) and plan.exports(
+        model.fresh("encoder"), model.fresh("readout")
+    )
 
-    Where encoders or read-outs are named, each named encoder with each named read-out instead; if
-    only one of the two is named, the short list gives the other.
 
-    Raises:
-        ValueError, TypeError: for a name that is none of them.
-    """
+def forms(learns_values: bool) -> dict[str, Any]:
+    """Untrained models by name: the form without a choice, then the others of the short list."""
+    kind = HDCRegressor if learns_values else HDCClassifier
     listed = VALUE_FORMS if learns_values else FORMS
-    pairs = list(listed)
-    if encoders or readouts:
-        every_encoder, every_readout = zip(*listed, strict=True)
-        chosen = itertools.product(encoders or every_encoder, readouts or every_readout)
-        pairs = [listed[0], *chosen]
-    found = []
-    for parts in dict.fromkeys(pairs):
-        model: Any = HDCClassifier(*parts)
-        if learns_values:
-            model = HDCRegressor(*parts, period=period)
-        for part in model.parts:
-            model.fresh(part)
-        found.append(Candidate(", ".join(parts), model))
-    return found
+    return {", ".join(parts): kind(*parts) for parts in listed}
 
 
-def baselines(learns_values: bool, period: float | None) -> list[Candidate]:
-    """Models of grey values, each pixel standardised over the training frames."""
+def baselines(learns_values: bool) -> dict[str, Any]:
+    """Models of grey values by name, each pixel standardised over the training frames."""
+    from sklearn.compose import TransformedTargetRegressor
     from sklearn.linear_model import RidgeClassifierCV, RidgeCV
     from sklearn.multioutput import MultiOutputRegressor
     from sklearn.neighbors import (
@@ -119,12 +80,12 @@ def baselines(learns_values: bool, period: float | None) -> list[Candidate]:
             "3-NN": KNeighborsRegressor(3),
             "SVM": MultiOutputRegressor(SVR(C=10, epsilon=0.01)),
         }
-    found = []
+    found = {}
     for name, model in models.items():
         whole = make_pipeline(FunctionTransformer(_flat), StandardScaler(), model)
         if learns_values:
-            whole = _standardised(whole, period)
-        found.append(Candidate(f"{name} of grey values", whole))
+            whole = TransformedTargetRegressor(whole, transformer=StandardScaler())
+        found[f"{name} of grey values"] = whole
     return found
 
 
@@ -132,34 +93,8 @@ def _flat(frames: np.ndarray) -> np.ndarray:
     return frames.reshape(len(frames), -1).astype(np.float32)
 
 
-def _standardised(model: Any, period: float | None) -> Any:
-    """A model that learns standardised values; with a period, their cosine and sine."""
-    from sklearn.compose import TransformedTargetRegressor
-    from sklearn.pipeline import make_pipeline
-    from sklearn.preprocessing import FunctionTransformer, StandardScaler
-
-    steps = [StandardScaler()]
-    if period is not None:
-        on_circle = FunctionTransformer(
-            circular.to_plane,
-            circular.from_plane,
-            kw_args={"period": period},
-            inv_kw_args={"period": period, "is_signed": True},
-        )
-        steps = [on_circle, *steps]
-    # The check of the inverse compares angles as numbers, and so a whole turn apart.
-    return TransformedTargetRegressor(
-        model, transformer=make_pipeline(*steps), check_inverse=False
-    )
-
-
-def cheapest_first(
-    encoders: Sequence[str],
-    readouts: Sequence[str],
-    learns_values: bool,
-    period: float | None,
-) -> list[Candidate]:
+def cheapest_first(learns_values: bool) -> dict[str, Any]:
     """The form without a choice, the baselines, the other forms, and last support vectors."""
-    first, *others = forms(encoders, readouts, learns_values, period)
-    *cheap, machine = baselines(learns_values, period)
-    return [first, *cheap, *others, machine]
+    first, *others = forms(learns_values).items()
+    *cheap, machine = baselines(learns_values).items()
+    return dict([first, *cheap, *others, machine])

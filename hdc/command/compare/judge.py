@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import time
-import warnings
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from hdc import backends, circular
+from hdc import backends
 from hdc.bank import Bank
 from hdc.command import splits
-from hdc.command.compare.candidates import Candidate
 from hdc.command.source import truth_of
 from hdc.command.splits import Units
 from hdc.inputs import tensor
@@ -26,43 +23,31 @@ FLIPS = 9_999
 
 @dataclass(frozen=True)
 class Data:
-    """Frames in memory, and what is learnt of them; each encoder encodes a frame once.
-
-    One that learns is another encoder for other training frames.
+    """Frames in memory, and what is learnt of them.
 
     Attributes:
         frames: [N, H, W] or [N, D].
         truth: names of the classes [N], or values [N, T].
-        period: of values that go round.
+        scale: errors of values [T] that count as much as a wrong label.
     """
 
     frames: np.ndarray
     truth: np.ndarray
-    period: float | None = None
-    _seconds: dict[str, float] = field(default_factory=dict)
-    """Seconds per frame of each encoder that learns nothing, by its name."""
+    scale: np.ndarray | float = 1.0
 
     @cached_property
     def _bank(self) -> Bank:
         return Bank(tensor(self.frames), np.zeros(len(self.frames), np.int64), 1)
 
-    def given(
-        self, model: Any, rows: np.ndarray, train: np.ndarray
-    ) -> tuple[Any, float]:
-        """Hypervectors of some frames for a form, or the frames for a model of grey values; and
-        seconds to make them."""
-        if not hasattr(model, "encoder"):
-            return self.frames[rows], 0.0
-        encoder = model.fresh("encoder")
-        start = time.perf_counter()
+    def given(self, model: Any) -> Any:
+        """All frames as a model takes them: hypervectors, each made once; or the frames, for a
+        model of grey values and for an encoder that learns, which is another one in each fold."""
+        encoder = model.fresh("encoder") if hasattr(model, "encoder") else None
+        if encoder is None or encoder.learns:
+            return self.frames
         backend = backends.choose_backend("auto", "cpu", self.frames.size)
         with backends.computing(backend):
-            words = self._bank.words(rows, encoder, train)
-        took = time.perf_counter() - start
-        if encoder.learns:
-            return words, took
-        each = self._seconds.setdefault(repr(encoder), took / len(self.frames))
-        return words, each * len(rows)
+            return self._bank.words(encoder=encoder)
 
 
 @dataclass(frozen=True)
@@ -70,17 +55,12 @@ class Test:
     """How frames are tested.
 
     Attributes:
-        splits: of the frames; each test frame is tested once.
-        units: sessions, groups or frames, of the test frames [Q] in the order of the splits.
+        splits: of the frames; each of the Q test frames is tested once.
+        units: sessions, groups or frames, of the test frames [Q] in their order.
     """
 
     splits: Sequence[splits.Split]
     units: Units
-
-    @property
-    def rows(self) -> np.ndarray:
-        """The test frames [Q]."""
-        return np.concatenate([test for _, test in self.splits])
 
     @property
     def how(self) -> str:
@@ -90,113 +70,54 @@ class Test:
 
 
 def prepared(
-    recording: Recording,
-    rows: np.ndarray,
-    other: Recording | None = None,
-    period: float | None = None,
+    recording: Recording, other: Recording | None = None
 ) -> tuple[Data, list[Test]]:
-    """Frames in memory: the `rows` of a recording, then all of the other; and how they are tested.
+    """The frames of a recording, then all of the other, in memory; and how they are tested.
 
     The tests are the folds of the former and, where there is another recording, the test on it.
 
     Raises:
         ValueError: a class has a single frame, or a single group.
     """
-    made, unit = splits.folds(recording, rows)
-    folds = Test(made, unit)
-    tests = [replace(folds, units=replace(unit, of=unit.of[folds.rows]))]
-    frames, truth = recording.frames(rows), truth_of(recording)[rows]
+    tests = [Test(*splits.folds(recording))]
+    frames, truth = recording[:], truth_of(recording)
+    scale = 1.0 if truth.ndim == 1 else constant_errors(truth)
     if other is not None:
-        new = np.arange(len(other))
-        split = np.arange(len(rows)), len(rows) + new
-        tests.append(Test([split], splits.units(other, new)))
+        rows = np.arange(len(frames) + len(other))
+        first, new = np.split(rows, [len(frames)])
+        tests.append(Test([(first, new)], splits.units(other)))
         frames = np.concatenate([frames, other[:]])
         truth = np.concatenate([truth, truth_of(other)])
-    return Data(frames, truth, period), tests
+    return Data(frames, truth, scale), tests
 
 
-@dataclass(frozen=True)
-class Row:
-    """Answers of a model.
+def errors(model: Any, data: Data, test: Test) -> np.ndarray:
+    """Errors of a model for the test frames, learnt from the training frames.
 
-    Attributes:
-        losses: [Q], 1 for a wrong label, 0 for a right one; of values the mean over the T of each
-            error as a multiple of :func:`constant_errors`.
-        errors: of each value [Q, T]; [Q, 0] of classes.
-        train_s: seconds to learn, a mean over the splits; those to encode are among them.
-        frame_ms: milliseconds a frame to predict, likewise.
-    """
-
-    losses: np.ndarray
-    errors: np.ndarray
-    train_s: float
-    frame_ms: float
-
-
-def judged(candidate: Candidate, data: Data, test: Test) -> Row:
-    """The answers of a candidate to the test frames, learnt from the training frames.
+    They are the absolute error of each value [Q, T]; of classes [Q, 1], 1 for a wrong label.
 
     Raises:
-        ValueError: the candidate refuses the frames.
+        ValueError: the model refuses the frames.
     """
     from sklearn.base import clone
 
-    answers, trained, asked = [], 0.0, 0.0
+    given, answers, tested = data.given(model), data.truth.copy(), []
     for train, rows in test.splits:
-        model = clone(candidate.model)
-        learnt, encoding = data.given(model, train, train)
-        start = time.perf_counter()
-        model.fit(learnt, data.truth[train])
-        trained += encoding + time.perf_counter() - start
-        queries, encoding = data.given(model, rows, train)
-        start = time.perf_counter()
-        answers.append(np.asarray(model.predict(queries)))
-        asked += encoding + time.perf_counter() - start
-    found, truth = np.concatenate(answers), data.truth[test.rows]
-    times = trained / len(test.splits), 1000 * asked / len(truth)
+        trained = clone(model).fit(given[train], data.truth[train])
+        found = np.asarray(trained.predict(given[rows]))
+        answers[rows] = found.reshape(answers[rows].shape)
+        tested.append(rows)
+    order = np.sort(np.concatenate(tested))
+    found, truth = answers[order], data.truth[order]
     if truth.ndim == 1:
-        losses = (found != truth).astype(float)
-        return Row(losses, np.empty((len(truth), 0)), *times)
-    errors = circular.errors(found.reshape(truth.shape), truth, data.period)
-    trainable = np.unique(np.concatenate([train for train, _ in test.splits]))
-    of_constant = constant_errors(data.truth[trainable], data.period)
-    return Row((errors / of_constant).mean(axis=1), errors, *times)
+        return (found != truth).astype(float)[:, None]
+    return np.abs(found - truth)
 
 
-def constant_errors(values: np.ndarray, period: float | None) -> np.ndarray:
-    """Mean error [T] of the constant baseline; 1 where all values are equal.
-
-    It is the median of the values [N, T], or the mean direction of values that go round.
-    """
-    middle = np.median(values, axis=0)
-    if period is not None:
-        plane = circular.to_plane(values, period).mean(axis=0)
-        middle = circular.from_plane(plane[None], period, True)[0]
-    error = circular.errors(values, middle, period).mean(axis=0)
+def constant_errors(values: np.ndarray) -> np.ndarray:
+    """Mean error [T] of always answering the median of values [N, T]; 1 where all are equal."""
+    error = np.abs(values - np.median(values, axis=0)).mean(axis=0)
     return np.where(error > 0, error, 1.0)
-
-
-def compared(
-    candidates: Iterable[Candidate], data: Data, tests: Sequence[Test]
-) -> Iterator[tuple[Candidate, list[Row] | str]]:
-    """Each candidate with its answers in each test, or with its reason to refuse the frames."""
-    for candidate in candidates:
-        try:
-            with warnings.catch_warnings():
-                # Of each model and each fold they would be the same ones.
-                warnings.simplefilter("ignore", UserWarning)
-                found: list[Row] | str = [
-                    judged(candidate, data, test) for test in tests
-                ]
-        except ValueError as error:
-            found = str(error)
-        yield candidate, found
-
-
-def best(tried: Mapping[Candidate, Row]) -> Candidate:
-    """The form with the least loss, the first of equal ones."""
-    forms = [candidate for candidate in tried if candidate.is_form]
-    return min(forms, key=lambda form: tried[form].losses.mean())
 
 
 def p_value(

@@ -2,8 +2,6 @@
 
 import json
 import os
-import shlex
-from pathlib import Path
 
 import cv2
 import numpy as np
@@ -43,9 +41,6 @@ def write_classes(root, names, n=4):
             write(root / name / f"{k}.png", image(c))
 
 
-# What is held out --------------------------------------------------------------------------------
-
-
 def table_of(root, n, columns, row):
     """A folder of n images, and a table with a row for each."""
     for k in range(n):
@@ -54,28 +49,7 @@ def table_of(root, n, columns, row):
     (root / "t.csv").write_text("\n".join(rows))
 
 
-# Vectors and values ------------------------------------------------------------------------------
-
-
 # What the commands share -------------------------------------------------------------------------
-
-
-def test_frames_may_have_neither_labels_nor_values(tmp_path):
-    """Loose images, arrays and tables of frames alone; all of the size of training."""
-    frames = RNG.integers(0, 256, (3, 4, 5), np.uint8)
-    flat = frames.reshape(3, 20)
-    for k, frame in enumerate(frames):
-        write(tmp_path / "wide" / f"{k}.png", np.pad(frame, 1))
-    rows = [",".join(map(str, row)) for row in [range(20), *flat]]
-    (tmp_path / "t.csv").write_text("\n".join(rows))
-    for name, learnt, crop in (
-        ("wide", frames, (1, 1, 5, 4)),
-        ("t.csv", flat, None),
-    ):
-        model = HDCClassifier().fit(learnt, [0, 1, 2])
-        found = frames_for(model, Window(crop), Source(tmp_path / name), 0)
-        assert (found.labels, found.values) == (None, None)
-        assert np.array_equal(found[:].reshape(3, 20), flat)
 
 
 def test_a_recording_is_opened_as_a_model_was_trained(tmp_path):
@@ -99,7 +73,7 @@ def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_pat
     np.savez("two.npz", frames=frames, values=values)
     np.savez("one.npz", frames=frames, values=values[:, 0])
     out = hdc("predict", "m", "two.npz")[1]
-    assert out[0].split("\t") == ["file", "value_0", "value_1"]
+    assert out[0].split("\t") == ["file", "values value_0", "values value_1"]
     assert hdc("evaluate", "m", "two.npz")[1][1].startswith("value_1: mean absolute")
     (line,) = hdc("evaluate", "m", "one.npz")[2]
     assert "expected 2 numbers per frame as in training, found value" in line
@@ -125,24 +99,6 @@ def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc, tmp_path
     assert line == "error: r: expected a label of each frame, found only x, y"
 
 
-def test_the_line_to_type_has_every_option_that_was_given():
-    """Without those left at their defaults."""
-    plain = {"template": None, "value_columns": (), "image_column": "image"}
-    words = ["hdc", "train", "r", "-o", "model.safetensors"]
-    assert shlex.split(Source(Path("r"), plain).training_line(Window())) == words
-    given = {"template": "{label}/*.png", "table": Path("t.csv"), "value_columns": ("x", "y 2"),
-             "image_column": "file", "labels": "kind", "axes": ("height", "width", "frame"),
-             "skip_damaged": True, "skip_missing": True}  # fmt: skip
-    line = Source(Path("my r"), given).training_line(
-        Window((1, 2, 30, 40), 5), "--encoder", "levels"
-    )
-    assert line == (
-        "hdc train 'my r' --template '{label}/*.png' --values t.csv --column x --column 'y 2' "
-        "--image-column file --labels kind --axes height,width,frame --skip-damaged --skip-missing "
-        "--crop 1 2 30 40 --subsample 5 --encoder levels -o model.safetensors"
-    )
-
-
 def test_what_is_no_model_of_frames_says_what_is_expected(tmp_path):
     io.write_model(
         tmp_path / "m", {"kind": "HDCIndex", "metadata": {}}, {}, lambda *_: None
@@ -162,7 +118,7 @@ def test_classes_named_like_columns_have_columns_of_their_own(hdc, tmp_path):
     distances = HDCClassifier.load("m").distances(cv2.imread("r/label/0.png", 0)[None])
     shares = [f"{share:.4f}" for share in distances[0] / BASE[0].size / 7]
     assert row[:2] == ["r/label/0.png", "label"]
-    assert header[-3:] == ["distance file", "distance label", "distance margin"]
+    assert header[-3:] == ["distances file", "distances label", "distances margin"]
     assert row[-3:] == shares
 
 
@@ -171,7 +127,7 @@ def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, tmp_path):
     words = ("train", "r", "-o", "m", "--readout", "majority")
     assert hdc(*words)[1][1] == r"classes: a\tb (4), c\nd (4)"
     rows = [line.split("\t") for line in hdc("predict", "m", "r")[1]]
-    assert {len(row) for row in rows} == {5}
+    assert {len(row) for row in rows} == {4}
     assert rows[5][:2] == [r"r/c\nd/0.png", r"c\nd"]
 
 

@@ -44,11 +44,12 @@ NO_SESSIONS = "no sessions are known"
         # A class of one session, a group of two, one session alone.
         (made([0, 0, 1, 1, 0], [0, 1, 0, 0, 1]), 0.4, "frame", None,
          "a class has frames from one session only"),
-        (made(ROUNDS, [3] * 12), 0.3, "frame", None, "all frames are from one session"),
+        (made(ROUNDS, [3] * 12), 0.3, "frame", None,
+     "a class has frames from one session only"),
         (made(ROUNDS, np.arange(12) % 3, np.arange(12)), 0.3, "session", None, ""),
         (made(ROUNDS, np.arange(12) // 4, np.arange(12) % 4), 0.3, "group", None,
          "a group has frames from several sessions"),
-        (made(ROUNDS, None, np.arange(12) // 3), 0.25, "group", None, NO_SESSIONS),
+        (made(ROUNDS, None, np.arange(12) // 3), 0.25, "group", None, ""),
         (made(ROUNDS), 0.34, "frame", None, NO_SESSIONS),
     ],
 )  # fmt: skip
@@ -95,7 +96,7 @@ def test_of_each_class_the_same_share_is_held_out(n, group, fraction, held):
         (made([0, 0, 1, 1], None, [7, 7, 8, 8]), "expected two groups or more of each"),
         # Each two classes share a group: of two that are tested, a third learns nothing.
         (made([0, 0, 1, 1, 2, 2], None, [1, 2, 2, 3, 1, 3]),
-         "found that .* and another share one"),
+         "found that one of .* is that of another class"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_held_out_is_refused(recording, message):
@@ -114,7 +115,7 @@ def test_what_cannot_be_held_out_is_refused(recording, message):
     ],
 )
 def test_folds_test_each_frame_once_and_learn_every_class(recording, kind, count):
-    found, unit = splits.folds(recording, np.arange(len(recording)))
+    found, unit = splits.folds(recording)
     assert (unit.kind, len(found)) == (kind, count)
     tested = np.concatenate([test for _, test in found])
     assert sorted(tested) == list(range(len(recording)))
@@ -122,14 +123,3 @@ def test_folds_test_each_frame_once_and_learn_every_class(recording, kind, count
         assert set(recording.labels[train]) == {0, 1}
         assert not set(unit.of[train]) & set(unit.of[test])
         assert sorted([*train, *test]) == list(range(len(recording)))
-
-
-def test_folds_are_of_the_rows_that_are_asked_for():
-    """And not of frames that are held out: sessions of those make no fold."""
-    recording = made(ROUNDS, np.arange(12) // 3)
-    found, unit = splits.folds(recording, np.arange(6))
-    assert (len(found), len(unit.of)) == (2, 6)
-    with pytest.raises(
-        ValueError, match="two frames or more of each class, found one of air"
-    ):
-        splits.folds(made([0, 1, 1]), np.arange(3))

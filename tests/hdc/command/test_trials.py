@@ -4,8 +4,6 @@ The accuracy is that of scikit-learn's leave-one-group-out over frames that the 
 """
 
 import json
-import os
-from pathlib import Path
 
 import h5py
 import numpy as np
@@ -137,10 +135,10 @@ def left_out_one_by_one(model, frames, names, unit):
 
 def compared(typed, *words):
     """The accuracies of two models by hdc compare."""
-    form = ("--encoder", "median", "--readout", "majority", "--json")
-    models = json.loads(typed("compare", *words, *form)[1])["models"]
+    lines = typed("compare", *words)[1].splitlines()
     rows = ("median, majority", "1-NN of grey values")
-    return [models[name]["accuracy"][0] for name in rows]
+    shares = {line.split("  ")[0]: line.split("%")[0].split()[-1] for line in lines}
+    return [float(shares[name]) / 100 for name in rows]
 
 
 def expected(frames, names, unit):
@@ -158,7 +156,9 @@ def test_two_lines_give_the_accuracy_over_trials(
     is_typed_by_hand = write is one_frame_each
     assert f" {options}" in shown or is_typed_by_hand
     found = compared(typed, name, *options.split())
-    assert found == pytest.approx(expected(FRAMES.reshape(-1, *SHAPE), NAMES, unit))
+    assert found == pytest.approx(
+        expected(FRAMES.reshape(-1, *SHAPE), NAMES, unit), abs=5e-4
+    )
     assert 0.4 < found[0] < 1
 
 
@@ -208,23 +208,3 @@ def test_what_is_no_trial_is_named(typed, tmp_path, words, said):
     status, _, err = typed("train", *words, "-o", "m")
     assert (status, err.count("\n")) == (1, 1)
     assert said in err
-
-
-def test_two_lines_are_enough_for_a_public_folder_of_arrays(typed):
-    """Depth maps of metal billets, rough or ground, an .npy each: all of a billet is left out."""
-    root = Path(os.environ.get("MEASURED_DATA", "none"))
-    places = sorted(root.glob("*gelsight-contrastive-learning"))
-    if not places:
-        pytest.skip("rumilog/gelsight-contrastive-learning is not here: MEASURED_DATA")
-    files = sorted(places[0].glob("billet_captures*/billet*_depth_*.npy"))
-    frames = np.stack([np.load(file)[::16, ::16] for file in files])
-    names = np.array([file.parent.name for file in files])
-    billet = np.array([file.name.partition("_")[0] for file in files])
-    given = (
-        "--template",
-        "{label}/billet{group}_depth_*.npy",
-        "--axes",
-        "height,width",
-    )
-    found = compared(typed, places[0], *given, "--subsample", 16)
-    assert found == pytest.approx(expected(frames, names, billet))
