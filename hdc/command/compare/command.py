@@ -89,11 +89,12 @@ def _losses(
         for name, model in models.items():
             try:
                 found = [judge.errors(model, data, test) for test in tests]
+                times = judge.times(model, data, tests[0])
             except ValueError as why:
                 refused.append(f"left out: {name}: {why}")
             else:
                 losses[name] = [(each / data.scale).mean(axis=1) for each in found]
-                messages.say(_row(name, model, found, data.truth, heads))
+                messages.say(_row(name, model, found, times, data.truth, heads))
     except KeyboardInterrupt:
         messages.say("interrupted: the rows above are whole")
     messages.say(*refused)
@@ -136,18 +137,19 @@ def _heads(frames: Recording, tests: Sequence[str]) -> list[str]:
     """Names of the columns, that of the models as wide as the longest."""
     names = with_units(frames.value_names, frames.value_units) or ["accuracy"]
     columns = [f"{name} {test}" for name in names for test in tests]
-    return [f"{'model':<{_NAME}}", *columns, "exports"]
+    return [f"{'model':<{_NAME}}", *columns, "s to learn", "ms a frame", "exports"]
 
 
 def _row(
     name: str,
     model: Any,
     found: Sequence[np.ndarray],
+    times: tuple[float, float],
     truth: np.ndarray,
     heads: Sequence[str],
 ) -> str:
     """A row, its cells as wide as the heads: the accuracy, or the mean error of each value, in each
-    test."""
+    test; the times to learn and to answer."""
     from hdc.command.compare import candidates
 
     means = [errors.mean(axis=0) for errors in found]
@@ -155,6 +157,7 @@ def _row(
         cells = [messages.percent(1 - mean.item()) for mean in means]
     else:
         cells = [f"{mean:.4g}" for mean in np.ravel(means, order="F")]
+    cells += [f"{seconds:.3g}" for seconds in times]
     cells.append("yes" if candidates.exports(model) else "no")
     pairs = zip(cells, heads[1:], strict=True)
     columns = [f"{cell:>{len(head)}}" for cell, head in pairs]
