@@ -30,11 +30,10 @@ def look(source: Source) -> None:
     A RECORDING that can be read in several ways has a line for each.
     """
     file, _ = readers.split_name(source.path)
-    with stores.loaded_once():
-        if file.exists():
-            messages.say(*_shortened(contents(file)))
-        for taken, frames in _readings(source.words(Window()))[:MOST]:
-            messages.say("", *_described(taken, frames))
+    if file.exists():
+        messages.say(*_shortened(contents(file)))
+    for taken, frames in _readings(source.words(Window()))[:MOST]:
+        messages.say("", *_described(taken, frames))
 
 
 def _shortened(lines: list[str]) -> list[str]:
@@ -50,19 +49,11 @@ def contents(path: Path) -> list[str]:
     of_kind = {
         readers.FOLDER: _files,
         readers.ARRAY: _arrays,
-        readers.IMAGES: _parquet,
         readers.VECTORS: _table,
         readers.VIDEO: _video,
     }
     found = of_kind.get(readers.kind_of(path))
     return [] if found is None else found(path)
-
-
-def _parquet(path: Path) -> list[str]:
-    from hdc.readers import parquet
-
-    schema = parquet.schema_of(path)
-    return [f"{field.name}: {field.type}" for field in schema]
 
 
 def _table(path: Path) -> list[str]:

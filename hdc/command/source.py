@@ -15,7 +15,7 @@ import numpy as np
 
 from hdc import readers
 from hdc.command.options import FILE, axes, image_column, template
-from hdc.readers import VECTORS, Recording, Window, kind_of
+from hdc.readers import VIDEO, Recording, Window, kind_of
 from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
@@ -38,7 +38,7 @@ _OPTIONS = (
     click.option(
         "--labels",
         metavar="NAME",
-        help="Array or column of labels, or a CSV with a row per frame.",
+        help="Array of labels.",
     ),
     axes,
     click.option(
@@ -50,21 +50,6 @@ _OPTIONS = (
         "--groups",
         metavar="NAME",
         help="Array or column of what was recorded together. [default: group]",
-    ),
-    click.option(
-        "--frames",
-        type=click.IntRange(1),
-        metavar="N",
-        help="Take N evenly spaced frames of each file of a folder of arrays or videos. "
-        "[default: all]",
-    ),
-    click.option(
-        "--skip-damaged", is_flag=True, help="Leave damaged images out, and count them."
-    ),
-    click.option(
-        "--skip-missing",
-        is_flag=True,
-        help="Leave rows of a table out whose image is missing, and count them.",
     ),
 )
 _PIXELS = (
@@ -97,7 +82,8 @@ class Source:
         frames = readers.open_recording(
             self.path,
             window=window,
-            check=False,
+            check=kind_of(self.path)
+            == VIDEO,  # it is decoded from its beginning each time
             fewest_classes=fewest_classes,
             **self.settings,
         )
@@ -126,11 +112,8 @@ class Source:
             ValueError: a table has the labels or numbers of this recording alone.
         """
         settings = dict(self.settings)
-        for key in ("table", "labels"):
-            given = settings.get(key)
-            is_table = key == "table" or kind_of(Path(str(given))) == VECTORS
-            if given is not None and is_table:
-                settings[key] = self._its_own(Path(given), path)
+        if (table := settings.get("table")) is not None:
+            settings["table"] = self._its_own(table, path)
         return Source(path, settings)
 
     def _its_own(self, table: Path, path: Path) -> Path:
@@ -240,9 +223,6 @@ _SETTINGS = (
     "axes",
     "sessions",
     "groups",
-    "frames",
-    "skip_damaged",
-    "skip_missing",
 )
 
 

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import math
 import sys
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import islice
 from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from hdc.readers.about import About
+from hdc.readers.about import About, Columns, grouped
+from hdc.readers.asked import Asked
 from hdc.readers.files import BadFrame, SettingError, wrong
 
 T = TypeVar("T")
@@ -109,18 +113,14 @@ class Recording(About):
         """(N, H, W) or (N, D)."""
         return (len(self), *self.frame_shape)
 
-    @classmethod
-    def of(cls, about: About, frames: Any, window: Window, **settings: Any) -> Self:
-        """The recording of frames that have ``shape``, ``dtype``, ``each`` and ``place``."""
-        return cls(
-            **vars(about),
-            frame_shape=frames.shape,
-            dtype=frames.dtype,
-            each=frames.each,
-            place=frames.place,
-            window=window,
-            **settings,
-        )
+    def kept(self, memory_bytes: int) -> Self:
+        """The same with all frames decoded, so that damage is found, and kept if they fit."""
+        shown = with_progress(self.stream(), len(self), "Reading frames")
+        if math.prod(self.shape) * self.dtype.itemsize > memory_bytes:
+            deque(shown, maxlen=0)
+            return self
+        frames = [*shown]
+        return replace(self, each=lambda index: (frames[i] for i in index))
 
     def __getitem__(self, index: Any) -> np.ndarray:
         """A frame of an integer; frames [n, H, W] of a slice, of integers or of a mask [N].
@@ -208,6 +208,52 @@ class Recording(About):
             values = (self.value_names, self.values.tolist())
             digest.update(repr(values).encode())
         return digest.hexdigest()
+
+
+@dataclass
+class Found:
+    """Frames as a reader finds them, and what their file says of them.
+
+    Attributes:
+        columns: of the N frames.
+        frames: have ``shape``, ``dtype``, ``each`` and ``place``, see :class:`Recording`.
+        digest, notes, image_shape, other_files, features: see :class:`Recording`.
+        values: the columns that are learnt; see :meth:`hdc.readers.about.Columns.about`.
+        parts: the file or the interval of each frame [N], where frames of one belong together.
+        is_decoded: whether frames are decoded each time, so that it is worth to keep them.
+    """
+
+    columns: Columns
+    frames: Any
+    digest: Callable[[], str]
+    notes: Sequence[str] = ()
+    image_shape: tuple[int, ...] = ()
+    other_files: Sequence[str] = ()
+    features: tuple[str, ...] = ()
+    values: Sequence[str] | None = ()
+    parts: np.ndarray | None = None
+    is_decoded: bool = False
+
+    def recording(self, window: Window, asked: Asked) -> Recording:
+        """The recording; raises as :meth:`hdc.readers.about.Columns.about`."""
+        columns = self.columns.known_as(asked)
+        about, notes = columns.about(self.values, asked.fewest_classes), [*self.notes]
+        if self.parts is not None:
+            about, split = grouped(about, self.parts)
+            notes += split
+        return Recording(
+            **vars(about),
+            frame_shape=self.frames.shape,
+            dtype=self.frames.dtype,
+            each=self.frames.each,
+            place=self.frames.place,
+            digest=cache(self.digest),
+            window=window,
+            other_files=tuple(self.other_files),
+            features=self.features,
+            notes=tuple(notes),
+            image_shape=self.image_shape,
+        )
 
 
 class Batches:

@@ -131,14 +131,14 @@ def test_the_line_to_type_has_every_option_that_was_given():
     words = ["hdc", "train", "r", "-o", "model.safetensors"]
     assert shlex.split(Source(Path("r"), plain).training_line(Window())) == words
     given = {"template": "{label}/*.png", "table": Path("t.csv"), "value_columns": ("x", "y 2"),
-             "image_column": "file", "labels": "kind", "axes": ("height", "width", "frame"),
-             "skip_damaged": True, "skip_missing": True}  # fmt: skip
+             "image_column": "file", "labels": "kind",
+             "axes": ("height", "width", "frame")}  # fmt: skip
     line = Source(Path("my r"), given).training_line(
         Window((1, 2, 30, 40), 5), "--encoder", "levels"
     )
     assert line == (
         "hdc train 'my r' --template '{label}/*.png' --values t.csv --column x --column 'y 2' "
-        "--image-column file --labels kind --axes height,width,frame --skip-damaged --skip-missing "
+        "--image-column file --labels kind --axes height,width,frame "
         "--crop 1 2 30 40 --subsample 5 --encoder levels -o model.safetensors"
     )
 
@@ -209,23 +209,6 @@ def test_labels_that_are_named_are_learnt_anew(hdc):
     assert hdc("train", "r.npz", "-o", "m")[0] == 0
     out = hdc("recalibrate", "m", "k.npz", "--labels", "kind", "-o", "new")[1]
     assert "12 new frames of 2 classes" in out[0]
-
-
-def test_damaged_and_missing_images_are_counted_and_left_out_when_asked(hdc, tmp_path):
-    table_of(tmp_path / "r", 10, "image,label", lambda k: "ab"[k % 2])
-    for k in (8, 9):
-        (tmp_path / "r" / f"{k}.png").unlink()
-    whole = (tmp_path / "r" / "7.png").read_bytes()
-    (tmp_path / "r" / "7.png").write_bytes(whole[: len(whole) // 2])
-    words = ("train", "r", "--values", "t.csv", "-o", "m")
-    missing = "2 of 10 images are missing, the first 8.png"
-    assert f"{missing} (--skip-missing" in hdc(*words)[2][0]
-    line = hdc(*words, "--skip-missing")[2][-1]
-    assert "7.png: expected a whole image" in line
-    assert "(--skip-damaged" in line
-    out = hdc(*words, "--skip-missing", "--skip-damaged")[1]
-    assert out[0].startswith("m: 7 frames")
-    assert f"{missing}; left out: 1 of 8 images are damaged" in out[-1]
 
 
 def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path):

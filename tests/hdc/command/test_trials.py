@@ -194,7 +194,6 @@ def test_a_folder_without_frames_is_named(typed, tmp_path):
     [
         (("x.h5", "--template", "{label}/pixels"), "expected arrays {label}/pixels, found ball_0/"),
         (("x.h5:/ball_0/frames", "--template", "*"), "expected null with x.h5:/ball_0/frames"),
-        (("x.h5:/ball_0/frames", "--frames", "2"), "frames: expected null unless path is a folder"),
         (("x.h5", "--template", "{group}/frames"), "expected a label of each frame"),
         (("flat", "--template", "{label}.npy"), "ball.npy: an array of two axes: expected one of "
          "--axes height,width; or --axes frame,feature"),
