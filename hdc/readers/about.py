@@ -323,14 +323,10 @@ def grouped(about: About, parts: np.ndarray) -> tuple[About, list[str]]:
     if not alone.all():
         apart = parts.max() + 1 + np.arange(len(parts))
         samples["group"] = np.where(alone, apart, parts)
-        found = _listed([about.classes[c] for c in np.unique(about.labels[alone])])
+        names = [about.classes[c] for c in np.unique(np.compress(alone, about.labels))]
+        found = ", ".join(names[:SHOWN])
     note = f"{found}: recorded once, so its frames are split"
     return replace(about, samples=samples), [note] if alone.any() else []
-
-
-def _listed(names: Sequence[str]) -> str:
-    more = [f"{len(names) - SHOWN} more"] if len(names) > SHOWN else []
-    return ", ".join([*names[:SHOWN], *more])
 
 
 def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:

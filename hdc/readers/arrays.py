@@ -135,17 +135,14 @@ def _frames_name(path: Path, store: Store, asked: Asked) -> str:
 
 
 def _stacks(store: Store, axes: Sequence[str] | None) -> list[str]:
-    """Names of the arrays that can be frames: of three axes or more, else of two; of one if it is
-    the only axis that is asked for."""
+    """Names of the arrays that can be frames: of three axes or more, else tables; or of as many
+    axes as are asked for."""
     shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
-    if axes is not None and len(axes) == 1:
-        return [name for name, shape in shapes.items() if len(shape) == 1]
+    if axes is not None:
+        return [name for name, shape in shapes.items() if len(shape) == len(axes)]
     stacks = [name for name, shape in shapes.items() if len(shape) > 2]
-    return stacks or [name for name, shape in shapes.items() if _is_table(shape)]
-
-
-def _is_table(shape: tuple[int, ...]) -> bool:
-    return len(shape) == 2 and min(shape) > 1
+    tables = [k for k, shape in shapes.items() if len(shape) == 2 and min(shape) > 1]
+    return stacks or tables
 
 
 def _check_pixels(

@@ -31,7 +31,6 @@ class Film:
         numbers, times, rows: of the frames that are chosen: numbers from 0, times in s, and rows of
             a table.
         shape, dtype: of a frame; known after :meth:`read`.
-        notes: how frames are read where the file could be read otherwise.
     """
 
     def __init__(self, path: Path, window: Window) -> None:
@@ -41,11 +40,10 @@ class Film:
         self.rows: list[int] = []
         self.shape: tuple[int, ...] = ()
         self.dtype = np.dtype(np.uint8)
-        self.notes: list[str] = []
 
     def read(self, row_of: Callable[[int, float], int], end: float = math.inf) -> None:
         """Choose each frame before ``end`` whose number and time in s have a row, which is ≥ 0."""
-        frames = stream_video(self.path, self._window, end, self.notes)
+        frames = stream_video(self.path, self._window, end)
         for number, (time, frame) in enumerate(frames):
             self.shape, self.dtype = frame.shape, frame.dtype
             if (row := row_of(number, time)) >= 0:
@@ -56,7 +54,7 @@ class Film:
     def expect(self) -> None:
         """Choose all frames that the header states, or as many as there are; none is decoded but
         the first."""
-        first = next(stream_video(self.path, self._window, notes=self.notes))[1]
+        first = next(stream_video(self.path, self._window))[1]
         self.shape, self.dtype = first.shape, first.dtype
         with opened(self.path) as (_, stream):
             self.numbers = [*range(stream.frames)]
@@ -88,14 +86,9 @@ class Film:
 
 
 def stream_video(
-    path: Path,
-    window: Window,
-    end: float = math.inf,
-    notes: list[str] | None = None,
+    path: Path, window: Window, end: float = math.inf
 ) -> Iterator[tuple[float, np.ndarray]]:
     """Time in s and grey frame [H, W] of each frame of a video before ``end`` in s.
-
-    Statements of the file on its frames are added to ``notes``.
 
     Raises:
         BadFrame: a frame is damaged, or frames are missing.
@@ -119,7 +112,7 @@ def stream_video(
             times.append(time)
             if time >= end:
                 return
-            yield time, grey(window.of(_pixels(path, frame, notes)))
+            yield time, grey(window.of(_pixels(path, frame)))
         if not times or len(times) < stream.frames:
             wanted = f"{stream.frames or 'some'} frames as its header says"
             raise BadFrame(f"{path}: expected {wanted}, found {len(times)}")
@@ -172,25 +165,19 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
         raise BadFrame(f"{path}: expected a whole video, found: {found}") from error
 
 
-def _pixels(path: Path, frame: Any, notes: list[str] | None) -> np.ndarray:
+def _pixels(path: Path, frame: Any) -> np.ndarray:
     """Pixels [H, W] or [H, W, 3] (blue first) of a decoded frame, shown as the file says."""
-    form, said = "bgr24", []
+    form = "bgr24"
     if frame.format.name.startswith("gray"):
         form = frame.format.name
     elif max(component.bits for component in frame.format.components) > 8:
         form = "gray16le"
-    if frame.interlaced_frame:
-        said.append("interlaced: ffmpeg -vf yadif separates fields")
     image = frame.to_ndarray(format=form)
     matrix = frame.side_data.get(Type.DISPLAYMATRIX)
-    if matrix is not None:
-        turns = np.frombuffer(bytes(matrix), np.int32)[[0, 1, 3, 4]] / 65536
-        if turns.tolist() != [1, 0, 0, 1]:
-            image = _shown(path, image, *turns)
-            said.append("turned or mirrored as the file says")
-    if notes is not None:
-        notes += [text for text in said if text not in notes]
-    return image
+    if matrix is None:
+        return image
+    turns = np.frombuffer(bytes(matrix), np.int32)[[0, 1, 3, 4]] / 65536
+    return _shown(path, image, *turns)
 
 
 def _shown(

@@ -51,9 +51,6 @@ def _datasets(
         seen.add(key)
         if isinstance(item, h5py.Group):
             yield from _datasets(item, f"{before}{name}/", seen, stated)
-        elif _is_of_structs(group, item):
-            for number, cell in enumerate(item[()].flat, 1):
-                yield f"{before}{number}/{name}", group.file[cell]
         elif isinstance(item, h5py.Dataset):
             yield f"{before}{name}", item
 
@@ -70,13 +67,6 @@ def _attributes(group: Any) -> Iterator[tuple[str, np.ndarray]]:
         own = np.asarray(item)
         if own.size == 1 and not (name.isupper() or name.startswith("MATLAB")):
             yield name, own.astype(str) if own.dtype.kind in "SO" else own
-
-
-def _is_of_structs(group: Any, item: Any) -> bool:
-    """Whether a dataset refers to one field of each struct of a MATLAB array of structs."""
-    is_struct = group.attrs.get("MATLAB_class") == b"struct"
-    refers = h5py.check_ref_dtype(getattr(item, "dtype", np.dtype(float))) is not None
-    return is_struct and refers and "MATLAB_class" not in item.attrs
 
 
 def _dataset(path: Path, item: Any) -> Any:

@@ -44,11 +44,7 @@ def decode(file: Path) -> np.ndarray:
         data = file.read_bytes()
     except OSError as error:
         raise BadFrame(f"{file}: expected a readable file, found none") from error
-    return decoded(str(file), data)
-
-
-def decoded(place: str, data: bytes) -> np.ndarray:
-    """:func:`decode` of the bytes of a file; errors name the `place`."""
+    place = str(file)
     if data.startswith(TIFF):
         from hdc.readers import tiff
 
@@ -154,8 +150,7 @@ class Images:
     """Grey frames of images that have the size and depth of the first, decoded when asked for.
 
     Args:
-        decoded: gives the image of a number.
-        place: names it, for errors.
+        files: their N files.
         window: pixels that are kept.
 
     Attributes:
@@ -166,23 +161,22 @@ class Images:
         BadFrame: the first is no usable image.
     """
 
-    def __init__(
-        self,
-        decoded: Callable[[int], np.ndarray],
-        place: Callable[[int], str],
-        window: Window,
-    ) -> None:
-        self._decoded, self.place, self._window = decoded, place, window
-        first = decoded(0)
+    def __init__(self, files: Sequence[Path], window: Window) -> None:
+        self._files, self._window = files, window
+        first = decode(files[0])
         self.size, self.dtype = first.shape[:2], first.dtype
-        self.shape = frame_of(place(0), first, window).shape
+        self.shape = frame_of(self.place(0), first, window).shape
+
+    def place(self, i: int) -> str:
+        """The file of a frame."""
+        return str(self._files[i])
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
         """Frames [H, W] of the indices, one after the other."""
         return ahead(self._frame, index.tolist())
 
     def _frame(self, i: int) -> np.ndarray:
-        image = self._decoded(i)
+        image = decode(self._files[i])
         if image.shape[:2] != self.size or image.dtype != self.dtype:
             found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
             size = f"{self.size[1]} × {self.size[0]} pixels {self.dtype}"

@@ -9,13 +9,12 @@ from __future__ import annotations
 import hashlib
 import os
 from collections.abc import Callable, Sequence
-from functools import cache
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 
 from hdc.readers import ARRAY, VIDEO, kind_of
 from hdc.readers.about import Columns, natural_key
 from hdc.readers.asked import Asked
-from hdc.readers.files import Ambiguous, SettingError, wrong
+from hdc.readers.files import Ambiguous, wrong
 from hdc.readers.recording import Found, Window
 from hdc.readers.table import Rows, read_csv
 from hdc.readers.template import Template, suggested
@@ -96,7 +95,7 @@ def _of_images(
     where: Path | None = None,
 ) -> Found:
     """Images of a folder, in rows with their names from ``base``; ``where`` names a table."""
-    from hdc.readers.images import Images, decode  # OpenCV
+    from hdc.readers.images import Images  # OpenCV
 
     files = [base / row["file"] for _, row in rows]
     for (_, row), file in zip(rows, files, strict=True):
@@ -107,7 +106,7 @@ def _of_images(
         return hashlib.sha256(b"".join(contents)).hexdigest()
 
     columns = Columns.of_rows(where or root, rows)
-    images = Images(lambda i: decode(files[i]), lambda i: str(files[i]), window)
+    images = Images(files, window)
     return Found(
         columns,
         images,
@@ -163,16 +162,14 @@ def _of_table(
             f"{table}: expected every image beside it or in the folder, found that "
             f"{there.count(False)} of {len(there)} are missing, the first {first}"
         )
-    folder_of = cache(os.path.realpath)
-    seen = set()
+    seen: set[str] = set()
     for place, row in rows:
-        path = base / row["file"]
-        file = (folder_of(path.parent), path.name)
-        if file in seen:
+        path = os.path.normpath(base / row["file"])
+        if path in seen:
             raise ValueError(
                 f"{place}: expected each file once, found {row['file']!r} again"
             )
-        seen.add(file)
+        seen.add(path)
     return _of_images(root, base, rows, window, values, others, notes, table)
 
 
@@ -225,18 +222,11 @@ def _by_folders(root: Path, files: Sequence[str], fewest_classes: int) -> Reader
 
     Raises:
         Ambiguous: every image in a folder lies in one of folders: which is the class?
-        SettingError: images lie at several depths.
     """
     inside = [file for file in files if is_image(file) and "/" in file]
-    depths = {file.count("/") for file in inside}
-    if min(depths, default=1) > 1 and len(depths) > 1:
-        deepest = max(inside, key=lambda file: file.count("/"))
-        raise SettingError(
-            f"{root}: expected images in folders of one depth, found {inside[0]} and {deepest} "
-            "(a manifest.csv names each)"
-        )
-    if min(depths, default=1) > 1:
-        rest = "/*" * (min(depths) - 1)
+    depth = min((file.count("/") for file in inside), default=1)
+    if depth > 1:
+        rest = "/*" * (depth - 1)
         readings = (f"{{label}}/{{group}}{rest}", f"{{session}}/{{label}}{rest}")
         raise Ambiguous(
             f"{root}: folders of folders, such as {inside[0]}",

@@ -148,7 +148,7 @@ def _suggested_of(rows: Sequence[Sequence[str]], are_files: bool) -> list[str]:
         readings = [[field] for field in (twins, *usual)]
     else:
         # A number that begins anew in each session is no group: a file is one.
-        of_day = twins and ["{session}", twins.replace("{group}", "*")]
+        of_day = ["{session}", twins.replace("{group}", "*")]
         readings = [of_day, ["{label}", "{group}"], ["{session}", "{label}"]]
     found = []
     for reading in filter(all, readings):

@@ -20,12 +20,9 @@ import tifffile
 
 from hdc.readers.files import BadFrame
 
-_GREY, _RGB, _YCBCR, _MOSAIC = 1, 2, 6, 32803
-"""Values of the tag PhotometricInterpretation."""
-_ALPHA = (1, 2)
-"""Values of the tag ExtraSamples that mean alpha."""
-_JPEG = (6, 7)
-"""Values of the tag Compression: pixels in YCbCr are then decoded to RGB."""
+_SAMPLES = {1: (1,), 2: (3, 4)}
+"""How many samples a pixel may have, by the tag PhotometricInterpretation: grey, or RGB, of which
+the fourth is alpha even where its tag does not say so."""
 
 
 class Stack(NamedTuple):
@@ -41,8 +38,7 @@ def _stack(place: str, series: Any, out: str | None) -> Stack:
     Plain pages are read as they are asked for where ``out`` is "memmap".
     """
     page = series.keyframe
-    _check_samples(place, series)
-    _check_whole(place, series)
+    _check_samples(place, page)
     pixels = series.asarray(out=None if series.dataoffset is None else out)
     axis = series.axes.find("S")
     if axis >= 0:
@@ -53,33 +49,15 @@ def _stack(place: str, series: Any, out: str | None) -> Stack:
     return Stack(pixels, ("frame", "height", "width", "channel")[: pixels.ndim])
 
 
-def _check_samples(place: str, series: Any) -> None:
-    """Raise BadFrame for pixels that are neither grey nor RGB, with at most alpha beside them.
-
-    A fourth sample of RGB is alpha even where its tag does not say so, as some writers leave it.
-    """
-    page = series.keyframe
-    meaning, samples = int(page.photometric), page.samplesperpixel
-    if meaning == _YCBCR and int(page.compression) in _JPEG:
-        meaning = _RGB
-    colours = {_GREY: 1, _MOSAIC: 1, _RGB: 3}.get(meaning, 0)
-    is_alpha = colours == 3 or all(int(kind) in _ALPHA for kind in page.extrasamples)
-    is_known = bool(colours) and samples in (colours, colours + is_alpha)
-    if not is_known or page.bitspersample == 1:
-        name = getattr(page.photometric, "name", meaning)
+def _check_samples(place: str, page: Any) -> None:
+    """Raise BadFrame for pixels that are neither grey nor RGB."""
+    samples, bits = page.samplesperpixel, page.bitspersample
+    if samples not in _SAMPLES.get(int(page.photometric), ()) or bits == 1:
+        name = getattr(page.photometric, "name", page.photometric)
         raise BadFrame(
-            f"{place}: expected grey or RGB, and at most alpha beside them, found {samples} of "
-            f"{name}, {page.bitspersample} bits (save a page each, or as PNG)"
+            f"{place}: expected grey or RGB of 8 bits or more, found {samples} of {name}, {bits} "
+            "bits (save a page each, or as PNG)"
         )
-
-
-def _check_whole(place: str, series: Any) -> None:
-    """Raise BadFrame for a file that ends before its pixels do."""
-    size = series.parent.filehandle.size
-    for page in series.pages:
-        ends = zip(page.dataoffsets, page.databytecounts, strict=True)
-        if any(start + count > size for start, count in ends):
-            raise BadFrame(f"{place}: expected a whole file, found one that is cut off")
 
 
 def stacks(path: Path) -> dict[str, Stack]:

@@ -67,7 +67,6 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Found:
         kept,
         film,
         digest,
-        notes=film.notes,
         values=asked.values if is_of_frames else (),
         parts=None if is_of_frames or has_groups else rows,
         is_decoded=True,
@@ -115,4 +114,4 @@ def whole(path: Path, window: Window) -> Found:
     film = Film(path, window)
     film.expect()
     columns = Columns(path, len(film.numbers), film.place, {})
-    return Found(columns, film, lambda: file_digest(path), notes=film.notes)
+    return Found(columns, film, lambda: file_digest(path))

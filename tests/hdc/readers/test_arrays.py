@@ -193,7 +193,6 @@ ALPHA = {"extrasamples": ["unassalpha"]}
         (FRAMES, {"byteorder": ">", "compression": "lzw"}, FRAMES),
         (np.moveaxis(BYTES, -1, 1), {"photometric": "rgb", "planarconfig": "separate", **ALPHA},
          BYTES[..., :3] @ LUMINANCE),
-        (BYTES[..., :2], {"planarconfig": "contig", **ALPHA}, BYTES[..., 0]),
     ],
 )  # fmt: skip
 def test_pixels_of_a_tiff_are_as_its_tags_say(tmp_path, pixels, options, expected):

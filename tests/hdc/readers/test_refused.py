@@ -131,10 +131,10 @@ SAMPLES = {"planarconfig": "contig", "extrasamples": ["unspecified"] * 3}
          ": expected an intact .h5, found"),
         ("x.tif", partial(cut, write=pages, share=0.01), ": expected a whole"),
         ("x.tif", partial(cut, write=pages, share=0.97), ": expected a whole"),
-        ("x.tif", partial(pages, frames=BYTES[..., 0], **PALETTE), "grey or RGB, .* 1 of PALETTE"),
+        ("x.tif", partial(pages, frames=BYTES[..., 0], **PALETTE), "grey or RGB .* 1 of PALETTE"),
         # At 8 bits white was the smallest number, and at 16 the largest.
-        ("x.tif", partial(pages, photometric="miniswhite"), "grey or RGB, .* 1 of MINISWHITE"),
-        ("x.tif", partial(pages, frames=FRAMES > 9), "grey or RGB, .* 1 bits"),
+        ("x.tif", partial(pages, photometric="miniswhite"), "grey or RGB .* 1 of MINISWHITE"),
+        ("x.tif", partial(pages, frames=FRAMES > 9), "grey or RGB .* 1 bits"),
         # Four grey samples, such as a polariser's angles, were read as red, green and blue.
         ("x.tif", partial(pages, frames=BYTES, **SAMPLES), "found 4 of MINISBLACK"),
     ],
