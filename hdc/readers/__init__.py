@@ -24,7 +24,7 @@ from hdc.readers.files import (
     missing,
     wrong,
 )
-from hdc.readers.recording import Found, Recording, Window
+from hdc.readers.recording import Recording, Window
 
 __all__ = [
     "Ambiguous",
@@ -133,11 +133,10 @@ def open_recording(
     )
     reader = f"hdc.readers.{_READERS[_checked_kind(path, asked)]}"
     try:  # libraries are imported where their files are read
-        found: Found = import_module(reader).open_frames(path, window, asked)
+        opened: Recording = import_module(reader).open_frames(path, window, asked)
     except ModuleNotFoundError as error:
         raise missing(error) from error
-    recording = found.recording(window, asked)
-    return recording.kept(memory_bytes) if check and found.is_decoded else recording
+    return opened.kept(memory_bytes) if check and opened.is_decoded else opened
 
 
 def _checked_kind(path: Path, asked: Asked) -> str:

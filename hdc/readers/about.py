@@ -134,8 +134,7 @@ class Columns:
         Raises:
             ValueError: there is nothing to learn, or a column is not as it has to be.
         """
-        labels = self.columns.pop("label", None)
-        samples = self._samples()
+        labels, samples = self.columns.get("label"), self._samples()
         if value_columns is None or (labels is None and not value_columns):
             value_columns = self.numeric() if self.learnt is None else self.learnt
         if labels is None and not value_columns and fewest_classes > 0:
@@ -195,6 +194,7 @@ class Columns:
             ValueError: one of :data:`KNOWN` is no number of each row: splits go by them.
         """
         samples = {"order": np.arange(self.n), **self.columns}
+        samples.pop("label", None)
         for name in KNOWN:
             column = self.columns.get(name)
             if column is None:
@@ -223,7 +223,7 @@ class Columns:
         """
         names = []
         for name, column in self.columns.items():
-            is_known = name in (*KNOWN, *_OF_FRAME) or is_unnamed(name)
+            is_known = name in (*KNOWN, *_NAMES, *_OF_FRAME) or is_unnamed(name)
             if is_known or not _is_mostly_numbers(column):
                 continue
             self.numbers(name)

@@ -14,7 +14,7 @@ from hdc.readers.asked import Asked
 from hdc.readers.axes import Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
-from hdc.readers.recording import Found, Window
+from hdc.readers.recording import Recording, Window
 from hdc.readers.store import Store
 from hdc.readers.stores import load
 from hdc.readers.table import columns_in
@@ -23,7 +23,7 @@ from hdc.readers.template import suggested
 
 def open_frames(
     path: Path, window: Window, asked: Asked, store: Store | None = None
-) -> Found:
+) -> Recording:
     """Frames of an array, with labels or values beside it in the file, or in a table.
 
     Without ``asked.axes`` they are as :func:`~hdc.readers.axes.reading` says. The table is beside
@@ -60,13 +60,15 @@ def open_frames(
         _check_rows(columns, n)
     read = asked.dataset, tuple(axes)
     as_read = f"{path.name}[{name}] {tuple(array.shape)} as {', '.join(axes)}"
-    return Found(
+    return Recording.of(
         columns,
         frames,
-        digest=lambda: _digest(path, *read),
+        window,
+        asked,
+        lambda: _digest(path, *read),
+        values=asked.values,
         notes=(as_read, *store.note(), *_notes(path, table, asked)),
         image_shape=frames.size,
-        values=asked.values,
     )
 
 

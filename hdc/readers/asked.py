@@ -31,7 +31,8 @@ class Asked(NamedTuple):
 
     def of_part(self) -> Asked:
         """The same of one of several files or arrays, which may have neither labels nor values."""
-        return self._replace(template=None, fewest_classes=0)
+        own = self._replace(template=None, sessions=None, groups=None, values=())
+        return own._replace(fewest_classes=0)
 
     @property
     def named(self) -> Sequence[str]:

@@ -8,6 +8,7 @@ of a video.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -18,13 +19,13 @@ from hdc.readers.about import Columns
 from hdc.readers.asked import Asked
 from hdc.readers.axes import readings
 from hdc.readers.files import Ambiguous, BadFrame, wrong
-from hdc.readers.recording import Found, Window
+from hdc.readers.recording import Recording, Window
 from hdc.readers.stores import load
 from hdc.readers.template import Template
 
 Fields = Mapping[str, str]
 """Texts that the name of a file says, by field."""
-Part = tuple[str, str, Fields, Found]
+Part = tuple[str, str, Fields, Recording]
 """Where a file or an array is, its name, what that says, and its frames."""
 
 
@@ -34,7 +35,7 @@ def open_files(
     others: Sequence[str],
     window: Window,
     asked: Asked,
-) -> Found:
+) -> Recording:
     """The frames of these files, one after the other; the `others` of the folder are left out.
 
     Raises:
@@ -45,15 +46,14 @@ def open_files(
     parts = []
     for file, fields in files.items():
         opened = partial(_opened, root / file, fields, window, asked.of_part())
-        found = opened()
-        found.frames = _Reopened(opened, found)
+        # A file is opened again for its frames: not all files are in memory at once.
+        found = replace(opened(), each=partial(_each, opened))
         parts.append((f"{root / file}", file, fields, found))
-    joined = _joined(root, "files", parts, asked)
-    joined.other_files = others
-    return joined
+    joined = _joined(root, "files", parts, window, asked)
+    return replace(joined, other_files=tuple(others))
 
 
-def open_frames(path: Path, window: Window, asked: Asked) -> Found:
+def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     """The arrays of a file that a template names, one after the other.
 
     Raises:
@@ -72,47 +72,35 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Found:
     if not parts:
         names = ", ".join(store.arrays) or "none"
         raise ValueError(f"{path}: expected arrays {asked.template}, found {names}")
-    return _joined(path, "arrays", parts, asked)
+    return _joined(path, "arrays", parts, window, asked)
 
 
-def _opened(path: Path, fields: Fields, window: Window, asked: Asked) -> Found:
+def _opened(path: Path, fields: Fields, window: Window, asked: Asked) -> Recording:
     if kind_of(path) == ARRAY:
         return arrays.open_frames(path, window, asked)
     from hdc.readers import video  # late: PyAV is of the extra files
 
     if "label" in fields or "value" in fields:
-        return video.whole(path, window)
+        return video.whole(path, window, asked)
     return video.open_frames(path, window, asked)
 
 
-class _Reopened:
-    """Frames of a file that is opened again: not all files are in memory at once."""
-
-    def __init__(self, opened: Callable[[], Found], found: Found) -> None:
-        self._opened = opened
-        self.shape, self.dtype = found.frames.shape, found.frames.dtype
-        self.place = found.frames.place
-
-    def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
-        """Frames of the indices, one after the other."""
-        frames: Iterator[np.ndarray] = self._opened().frames.each(index)
-        return frames
+def _each(opened: Callable[[], Recording], index: np.ndarray) -> Iterator[np.ndarray]:
+    return opened().each(index)
 
 
 class _Frames:
     """Frames of several files, one after the other."""
 
-    def __init__(self, parts: Sequence[Found]) -> None:
-        self._parts = [part.frames for part in parts]
-        sizes = [part.columns.n for part in parts]
+    def __init__(self, parts: Sequence[Recording]) -> None:
+        self._parts, sizes = parts, [*map(len, parts)]
         self.file = np.repeat(np.arange(len(parts)), sizes)
         self._row = np.concatenate([*map(np.arange, sizes)])
-        self.shape, self.dtype = self._parts[0].shape, self._parts[0].dtype
+        self.shape, self.dtype = parts[0].frame_shape, parts[0].dtype
 
     def place(self, i: int) -> str:
         """The file of a frame, and its place there."""
-        place: str = self._parts[self.file[i]].place(int(self._row[i]))
-        return place
+        return self._parts[self.file[i]].place(int(self._row[i]))
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
         """Frames of the indices; a file is opened once for those that follow one another."""
@@ -129,35 +117,39 @@ class _Frames:
             yield from self._parts[file].each(self._row[index[files == file]])
 
 
-def _joined(root: Path, kind: str, parts: Sequence[Part], asked: Asked) -> Found:
+def _joined(
+    root: Path, kind: str, parts: Sequence[Part], window: Window, asked: Asked
+) -> Recording:
     """The frames of files or arrays of one kind, with what their names and files say."""
-    founds = [found for *_, found in parts]
-    wanted = f"frames {founds[0].frames.shape} {founds[0].frames.dtype}"
+    first = parts[0][-1]
+    wanted = f"frames {first.frame_shape} {first.dtype}"
     for where, *_, found in parts:
-        own = f"frames {found.frames.shape} {found.frames.dtype}"
+        own = f"frames {found.frame_shape} {found.dtype}"
         if wanted != own:
             raise BadFrame(
                 f"{where}: expected {wanted} as in the first of the {kind}, found {own}"
             )
-        says_how_many = "label" in found.columns.columns or found.columns.learnt
-        if len(found.frames.shape) == 1 and asked.axes is None and not says_how_many:
+        says_how_many = found.labels is not None or found.values is not None
+        if len(found.frame_shape) == 1 and asked.axes is None and not says_how_many:
             usual = [("height", "width"), *readings(2)]
             choices = [f"--axes {','.join(axes)}" for axes in usual]
             raise Ambiguous(f"{where}: an array of two axes", choices)
-    frames = _Frames(founds)
-    sizes = {found.columns.n for found in founds}
+    founds = [found for *_, found in parts]
+    frames, sizes = _Frames(founds), {*map(len, founds)}
     each = " to ".join(f"{size}" for size in sorted({min(sizes), max(sizes)}))
     unit = "frame" if each == "1" else "frames"
     columns, notes = _columns(root, parts, frames.file)
     has_groups = "group" in parts[0][2] or sizes == {1}
-    return Found(
+    return Recording.of(
         columns,
         frames,
-        digest=lambda: repr([found.digest() for found in founds]),
-        image_shape=founds[0].image_shape,
-        notes=(f"{len(parts)} {kind} of {each} {unit}", *notes, *founds[0].notes),
+        window,
+        asked,
+        lambda: repr([found.digest() for found in founds]),
         values=asked.named,
         parts=None if has_groups else frames.file,
+        notes=(f"{len(parts)} {kind} of {each} {unit}", *notes, *first.notes),
+        image_shape=first.image_shape,
     )
 
 

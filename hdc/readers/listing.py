@@ -10,12 +10,13 @@ import hashlib
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
+from typing import Any
 
 from hdc.readers import ARRAY, VIDEO, kind_of
 from hdc.readers.about import Columns, natural_key
 from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, wrong
-from hdc.readers.recording import Found, Window
+from hdc.readers.recording import Recording, Window
 from hdc.readers.table import Rows, read_csv
 from hdc.readers.template import Template, suggested
 
@@ -25,7 +26,7 @@ Reader = Callable[[str], dict[str, str] | None]
 """Texts that the path of a file says, by column; None where it says none."""
 
 
-def open_frames(root: Path, window: Window, asked: Asked) -> Found:
+def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
     """The frames of a folder: its images, or else its files of arrays and videos.
 
     Raises:
@@ -34,19 +35,22 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Found:
         SettingError: the template or a column cannot be, or a path has two readings.
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
-    read = None if asked.template is None else Template(asked.template).read
     manifest = root / MANIFEST
     if asked.table is not None:
         table = asked.table if asked.table.exists() else root / asked.table
         rows = _table_rows(table, asked.image_column, asked.named)
-        return _of_table(root, table, rows, read, window, asked.values)
-    if read is None and manifest.exists():
+        return _of_table(root, table, rows, window, asked, values=asked.values)
+    if asked.template is None and manifest.exists():
         rows = _table_rows(manifest, "file", ("file", "label", *asked.named))
-        return _of_table(root, manifest, rows, read, window, asked.named)
+        return _of_table(root, manifest, rows, window, asked, values=asked.named)
     files = all_files(root)
+    if asked.template is None:
+        read = _by_folders(root, files, asked.fewest_classes)
+    else:
+        read = Template(asked.template).read
     rows, _ = _read(
         [(str(root / file), {"file": file}) for file in files],
-        read or _by_folders(root, files, asked.fewest_classes),
+        read,
     )
     images = [row for row in rows if is_image(row[1]["file"])]
     chosen = {row["file"] for _, row in images}
@@ -56,13 +60,14 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Found:
             if setting := getattr(asked, name):
                 wanted = f"null unless {root} is a folder of arrays or videos"
                 raise wrong(name, setting, wanted)
-        return _of_images(root, root, images, window, asked.named or None, others)
+        settings = {"values": asked.named or None, "other_files": tuple(others)}
+        return _of_images(root, root, images, window, asked, **settings)
     return _of_recorded(root, files, rows, window, asked)
 
 
 def _of_recorded(
     root: Path, files: Sequence[str], rows: Rows, window: Window, asked: Asked
-) -> Found:
+) -> Recording:
     """The frames of a folder without images, or a ValueError of what is expected."""
     from hdc.readers import gathered
 
@@ -89,11 +94,10 @@ def _of_images(
     base: Path,
     rows: Rows,
     window: Window,
-    values: Sequence[str] | None,
-    others: Sequence[str] = (),
-    notes: Sequence[str] = (),
+    asked: Asked,
     where: Path | None = None,
-) -> Found:
+    **settings: Any,
+) -> Recording:
     """Images of a folder, in rows with their names from ``base``; ``where`` names a table."""
     from hdc.readers.images import Images  # OpenCV
 
@@ -105,18 +109,9 @@ def _of_images(
         contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
         return hashlib.sha256(b"".join(contents)).hexdigest()
 
-    columns = Columns.of_rows(where or root, rows)
-    images = Images(files, window)
-    return Found(
-        columns,
-        images,
-        digest,
-        notes=notes,
-        image_shape=images.size,
-        other_files=others,
-        values=values,
-        is_decoded=True,
-    )
+    columns, images = Columns.of_rows(where or root, rows), Images(files, window)
+    settings |= {"image_shape": images.size, "is_decoded": True}
+    return Recording.of(columns, images, window, asked, digest, **settings)
 
 
 def _table_rows(table: Path, column: str, required: Sequence[str]) -> Rows:
@@ -139,17 +134,18 @@ def _of_table(
     root: Path,
     table: Path,
     rows: Rows,
-    read: Reader | None,
     window: Window,
-    values: Sequence[str] | None,
-) -> Found:
+    asked: Asked,
+    **settings: Any,
+) -> Recording:
     """The images of a table: beside it, in the folder, or there under another path.
 
     Raises:
         ValueError: an image is missing, or there twice, by whatever spelling.
     """
-    rows, others = _read(rows, read or (lambda _: {}))
-    base, notes = _base(root, table, rows), []
+    base, others, notes = _base(root, table, rows), [], []
+    if asked.template is not None:
+        rows, others = _read(rows, Template(asked.template).read)
     there = [(base / row["file"]).is_file() for _, row in rows]
     if not any(there) and (moved := _moved(root, rows)):
         note = f"images found by their names: {rows[0][1]['file']} is {moved[0]}"
@@ -170,7 +166,8 @@ def _of_table(
                 f"{place}: expected each file once, found {row['file']!r} again"
             )
         seen.add(path)
-    return _of_images(root, base, rows, window, values, others, notes, table)
+    settings |= {"other_files": tuple(others), "notes": notes}
+    return _of_images(root, base, rows, window, asked, table, **settings)
 
 
 def _moved(root: Path, rows: Rows) -> list[str]:

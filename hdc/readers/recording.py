@@ -92,6 +92,8 @@ class Recording(About):
         digest: gives that of the recorded bytes, in their order.
         window: pixels that are kept.
         image_shape: (H, W) of an image before that; empty of a video.
+        columns: all that the file says of the frames.
+        is_decoded: whether frames are decoded each time, so that it is worth to keep them.
     """
 
     frame_shape: tuple[int, ...]
@@ -104,6 +106,52 @@ class Recording(About):
     features: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     image_shape: tuple[int, ...] = ()
+    columns: Columns
+    is_decoded: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        columns: Columns,
+        frames: Any,
+        window: Window,
+        asked: Asked,
+        digest: Callable[[], str],
+        *,
+        values: Sequence[str] | None = (),
+        parts: np.ndarray | None = None,
+        notes: Sequence[str] = (),
+        **settings: Any,
+    ) -> Self:
+        """The recording of N frames and what their file says of them.
+
+        Args:
+            columns: of the frames.
+            frames: have ``shape``, ``dtype``, ``each`` and ``place``.
+            window: pixels that are kept.
+            asked: names sessions and groups, and how many classes there have to be.
+            digest: see the class.
+            values: what is learnt; see :meth:`hdc.readers.about.Columns.about`, which may raise.
+            parts: the file or the interval of each frame [N], where frames of one belong together.
+            notes: how the file was read.
+            settings: other attributes.
+        """
+        about = columns.known_as(asked).about(values, asked.fewest_classes)
+        if parts is not None:
+            about, split = grouped(about, parts)
+            notes = (*notes, *split)
+        return cls(
+            **vars(about),
+            frame_shape=frames.shape,
+            dtype=frames.dtype,
+            each=frames.each,
+            place=frames.place,
+            digest=cache(digest),
+            window=window,
+            notes=tuple(notes),
+            columns=columns,
+            **settings,
+        )
 
     def __len__(self) -> int:
         return len(self.samples["order"])
@@ -132,11 +180,6 @@ class Recording(About):
         rows = np.arange(len(self))[index]
         found = self.frames(np.ravel(rows))
         return found if np.ndim(rows) else found[0]
-
-    def __array__(
-        self, dtype: np.dtype[Any] | None = None, copy: bool | None = None
-    ) -> np.ndarray:
-        return self[:].astype(dtype or self.dtype, copy=False)
 
     @property
     def names(self) -> list[str]:
@@ -208,52 +251,6 @@ class Recording(About):
             values = (self.value_names, self.values.tolist())
             digest.update(repr(values).encode())
         return digest.hexdigest()
-
-
-@dataclass
-class Found:
-    """Frames as a reader finds them, and what their file says of them.
-
-    Attributes:
-        columns: of the N frames.
-        frames: have ``shape``, ``dtype``, ``each`` and ``place``, see :class:`Recording`.
-        digest, notes, image_shape, other_files, features: see :class:`Recording`.
-        values: the columns that are learnt; see :meth:`hdc.readers.about.Columns.about`.
-        parts: the file or the interval of each frame [N], where frames of one belong together.
-        is_decoded: whether frames are decoded each time, so that it is worth to keep them.
-    """
-
-    columns: Columns
-    frames: Any
-    digest: Callable[[], str]
-    notes: Sequence[str] = ()
-    image_shape: tuple[int, ...] = ()
-    other_files: Sequence[str] = ()
-    features: tuple[str, ...] = ()
-    values: Sequence[str] | None = ()
-    parts: np.ndarray | None = None
-    is_decoded: bool = False
-
-    def recording(self, window: Window, asked: Asked) -> Recording:
-        """The recording; raises as :meth:`hdc.readers.about.Columns.about`."""
-        columns = self.columns.known_as(asked)
-        about, notes = columns.about(self.values, asked.fewest_classes), [*self.notes]
-        if self.parts is not None:
-            about, split = grouped(about, self.parts)
-            notes += split
-        return Recording(
-            **vars(about),
-            frame_shape=self.frames.shape,
-            dtype=self.frames.dtype,
-            each=self.frames.each,
-            place=self.frames.place,
-            digest=cache(self.digest),
-            window=window,
-            other_files=tuple(self.other_files),
-            features=self.features,
-            notes=tuple(notes),
-            image_shape=self.image_shape,
-        )
 
 
 class Batches:

@@ -18,7 +18,7 @@ from hdc.readers.about import KNOWN, Columns, is_unnamed
 from hdc.readers.asked import Asked
 from hdc.readers.axes import Frames
 from hdc.readers.files import file_digest
-from hdc.readers.recording import Found, Window
+from hdc.readers.recording import Recording, Window
 from hdc.readers.table import parse_number
 
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
@@ -29,7 +29,7 @@ _REMEDY = (
 )
 
 
-def open_frames(path: Path, window: Window, asked: Asked) -> Found:
+def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     """The frames of a CSV of vectors [N, D]; see the module's description.
 
     Raises:
@@ -52,10 +52,12 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Found:
         )
     odd = unlike(numbers, vectors)
     notes = [f"{', '.join(odd)}: a pixel unlike the others, {_REMEDY}"] if odd else []
-    return Found(
+    return Recording.of(
         known,
         Frames(columns.place, vectors, ("frame", "feature"), window),
-        digest=lambda: file_digest(path),
+        window,
+        asked,
+        lambda: file_digest(path),
         features=tuple(numbers[:: window.subsample]),
         notes=notes,
         values=chosen,

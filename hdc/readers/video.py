@@ -16,14 +16,14 @@ from hdc.readers.about import Columns
 from hdc.readers.asked import Asked
 from hdc.readers.files import file_digest
 from hdc.readers.film import Film
-from hdc.readers.recording import Found, Window
+from hdc.readers.recording import Recording, Window
 from hdc.readers.table import columns_in
 
 EARLY_S = 5.1e-4
 """Frames so much before a time belong to it: some containers round their times to 1 ms."""
 
 
-def open_frames(path: Path, window: Window, asked: Asked) -> Found:
+def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     """Frames of a video and its table, which has a row per interval or a row per frame.
 
     The table is beside it by default, its suffix replaced by .csv. A row per interval has
@@ -63,9 +63,11 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Found:
         used = hashlib.sha256(numbers.astype("<i8").tobytes())
         return repr((file_digest(path), used.hexdigest()))
 
-    return Found(
+    return Recording.of(
         kept,
         film,
+        window,
+        asked,
         digest,
         values=asked.values if is_of_frames else (),
         parts=None if is_of_frames or has_groups else rows,
@@ -109,9 +111,9 @@ def _read_frames(columns: Columns, film: Film) -> None:
     film.read(lambda number, _: row_of.get(number, -1))
 
 
-def whole(path: Path, window: Window) -> Found:
+def whole(path: Path, window: Window, asked: Asked) -> Recording:
     """All frames of a video, of which nothing is said."""
     film = Film(path, window)
     film.expect()
     columns = Columns(path, len(film.numbers), film.place, {})
-    return Found(columns, film, lambda: file_digest(path))
+    return Recording.of(columns, film, window, asked, lambda: file_digest(path))
