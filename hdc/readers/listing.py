@@ -138,46 +138,54 @@ def _of_table(
     asked: Asked,
     **settings: Any,
 ) -> Recording:
-    """The images of a table: beside it, in the folder, or there under another path.
+    """The images of a table, relative to the folder or to the table, or in the folder by their
+    names, such as images that came from another disk.
 
     Raises:
-        ValueError: an image is missing, or there twice, by whatever spelling.
+        ValueError: an image is missing, or there twice.
     """
-    base, others, notes = _base(root, table, rows), [], []
+    others, notes = [], []
     if asked.template is not None:
         rows, others = _read(rows, Template(asked.template).read)
-    there = [(base / row["file"]).is_file() for _, row in rows]
-    if not any(there) and (moved := _moved(root, rows)):
-        note = f"images found by their names: {rows[0][1]['file']} is {moved[0]}"
-        base, notes = root, [note]
-        for (_, row), file in zip(rows, moved, strict=True):
-            row["file"] = file
-    elif not all(there):
-        first = rows[there.index(False)][1]["file"]
-        raise ValueError(
-            f"{table}: expected every image beside it or in the folder, found that "
-            f"{there.count(False)} of {len(there)} are missing, the first {first}"
-        )
+    names = [row["file"] for _, row in rows]
+    bases = [
+        base
+        for base in (root, table.parent)
+        if all((base / name).is_file() for name in names)
+    ]
+    if not bases:
+        found = _by_names(root, table, names)
+        notes.append(f"images found by their names: {names[0]} is {found[0]}")
+        rows = [
+            (place, {**row, "file": file})
+            for (place, row), file in zip(rows, found, strict=True)
+        ]
     seen: set[str] = set()
     for place, row in rows:
-        path = os.path.normpath(base / row["file"])
-        if path in seen:
-            raise ValueError(
-                f"{place}: expected each file once, found {row['file']!r} again"
-            )
-        seen.add(path)
+        if (file := os.path.normpath(row["file"])) in seen:
+            raise ValueError(f"{place}: expected each file once, found {file!r} again")
+        seen.add(file)
     settings |= {"other_files": tuple(others), "notes": notes}
-    return _of_images(root, base, rows, window, asked, table, **settings)
+    return _of_images(root, [*bases, root][0], rows, window, asked, table, **settings)
 
 
-def _moved(root: Path, rows: Rows) -> list[str]:
-    """Files of the same names in a folder, such as one that came from another disk; none where a
-    name is not there once."""
+def _by_names(root: Path, table: Path, names: Sequence[str]) -> list[str]:
+    """Files of a folder that have the names of these paths, each there once.
+
+    Raises:
+        ValueError: an image is missing.
+    """
     places: dict[str, list[str]] = {}
     for file in all_files(root):
         places.setdefault(PurePath(file).name, []).append(file)
-    found = [places.get(PureWindowsPath(row["file"]).name, []) for _, row in rows]
-    return [own[0] for own in found] if all(len(own) == 1 for own in found) else []
+    found = [places.get(PureWindowsPath(name).name, []) for name in names]
+    if any(len(own) != 1 for own in found):
+        missing = [name for name in names if not (root / name).is_file()]
+        raise ValueError(
+            f"{table}: expected every image in {root} or beside the table, found that "
+            f"{len(missing)} of {len(names)} are missing, the first {missing[0]}"
+        )
+    return [file for own in found for file in own]
 
 
 def _read(rows: Rows, read: Reader) -> tuple[Rows, list[str]]:
@@ -190,26 +198,6 @@ def _read(rows: Rows, read: Reader) -> tuple[Rows, list[str]]:
         else:
             kept.append((place, row | fields))
     return kept, others
-
-
-def _base(root: Path, table: Path, rows: Rows) -> Path:
-    """The folder that paths in a table are relative to: its own, or that of the recording.
-
-    The first image that is there decides.
-
-    Raises:
-        ValueError: each of the two folders has an image of that name.
-    """
-    for _, row in rows:
-        beside, inside = table.parent / row["file"], root / row["file"]
-        if not beside.is_file():
-            continue
-        if inside.is_file() and not inside.samefile(beside):
-            raise ValueError(
-                f"{table}: expected images beside it or in {root}, found {row['file']} in both"
-            )
-        return table.parent
-    return root
 
 
 def _by_folders(root: Path, files: Sequence[str], fewest_classes: int) -> Reader:
