@@ -315,15 +315,15 @@ def grouped(about: About, parts: np.ndarray) -> tuple[About, list[str]]:
     if own is not None:
         pairs = np.stack([parts, own])
         parts = np.unique(pairs, axis=1, return_inverse=True)[1]
-    alone, found = np.zeros(len(parts), bool), "each class"
-    if about.labels is not None:
-        pairs = np.unique(np.stack([about.labels, parts]), axis=1)
-        alone = np.bincount(pairs[0])[about.labels] == 1
+    found = "each class"
+    labels = np.zeros(len(parts), int) if about.labels is None else about.labels
+    pairs = np.unique(np.stack([labels, parts]), axis=1)
+    alone = np.bincount(pairs[0])[labels] == 1
     samples = {k: column for k, column in about.samples.items() if k != "group"}
     if not alone.all():
         apart = parts.max() + 1 + np.arange(len(parts))
         samples["group"] = np.where(alone, apart, parts)
-        names = [about.classes[c] for c in np.unique(np.compress(alone, about.labels))]
+        names = [about.classes[c] for c in np.unique(labels[alone])]
         found = ", ".join(names[:SHOWN])
     note = f"{found}: recorded once, so its frames are split"
     return replace(about, samples=samples), [note] if alone.any() else []

@@ -9,7 +9,7 @@ from its beginning.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from av.sidedata.sidedata import Type
 
 from hdc.readers.files import BadFrame, check_file
 from hdc.readers.images import grey
-from hdc.readers.recording import Window
+from hdc.readers.recording import Window, in_any_order
 
 
 class Film:
@@ -67,17 +67,12 @@ class Film:
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
         """Frames [H, W] of indices [n]; the video is decoded from its beginning."""
-        numbers = [self.numbers[i] for i in index]
-        ordered = sorted(set(numbers))
-        if ordered == numbers:
-            return self._of_numbers(ordered)
-        found = dict(zip(ordered, self._of_numbers(ordered), strict=True))
-        return (found[number] for number in numbers)
+        return in_any_order(index, self._ordered)
 
-    def _of_numbers(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
-        """Frames of these numbers, which increase."""
+    def _ordered(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        """Frames of these indices, which increase."""
         frames = enumerate(stream_video(self.path, self._window))
-        for wanted in ordered:
+        for wanted in (self.numbers[i] for i in index):
             found = (frame for number, (_, frame) in frames if number == wanted)
             frame = next(found, None)
             if frame is None:

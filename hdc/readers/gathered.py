@@ -19,7 +19,7 @@ from hdc.readers.about import Columns
 from hdc.readers.asked import Asked
 from hdc.readers.axes import readings
 from hdc.readers.files import Ambiguous, BadFrame, wrong
-from hdc.readers.recording import Recording, Window
+from hdc.readers.recording import Recording, Window, in_any_order
 from hdc.readers.stores import load
 from hdc.readers.template import Template
 
@@ -103,15 +103,10 @@ class _Frames:
         return self._parts[self.file[i]].place(int(self._row[i]))
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
-        """Frames of the indices; a file is opened once for those that follow one another."""
-        files = self.file[index]
-        if (np.diff(files) >= 0).all():
-            return self._in_order(index)
-        order = np.argsort(files, kind="stable")
-        found = dict(zip(order.tolist(), self._in_order(index[order]), strict=True))
-        return (found[k] for k in range(len(index)))
+        """Frames of the indices; a file is opened once."""
+        return in_any_order(index, self._ordered)
 
-    def _in_order(self, index: np.ndarray) -> Iterator[np.ndarray]:
+    def _ordered(self, index: np.ndarray) -> Iterator[np.ndarray]:
         files = self.file[index]
         for file in np.unique(files):
             yield from self._parts[file].each(self._row[index[files == file]])

@@ -60,7 +60,10 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
             if setting := getattr(asked, name):
                 wanted = f"null unless {root} is a folder of arrays or videos"
                 raise wrong(name, setting, wanted)
-        settings = {"values": asked.named or None, "other_files": tuple(others)}
+        settings: dict[str, Any] = {
+            "values": asked.named or None,
+            "other_files": tuple(others),
+        }
         return _of_images(root, root, images, window, asked, **settings)
     return _of_recorded(root, files, rows, window, asked)
 
@@ -144,7 +147,8 @@ def _of_table(
     Raises:
         ValueError: an image is missing, or there twice.
     """
-    others, notes = [], []
+    others: list[str] = []
+    notes: list[str] = []
     if asked.template is not None:
         rows, others = _read(rows, Template(asked.template).read)
     names = [row["file"] for _, row in rows]

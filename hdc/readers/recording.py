@@ -283,6 +283,18 @@ class Batches:
         return self._batch[: stop - start]
 
 
+def in_any_order(
+    index: np.ndarray, ordered: Callable[[np.ndarray], Iterator[np.ndarray]]
+) -> Iterator[np.ndarray]:
+    """Frames of indices in any order, out of what gives those of increasing ones."""
+    increasing = np.unique(index)
+    frames = ordered(increasing)
+    if np.array_equal(increasing, index):
+        return frames
+    found = dict(zip(increasing.tolist(), frames, strict=True))
+    return (found[i] for i in index.tolist())
+
+
 def check_finite(place: str, frame: np.ndarray) -> np.ndarray:
     """The frame.
 
