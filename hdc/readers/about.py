@@ -296,12 +296,11 @@ def normalised(texts: Sequence[str] | np.ndarray) -> list[str]:
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key that puts frame2 before frame10, whatever the locale."""
-    key: list[tuple[int, int, str]] = []
-    for part in re.split(r"([0-9]+)", name):
-        if part.isdecimal():
-            key.append((0, int(part), part))
-        elif part:
-            key.append((1, 0, part.casefold()))
+    key = [
+        (0, int(part), part) if part.isdecimal() else (1, 0, part.casefold())
+        for part in re.split(r"([0-9]+)", name)
+        if part
+    ]
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
 
 
