@@ -159,9 +159,7 @@ def _columns(
     for name in sorted(common - said - {"order"}):
         found = [own.columns[name] for own in files]
         columns.columns[name] = np.concatenate(found)
-    learnt = files[0].learnt or ()
-    columns.learnt = ("value",) if "value" in said else ()
-    if "label" not in said and all(own.learnt == learnt for own in files):
-        columns.learnt = learnt
+    of_files = () if "label" in said else files[0].learnt
+    columns.learnt = ("value",) if "value" in said else of_files
     both = "labels of the names of the files, not those in them"
     return columns, [both] if "label" in common & said else []
