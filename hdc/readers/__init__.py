@@ -195,7 +195,12 @@ def camera(
     from hdc.readers.images import grey
 
     window = Window(crop, subsample)
-    capture = cv2.VideoCapture(index)
+    level = cv2.utils.logging.getLogLevel()
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+    try:
+        capture = cv2.VideoCapture(index)  # an error of ours says that there is none
+    finally:
+        cv2.utils.logging.setLogLevel(level)
     try:
         if not capture.isOpened():
             wanted = f"a camera that can be opened at index {index}"
