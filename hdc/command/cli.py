@@ -42,7 +42,6 @@ cli = click.Group(
                      or a file of arrays for each recording, by a --template
     .npz, .mat, .h5  frames [N, H, W] or [N, D] with labels or values [N]
     .tif, .npy       frames, with a CSV of labels beside it
-    .parquet         a column of images
     .csv             a row of numbers and a label per frame
     a video          with a CSV of intervals (start_s, end_s, label) beside it
     """,

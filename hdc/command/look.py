@@ -40,14 +40,13 @@ def look(typed: list[str], source: Source) -> None:
     file, _ = readers.split_name(source.path)
     path = next(word for word in typed if Path(word) == source.path)
     typed.remove(path)
-    with stores.loaded_once():
-        said = _shortened(contents(file)) if file.exists() else []
+    said = _shortened(contents(file)) if file.exists() else []
+    messages.say(*said)
+    for taken, frames in _readings([str(source.path), *typed])[:MOST]:
+        if said:
+            messages.say("")
+        said = _described(taken, frames)
         messages.say(*said)
-        for taken, frames in _readings([str(source.path), *typed])[:MOST]:
-            if said:
-                messages.say("")
-            said = _described(taken, frames)
-            messages.say(*said)
 
 
 def _shortened(lines: list[str]) -> list[str]:

@@ -42,7 +42,7 @@ image_column = click.option(
     "--image-column",
     default="image",
     metavar="NAME",
-    help="Column of the table that names the image, or that holds it.",
+    help="Column of the table that names the image.",
 )
 circular = click.option(
     "--circular",

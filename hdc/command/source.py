@@ -14,7 +14,7 @@ import numpy as np
 
 from hdc import readers
 from hdc.command.options import FILE, axes, image_column, template
-from hdc.readers import Recording, Window
+from hdc.readers import VIDEO, Recording, Window, kind_of
 from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
@@ -37,7 +37,7 @@ _OPTIONS = (
     click.option(
         "--labels",
         metavar="NAME",
-        help="Array or column of labels, or a CSV with a row per frame.",
+        help="Array of labels.",
     ),
     axes,
     click.option(
@@ -49,21 +49,6 @@ _OPTIONS = (
         "--groups",
         metavar="NAME",
         help="Array or column of what was recorded together. [default: group]",
-    ),
-    click.option(
-        "--frames",
-        type=click.IntRange(1),
-        metavar="N",
-        help="Take N evenly spaced frames of each file of a folder of arrays or videos. "
-        "[default: all]",
-    ),
-    click.option(
-        "--skip-damaged", is_flag=True, help="Leave damaged images out, and count them."
-    ),
-    click.option(
-        "--skip-missing",
-        is_flag=True,
-        help="Leave rows of a table out whose image is missing, and count them.",
     ),
 )
 _PIXELS = (
@@ -96,7 +81,7 @@ class Source:
         frames = readers.open_recording(
             self.path,
             window=window,
-            check=False,
+            check=kind_of(self.path) == VIDEO,  # decoded from its beginning each time
             fewest_classes=fewest_classes,
             **self.settings,
         )
@@ -124,13 +109,11 @@ class Source:
         Raises:
             ValueError: a table has the labels or numbers of this recording alone.
         """
-        for name in ("table", "labels"):
-            given = Path(str(self.settings.get(name) or "")).expanduser()
-            if given.is_file():  # and not named from the folder of each
-                raise ValueError(
-                    f"--test: expected labels and numbers in {path}, found {given} for both "
-                    "recordings"
-                )
+        given = Path(str(self.settings.get("table") or "")).expanduser()
+        if given.is_file():  # and not named from the folder of each
+            raise ValueError(
+                f"--test: expected labels and numbers in {path}, found {given} for both recordings"
+            )
         return Source(path, self.settings)
 
 
@@ -180,7 +163,4 @@ _SETTINGS = (
     "axes",
     "sessions",
     "groups",
-    "frames",
-    "skip_damaged",
-    "skip_missing",
 )

@@ -1,7 +1,7 @@
 """Readers of recorded frames: folders of images, arrays, videos, tables, or a camera.
 
 docs/api.md describes every kind. Images and cameras need OpenCV
-(``pip install 'speckle-hdc[readers]'``); TIFF, videos, HDF5, MATLAB's files and parquet need the
+(``pip install 'speckle-hdc[readers]'``); compressed TIFF, videos, HDF5 and MATLAB's files need the
 libraries of the extra ``files``. Each is imported when such a file comes; this module imports numpy
 only. Each error names the file, what was expected and what was found. Nothing is ever unpickled.
 """
@@ -37,12 +37,11 @@ __all__ = [
     "open_recording",
 ]
 
-FOLDER, ARRAY, IMAGES = "a folder", "a file of arrays", "a parquet"
+FOLDER, ARRAY = "a folder", "a file of arrays"
 ARRAYS, VECTORS, VIDEO = "a file of several arrays", "a table", "a video"
 SUFFIXES = {
     **dict.fromkeys((".npz", ".npy", ".mat", ".h5", ".hdf5", ".tif", ".tiff"), ARRAY),
     ".csv": VECTORS,
-    ".parquet": IMAGES,
     **dict.fromkeys((".mp4", ".m4v", ".mov", ".avi", ".mkv", ".webm"), VIDEO),
 }
 """The kind of recording that a file is, by its suffix."""
@@ -50,19 +49,15 @@ _READERS = {
     FOLDER: "listing",
     ARRAY: "arrays",
     ARRAYS: "gathered",
-    IMAGES: "parquet",
     VECTORS: "vectors",
     VIDEO: "video",
 }
 """The module that opens each kind."""
 _SETTINGS = {
     "template": (FOLDER, ARRAYS),
-    "frames": (FOLDER, ARRAYS),
     "table": (FOLDER, ARRAY, VIDEO),
     "axes": (ARRAY, ARRAYS, FOLDER),
-    "labels": (ARRAY, ARRAYS, IMAGES, FOLDER),
-    "skip_damaged": (FOLDER,),
-    "skip_missing": (FOLDER,),
+    "labels": (ARRAY, ARRAYS, FOLDER),
 }
 """Settings that only some kinds of recordings have."""
 
@@ -74,50 +69,46 @@ def open_recording(
     memory_bytes: int = 2**28,
     *,
     axes: Sequence[str] | None = None,
-    labels: str | Path | None = None,
+    labels: str | None = None,
     template: str | None = None,
     table: str | Path | None = None,
     image_column: str = "image",
     value_columns: Sequence[str] = (),
     sessions: str | None = None,
     groups: str | None = None,
-    frames: int | None = None,
     window: Window | None = None,
     check: bool = True,
     fewest_classes: int = 2,
-    skip_damaged: bool = False,
-    skip_missing: bool = False,
 ) -> Recording:
     """Open recorded frames with their labels, values and order.
 
     Args:
         path: a folder of images, or of files of arrays or videos; an .npz, .npy, .mat, .h5 or TIFF,
-            of which ``FILE:/NAME`` is one array; a .parquet with images; a .csv of vectors; or a
-            video. ``~`` is the home folder.
+            of which ``FILE:/NAME`` is one array; a .csv of vectors; or a video. ``~`` is the home
+            folder.
         crop: (x, y, width, height) in pixels, x to the right and y down from the top left corner.
         subsample: every subsample-th pixel of the crop on both axes is kept (not averaged, which
             would lower the contrast of a speckle).
-        memory_bytes: images are kept in memory up to this size, else decoded again when asked for.
-        axes: of an array, such as ``("label", "order", "height", "width")``.
-        labels: name of the array or column of labels, or a CSV with them, whose columns of numbers
-            are not learnt.
+        memory_bytes: with ``check``, images and frames of a video are kept in memory if all fit in
+            this size, else decoded again when asked for.
+        axes: of an array, such as ``("height", "width", "frame")``.
+        labels: name of the array of labels.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``;
             or of a file of arrays or a video, such as ``{session}/{label}_{group}.avi``; or of an
             array in a file that has one per trial, such as ``{label}_{group}/frames``.
         table: CSV with a row per image, in or relative to the folder, or with a row per frame of an
             array or a video; its columns of numbers are values. A video may have a row per interval
-            instead. Default for both: beside the file, its suffix replaced by .csv.
-        image_column: column of the table, or of the .parquet, that has the images.
+            instead. Default for both: beside the file, its suffix replaced by .csv; numbers beside
+            an array are not learnt.
+        image_column: column of the table that has the images.
         value_columns: columns, or arrays of a file, that are values; default: all numeric ones
-            but order, session and group (none of a manifest.csv or of a .csv of vectors).
+            but order, session, group, frame and time (none of a manifest.csv or of a .csv of
+            vectors).
         sessions, groups: the column, or the array [N], that has the session or the group of each
             frame; default: ``session`` and ``group``.
-        frames: of a folder of arrays or videos, how many of each file, evenly spaced; default: all.
         window: crop and subsample in one.
-        check: decode every image of a folder at once; otherwise each when it is asked for.
+        check: decode every image, and every frame of a video, at once; otherwise when asked for.
         fewest_classes: a recording of fewer is refused; with 0 it needs neither labels nor values.
-        skip_damaged: leave damaged images of a folder out, and say so in ``notes``.
-        skip_missing: leave rows of a table out whose image is not there, and say so.
 
     Raises:
         Ambiguous: it has two readings; both are named.
@@ -128,34 +119,24 @@ def open_recording(
     """
     window = window or Window(crop, subsample)
     path, dataset = split_name(Path(path).expanduser())
-    values = value_columns if table is None or value_columns else None
-    if labels is not None and kind_of(Path(labels)) == VECTORS:
-        if table is not None:
-            raise wrong("table", table, "null where labels are a table")
-        labels, table = None, labels  # whose numbers are not learnt
     asked = Asked(
-        labels=None if labels is None else str(labels),
+        labels=labels,
         table=None if table is None else Path(table).expanduser(),
-        values=values,
+        values=value_columns if table is None or value_columns else None,
         sessions=sessions,
         groups=groups,
-        frames=frames,
         fewest_classes=fewest_classes,
         axes=axes,
         dataset=dataset,
         template=template,
         image_column=image_column,
-        skip_damaged=skip_damaged,
-        skip_missing=skip_missing,
-        check=check,
-        memory_bytes=memory_bytes,
     )
     reader = f"hdc.readers.{_READERS[_checked_kind(path, asked)]}"
     try:  # libraries are imported where their files are read
         opened: Recording = import_module(reader).open_frames(path, window, asked)
     except ModuleNotFoundError as error:
         raise missing(error) from error
-    return opened
+    return opened.kept(memory_bytes) if check and opened.is_decoded else opened
 
 
 def _checked_kind(path: Path, asked: Asked) -> str:

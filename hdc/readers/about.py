@@ -20,6 +20,9 @@ from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
 """Columns known by name, which are no numbers to learn."""
+_NAMES = ("label", "file")
+_OF_FRAME = ("frame", "time")
+"""Columns that say which frame it is: neither are these, unless they are named."""
 _INTEGER = re.compile(r"[-+]?\d+", re.ASCII)
 _MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
 """Texts for a missing number, in upper or lower case."""
@@ -81,30 +84,27 @@ class Columns:
 
     @classmethod
     def of_rows(cls, where: object, rows: Rows) -> Columns:
-        """The columns of rows of text that all have the same names."""
+        """The columns of rows of text that all have the same names, as numbers where all cells are;
+        labels and files stay text."""
         if not rows:
             raise ValueError(f"{where}: expected a row per frame, found none")
-        texts = {name: [row[name] for _, row in rows] for name in rows[0][1]}
-        return cls.of_texts(where, len(rows), lambda i: rows[i][0], texts)
-
-    @classmethod
-    def of_texts(
-        cls,
-        where: object,
-        n: int,
-        place: Callable[[int], str],
-        texts: Mapping[str, Sequence[str]],
-    ) -> Columns:
-        """Columns of text, as numbers where all cells are; labels stay text."""
         columns = {}
-        for name, cells in texts.items():
-            columns[name] = np.array(cells) if name == "label" else typed(cells)
-        return cls(where, n, place, columns)
+        for name in rows[0][1]:
+            cells = [row[name] for _, row in rows]
+            columns[name] = np.array(cells) if name in _NAMES else typed(cells)
+        return cls(where, len(rows), lambda i: rows[i][0], columns)
 
     def only(self, *names: str) -> Columns:
         """Columns of these names, where they are there."""
         kept = {name: self.columns[name] for name in names if name in self.columns}
-        return Columns(self.where, self.n, self.place, kept)
+        return replace(self, columns=kept)
+
+    def take(self, rows: np.ndarray) -> Columns:
+        """The columns of these rows [n]."""
+        kept = {name: column[rows] for name, column in self.columns.items()}
+        return replace(
+            self, n=len(rows), place=lambda i: self.place(int(rows[i])), columns=kept
+        )
 
     def known_as(self, asked: Asked) -> Columns:
         """These, of which those that are asked for are ``session`` and ``group``.
@@ -134,8 +134,7 @@ class Columns:
         Raises:
             ValueError: there is nothing to learn, or a column is not as it has to be.
         """
-        labels = self.columns.pop("label", None)
-        samples = self._samples()
+        labels, samples = self.columns.get("label"), self._samples()
         if value_columns is None or (labels is None and not value_columns):
             value_columns = self.numeric() if self.learnt is None else self.learnt
         if labels is None and not value_columns and fewest_classes > 0:
@@ -195,6 +194,7 @@ class Columns:
             ValueError: one of :data:`KNOWN` is no number of each row: splits go by them.
         """
         samples = {"order": np.arange(self.n), **self.columns}
+        samples.pop("label", None)
         for name in KNOWN:
             column = self.columns.get(name)
             if column is None:
@@ -214,7 +214,7 @@ class Columns:
         return samples
 
     def numeric(self) -> list[str]:
-        """Names of the columns of numbers, without :data:`KNOWN` and columns that have no name.
+        """Names of the columns of numbers, without those that are known and those without a name.
 
         Most cells of such a column are numbers, or are missing where there is a number.
 
@@ -223,7 +223,8 @@ class Columns:
         """
         names = []
         for name, column in self.columns.items():
-            if name in KNOWN or is_unnamed(name) or not _is_mostly_numbers(column):
+            is_known = name in (*KNOWN, *_NAMES, *_OF_FRAME) or is_unnamed(name)
+            if is_known or not _is_mostly_numbers(column):
                 continue
             self.numbers(name)
             names.append(name)
@@ -295,28 +296,36 @@ def normalised(texts: Sequence[str] | np.ndarray) -> list[str]:
 
 def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     """Sort key that puts frame2 before frame10, whatever the locale."""
-    key: list[tuple[int, int, str]] = []
-    for part in re.split(r"([0-9]+)", name):
-        if part.isdecimal():
-            key.append((0, int(part), part))
-        elif part:
-            key.append((1, 0, part.casefold()))
+    key = [
+        (0, int(part), part) if part.isdecimal() else (1, 0, part.casefold())
+        for part in re.split(r"([0-9]+)", name)
+        if part
+    ]
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
 
 
-def grouped(about: About, members: np.ndarray) -> tuple[About, str]:
-    """Frames whose `members` [N] of a kind, such as files, are groups; and names of the classes of
-    a single one, whose frames are split. Where all classes are such, nothing is a group."""
-    assert about.labels is not None
-    pairs = np.unique(np.stack([about.labels, members]), axis=1)
-    alone = np.bincount(pairs[0])[about.labels] == 1
-    if alone.all():
-        return about, ""
-    apart = members.max() + 1 + np.arange(len(members))
-    samples = {**about.samples, "group": np.where(alone, apart, members)}
-    names = [about.classes[c] for c in np.unique(about.labels[alone])]
-    more = [f"{len(names) - SHOWN} more"] if len(names) > SHOWN else []
-    return replace(about, samples=samples), ", ".join([*names[:SHOWN], *more])
+def grouped(about: About, parts: np.ndarray) -> tuple[About, list[str]]:
+    """Frames whose `parts` [N], such as files, are groups, or the groups in each part; and a note.
+
+    The frames of a class with a single part are split. Where all classes are such, the parts are
+    no groups.
+    """
+    own = about.samples.get("group")
+    if own is not None:
+        pairs = np.stack([parts, own])
+        parts = np.unique(pairs, axis=1, return_inverse=True)[1]
+    found = "each class"
+    labels = np.zeros(len(parts), int) if about.labels is None else about.labels
+    pairs = np.unique(np.stack([labels, parts]), axis=1)
+    alone = np.bincount(pairs[0])[labels] == 1
+    samples = {k: column for k, column in about.samples.items() if k != "group"}
+    if not alone.all():
+        apart = parts.max() + 1 + np.arange(len(parts))
+        samples["group"] = np.where(alone, apart, parts)
+        names = [about.classes[c] for c in np.unique(labels[alone])]
+        found = ", ".join(names[:SHOWN])
+    note = f"{found}: recorded once, so its frames are split"
+    return replace(about, samples=samples), [note] if alone.any() else []
 
 
 def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:

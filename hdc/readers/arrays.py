@@ -1,51 +1,44 @@
 """Frames of an array: which array, which axis is which, and what else of the file belongs to each.
 
-The axis of the frames is the one that is as long as there are labels; where two are, both readings
-are named. Without labels the axes are as the file's makers have them: frames first, or last in
-MATLAB. How an array was read is noted.
+How an array was read is noted.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from hdc.readers.about import Columns
 from hdc.readers.asked import Asked
-from hdc.readers.axes import ALONG, Frames, reading
+from hdc.readers.axes import Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
 from hdc.readers.recording import Recording, Window
 from hdc.readers.store import Store
 from hdc.readers.stores import load
 from hdc.readers.table import columns_in
-from hdc.readers.template import suggested_in
+from hdc.readers.template import suggested
 
 
-def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
-    """Open frames of an array, with labels or values beside it in the file, or in a table.
+def open_frames(
+    path: Path, window: Window, asked: Asked, store: Store | None = None
+) -> Recording:
+    """Frames of an array, with labels or values beside it in the file, or in a table.
 
-    The axes are names among :data:`~hdc.readers.axes.ALONG` and
-    :data:`~hdc.readers.axes.INSIDE`; by default one of :data:`~hdc.readers.axes.READINGS`. The
-    table is beside the file by default, its suffix replaced by .csv, where the file has no labels.
+    Without ``asked.axes`` they are as :func:`~hdc.readers.axes.reading` says. The table is beside
+    the file by default, its suffix replaced by .csv, where the file has no labels. A `store` that
+    is loaded is not loaded again.
 
     Raises:
         Ambiguous: two arrays, or two orders of axes, can be meant.
         ValueError: the file or one of its arrays is not as described.
     """
-    store = load(path)
+    store = store or load(path)
     name = _frames_name(path, store, asked)
-    array = store.arrays.pop(name)
+    array = store.arrays[name]
     _check_pixels(path, name, array, asked.axes)
-    # Arrays of the same group of HDF5, or of the same struct, are known by their own names.
-    group = name[: name.rfind("/") + 1]
-    asked = asked.within(group)
-    arrays = beside(path, store, asked, group)
+    arrays = beside(path, store, asked, name)
     table = _table(path, arrays, asked)
     columns = None if table is None else Columns.read(table)
     axes = asked.axes or store.axes.get(name)
@@ -58,11 +51,8 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
         return f"{where}, frame {i}" if n > 1 else where
 
     frames = Frames(place, array, axes, window)
-    n = math.prod(frames.counts)
+    n = frames.n
     if columns is None:
-        if "value" in axes and not asked.values:
-            asked = asked._replace(values=("value",))
-        arrays |= _places(axes, frames.counts)
         columns = columns_of(path, arrays, n, store.frames_last)
         if asked.fewest_classes > 0 and not asked.values:
             check_learnt(path, store, columns, array.shape)
@@ -71,28 +61,25 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     read = asked.dataset, tuple(axes)
     as_read = f"{path.name}[{name}] {tuple(array.shape)} as {', '.join(axes)}"
     return Recording.of(
-        columns.known_as(asked).about(asked.values, asked.fewest_classes),
+        columns,
         frames,
         window,
-        digest=cache(lambda: _digest(path, *read)),
-        notes=(as_read, *store.notes_on(name), *_notes(path, axes, table, asked)),
+        asked,
+        lambda: _digest(path, *read),
+        values=asked.values,
+        notes=(as_read, *store.note(), *_notes(path, table, asked)),
         image_shape=frames.size,
     )
 
 
-def _notes(
-    path: Path, axes: Sequence[str], table: Path | None, asked: Asked
-) -> list[str]:
-    """How the channels and the labels were read, a phrase each."""
+def _notes(path: Path, table: Path | None, asked: Asked) -> list[str]:
+    """Which table the labels are of, where one lies beside the file."""
     beside_it = path.with_suffix(".csv")
-    is_unused = table is None and asked.labels is None
-    found = {
-        "channels are red, green, blue": "channel" in axes,
-        f"labels of {beside_it.name}": table is not None and asked.table is None,
-        f"labels and values of the file, not of {beside_it.name}": is_unused
-        and "label" in columns_in(beside_it),
-    }
-    return [note for note, holds in found.items() if holds]
+    if asked.table is None and table is not None:
+        return [f"labels of {table.name}"]
+    if table is None and asked.labels is None and "label" in columns_in(beside_it):
+        return [f"labels and values of the file, not of {beside_it.name}"]
+    return []
 
 
 def _table(path: Path, arrays: dict[str, Any], asked: Asked) -> Path | None:
@@ -115,14 +102,6 @@ def _check_rows(columns: Columns, n: int) -> None:
             f"{columns.where}: expected rows in the order of the frames, numbered from 0 to "
             f"{n - 1} in the column frame, found {numbers[0]} to {numbers[-1]}"
         )
-
-
-def _places(axes: Sequence[str], counts: Sequence[int]) -> dict[str, np.ndarray]:
-    """Place along each axis of frames that says something of them, of every frame [N]."""
-    along = [axis for axis in axes if axis in ALONG]
-    places = np.indices(counts).reshape(len(along), math.prod(counts))
-    found = zip(along, places, strict=True)
-    return {axis: place for axis, place in found if axis != "frame"}
 
 
 def _digest(path: Path, dataset: str, axes: tuple[str, ...]) -> str:
@@ -148,7 +127,7 @@ def _frames_name(path: Path, store: Store, asked: Asked) -> str:
     if len(found) == 1:
         return found[0]
     if found:
-        choices = [f"--template '{made}'" for made in suggested_in(found)]
+        choices = [f"--template '{made}'" for made in suggested(found)]
         choices += [f"{path}:/{name}" for name in found]
         raise Ambiguous(f"{path}: several arrays", choices)
     raise ValueError(
@@ -158,17 +137,14 @@ def _frames_name(path: Path, store: Store, asked: Asked) -> str:
 
 
 def _stacks(store: Store, axes: Sequence[str] | None) -> list[str]:
-    """Names of the arrays that can be frames: of three axes or more, else of two; of one if it is
-    the only axis that is asked for."""
+    """Names of the arrays that can be frames: of three axes or more, else tables; or of as many
+    axes as are asked for."""
     shapes = {k: a.shape for k, a in store.arrays.items() if a.dtype.kind in "iuf"}
-    if axes is not None and len(axes) == 1:
-        return [name for name, shape in shapes.items() if len(shape) == 1]
+    if axes is not None:
+        return [name for name, shape in shapes.items() if len(shape) == len(axes)]
     stacks = [name for name, shape in shapes.items() if len(shape) > 2]
-    return stacks or [name for name, shape in shapes.items() if _is_table(shape)]
-
-
-def _is_table(shape: tuple[int, ...]) -> bool:
-    return len(shape) == 2 and min(shape) > 1
+    tables = [k for k, shape in shapes.items() if len(shape) == 2 and min(shape) > 1]
+    return stacks or tables
 
 
 def _check_pixels(

@@ -13,7 +13,6 @@ LIBRARIES = {
     "av": "files",
     "h5py": "files",
     "scipy": "files",
-    "pyarrow": "files",
 }
 """Packages that read files, and the extra of this distribution that brings each."""
 SHOWN = 12

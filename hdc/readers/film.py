@@ -1,15 +1,15 @@
 """Frames of a video, decoded by PyAV (FFmpeg) from its beginning.
 
 Times are as in the container, in seconds from its first frame, evenly spaced or not. A frame is
-turned as the file says. Grey of more than 8 bits is left as it is stored. Seeking is slow, and not
-exact in every container, so a video is decoded from its beginning. Frames that fit are kept in
-memory.
+turned as the file says. Grey of more than 8 bits is left as it is stored, and colour of more
+becomes luminance of 16. Seeking is slow, and not exact in every container, so a video is decoded
+from its beginning.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from av.sidedata.sidedata import Type
 
 from hdc.readers.files import BadFrame, check_file
 from hdc.readers.images import grey
-from hdc.readers.recording import Window
+from hdc.readers.recording import Window, in_any_order
 
 
 class Film:
@@ -28,84 +28,51 @@ class Film:
 
     Attributes:
         path: of the file.
-        count: of all frames that were read.
-        numbers, times: of the frames that are chosen, in s.
+        numbers, times, rows: of the frames that are chosen: numbers from 0, times in s, and rows of
+            a table.
         shape, dtype: of a frame; known after :meth:`read`.
-        notes: how frames are read where the file could be read otherwise.
     """
 
-    def __init__(self, path: Path, window: Window, memory_bytes: int) -> None:
-        self.path, self._window, self._memory_bytes = path, window, memory_bytes
-        self.count = 0
+    def __init__(self, path: Path, window: Window) -> None:
+        self.path, self._window = path, window
         self.numbers: list[int] = []
         self.times: list[float] = []
+        self.rows: list[int] = []
         self.shape: tuple[int, ...] = ()
         self.dtype = np.dtype(np.uint8)
-        self.notes: list[str] = []
-        self._kept: dict[int, np.ndarray] = {}
 
-    def read(
-        self, is_wanted: Callable[[int, float], bool], end: float = math.inf
-    ) -> None:
-        """Choose each frame before ``end`` that is wanted by its number and time in s.
-
-        Frames are kept in memory if all of them fit.
-        """
-        frames = stream_video(self.path, self._window, end, self.notes)
+    def read(self, row_of: Callable[[int, float], int], end: float = math.inf) -> None:
+        """Choose each frame before ``end`` whose number and time in s have a row, which is ≥ 0."""
+        frames = stream_video(self.path, self._window, end)
         for number, (time, frame) in enumerate(frames):
-            self.count = number + 1
             self.shape, self.dtype = frame.shape, frame.dtype
-            if is_wanted(number, time):
+            if (row := row_of(number, time)) >= 0:
                 self.numbers.append(number)
                 self.times.append(time)
-                if len(self.numbers) * frame.nbytes <= self._memory_bytes:
-                    self._kept[number] = frame
-        if len(self._kept) < len(self.numbers):
-            self._kept = {}
+                self.rows.append(row)
 
     def expect(self) -> None:
         """Choose all frames that the header states, or as many as there are; none is decoded but
         the first."""
-        first = next(stream_video(self.path, self._window, notes=self.notes))[1]
-        with opened(self.path) as (_, stream):
-            count = stream.frames
-        if count == 0:
-            self.read(lambda *_: False)
-            count = self.count
+        first = next(stream_video(self.path, self._window))[1]
         self.shape, self.dtype = first.shape, first.dtype
-        self.numbers = [*range(count)]
-
-    def choose(self, table: Path, numbers: list[int]) -> None:
-        """Choose frames of these numbers, in this order, of those that were read for a table."""
-        time_of = dict(zip(self.numbers, self.times, strict=True))
-        if absent := sorted(set(numbers) - set(time_of)):
-            wanted = f"numbers of the {self.count} frames of {self.path.name}, from 0"
-            raise ValueError(f"{table}: expected {wanted}, found {absent[0]}")
-        self.numbers, self.times = numbers, [time_of[number] for number in numbers]
-
-    def samples(self) -> dict[str, np.ndarray]:
-        """Number and time in s of each frame."""
-        return {"frame": np.array(self.numbers), "time": np.array(self.times)}
+        with opened(self.path) as (_, stream):
+            self.numbers = [*range(stream.frames)]
+        if not self.numbers:
+            self.read(lambda *_: 0)
 
     def place(self, i: int) -> str:
         """The video, and the number of a frame."""
         return f"{self.path}, frame {self.numbers[i]}"
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
-        """Frames [H, W] of indices [n]; the video is decoded once more where they are not kept."""
-        numbers = [self.numbers[i] for i in index]
-        if self._kept:
-            return (self._kept[number] for number in numbers)
-        ordered = sorted(set(numbers))
-        if ordered == numbers:
-            return self._of_numbers(ordered)
-        found = dict(zip(ordered, self._of_numbers(ordered), strict=True))
-        return (found[number] for number in numbers)
+        """Frames [H, W] of indices [n]; the video is decoded from its beginning."""
+        return in_any_order(index, self._ordered)
 
-    def _of_numbers(self, ordered: Sequence[int]) -> Iterator[np.ndarray]:
-        """Frames of these numbers, which increase."""
+    def _ordered(self, index: np.ndarray) -> Iterator[np.ndarray]:
+        """Frames of these indices, which increase."""
         frames = enumerate(stream_video(self.path, self._window))
-        for wanted in ordered:
+        for wanted in (self.numbers[i] for i in index):
             found = (frame for number, (_, frame) in frames if number == wanted)
             frame = next(found, None)
             if frame is None:
@@ -114,14 +81,9 @@ class Film:
 
 
 def stream_video(
-    path: Path,
-    window: Window,
-    end: float = math.inf,
-    notes: list[str] | None = None,
+    path: Path, window: Window, end: float = math.inf
 ) -> Iterator[tuple[float, np.ndarray]]:
     """Time in s and grey frame [H, W] of each frame of a video before ``end`` in s.
-
-    Statements of the file on its frames are added to ``notes``.
 
     Raises:
         BadFrame: a frame is damaged, or frames are missing.
@@ -129,7 +91,7 @@ def stream_video(
     """
     times: list[float] = []
     with opened(path) as (container, stream):
-        start = lasts = 0.0
+        start = 0.0
         for frame in _decoded(path, container.decode(stream)):
             if frame.time is None or frame.is_corrupt:
                 raise BadFrame(
@@ -144,54 +106,11 @@ def stream_video(
                 )
             times.append(time)
             if time >= end:
-                break
-            lasts = float((frame.duration or 0) * frame.time_base)
-            yield time, grey(window.of(_pixels(path, frame, notes)))
-        stated_end = 0.0
-        if len(container.streams) == 1 and container.duration is not None:
-            stated_end = float(container.duration / av.time_base) - start
-        check_whole(path, times, end, stream.frames, stated_end, lasts)
-
-
-def check_whole(
-    path: Path,
-    times: Sequence[float],
-    end: float,
-    stated_frames: int,
-    stated_end: float,
-    lasts: float,
-) -> None:
-    """Raise BadFrame unless there are as many frames, or seconds, as the header states.
-
-    Where it states no frames, a gap in steps that are even but for one in ten is a loss.
-
-    Args:
-        path: of the video.
-        times: of its frames, in s.
-        end: seconds up to which it is needed.
-        stated_frames: how many its header states; 0 where it states none.
-        stated_end: seconds of its end; 0 where it states none.
-        lasts: seconds of the last frame.
-    """
-    n = len(times)
-    if n == 0:
-        raise BadFrame(f"{path}: expected frames, found none")
-    steps = np.diff(times)
-    if times[-1] < end:
-        step = max(lasts, *steps.tolist(), 0.0)
-        lacks_end = times[-1] + 1.5 * step < stated_end and not stated_frames
-        if n < stated_frames or lacks_end:
-            stated = f"{stated_frames} frames" if stated_frames else f"{stated_end:g} s"
-            found = f"{n} frames to {times[-1]:g} s"
-            raise BadFrame(
-                f"{path}: expected {stated} as its header says, found {found}"
-            )
-    gaps = int((steps > 1.5 * np.median(steps)).sum()) if n > 2 else 0
-    if 0 < 9 * gaps < len(steps) and not stated_frames:
-        raise BadFrame(
-            f"{path}: expected frames at an even rate, found {gaps} gaps: some are lost (if its "
-            "rate varies, ffmpeg -i … -c copy out.mp4 counts its frames)"
-        )
+                return
+            yield time, grey(window.of(_pixels(path, frame)))
+        if not times or len(times) < stream.frames:
+            wanted = f"{stream.frames or 'some'} frames as its header says"
+            raise BadFrame(f"{path}: expected {wanted}, found {len(times)}")
 
 
 def _decoded(path: Path, frames: Iterator[Any]) -> Iterator[Any]:
@@ -241,28 +160,19 @@ def opened(path: Path) -> Iterator[tuple[Any, Any]]:
         raise BadFrame(f"{path}: expected a whole video, found: {found}") from error
 
 
-def _pixels(path: Path, frame: Any, notes: list[str] | None) -> np.ndarray:
+def _pixels(path: Path, frame: Any) -> np.ndarray:
     """Pixels [H, W] or [H, W, 3] (blue first) of a decoded frame, shown as the file says."""
-    bits = max(component.bits for component in frame.format.components)
-    form, said = "bgr24", []
+    form = "bgr24"
     if frame.format.name.startswith("gray"):
         form = frame.format.name
-        said += [f"{bits} bits per pixel"] * (bits > 8)
-    elif bits > 8:
+    elif max(component.bits for component in frame.format.components) > 8:
         form = "gray16le"
-        said.append(f"luminance of {bits} bits, scaled to 16")
-    if frame.interlaced_frame:
-        said.append("interlaced: ffmpeg -vf yadif separates fields")
     image = frame.to_ndarray(format=form)
     matrix = frame.side_data.get(Type.DISPLAYMATRIX)
-    if matrix is not None:
-        turns = np.frombuffer(bytes(matrix), np.int32)[[0, 1, 3, 4]] / 65536
-        if turns.tolist() != [1, 0, 0, 1]:
-            image = _shown(path, image, *turns)
-            said.append("turned or mirrored as the file says")
-    if notes is not None:
-        notes += [text for text in said if text not in notes]
-    return image
+    if matrix is None:
+        return image
+    turns = np.frombuffer(bytes(matrix), np.int32)[[0, 1, 3, 4]] / 65536
+    return _shown(path, image, *turns)
 
 
 def _shown(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,67 +15,42 @@ from hdc.readers.store import OnDisk, Store, not_plain
 
 
 def load(path: Path) -> Store:
-    """The arrays of a file of HDF5, or of MATLAB's version 7.3."""
-    file = h5py.File(path, "r", rdcc_nbytes=2**26)  # chunks of several frames
-    store = Store({}, frames_last=path.suffix.lower() == ".mat")
+    """The arrays of a file of HDF5, or of MATLAB's version 7.3.
 
-    for name, item in _datasets(file, "", {_key(file)}, store.arrays):
-        store.frames_last |= "MATLAB_class" in item.attrs
-        if why := _missing_filter(item) or _filled_in(path, item):
-            store.unread[name] = why
+    Attributes of groups, such as the label of a trial, are among them.
+    """
+    file = h5py.File(path, "r", rdcc_nbytes=2**26)  # chunks of several frames
+    is_matlab = path.suffix.lower() == ".mat"
+    store = Store(_attributes(file, ""), frames_last=is_matlab)
+    names: list[str] = []
+    file.visit(names.append)  # each object once; no links to other files
+    for name in names:
+        if name.startswith("#"):  # MATLAB's #refs# have one for each cell of text
             continue
-        array = _dataset(path, item)
-        if array is None:
-            store.unread[name] = not_plain(name)
-        else:
-            store.arrays[name] = array
+        item = file[name]
+        if isinstance(item, h5py.Group):
+            store.arrays |= _attributes(item, f"{name}/")
+        elif isinstance(item, h5py.Dataset):
+            store.frames_last |= "MATLAB_class" in item.attrs
+            why = _missing_filter(item) or _filled_in(path, item)
+            array = None if why else _dataset(path, item)
+            if array is None:
+                store.unread[name] = why or not_plain(name)
+            else:
+                store.arrays[name] = array
     return store
 
 
-def _datasets(
-    group: Any, before: str, seen: set[Any], stated: dict[str, Any]
-) -> Iterator[tuple[str, Any]]:
-    """Path and dataset of all in a group, once; MATLAB's #refs# have one for each cell of text.
-
-    Attributes of groups, such as the label of a trial, are added to what is ``stated``.
-    """
-    stated |= {f"{before}{name}": own for name, own in _attributes(group)}
-    for name in group:
-        is_own = isinstance(group.get(name, getlink=True), h5py.HardLink)
-        if name.startswith("#") or not is_own:
-            continue
-        item = group[name]
-        if (key := _key(item)) in seen:
-            continue
-        seen.add(key)
-        if isinstance(item, h5py.Group):
-            yield from _datasets(item, f"{before}{name}/", seen, stated)
-        elif _is_of_structs(group, item):
-            for number, cell in enumerate(item[()].flat, 1):
-                yield f"{before}{number}/{name}", group.file[cell]
-        elif isinstance(item, h5py.Dataset):
-            yield f"{before}{name}", item
-
-
-def _key(item: Any) -> tuple[int, int]:
-    """Where a group or a dataset lies; hard links give it several names."""
-    place = h5py.h5o.get_info(item.id)
-    return place.fileno, place.addr
-
-
-def _attributes(group: Any) -> Iterator[tuple[str, np.ndarray]]:
-    """Names and values of a group's single attributes; names in capitals are of programs."""
+def _attributes(group: Any, before: str) -> dict[str, np.ndarray]:
+    """A group's single attributes by their paths; names in capitals are of programs."""
+    found = {}
     for name, item in group.attrs.items():
         own = np.asarray(item)
         if own.size == 1 and not (name.isupper() or name.startswith("MATLAB")):
-            yield name, own.astype(str) if own.dtype.kind in "SO" else own
-
-
-def _is_of_structs(group: Any, item: Any) -> bool:
-    """Whether a dataset refers to one field of each struct of a MATLAB array of structs."""
-    is_struct = group.attrs.get("MATLAB_class") == b"struct"
-    refers = h5py.check_ref_dtype(getattr(item, "dtype", np.dtype(float))) is not None
-    return is_struct and refers and "MATLAB_class" not in item.attrs
+            found[f"{before}{name}"] = (
+                own.astype(str) if own.dtype.kind in "SO" else own
+            )
+    return found
 
 
 def _dataset(path: Path, item: Any) -> Any:

@@ -7,9 +7,7 @@ by tifffile.
 
 from __future__ import annotations
 
-import math
 import struct
-from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -19,7 +17,7 @@ import cv2
 import numpy as np
 
 from hdc.readers.files import BadFrame, SettingError
-from hdc.readers.recording import Window, check_finite, with_progress
+from hdc.readers.recording import Window, check_finite
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -27,14 +25,11 @@ T = TypeVar("T")
 PNG, JPEG, BMP = b"\x89PNG\r\n\x1a\n", b"\xff\xd8\xff", b"BM"
 TIFF = (b"II*\0", b"MM\0*", b"II+\0", b"MM\0+")  # + : BigTIFF
 """How these files begin."""
-_SCAN_MARK, _END_MARK = 0xDA, 0xD9
+_END_MARK = 0xD9
 _IN_SCANS = (0x00, 0x01, *range(0xD0, 0xD8), 0xFF)
 """Second bytes of what may stand within a scan: a byte 255, a restart, filling."""
 _BY_MASKS, _USUAL_MASKS = (3, 6), (0xFF0000, 0xFF00, 0xFF)
 """BMP: compressions by masks, and the masks of 32 bits that OpenCV reads."""
-_USUAL_CODES = bytes([0, 2, 1, 3, 3, 2, 4, 3, 5, 5, 4, 4, 0, 0, 1, 125])
-"""JPEG's usual table for luminance: with it no scan has a long run of zeros."""
-_SECTOR = bytes(512)
 AHEAD = 16
 """Images decoded ahead of the caller."""
 
@@ -49,20 +44,7 @@ def decode(file: Path) -> np.ndarray:
         data = file.read_bytes()
     except OSError as error:
         raise BadFrame(f"{file}: expected a readable file, found none") from error
-    return decoded(str(file), data)
-
-
-def is_whole(file: Path) -> bool:
-    """Whether a file is an image that can be decoded."""
-    try:
-        decode(file)
-    except BadFrame:
-        return False
-    return True
-
-
-def decoded(place: str, data: bytes) -> np.ndarray:
-    """:func:`decode` of the bytes of a file; errors name the `place`."""
+    place = str(file)
     if data.startswith(TIFF):
         from hdc.readers import tiff
 
@@ -109,28 +91,18 @@ def _whole_jpeg(place: str, data: bytes) -> bytes:
     """The image without what follows its end, such as the film of a motion photo.
 
     Raises:
-        BadFrame: it is cut, or has lost a block of zeros: decoders go on over both.
+        BadFrame: it is cut: decoders go on over that.
     """
-    first, end = _scans(data)
-    if end < 0 or (_USUAL_CODES in data[:end] and _SECTOR in data[first:end]):
-        raise _damaged(place)
-    return data[:end]
-
-
-def _scans(data: bytes) -> tuple[int, int]:
-    """Where the first scan of a JPEG begins, and where its image ends; -1 where it does not."""
-    first, at = -1, 2
+    at = 2
     while 0 <= at < len(data) - 1:
         mark = data[at + 1]
         if data[at] != 0xFF or mark in _IN_SCANS:
             at = data.find(b"\xff", at + 1)
         elif mark == _END_MARK:
-            return first, at + 2
+            return data[: at + 2]
         else:
-            if mark == _SCAN_MARK and first < 0:
-                first = at
             at += 2 + int.from_bytes(data[at + 2 : at + 4])
-    return first, -1
+    raise _damaged(place)
 
 
 def grey(image: np.ndarray) -> np.ndarray:
@@ -175,13 +147,10 @@ def frame_of(place: str, image: np.ndarray, window: Window) -> np.ndarray:
 
 
 class Images:
-    """Grey frames of N images that have the size and depth of the first; decoded when asked for, or
-    kept.
+    """Grey frames of images that have the size and depth of the first, decoded when asked for.
 
     Args:
-        n: N.
-        decoded: gives the image of a number.
-        place: names it, for errors.
+        files: their N files.
         window: pixels that are kept.
 
     Attributes:
@@ -192,40 +161,22 @@ class Images:
         BadFrame: the first is no usable image.
     """
 
-    def __init__(
-        self,
-        n: int,
-        decoded: Callable[[int], np.ndarray],
-        place: Callable[[int], str],
-        window: Window,
-    ) -> None:
-        self._n, self._decoded, self.place, self._window = n, decoded, place, window
-        self._kept: list[np.ndarray] = []
-        first = decoded(0)
+    def __init__(self, files: Sequence[Path], window: Window) -> None:
+        self._files, self._window = files, window
+        first = decode(files[0])
         self.size, self.dtype = first.shape[:2], first.dtype
-        self.shape = frame_of(place(0), first, window).shape
+        self.shape = frame_of(self.place(0), first, window).shape
 
-    def check(self, memory_bytes: int) -> None:
-        """Decode all of them, and keep them if they fit.
-
-        Raises:
-            BadFrame: one is no usable image, or its size or depth is not that of the first.
-        """
-        frames = self.each(np.arange(self._n))
-        shown = with_progress(frames, self._n, "Reading images")
-        if self._n * math.prod(self.shape) * self.dtype.itemsize <= memory_bytes:
-            self._kept = list(shown)
-        else:
-            deque(shown, maxlen=0)
+    def place(self, i: int) -> str:
+        """The file of a frame."""
+        return str(self._files[i])
 
     def each(self, index: np.ndarray) -> Iterator[np.ndarray]:
         """Frames [H, W] of the indices, one after the other."""
-        if self._kept:
-            return (self._kept[i] for i in index)
         return ahead(self._frame, index.tolist())
 
     def _frame(self, i: int) -> np.ndarray:
-        image = self._decoded(i)
+        image = decode(self._files[i])
         if image.shape[:2] != self.size or image.dtype != self.dtype:
             found = f"{image.shape[1]} × {image.shape[0]} {image.dtype}"
             size = f"{self.size[1]} × {self.size[0]} pixels {self.dtype}"

@@ -21,21 +21,25 @@ _OF_FILE = ("classes", "values", "value_names", "value_units")
 """Arrays that say something of the file, known by their names, and not of a frame each."""
 
 
-def beside(path: Path, store: Store, asked: Asked, group: str) -> dict[str, Any]:
-    """The arrays of a file without its frames: those in the `group` of the frames, by their names
-    in it, and those in no group. The labels, as asked for or else one of :data:`LABELS`, are
-    ``label``.
+def beside(path: Path, store: Store, asked: Asked, frames: str) -> dict[str, Any]:
+    """The arrays of a file without its `frames`: those in their group of HDF5, or struct of MATLAB,
+    by their names in it, and those in no group. The labels, as asked for or else one of
+    :data:`LABELS`, are ``label``.
 
     Raises:
         BadFrame: one that is known by its name, or asked for, cannot be read.
     """
+    group = frames[: frames.rfind("/") + 1]
 
     def of_group(found: Mapping[str, Any]) -> dict[str, Any]:
-        own = {k: v for k, v in found.items() if k.startswith(group) or "/" not in k}
-        return {name.removeprefix(group): item for name, item in own.items()}
+        return {
+            name.removeprefix(group): item
+            for name, item in found.items()
+            if name != frames and (name.startswith(group) or "/" not in name)
+        }
 
     arrays, unread = of_group(store.arrays), of_group(store.unread)
-    labels = asked.labels
+    labels = asked.labels and asked.labels.removeprefix(group)
     for name in (
         labels,
         asked.sessions,
@@ -48,7 +52,9 @@ def beside(path: Path, store: Store, asked: Asked, group: str) -> dict[str, Any]
         if name in unread:
             raise BadFrame(f"{path}[{name}]: {unread[name]}")
     if labels is not None and labels not in arrays:
-        raise wrong("labels", labels, f"one of {', '.join(arrays) or 'no array'}")
+        names = ", ".join(arrays) or "no array"
+        table = f"a table is named by --values, or lies beside it as {path.stem}.csv"
+        raise wrong("labels", labels, f"one of {names} ({table})")
     own = labels or next((name for name in LABELS if name in arrays), None)
     if own is not None:
         arrays["label"] = arrays.pop(own)[...]
@@ -174,12 +180,11 @@ def check_learnt(
     if "label" in columns.columns or columns.learnt:
         return
     n = columns.n
-    choices = _choices(store, [n]) or _choices(store, shape)
-    if choices:
+    if choices := _choices(store, shape):
         raise Ambiguous(f"{path}: {n} frames and no array labels", choices)
     raise ValueError(
         f"{path}: expected arrays frames and labels, found no labels "
-        f"(--labels FILE.csv with a row for each of {n} frames){store.advice()}"
+        f"(or {path.stem}.csv with a row for each of {n} frames){store.advice()}"
     )
 
 

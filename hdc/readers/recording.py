@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import hashlib
 import importlib.util
+import math
 import sys
+from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from itertools import islice
 from typing import Any, Self, TypeVar
 
 import numpy as np
 
-from hdc.readers.about import About
+from hdc.readers.about import About, Columns, grouped
+from hdc.readers.asked import Asked
 from hdc.readers.files import BadFrame, SettingError, wrong
 
 T = TypeVar("T")
@@ -88,6 +92,8 @@ class Recording(About):
         digest: gives that of the recorded bytes, in their order.
         window: pixels that are kept.
         image_shape: (H, W) of an image before that; empty of a video.
+        statements: all that the file says of the frames.
+        is_decoded: whether frames are decoded each time, so that it is worth to keep them.
     """
 
     frame_shape: tuple[int, ...]
@@ -100,6 +106,52 @@ class Recording(About):
     features: tuple[str, ...] = ()
     notes: tuple[str, ...] = ()
     image_shape: tuple[int, ...] = ()
+    statements: Columns
+    is_decoded: bool = False
+
+    @classmethod
+    def of(
+        cls,
+        columns: Columns,
+        frames: Any,
+        window: Window,
+        asked: Asked,
+        digest: Callable[[], str],
+        *,
+        values: Sequence[str] | None = (),
+        parts: np.ndarray | None = None,
+        notes: Sequence[str] = (),
+        **settings: Any,
+    ) -> Self:
+        """The recording of N frames and what their file says of them.
+
+        Args:
+            columns: of the frames.
+            frames: have ``shape``, ``dtype``, ``each`` and ``place``.
+            window: pixels that are kept.
+            asked: names sessions and groups, and how many classes there have to be.
+            digest: see the class.
+            values: what is learnt; see :meth:`hdc.readers.about.Columns.about`, which may raise.
+            parts: the file or the interval of each frame [N], where frames of one belong together.
+            notes: how the file was read.
+            settings: other attributes.
+        """
+        about = columns.known_as(asked).about(values, asked.fewest_classes)
+        if parts is not None:
+            about, split = grouped(about, parts)
+            notes = (*notes, *split)
+        return cls(
+            **vars(about),
+            frame_shape=frames.shape,
+            dtype=frames.dtype,
+            each=frames.each,
+            place=frames.place,
+            digest=cache(digest),
+            window=window,
+            notes=tuple(notes),
+            statements=columns,
+            **settings,
+        )
 
     def __len__(self) -> int:
         return len(self.samples["order"])
@@ -109,18 +161,14 @@ class Recording(About):
         """(N, H, W) or (N, D)."""
         return (len(self), *self.frame_shape)
 
-    @classmethod
-    def of(cls, about: About, frames: Any, window: Window, **settings: Any) -> Self:
-        """The recording of frames that have ``shape``, ``dtype``, ``each`` and ``place``."""
-        return cls(
-            **vars(about),
-            frame_shape=frames.shape,
-            dtype=frames.dtype,
-            each=frames.each,
-            place=frames.place,
-            window=window,
-            **settings,
-        )
+    def kept(self, memory_bytes: int) -> Self:
+        """The same with all frames decoded, so that damage is found, and kept if they fit."""
+        shown = with_progress(self.stream(), len(self), "Reading frames")
+        if math.prod(self.shape) * self.dtype.itemsize > memory_bytes:
+            deque(shown, maxlen=0)
+            return self
+        frames = [*shown]
+        return replace(self, each=lambda index: (frames[i] for i in index))
 
     def __getitem__(self, index: Any) -> np.ndarray:
         """A frame of an integer; frames [n, H, W] of a slice, of integers or of a mask [N].
@@ -132,11 +180,6 @@ class Recording(About):
         rows = np.arange(len(self))[index]
         found = self.frames(np.ravel(rows))
         return found if np.ndim(rows) else found[0]
-
-    def __array__(
-        self, dtype: np.dtype[Any] | None = None, copy: bool | None = None
-    ) -> np.ndarray:
-        return self[:].astype(dtype or self.dtype, copy=False)
 
     @property
     def names(self) -> list[str]:
@@ -238,6 +281,18 @@ class Batches:
         for k, frame in enumerate(islice(self._frames, stop - start)):
             self._batch[k] = frame
         return self._batch[: stop - start]
+
+
+def in_any_order(
+    index: np.ndarray, ordered: Callable[[np.ndarray], Iterator[np.ndarray]]
+) -> Iterator[np.ndarray]:
+    """Frames of indices in any order, out of what gives those of increasing ones."""
+    increasing = np.unique(index)
+    frames = ordered(increasing)
+    if np.array_equal(increasing, index):
+        return frames
+    found = dict(zip(increasing.tolist(), frames, strict=True))
+    return (found[i] for i in index.tolist())
 
 
 def check_finite(place: str, frame: np.ndarray) -> np.ndarray:

@@ -39,19 +39,16 @@ class Store:
         frames_last: MATLAB shows a stack as [H, W, N].
         unread: why arrays that are there are not read, by name.
         axes: of arrays whose file states them, by name.
-        notes: how an array was read, by its name.
     """
 
     arrays: dict[str, Any]
     frames_last: bool = False
     unread: dict[str, str] = field(default_factory=dict)
     axes: dict[str, tuple[str, ...]] = field(default_factory=dict)
-    notes: dict[str, list[str]] = field(default_factory=dict)
 
-    def notes_on(self, name: str) -> list[str]:
-        """How an array was read, and which others were not."""
-        unread = [f"not read: {', '.join(self.unread)}"] if self.unread else []
-        return [*self.notes.get(name, []), *unread]
+    def note(self) -> list[str]:
+        """Which arrays are not read; empty if all are."""
+        return [f"not read: {', '.join(self.unread)}"] if self.unread else []
 
     def advice(self) -> str:
         """Names and reasons of the arrays that are not read; empty if all are."""

@@ -1,15 +1,11 @@
 """Files of arrays by name: .npz, .npy, MATLAB's .mat, HDF5, stacks of TIFF. Nothing is unpickled.
 
-An .npz and a .mat of version 5 are read as a whole, the others from disk as frames are asked for.
-Vectors are in memory.
+An .npz, a .mat of version 5 and a compressed TIFF are read as a whole, the others from disk as
+frames are asked for. Vectors are in memory.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
-from contextvars import ContextVar
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -18,19 +14,6 @@ import numpy as np
 from hdc.readers.files import BadFrame
 from hdc.readers.store import OnDisk, Store, not_plain
 
-_LOADED: ContextVar[dict[Path, Store] | None] = ContextVar("loaded", default=None)
-
-
-@contextmanager
-def loaded_once() -> Iterator[None]:
-    """Within it a file is loaded once, however often its arrays are asked for."""
-    kept = _LOADED.get()
-    before = _LOADED.set({} if kept is None else kept)
-    try:
-        yield
-    finally:
-        _LOADED.reset(before)
-
 
 def load(path: Path) -> Store:
     """The arrays of a file.
@@ -38,15 +21,6 @@ def load(path: Path) -> Store:
     Raises:
         ValueError: it is damaged, or of another kind.
     """
-    kept = _LOADED.get()
-    if kept is None:
-        return _load(path)
-    if path not in kept:
-        kept[path] = _load(path)
-    return replace(kept[path], arrays=dict(kept[path].arrays))
-
-
-def _load(path: Path) -> Store:
     suffix = path.suffix.lower()
     readers = {
         ".mat": _matlab,
@@ -97,9 +71,8 @@ def _tiff(path: Path) -> Store:
 
     stacks = tiff.stacks(path)
     return Store(
-        {name: _watched(path, stack) for name, stack in stacks.items()},
+        {name: _watched(path, stack.pixels) for name, stack in stacks.items()},
         axes={name: stack.axes for name, stack in stacks.items()},
-        notes={name: stack.notes() for name, stack in stacks.items()},
     )
 
 

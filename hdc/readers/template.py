@@ -27,23 +27,12 @@ _FORMS = {
     "text": r"[^/]+~",
     "anything": r"[^/]*~",
     "word": r"[^\W\d_]+~",
-    "whole": r"\d+~",
-    "number": r"\d+~(?:\.\d+~)?~",
-    "signed": r"[-+]?~\d+~(?:\.\d+~)?~",
+    "whole": r"(?<!\d)\d+(?!\d)",
+    "number": r"(?<!\d)\d+~(?:\.\d+~)?~(?!\d)",
+    "signed": r"[-+]?~(?<!\d)\d+~(?:\.\d+~)?~(?!\d)",
 }
-"""Regular expressions; ``~`` is nothing in the longest reading, and ``?`` in the shortest."""
-_FREE = ("text", "anything")
-# Beside free text a number is as long as it can be: "wood12" is wood and 12, not wood1 and 2.
-_BEFORE = {
-    "whole": r"(?<!\d)",
-    "number": r"(?<!\d)(?<!\d\.)",
-    "signed": r"(?<!\d)(?<!\d\.)(?<![-+])",
-}
-_AFTER = {
-    "whole": r"(?!\d)",
-    "number": r"(?!\d)(?!\.\d)",
-    "signed": r"(?!\d)(?!\.\d)",
-}
+"""Regular expressions; ``~`` is nothing in the longest reading, and ``?`` in the shortest. A number
+has all digits that stand together: wood12 is wood and 12, not wood1 and 2."""
 
 
 class Template:
@@ -94,21 +83,13 @@ class Template:
         if unknown or len({*names}) < len(names):
             expected = f"fields among {', '.join(_FIELDS)}, each once"
             raise wrong("template", self._template, expected)
-        kinds = ["", *(kind for _, kind in fields), ""]
-        around = zip(parts, fields, kinds, kinds[2:], strict=False)
-        return "".join(
-            _expression(part, *field, before, after)
-            for part, field, before, after in around
-        )
+        pairs = zip(parts, fields, strict=True)
+        return "".join(_expression(part, *field) for part, field in pairs)
 
 
-def _expression(part: str, name: str, kind: str, before: str, after: str) -> str:
-    """The regular expression of a part of a template, between parts of these kinds."""
+def _expression(part: str, name: str, kind: str) -> str:
+    """The regular expression of a part of a template, which is of this kind."""
     form = _FORMS.get(kind) or re.escape(part).replace(r"\~", r"\x7e")
-    if before in _FREE:
-        form = _BEFORE.get(kind, "") + form
-    if after in _FREE:
-        form += _AFTER.get(kind, "")
     return f"(?P<{name}>{form})" if name else form
 
 
@@ -119,26 +100,23 @@ def _shown(fields: dict[str, str]) -> str:
 # Names that suggest a template -----------------------------------------------------------------
 
 
-def suggested(files: Sequence[str]) -> list[str]:
-    """Templates that the names of files suggest, for each kind of file the likeliest first."""
-    suffixes = Counter(PurePath(file).suffix for file in files)
-    found: list[str] = []
-    for suffix, _ in suffixes.most_common():
-        names = [PurePath(file) for file in files if file.endswith(suffix)]
-        depth = max(len(name.parts) for name in names)
-        twins = numbered([name.stem for name in names if len(name.parts) == depth])
-        if depth == 1:
-            made = [twins, "{label}", "{session}"]
-        elif depth == 2:
-            # A number that begins anew in each session is no group: a file is one.
-            of_day = twins and f"{{session}}/{twins.replace('{group}', '*')}"
-            made = [of_day, "{label}/{group}", "{session}/{label}"]
-        else:
-            rest = "*/" * (depth - 3)
-            made = ["{session}/{label}/*", "{label}/{session}/*"]
-            made = [f"{rest}{one}" for one in made]
-        found += [f"{one}{suffix}" for one in made if one]
-    return found
+def suggested(names: Sequence[str]) -> list[str]:
+    """Templates that the names of files, or of arrays in one file, suggest.
+
+    Names are alike that have as many parts, and the same suffix or, of arrays such as
+    trial_1/frames and trial_2/frames, the same last one.
+    """
+    alike: dict[Any, list[list[str]]] = defaultdict(list)
+    for name in names:
+        suffix = PurePath(name).suffix
+        parts = name.removesuffix(suffix).split("/")
+        last = () if suffix else tuple(parts[1:][-1:])
+        alike[suffix, len(parts), last].append(parts)
+    return [
+        f"{made}{suffix}"
+        for (suffix, *_), rows in alike.items()
+        for made in _suggested_of(rows, bool(suffix))
+    ]
 
 
 def numbered(names: Sequence[str]) -> str:
@@ -155,29 +133,25 @@ def numbered(names: Sequence[str]) -> str:
     return f"{{label}}{between}{{group{form}}}"
 
 
-def suggested_in(names: Sequence[str]) -> list[str]:
-    """Templates that the names of arrays in one file suggest, such as trial_1/frames and
-    trial_2/frames; names are alike that have as many parts, and the same last one."""
-    alike: dict[Any, list[list[str]]] = defaultdict(list)
-    for parts in (name.split("/") for name in names):
-        alike[len(parts), tuple(parts[1:][-1:])].append(parts)
-    return [made for rows in alike.values() for made in _suggested_of(rows)]
-
-
-def _suggested_of(rows: Sequence[Sequence[str]]) -> list[str]:
+def _suggested_of(rows: Sequence[Sequence[str]], are_files: bool) -> list[str]:
     """Templates of names that are alike, in parts: text that all have stays, and text that differs
     is a trial, a class or a session."""
     columns = [[*dict.fromkeys(column)] for column in zip(*rows, strict=True)]
     varying = [k for k, texts in enumerate(columns) if len(texts) > 1]
-    if not varying:
+    if not varying and not are_files:
         return []
-    readings = [["{session}", "{label}"], ["{label}", "{group}"]]
+    varying = varying or [len(columns) - 1]
+    twins = numbered([row[varying[-1]] for row in rows])
     if len(varying) == 1:
-        of_trials = ("{group}", "{label}") if len(columns) > 1 else ()
-        twins = numbered([row[varying[0]] for row in rows])
-        readings = [[field] for field in (twins, *of_trials) if field]
+        of_arrays = ("{group}", "{label}") if len(columns) > 1 else ()
+        usual = ("{label}", "{session}") if are_files else of_arrays
+        readings = [[field] for field in (twins, *usual)]
+    else:
+        # A number that begins anew in each session is no group: a file is one.
+        of_day = ["{session}", twins.replace("{group}", "*")]
+        readings = [of_day, ["{label}", "{group}"], ["{session}", "{label}"]]
     found = []
-    for reading in readings:
+    for reading in filter(all, readings):
         made = [texts[0] for texts in columns]
         for k, field in zip_longest(varying, reading, fillvalue="*"):
             made[int(k)] = field

@@ -10,7 +10,6 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
-from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -31,16 +30,16 @@ _REMEDY = (
 
 
 def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
-    """Open a CSV of vectors [N, D]; see the module's description.
+    """The frames of a CSV of vectors [N, D]; see the module's description.
 
     Raises:
         ValueError: the table is not as described; a cell that is no number is named.
     """
     columns = Columns.read(path, asked.named if asked.fewest_classes > 0 else ())
     _check_header(path, [*columns.columns])
-    columns = columns.known_as(asked)
     chosen = [name for name in asked.named if name in columns.columns]
-    known = columns.only("label", *KNOWN, *chosen)
+    units = [name for name in (asked.sessions, asked.groups) if name]
+    known = columns.only("label", *KNOWN, *chosen, *units)
     if asked.fewest_classes > 0 and not chosen and "label" not in known.columns:
         raise ValueError(
             f"{path}: expected a column label, or a chosen column of values, found neither"
@@ -54,12 +53,14 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     odd = unlike(numbers, vectors)
     notes = [f"{', '.join(odd)}: a pixel unlike the others, {_REMEDY}"] if odd else []
     return Recording.of(
-        known.about(chosen, asked.fewest_classes),
+        known,
         Frames(columns.place, vectors, ("frame", "feature"), window),
         window,
-        digest=cache(lambda: file_digest(path)),
+        asked,
+        lambda: file_digest(path),
         features=tuple(numbers[:: window.subsample]),
-        notes=tuple(notes),
+        notes=notes,
+        values=chosen,
     )
 
 

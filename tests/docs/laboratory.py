@@ -4,8 +4,6 @@ format, and one that was made later."""
 import cv2
 import h5py
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import scipy.io
 import tifffile
 
@@ -34,8 +32,6 @@ def make(folder):
     for name in ("stack.csv", "cube.csv"):
         (folder / name).write_text("\n".join(["label,session", *rows]))
     images = [cv2.imencode(".png", frame)[1].tobytes() for frame in frames]
-    columns = {"image": images, "label": names.tolist(), "session": session}
-    pq.write_table(pa.table(columns), folder / "touches.parquet")
     # Five frames of each touch after the other, at 10 Hz; and three films of ten of each.
     _film(folder / "film.mp4", "mp4v", frames)
     rows = [f"{k / 2},{k / 2 + 0.5},{NAMES[k % 2]}" for k in range(12)]

@@ -41,7 +41,7 @@ def printed(command, capsys, may_say="warning: fit: groups"):
 def test_each_format_has_a_session(files):
     shown = {next(steps(session))[0] for session in SESSIONS}
     names = {shlex.split(command)[2] for command in shown}
-    assert len(SESSIONS) == len(names) == 8
+    assert len(SESSIONS) == len(names) == 7
     assert all((files / name).exists() for name in names)
 
 

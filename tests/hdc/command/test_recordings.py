@@ -167,23 +167,6 @@ def test_labels_that_are_named_are_learnt_anew(hdc):
     assert "12 new frames of 2 classes" in out[0]
 
 
-def test_damaged_and_missing_images_are_counted_and_left_out_when_asked(hdc, tmp_path):
-    table_of(tmp_path / "r", 10, "image,label", lambda k: "ab"[k % 2])
-    for k in (8, 9):
-        (tmp_path / "r" / f"{k}.png").unlink()
-    whole = (tmp_path / "r" / "7.png").read_bytes()
-    (tmp_path / "r" / "7.png").write_bytes(whole[: len(whole) // 2])
-    words = ("train", "r", "--values", "t.csv", "-o", "m")
-    missing = "2 of 10 images are missing, the first 8.png"
-    assert f"{missing} (--skip-missing" in hdc(*words)[2][0]
-    line = hdc(*words, "--skip-missing")[2][-1]
-    assert "7.png: expected a whole image" in line
-    assert "(--skip-damaged" in line
-    out = hdc(*words, "--skip-missing", "--skip-damaged")[1]
-    assert out[0].startswith("m: 7 frames")
-    assert f"{missing}; left out: 1 of 8 images are damaged" in out[-1]
-
-
 def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path):
     """Columns that were permuted, or had other names, were taken as they came."""
     frames = RNG.integers(0, 200, (2, 1, 30)) + RNG.integers(0, 90, (2, 12, 30))

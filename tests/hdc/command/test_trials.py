@@ -68,26 +68,6 @@ def structs(path, _):
     scipy.io.savemat(path, {"trials": np.array(of_trials, object)})
 
 
-def structs_of_7_3(path, _):
-    with h5py.File(path, "w", userblock_size=512) as file:
-        fields = {"frames": [], "label": []}
-        for k, (name, _, frames) in enumerate(each_trial()):
-            codes = np.array([[ord(letter)] for letter in name], np.uint16)
-            own = {"frames": frames.transpose(0, 2, 1), "label": codes}
-            for (field, array), kind in zip(
-                own.items(), ("uint8", "char"), strict=True
-            ):
-                file[f"#refs#/{field}{k}"] = array
-                file[f"#refs#/{field}{k}"].attrs["MATLAB_class"] = np.bytes_(kind)
-                fields[field].append(file[f"#refs#/{field}{k}"].ref)
-        trials = file.create_group("trials")
-        trials.attrs["MATLAB_class"] = np.bytes_("struct")
-        for field, references in fields.items():
-            trials[field] = np.array([references], dtype=h5py.ref_dtype)
-    with path.open("r+b") as file:
-        file.write(b"MATLAB 7.3 MAT-file".ljust(124) + b"\x00\x02IM")
-
-
 def groups(path, _):
     with h5py.File(path, "w") as file:
         for k, (name, _, frames) in enumerate(each_trial()):
@@ -112,7 +92,6 @@ LAYOUTS = [
     ("r", one_frame_each, "--template {label}/t{group}_*.npy --axes height,width", TRIAL),
     ("x.mat", field, "--groups runNo", TRIAL),
     ("x.mat", structs, "--template trials/{group}/frames", EACH),
-    ("x.mat", structs_of_7_3, "--template trials/{group}/frames", EACH),
     ("x.h5", groups, "--template data/{group}/frames", EACH),
     ("x.h5", named_groups, "--template {label}_{group}/frames", TRIAL),
     ("x.npz", archive, "--template {label}_{group}", TRIAL),
@@ -194,7 +173,6 @@ def test_a_folder_without_frames_is_named(typed, tmp_path):
     [
         (("x.h5", "--template", "{label}/pixels"), "expected arrays {label}/pixels, found ball_0/"),
         (("x.h5:/ball_0/frames", "--template", "*"), "expected null with x.h5:/ball_0/frames"),
-        (("x.h5:/ball_0/frames", "--frames", "2"), "frames: expected null unless path is a folder"),
         (("x.h5", "--template", "{group}/frames"), "expected a label of each frame"),
         (("flat", "--template", "{label}.npy"), "ball.npy: an array of two axes: expected one of "
          "--axes height,width; or --axes frame,feature"),

@@ -162,5 +162,6 @@ def test_a_column_is_the_session_or_the_group_that_is_asked_for(tmp_path):
     expected = ["1 r10 0", "0 r2 1", "0 r2 0"]
     assert said(found, "session session_name group") == expected
     assert found[:].tolist() == [[1, 2], [3, 4], [5, 6]]
-    with pytest.raises(ValueError, match="groups: expected one of label, run, p1, obj"):
+    (tmp_path / "t.csv").write_text("label,p1\na,1\nb,3")
+    with pytest.raises(ValueError, match="groups: expected one of label, found"):
         open_recording(tmp_path / "t.csv", groups="nothing")

@@ -6,8 +6,6 @@ One that is turned, or an axis that is taken for another, is seen.
 import cv2
 import h5py
 import numpy as np
-import pyarrow as pa
-import pyarrow.parquet as pq
 import scipy.io
 import tifffile
 
@@ -54,9 +52,6 @@ def write_image(path, frame):
 def png(frame):
     """The bytes of a file."""
     return cv2.imencode(".png", frame)[1].tobytes()
-
-
-CELLS = [*map(png, FRAMES)]
 
 
 def beside(path, *rows):
@@ -123,14 +118,6 @@ def characters(path):
     with h5py.File(path, "r+") as file:
         file["labels"] = np.array(codes, np.uint16).T
         file["labels"].attrs["MATLAB_class"] = np.bytes_("char")
-
-
-def parquet(path, stated="", **columns):
-    """Images, other columns, and what Hugging Face's library states of them."""
-    columns = {"image": CELLS, **columns}
-    kept = {name: cells for name, cells in columns.items() if cells is not None}
-    table = pa.table(kept).replace_schema_metadata({"huggingface": stated})
-    pq.write_table(table, path, row_group_size=3)
 
 
 def pages(path, frames=FRAMES, one_by_one=False, **options):
