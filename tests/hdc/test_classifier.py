@@ -156,7 +156,7 @@ def test_an_untrained_model_that_takes_over_another_keeps_its_backend():
         (HDCClassifier(), {"readout": "lda"}, "$"),
         (HDCClassifier(), {"readout__random_state": 3}, "$"),
         (HDCClassifier(), {"encoder": "levels"}, "$"),
-        (HDCClassifier(), {"encoder__ties": "raster"}, "$"),
+        (HDCClassifier("levels"), {"encoder__lit": 0.5}, "$"),
         (HDCClassifier(), {"device": "gpu"}, r"; to\(device\) moves it$"),
         (HDCRegressor(), {"device": "gpu"}, r"; to\(device\) moves it$"),
         (HDCRegressor(period=360), {"period": None}, "$"),

@@ -65,12 +65,12 @@ def test_any_parameter_of_a_part_is_set(hdc, folder, tmp_path):
     words = ("train", folder, "-o", path, "--readout", "majority")
     sets = (
         "encoder__thresholds=3",
-        "encoder__ties=raster",
+        "encoder__lit=0.5",
         "readout__class_weight=balanced",
     )
     assert hdc(*words, *(w for text in sets for w in ("--set", text)))[0] == 0
     model = HDCClassifier.load(path)
-    assert (model.encoder_.thresholds, model.encoder_.ties) == (3, "raster")
+    assert (model.encoder_.thresholds, model.encoder_.lit) == (3, 0.5)
     assert model.readout_.class_weight == "balanced"
 
 
