@@ -151,8 +151,6 @@ UNUSED = "does not use it, found"
         ("neighbours", {"random_state": 1}, f"random_state: expected 0 .*{UNUSED} 1"),
         ("lda", {"method": "replace"}, f"method: expected None .*{UNUSED} 'replace'"),
         ("lda", {"p": 1, "y": [1, 1]}, "p: expected a share below 1 with new fra"),
-        ("kernel", {"p": 1, "y": [1, 1]}, "p: expected a share below 1 with new fra"),
-        ("kernel", {"random_state": 3}, f"random_state: expected 0 .*{UNUSED} 3"),
     ],
 )  # fmt: skip
 def test_what_a_recalibration_cannot_use_is_named_and_changes_nothing(

@@ -208,7 +208,7 @@ def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
         ("lda", ("--p", 0.2), 0, "at least 12 of each, p = 0.2"),
         ("neighbours", (), 0, "36 new frames of 3 classes, at least 12 of each"),
         ("ridge", ("--p", 0.2), 2, "error: expected no --p for the read-out Ridge"),
-        ("trained", (), 1, "hdc train on the new frames"),
+        ("kernel", (), 1, "hdc train on the frames of both days"),
     ],
 )
 def test_a_readout_is_recalibrated_by_what_it_uses(
