@@ -100,16 +100,6 @@ class Head:
         state = readout.arrange(self.state, places, len(found))
         return replace(self, state=state, labels=found)
 
-    def merged(self, other: Head) -> Head:
-        """The head of the training frames of both."""
-        labels = other.labels.tolist()
-        head = self.with_classes(labels)
-        readout: Any = self.readout
-        places = [head.index[label] for label in labels]
-        state = readout.merge(head.state, other.state, places)
-        sample = self.sample.merged(other.sample)
-        return replace(head, state=state, sample=sample, calibrated=None)
-
     def adapted(
         self, words: Hypervectors, labels: Sequence[Label], options: Mapping[str, Any]
     ) -> Head:

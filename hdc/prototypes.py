@@ -2,7 +2,7 @@
 
 Training is counting: a class is the number of its hypervectors and, for each bit, how many of them
 have it set. Counts are kept bit-sliced (:mod:`hdc.planes`), L·P·D bits for classes of fewer than
-2^P frames. Adding and merging commute, so any order and any sharding give the same prototypes.
+2^P frames. Additions commute, so any order and any batches give the same prototypes.
 """
 
 from __future__ import annotations
@@ -58,27 +58,13 @@ class Counters:
         counted = planes.count_classes(self.planes, self.n, words, labels)
         self.planes, self.n = counted
 
-    def merge(self, other: Counters, rows: Sequence[int] | None = None) -> None:
-        """Add another set of counters, whose classes have these rows here (default: the same).
-
-        Raises:
-            ValueError: if dimensions or numbers of classes disagree.
-        """
-        rows = range(len(self.n)) if rows is None else rows
-        if (len(rows), self.dimension) != (len(other.n), other.dimension):
-            raise ValueError(
-                f"merge: expected {len(rows)} classes of D = {self.dimension}, "
-                f"found {len(other.n)} of D = {other.dimension}"
-            )
-        total = self.n.clone()
-        total[list(rows)] += other.n
-        self.reserve(max(total.tolist(), default=0))
-        n_planes = self.planes.shape[1]  # those above are empty
-        added = other.planes.to(self.planes.device)
-        for c, counts in zip(rows, added, strict=True):
-            summed = planes.add(self.planes[c], counts)
-            self.planes[c] = summed[:n_planes]
-        self.n = total
+    def placed(self, rows: Sequence[int], n_classes: int) -> Counters:
+        """Counters of `n_classes` classes, in which class k of these is class rows[k]."""
+        counts = self.planes.new_zeros(n_classes, *self.planes.shape[1:])
+        counts[list(rows)] = self.planes
+        n = torch.zeros(n_classes, dtype=torch.int64)
+        n[list(rows)] = self.n
+        return Counters.of(counts, n, self.dimension)
 
     def thinned(self, size: int, seed: int = 0) -> Counters:
         """Counters in which every class has at most `size` hypervectors.

@@ -101,7 +101,7 @@ class HDCRegressor(Saved):
         """
         self._check_period()
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
-        frames, columns = inputs.source(frames)
+        frames = inputs.source(frames)
         values = _numbers(y, len(frames))
         _check_enough(frames)
         table = self._targets(values)
@@ -110,35 +110,11 @@ class HDCRegressor(Saved):
             encoder, shape = self._learned_encoder(encoder, frames)
             words = joined(self._batches(frames, encoder, shape))
             state = readout.fit(words, table)
-        self._begin(encoder, shape, backend, columns)
+        self._begin(encoder, shape, words.dimension, backend)
         self._one = values.ndim == 1
         self._is_signed = bool((values < 0).any())
         self.readout_, self.state_ = readout, state
         self._recalibrated = False
-        return self
-
-    def partial_fit(self, frames: Any, y: Any) -> Self:
-        """Add frames to the stored ones, and solve again; the encoder is not trained again.
-
-        A call that raises leaves the model unchanged.
-
-        Raises:
-            ValueError: as :meth:`fit`, or after :meth:`recalibrate`, which drops the old frames.
-        """
-        if not hasattr(self, "state_"):
-            return self.fit(frames, y)
-        self._check_is_trained()
-        if self._recalibrated:
-            raise ValueError(
-                "partial_fit: expected a model that was not recalibrated; fit anew"
-            )
-        before = self.state_
-        with self._computing():
-            words, values, is_signed = self._pairs(frames, y)
-            words = joined([before.words, words])
-            values = torch.cat((before.targets, values))
-            self.state_ = self.readout_.fit(words, values)
-        self._is_signed |= is_signed
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
@@ -151,20 +127,16 @@ class HDCRegressor(Saved):
             ValueError: as :meth:`fit`.
         """
         self._check_is_trained()
-        with self._computing():
-            words, values, is_signed = self._pairs(frames, y)
-            _check_enough(words)
-            self.state_ = self.readout_.adapt(self.state_, words, values)
-        self._is_signed |= is_signed
-        self._recalibrated = True
-        return self
-
-    def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor, bool]:
-        """Hypervectors of frames, their targets, and whether a number is below zero."""
-        frames, _ = self._given(frames)
+        frames = inputs.source(frames, self.frame_shape_)
+        _check_enough(frames)
         values = _numbers(y, len(frames))
         table = self._more_targets(values)
-        return joined(self._encoded(frames)), table, bool((values < 0).any())
+        with self._computing():
+            words = joined(self._encoded(frames))
+            self.state_ = self.readout_.adapt(self.state_, words, table)
+        self._is_signed |= bool((values < 0).any())
+        self._recalibrated = True
+        return self
 
     def _more_targets(self, values: np.ndarray) -> Tensor:
         """:meth:`_targets` of further numbers; ValueError unless as many a frame as in training."""
@@ -272,7 +244,7 @@ class HDCRegressor(Saved):
         pairs = {"words": packed, "values": values}
         values = checked(pairs, kinds, D=self.dimension_)["values"]
         self._one = bool(header["one"])
-        self.period = self._used["period"] = header.get("period")
+        self.period = header.get("period")
         self._is_signed = bool(header.get("signed", False))
         self._check_period()
         readout = self.fresh("readout")

@@ -61,7 +61,7 @@ class Saved(Estimator):
             "parameters": parameters,
             "frame_shape": self.frame_shape_,
             "revisions": revisions,
-            "columns": self._columns,
+            "columns": self.columns_,
             "metadata": metadata,
         }
         io.write_model(Path(path), header, tensors, self._check_loads)
@@ -147,7 +147,10 @@ class Saved(Estimator):
         own = {name: tensor.to(model.device) for name, tensor in tensors.items()}
         encoder: Encoder = model.fresh("encoder")
         encoder.restore(without_prefix("encoder", own), prod(shape))
-        model._begin(encoder, shape, backend, header.get("columns"))
+        dimension = encoder.dimension(prod(shape))
+        model._begin(encoder, shape, dimension, backend)
+        if header.get("columns") is not None:
+            model.columns_ = list(header["columns"])
         others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
         model._restore(header, others)
         model.metadata_ = dict(header["metadata"])

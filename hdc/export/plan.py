@@ -10,7 +10,6 @@ import numpy as np
 from torch import Tensor
 
 from hdc import bits
-from hdc.availability import renamed
 from hdc.classifier import HDCClassifier
 from hdc.encoders import Deviation, Levels, Median, Quantile
 from hdc.encoders.ranks import RankEncoder
@@ -77,7 +76,6 @@ class Plan:
         return cut and len(self.frame_shape) == 2
 
     @classmethod
-    @renamed("reject", "alpha")
     def of(
         cls,
         model: Any,

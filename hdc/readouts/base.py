@@ -168,10 +168,6 @@ class Updatable(Readout):
     def arrange(self, state: Any, places: Sequence[int], n_classes: int) -> Any:
         """The state for n_classes classes, in which class k becomes class places[k]."""
 
-    @abstractmethod
-    def merge(self, state: Any, other: Any, places: Sequence[int]) -> Any:
-        """The state of both trainings; class k of the other is class places[k] of this one."""
-
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Any:
         start = self.empty(n_classes, words.dimension, words.packed.device)
         return self.add(start, [(words, rows)])

@@ -110,24 +110,13 @@ class Counting(Updatable):
         return self._with_prototypes(counted, n > 0)
 
     def arrange(self, state: Counted, places: Sequence[int], n_classes: int) -> Counted:
-        return self._merged(n_classes, (state, places))
-
-    def merge(self, state: Counted, other: Counted, places: Sequence[int]) -> Counted:
-        n_classes = len(state.n)
-        return self._merged(n_classes, (state, range(n_classes)), (other, places))
-
-    def _merged(self, n_classes: int, *parts: tuple[Counted, Sequence[int]]) -> Counted:
-        """The sum of states, each with the rows of its classes, with new prototypes."""
-        first, _ = parts[0]
-        counters = Counters(n_classes, first.dimension, first.planes.device)
-        for state, places in parts:
-            counters.merge(state.counters(), places)
-        merged_ = replace(
-            self.empty(n_classes, first.dimension, first.planes.device),
+        counters = state.counters().placed(places, n_classes)
+        arranged = replace(
+            self.empty(n_classes, state.dimension, counters.device),
             planes=counters.planes,
             n=counters.n,
         )
-        return self._with_prototypes(merged_, counters.n > 0)
+        return self._with_prototypes(arranged, counters.n > 0)
 
     def _with_prototypes(self, state: Counted, changed: Tensor) -> Counted:
         """The state with new prototypes for the classes bool [L] that have changed."""
@@ -201,8 +190,7 @@ class Counting(Updatable):
             new = new.thinned(smallest(new.n), seed)
             if not state.recalibrated:
                 old = old.thinned(smallest(old.n), self.random_state)
-        placed = Counters(len(old.n), old.dimension, old.device)
-        placed.merge(new, classes)
+        placed = new.placed(classes, len(old.n))
         votes, weights = merged(old, placed, share)
         prototypes = votes.majority(self.ties, self.random_state)
         voted = replace(state, planes=votes.planes, n=votes.n, prototypes=prototypes)

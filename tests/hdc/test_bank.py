@@ -48,7 +48,7 @@ def test_words_of_another_encoder_are_refused():
     model = HDCClassifier("deviation").fit(FRAMES, LABELS)
     others = {
         "hypervectors: expected the encoder Dev": HDCClassifier("levels"),
-        "that have learned the same": HDCClassifier("deviation"),
+        "that has learned the same": HDCClassifier("deviation"),
         "hypervectors: expected D = 910, found 130": HDCClassifier(),
     }
     for message, other in others.items():

@@ -58,13 +58,10 @@ def test_setting_leaves_the_object_that_was_given():
 @pytest.mark.parametrize(
     ("parameters", "answer"),
     [
-        ({"encoder": "medain"}, r"mean 'median'\?"),
-        ({"readout": Majority("zeros")}, r"mean 'zero'\?"),
-        ({"backend": "compield"}, r"mean 'compiled'\?"),
-        ({"enocder": 1}, r"mean 'encoder'\?"),
-        ({"readout__class_weigth": 1}, r"mean 'readout__class_weight'\?"),
-        ({"encoder": Reference(), "encoder__base__tise": 1}, r"mean 'encoder__base__ties'\?"),
-        ({"encoder": "xyz"}, "'xyz'$"),
+        ({"encoder": "medain"}, "'medain'$"),
+        ({"backend": "compield"}, "'compield'$"),
+        ({"enocder": 1}, "'enocder'$"),
+        ({"encoder": Reference(), "encoder__base__tise": 1}, "'encoder__base__tise'$"),
         ({"device__x": 1}, "'device__x'"),
         ({"encoder__base__at": 1}, "'encoder__base__at'"),
     ],
@@ -84,14 +81,9 @@ def test_a_name_that_is_none_is_answered_with_those_that_are(parameters, answer)
         (NeighbourValues, "n_neighbours", 5, {"n_neighbors": 5}),
     ],
 )
-def test_an_old_name_says_the_new_one_and_is_read_in_files(readout, old, value, new):
+def test_an_old_name_is_read_in_files(readout, old, value, new):
     (name,) = new
     model = HDCRegressor if readout is NeighbourValues else HDCClassifier
-    message = f"^{readout.__name__}: expected {name}, found '{old}', its old name$"
-    with pytest.raises(TypeError, match=message):
-        readout(**{old: value})
-    with pytest.raises(TypeError, match=message):
-        model(readout=readout()).set_params(**{f"readout__{old}": value})
     known = model._known["readout"]
     described = describe(readout(), known)
     described["parameters"][old] = value
@@ -184,7 +176,7 @@ def test_methods_that_are_there_for_some():
     """Where a part of the model has what they need."""
     assert HDCClassifier.partial_fit.__doc__.startswith("Learn a further batch")
     model = HDCClassifier(readout="ldda")
-    with pytest.raises(UnavailableError, match=r"^partial_fit: readout: .* mean 'lda'"):
+    with pytest.raises(ValueError, match=r"^readout: expected one of .*, found 'ldda'"):
         model.partial_fit(None, None)
     assert issubclass(UnavailableError, AttributeError)
     assert issubclass(UnavailableError, ValueError)  # commands print these as one line

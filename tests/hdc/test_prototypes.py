@@ -16,7 +16,6 @@ ONE = torch.zeros(1, 1, dtype=torch.int64)
         (lambda c: c.add(ONE, torch.tensor([2])), r"class indices in \[0, 2\), found 2"),
         (lambda c: c.add(ONE, torch.tensor([0, 0])), "expected 1, one a sample, found 2"),
         (lambda c: c.add(ONE[:, [0, 0]], torch.tensor([0])), "1 words for D = 64, found 2"),
-        (lambda c: c.merge(Counters(2, 65)), "2 classes of D = 64, found 2 of D = 65"),
         (lambda c: replaced_bits(2, 64, float("nan"), 0), "p: expected a share .*nan"),
     ],
 )  # fmt: skip

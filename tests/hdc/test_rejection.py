@@ -110,7 +110,6 @@ def test_what_is_learnt_later_is_left_out_frame_by_frame(tmp_path):
             assert (changed.is_known(given, 0.1) == model.is_known(given, 0.1)).all()
             getattr(changed, change)(given, labels)
             assert changed.left_out_ == "frame"
-    assert model.merge(model).left_out_ == "frame"
 
 
 def test_classes_of_a_single_group_or_frame_calibrate_nothing():
