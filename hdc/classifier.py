@@ -18,7 +18,7 @@ from hdc.estimator import joined
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
-from hdc.rejection import Groups, grouped, of_words
+from hdc.rejection import by_groups, of_one_group, of_words
 from hdc.sample import Reservoir, Sample
 from hdc.warning import warn
 
@@ -105,8 +105,7 @@ class HDCClassifier(Adapting):
 
         `groups` are N labels of what was recorded together, such as the session or the object of
         each frame. :meth:`is_known` is then calibrated for frames of another group; nothing else
-        depends on groups. This takes the memory of counters for each class in each group, and of up
-        to 100 hypervectors per class.
+        depends on groups. With groups, all hypervectors are held during the training.
 
         With the read-outs majority, counts and neighbours, frames of a single class make a model
         for :meth:`is_known`. They need no labels; their class is then ``"known"``. A call that
@@ -238,12 +237,11 @@ def _learned(
     index = {label: row for row, label in enumerate(classes.tolist())}
     rows = torch.tensor([index[label] for label in labels])
     n_classes = len(classes)
-    groups = None
-    if together is not None:
-        groups = grouped(together, rows, classes.tolist(), readout, dimension, device)
-    if groups is not None:
-        batches = _counted(batches, groups)
     calibrated = training = None
+    if together is not None and _several_groups(rows, together, classes):
+        words = joined(batches)
+        batches = [words]
+        calibrated = by_groups(words, rows, together, readout, n_classes)
     if isinstance(readout, Updatable):
         reservoir = Reservoir()
         drawn = _drawn(batches, rows, labels, reservoir)
@@ -257,20 +255,25 @@ def _learned(
         closed = type(readout).held_out is not Readout.held_out
         if not closed and state.held_out is None:
             training = words, rows
-        if groups is None:
+        if calibrated is None:
             calibrated = of_words(words, rows, n_classes)
-    if groups is not None:
-        calibrated = groups.rejection()
     return Head(
         readout, state, sample, classes, dimension, calibrated, training=training
     )
 
 
-def _counted(batches: Iterable[Hypervectors], groups: Groups) -> Iterator[Hypervectors]:
-    """The batches, counted by group as they pass."""
-    for words in batches:
-        groups.add(words.packed)
-        yield words
+def _several_groups(
+    rows: Tensor, groups: Sequence[inputs.Label], classes: np.ndarray
+) -> bool:
+    """Whether a class has frames of several groups; warns of classes of a single one."""
+    single = of_one_group(rows, groups)
+    if single:
+        named = ", ".join(repr(label) for label in classes[single[:5]].tolist())
+        warn(
+            f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
+            "not calibrated for another group of these",
+        )
+    return len(single) < len(classes)
 
 
 def _drawn(

@@ -158,31 +158,6 @@ def _sum_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
         plane[:] = (((total >> p) & 1) << bit).sum(-1)
 
 
-def add(a: Tensor, b: Tensor) -> Tensor:
-    """Sum of two sets of counters: [P, W] + [P', W] → [P'', W], grown by a plane where needed."""
-    if len(a) < len(b):
-        a, b = b, a
-    total = torch.empty_like(a)
-    carry = torch.zeros_like(a[0])
-    for p, plane in enumerate(a):
-        if p < len(b):
-            total[p], carry = _full_adder(plane, b[p], carry)
-        else:
-            total[p], carry = plane ^ carry, plane & carry
-    return torch.cat((total, carry.unsqueeze(0))) if carry.any() else total
-
-
-def subtract(a: Tensor, b: Tensor) -> Tensor:
-    """Difference a − b ≥ 0 of two sets of counters [P, W] and [P', W], P' ≤ P."""
-    difference = a.clone()
-    borrow = torch.zeros_like(a[0])
-    for p, plane in enumerate(a):
-        taken = b[p] if p < len(b) else torch.zeros_like(plane)
-        difference[p] = plane ^ taken ^ borrow
-        borrow = (~plane & (taken | borrow)) | (taken & borrow)
-    return difference
-
-
 def greater(counts: Tensor, threshold: int) -> Tensor:
     """Mask [W] of the counters [P, W] above a number; all ones for a negative number.
 

@@ -21,6 +21,7 @@ without a frame or a group follow from the counts with it.
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from fractions import Fraction
@@ -150,116 +151,56 @@ def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
 # Group by group ----------------------------------------------------------------------------------
 
 
-class Groups:
-    """Counters of training frames by class and group, and the frames to leave out.
-
-    Args:
-        rows: the class of each frame, int64 [N]; all of 0 … L − 1 occur.
-        groups: the group of each frame, any N labels.
-        readout: the read-out, whose rule of ties is used if it counts.
-        dimension: D.
-        device: device of the hypervectors.
-    """
-
-    def __init__(
-        self,
-        rows: Tensor,
-        groups: Sequence[Label],
-        readout: Readout,
-        dimension: int,
-        device: torch.device | str,
-    ):
-        number = {group: k for k, group in enumerate(dict.fromkeys(groups))}
-        self.rows, self.groups = rows, torch.tensor([number[g] for g in groups])
-        self.readout = readout if isinstance(readout, Counting) else Majority()
-        pairs = torch.stack((self.rows, self.groups), 1)
-        # A cell is a pair of a class and a group with frames.
-        self._cells, self._cell_of = torch.unique(pairs, dim=0, return_inverse=True)
-        self._counters = Counters(len(self._cells), dimension, device)
-        numbers = Reservoir(size=MOST)
-        numbers.add(torch.arange(len(rows))[:, None], rows.tolist())
-        self._chosen = torch.cat([*numbers.sample().kept.values()]).flatten()
-        self._words: list[Tensor] = []
-        self._numbers: list[Tensor] = []
-        self._n_seen = 0
-
-    @property
-    def single(self) -> list[int]:
-        """Classes with a single group, whose frames cannot be left out."""
-        return (self._cells[:, 0].bincount() == 1).nonzero().flatten().tolist()
-
-    def add(self, words: Tensor) -> None:
-        """Count the next n training frames, hypervectors int64 [n, W]."""
-        start, stop = self._n_seen, self._n_seen + len(words)
-        self._counters.add(words, self._cell_of[start:stop])
-        chosen = self._chosen
-        own = chosen[(chosen >= start) & (chosen < stop)]
-        self._words.append(words[(own - start).to(words.device)])
-        self._numbers.append(own)
-        self._n_seen = stop
-
-    def rejection(self) -> Rejection:
-        """The rule from groups left out one by one."""
-        words, numbers = torch.cat(self._words), torch.cat(self._numbers)
-        counts, n = self._of_classes()
-        whole = torch.stack(
-            [self._majority(c, own, int(n[c])) for c, own in enumerate(counts)]
-        )
-        found = []
-        for group in self.groups[numbers].unique():
-            left, alone = whole.clone(), []
-            for cell in (self._cells[:, 1] == group).nonzero().flatten().tolist():
-                c = int(self._cells[cell, 0])
-                rest = int(n[c] - self._counters.n[cell])
-                if rest == 0:
-                    alone.append(c)
-                    continue
-                others = planes.subtract(counts[c], self._counters.planes[cell])
-                left[c] = self._majority(c, others, rest)
-            is_left_out = self.groups[numbers] == group
-            is_left_out &= ~torch.isin(self.rows[numbers], torch.tensor(alone))
-            distances = bits.hamming(words[is_left_out.to(words.device)], left)
-            distances[:, alone] = planes.WORD * words.shape[1]
-            found.append(distances.amin(1))
-        return Rejection.of(whole, found, "group")
-
-    def _of_classes(self) -> tuple[list[Tensor], Tensor]:
-        """Bit-sliced counts [P, W] of each class, and the numbers of frames int64 [L]."""
-        counts: dict[int, Tensor] = {}
-        for (c, _), own in zip(
-            self._cells.tolist(), self._counters.planes, strict=True
-        ):
-            counts[c] = planes.add(counts[c], own) if c in counts else own
-        return [counts[c] for c in sorted(counts)], self.rows.bincount()
-
-    def _majority(self, c: int, counts: Tensor, n: int) -> Tensor:
-        """The prototype int64 [W] of class c, from the counts of n frames."""
-        breaker = self.readout.breaker(c, self._counters.dimension, counts.device)
-        return planes.majority(counts, n, self.readout.ties, breaker)
-
-
-def grouped(
-    groups: Sequence[Label],
+def by_groups(
+    words: Hypervectors,
     rows: Tensor,
-    classes: Sequence[Label],
+    groups: Sequence[Label],
     readout: Readout,
-    dimension: int,
-    device: torch.device | str,
-) -> Groups | None:
-    """Counters by group for N frames; None if every class has a single group.
-
-    A warning names classes with a single group.
+    n_classes: int,
+) -> Rejection:
+    """The rule from N hypervectors that are left out with all others of their group.
 
     Args:
-        classes: the label of each row.
-        groups, rows, readout, dimension, device: as of :class:`Groups`.
+        words: N hypervectors.
+        rows: their classes int64 [N]; all of 0 … L − 1 occur.
+        groups: the group of each, any N labels.
+        readout: the read-out, whose rule of ties is used if it counts.
+        n_classes: L.
     """
-    found = Groups(rows, groups, readout, dimension, device)
-    single = found.single
-    if single:
-        named = ", ".join(repr(classes[row]) for row in single[:5])
-        warn(
-            f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
-            "not calibrated for another group of these",
-        )
-    return found if len(single) < len(classes) else None
+    number = {group: k for k, group in enumerate(dict.fromkeys(groups))}
+    of_group = torch.tensor([number[group] for group in groups])
+    reservoir = Reservoir(size=MOST)
+    reservoir.add(torch.arange(len(rows))[:, None], rows.tolist())
+    chosen = torch.cat([*reservoir.sample().kept.values()]).flatten()
+    counting = readout if isinstance(readout, Counting) else Majority()
+    whole = _prototypes(words, rows, n_classes, counting)
+    found = []
+    for group in of_group[chosen].unique():
+        inside = of_group == group
+        own = rows[inside].unique()
+        others = torch.isin(rows, own) & ~inside
+        rest = _prototypes(words[others], rows[others], n_classes, counting)
+        left = whole.clone()
+        left[own] = rest[own]
+        alone = own[~torch.isin(own, rows[others])]
+        asked = chosen[inside[chosen] & ~torch.isin(rows[chosen], alone)]
+        distances = bits.hamming(words[asked].packed, left)
+        distances[:, alone] = planes.WORD * left.shape[1]
+        found.append(distances.amin(1))
+    return Rejection.of(whole, found, "group")
+
+
+def _prototypes(
+    words: Hypervectors, rows: Tensor, n_classes: int, readout: Counting
+) -> Tensor:
+    """Majorities int64 [L, W] by the ties of a read-out; zeros for a class without frames."""
+    counters = Counters(n_classes, words.dimension, words.packed.device)
+    counters.add(words.packed, rows)
+    return counters.majority(readout.ties, readout.random_state)
+
+
+def of_one_group(rows: Tensor, groups: Sequence[Label]) -> list[int]:
+    """Classes whose frames are all of one group, so that they cannot be left out with it."""
+    pairs = {*zip(rows.tolist(), groups, strict=True)}
+    n_groups = Counter(row for row, _ in pairs)
+    return sorted(row for row, n in n_groups.items() if n == 1)

@@ -137,12 +137,8 @@ def numbers(most):
     return st.lists(st.integers(0, most), min_size=70, max_size=70).map(torch.tensor)
 
 
-@given(numbers(1000), numbers(8191), st.integers(13, 15), st.integers(0, 2000))
+@given(numbers(1000), st.integers(0, 2000))
 @settings(max_examples=60, deadline=None)
-def test_sums_and_comparisons_of_bit_sliced_integers(x, y, extra, threshold):
-    total = planes.add(counters(x, 10), counters(y, extra))
-    found = sum(bits.unpack(plane, 70).long() << p for p, plane in enumerate(total))
-    assert torch.equal(found, x + y)
-    assert torch.equal(planes.add(counters(y, extra), counters(x, 10)), total)
+def test_comparisons_of_bit_sliced_integers(x, threshold):
     greater = planes.greater(counters(x, 10), threshold)
     assert torch.equal(bits.unpack(greater, 70), x > threshold)
