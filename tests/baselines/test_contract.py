@@ -195,7 +195,7 @@ COMBINATIONS = {
 }
 COMBINATIONS |= {
     "median neighbours 3": HDCClassifier(readout=Neighbours(3)),
-    "knn_standardised 3": NearestNeighbour(k=3, pixels="standardised"),
+    "knn 3": NearestNeighbour(k=3, pixels="raw"),
     "mean_image standardised": MeanImage(pixels="standardised"),
 }
 
