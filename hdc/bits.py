@@ -256,6 +256,24 @@ def _sums_of_ones(factors: Tensor, words: Tensor) -> Tensor:
     return sums
 
 
+def sliced(numbers: Tensor, n_planes: int) -> Tensor:
+    """Planes int64 [..., P, W] of whole numbers [..., D], at least zero and below 2^P."""
+    made = [pack(numbers >> p & 1 == 1) for p in range(n_planes)]
+    return torch.stack(made, -2)
+
+
+def numbers_of(counts: Tensor, dimension: int) -> Tensor:
+    """The whole numbers int64 [L, D] of planes [L, P, W]."""
+    n_planes = counts.shape[1]
+    # Summed in one byte each, if that is enough.
+    narrow = torch.uint8 if n_planes <= 8 else torch.int64
+    shape = len(counts), dimension
+    total = torch.zeros(shape, dtype=narrow, device=counts.device)
+    for p in range(n_planes):
+        total += unpack(counts[:, p], dimension).to(narrow) << p
+    return total.long()
+
+
 # Bundles -----------------------------------------------------------------------------------------
 
 

@@ -90,8 +90,7 @@ class Counters:
         found.n = n
         found.reserve(max(n.tolist(), default=0))
         for c, ones in enumerate(counts):
-            for p in range(found.planes.shape[1]):
-                found.planes[c, p] = bits.pack(ones >> p & 1 == 1)
+            found.planes[c] = bits.sliced(ones, found.planes.shape[1])
         return found
 
     def majority(self, ties: str = "zero") -> Tensor:
@@ -105,15 +104,7 @@ class Counters:
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
         chosen = self.planes if rows is None else self.planes[list(rows)]
-        shape = len(chosen), self.dimension
-        n_planes = chosen.shape[1]
-        # Summed in one byte each, if that is enough.
-        narrow = torch.uint8 if n_planes <= 8 else torch.int64
-        total = torch.zeros(shape, dtype=narrow, device=self.device)
-        for p in range(n_planes):
-            plane = bits.unpack(chosen[:, p], self.dimension)
-            total += plane.to(narrow) << p
-        return total.long()
+        return bits.numbers_of(chosen, self.dimension)
 
     @property
     def device(self) -> torch.device:

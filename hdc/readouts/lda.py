@@ -72,11 +72,8 @@ class Discriminants(State):
 
     def floats(self, dimension: int) -> Tensor:
         """The weights in the units of the scores, float32 [L, D] (CPU)."""
-        sliced = bits.unpack(self.weights.cpu(), dimension)
-        weights = torch.zeros(len(sliced), dimension)
-        for p in range(_PLANES):
-            weights += 2.0**p * sliced[:, p]
-        return (weights - _OFFSET) * self.scales[:, None].float()
+        shifted = bits.numbers_of(self.weights.cpu(), dimension)
+        return (shifted - _OFFSET).float() * self.scales[:, None].float()
 
     def known_offsets(self) -> Tensor:
         """Offsets float64 [L]; 0 for a class without training frames."""
@@ -262,15 +259,15 @@ def _stored(
         alpha: α.
         device: device of the weights.
     """
-    planes, scales, offsets = _quantised(*learned)
+    rounded, scales, offsets = _quantised(*learned)
     unit = 2**_UNIT_BITS / float(scales.max())
     state = Discriminants(
-        weights=planes.new_zeros(n_classes, *planes.shape[1:], device=device),
+        weights=rounded.new_zeros(n_classes, *rounded.shape[1:], device=device),
         scales=torch.zeros(n_classes, dtype=torch.int64),
         offsets=torch.full((n_classes,), _NOWHERE),
         shrinkage=torch.tensor(alpha, dtype=torch.float64),
     )
-    state.weights[known.to(device)] = planes.to(device)
+    state.weights[known.to(device)] = rounded.to(device)
     state.scales[known] = (scales * unit).round().long()
     state.offsets[known] = (offsets * unit).round().long()
     return state, unit
@@ -291,13 +288,13 @@ def _quantised(
     """
     centre = means.mean(0)
     in_doubles = centre.double()
-    planes = []
+    made = []
     scales = torch.ones(len(weights), dtype=torch.float64)
     offsets = offsets.clone()
     for c, w in enumerate(weights):
         steps = _LEVELS / _unit(w.abs())
         q = (w * steps).round_().clamp_(-_LEVELS, _LEVELS)
-        planes.append(_planes_of(q))
+        made.append(bits.sliced((q + _OFFSET).to(torch.uint8), _PLANES))
         if not q.any():
             continue
         away = (means[c] - centre).double()
@@ -309,7 +306,7 @@ def _quantised(
             scales[c] = float(exact @ rounded) / float(rounded @ rounded)
         lost = w - scales[c].float() * q
         offsets[c] += float(lost.double() @ in_doubles)
-    return torch.stack(planes), scales.clamp(min=1e-300), offsets
+    return torch.stack(made), scales.clamp(min=1e-300), offsets
 
 
 def _unit(sizes: Tensor) -> float:
@@ -322,10 +319,3 @@ def _unit(sizes: Tensor) -> float:
     place = max(1, round(_CLIPPED * len(live))) - 1
     live.partition(place)
     return float(live[place])
-
-
-def _planes_of(q: Tensor) -> Tensor:
-    """q + 8 of the bits [D] as packed planes int64 [4, W]."""
-    shifted = (q + _OFFSET).to(torch.uint8)
-    planes = [bits.pack((shifted & 1 << p).bool()) for p in range(_PLANES)]
-    return torch.stack(planes)
