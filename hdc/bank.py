@@ -99,7 +99,7 @@ class Bank:
     def _of_training(
         self, encoder: Encoder, train: np.ndarray, key: Hashable
     ) -> tuple[Encoder, dict[bytes, Tensor]]:
-        """The encoder that these frames train, and its words by rows, kept until others train it."""
+        """The encoder that these frames train, and its words by rows, until others train it."""
         of_training = train.tobytes()
         kept = self._learned.get(key)
         if kept is None or kept[0] != of_training:

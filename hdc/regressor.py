@@ -238,7 +238,9 @@ class HDCRegressor(Saved):
             header |= {"period": float(self.period), "signed": self._is_signed}
         return header, tensors
 
-    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
+    def _restore(
+        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
+    ) -> None:
         packed, values = tensors.pop("words"), tensors.pop("values")
         kinds = {"words": "int64 N W", "values": "float64 N T"}
         pairs = {"words": packed, "values": values}
@@ -247,16 +249,12 @@ class HDCRegressor(Saved):
         self.period = header.get("period")
         self._is_signed = bool(header.get("signed", False))
         self._check_period()
-        readout = self.fresh("readout")
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)
         words = Hypervectors(packed, self.dimension_, self.encoder_, self.frame_shape_)
         self.readout_ = readout
         self.state_ = readout.restored(own, words, values)
         self._recalibrated = bool(header["recalibrated"])
-
-    def _move(self, device: str) -> None:
-        self.state_ = self.state_.to(device)
 
 
 def _numbers(values: Any, n: int) -> np.ndarray:

@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Self
 
@@ -97,10 +97,6 @@ class Rejection:
         if (found[unit].diff() < 0).any():
             raise ValueError(f"known.{unit}: expected increasing distances")
         return cls(found["prototypes"], found[unit], unit)
-
-    def to(self, device: torch.device | str) -> Self:
-        """The rule with its prototypes on a device."""
-        return replace(self, prototypes=self.prototypes.to(device))
 
 
 # Frame by frame ----------------------------------------------------------------------------------
