@@ -34,7 +34,7 @@ class Adapting(Answering):
 
         Each read-out adapts in its own way. Ridge regression moves its weights to fit the new
         frames, and neighbours replace the stored frames of each class by its new ones; neither uses
-        p. lda and kernel mix the old discriminants and the new ones. To adapt without labels, see
+        p. lda mixes the old discriminants and the new ones. To adapt without labels, see
         :meth:`rezero`.
 
         Args:
@@ -49,7 +49,7 @@ class Adapting(Answering):
 
         Raises:
             ValueError: if p is outside [0, 1]; if p is 1 and all new frames are of one class, for
-                lda and kernel; if a label is not among ``classes_``; if bits are to be replaced in
+                lda; if a label is not among ``classes_``; if bits are to be replaced in
                 a class without training frames; or if the read-out does not use an argument.
             AttributeError: if the read-out cannot adapt; ``hasattr`` is then False.
         """

@@ -259,27 +259,22 @@ def _sums_of_ones(factors: Tensor, words: Tensor) -> Tensor:
 # Bundles -----------------------------------------------------------------------------------------
 
 
-def majority(
-    words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None
-) -> Tensor:
+def majority(words: Tensor, ties: str = "zero") -> Tensor:
     """Bitwise majority (paper, Eq. 1) of N hypervectors: int64 [N, W] → [W].
 
     Args:
         words: the hypervectors to bundle.
-        ties: a bit with as many ones as zeros (even N) becomes ``"zero"``, ``"one"``, or, with
-            ``"random"``, the bit of ``tie_breaker``: the same as adding that hypervector to the
-            bundle (Schmuck et al., ACM JETC 15, 32 (2019)).
-        tie_breaker: int64 [W], needed for ``"random"`` only.
+        ties: what a bit with as many ones as zeros (even N) becomes: ``"zero"`` or ``"one"``.
 
     Raises:
         TypeError: for words of another type than int64.
-        ValueError: for no hypervectors, an unknown rule, or ``"random"`` without a tie breaker.
+        ValueError: for no hypervectors, or an unknown rule.
     """
     _check_words("majority", words)
     if len(words) == 0:
         raise ValueError("majority: expected at least one hypervector, found none")
     counts = planes.vertical_sum(words)
-    return planes.majority(counts, len(words), ties, tie_breaker)
+    return planes.majority(counts, len(words), ties)
 
 
 def random_hypervector(

@@ -8,7 +8,7 @@ instead of 64 n additions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -20,7 +20,7 @@ from hdc.parameters import not_among
 
 _BLOCK = 4096  # words of a row that numpy adds at a time: they stay in the cache
 WORD = 64
-TIES = ("zero", "one", "random")
+TIES = ("zero", "one")
 _UNPACKED = 2**25  # bits at a time, at 8 bytes each, that a GPU adds up
 
 
@@ -179,53 +179,17 @@ def greater(counts: Tensor, threshold: int) -> Tensor:
     return mask
 
 
-def majority(
-    counts: Tensor, n: int, ties: str = "zero", tie_breaker: Tensor | None = None
-) -> Tensor:
+def majority(counts: Tensor, n: int, ties: str = "zero") -> Tensor:
     """Bitwise majority int64 [W] of n hypervectors from their counts [P, W].
 
-    For `ties`, `tie_breaker` and errors, see :func:`hdc.bits.majority`.
+    For `ties` and errors, see :func:`hdc.bits.majority`.
     """
     if ties not in TIES:
         raise ValueError(f"ties: {not_among(ties, TIES)}")
-    more = greater(counts, n // 2)
     if n % 2 or ties == "zero":
-        return more
+        return greater(counts, n // 2)
     # For n ≥ 1 the zero counts beyond D are not among these.
-    at_least_half = greater(counts, n // 2 - 1)
-    if ties == "one":
-        return at_least_half
-    if tie_breaker is None:
-        raise ValueError(
-            "ties='random': expected a tie_breaker hypervector, found None"
-        )
-    return more | (at_least_half & tie_breaker)
-
-
-def majorities(
-    counts: Tensor,
-    n: Tensor,
-    rows: Sequence[int],
-    ties: str,
-    tie_breaker: Callable[[int], Tensor],
-) -> Tensor:
-    """:func:`majority` of K classes `rows`, int64 [K, W]; zeros for a class without hypervectors.
-
-    Args:
-        counts: int64 [L, P, W].
-        n: hypervectors of each class, int64 [L].
-        rows, ties: as above.
-        tie_breaker: function of a class that gives its hypervector for ``ties="random"``.
-    """
-    found = zeros((len(rows), counts.shape[2]), counts.device)
-    numbers = n.tolist()
-    for i, c in enumerate(rows):
-        if numbers[c]:
-            breaker = None
-            if ties == "random":
-                breaker = tie_breaker(c).to(counts.device)
-            found[i] = majority(counts[c], numbers[c], ties, breaker)
-    return found
+    return greater(counts, n // 2 - 1)
 
 
 def _full_adder(a: Any, b: Any, c: Any) -> tuple[Any, Any]:

@@ -7,7 +7,6 @@ have it set. Counts are kept bit-sliced (:mod:`hdc.planes`), L·P·D bits for cl
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd
@@ -21,7 +20,7 @@ from hdc import bits, planes
 from hdc.parameters import check_share
 
 # Streams of random bits from one seed.
-_TIES, _RECALIBRATION, _THINNING = range(3)
+_RECALIBRATION, _THINNING = 1, 2
 _VOTE_BITS = 24  # of a count of votes, after repeated merges
 _P_STEPS = 1000
 
@@ -95,14 +94,13 @@ class Counters:
                 found.planes[c, p] = bits.pack(ones >> p & 1 == 1)
         return found
 
-    def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
-        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty.
-
-        With ``ties="random"``, the ties of class c are broken by the random hypervector of
-        (seed, c).
-        """
-        breaker = functools.partial(tie_breaker, self.dimension, seed)
-        return planes.majorities(self.planes, self.n, range(len(self.n)), ties, breaker)
+    def majority(self, ties: str = "zero") -> Tensor:
+        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty."""
+        found = planes.zeros((len(self.n), self.planes.shape[2]), self.device)
+        for c, n in enumerate(self.n.tolist()):
+            if n:
+                found[c] = planes.majority(self.planes[c], n, ties)
+        return found
 
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
@@ -124,11 +122,6 @@ class Counters:
     def reserve(self, n: int) -> None:
         """Make room for n hypervectors per class."""
         self.planes = planes.with_room(self.planes, n)
-
-
-def tie_breaker(dimension: int, seed: int, c: int) -> Tensor:
-    """The random hypervector that breaks the ties of class c, int64 [W] (CPU)."""
-    return bits.random_hypervector(dimension, seed, stream=(_TIES, c))
 
 
 def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:

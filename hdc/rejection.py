@@ -188,7 +188,7 @@ def _prototypes(
     """Majorities int64 [L, W] by the ties of a read-out; zeros for a class without frames."""
     counters = Counters(n_classes, words.dimension, words.packed.device)
     counters.add(words.packed, rows)
-    return counters.majority(readout.ties, readout.random_state)
+    return counters.majority(readout.ties)
 
 
 def of_one_group(rows: Tensor, groups: Sequence[Label]) -> list[int]:

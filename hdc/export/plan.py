@@ -122,7 +122,6 @@ class Plan:
             pixel_bits=pixel_bits,
             thresholds=_thresholds(encoder),
             classes=len(rows),
-            ties="" if relative else encoder.ties,
             planes=PLANES if "weights" in tables else 1,
             extra=int("majority" in tables),
             relative=relative,

@@ -30,7 +30,6 @@ from typing import NamedTuple, Self
 import torch
 from torch import Tensor
 
-from hdc.parameters import check_share
 from hdc.readouts.base import HeldOut
 
 MOST_FRAMES = 8000
@@ -262,17 +261,6 @@ def held_out_of(
     scores = torch.zeros(len(places), n_classes, dtype=torch.float64)
     scores[:, known] = unit * found
     return HeldOut(scores, known[place[places]])
-
-
-def check_mixed(share: float, rows: Tensor) -> None:
-    """Raise ValueError for a share of new discriminants outside [0, 1], or a share of 1 if the new
-    frames are of a single class, whose discriminants are zero."""
-    check_share("p", share, "[0, 1]")
-    if share == 1 and len(rows.unique()) == 1:
-        raise ValueError(
-            "p: expected a share below 1 with new frames of a single class, found 1; "
-            "use p < 1, or frames of two classes"
-        )
 
 
 def check_memory(

@@ -30,14 +30,13 @@ from torch import Tensor
 from hdc import bits
 from hdc.bits import combinations, dot, gram
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import is_number
+from hdc.parameters import check_share, is_number
 from hdc.readouts.among_bits import ProblemAmongBits
 from hdc.readouts.base import HeldOut, Readout, State
 from hdc.readouts.discriminant import (
     Problem,
     Solution,
     check_memory,
-    check_mixed,
     held_out_of,
     spread_over,
 )
@@ -149,7 +148,12 @@ class LDA(Readout):
         Raises:
             ValueError: for a share outside [0, 1], or 1 with new frames of a single class.
         """
-        check_mixed(share, rows)
+        check_share("p", share, "[0, 1]")
+        if share == 1 and len(rows.unique()) == 1:  # whose discriminants are zero
+            raise ValueError(
+                "p: expected a share below 1 with new frames of a single class, found 1; "
+                "use p < 1, or frames of two classes"
+            )
         n_classes, dimension = len(state.weights), words.dimension
         new = self.fit(words, rows, n_classes)
         floats = state.floats(dimension), new.floats(dimension)

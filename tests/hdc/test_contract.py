@@ -33,7 +33,7 @@ PAIRS = [
     (Levels(3, lit=0.5), "majority"),
     (Reference("levels"), "lda"),
     (Reference(Quantile("1/3")), "counts"),
-    *(("median", kind("random", "balanced", 4)) for kind in (Majority, Counts)),
+    *(("median", kind("one", "balanced", 4)) for kind in (Majority, Counts)),
     ("median", Nearest()),
 ]
 

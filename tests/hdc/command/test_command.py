@@ -65,12 +65,12 @@ def test_any_parameter_of_a_part_is_set(hdc, folder, tmp_path):
     words = ("train", folder, "-o", path, "--readout", "majority")
     sets = (
         "encoder__thresholds=3",
-        "encoder__ties=raster",
+        "encoder__lit=0.5",
         "readout__class_weight=balanced",
     )
     assert hdc(*words, *(w for text in sets for w in ("--set", text)))[0] == 0
     model = HDCClassifier.load(path)
-    assert (model.encoder_.thresholds, model.encoder_.ties) == (3, "raster")
+    assert (model.encoder_.thresholds, model.encoder_.lit) == (3, 0.5)
     assert model.readout_.class_weight == "balanced"
 
 
@@ -208,7 +208,7 @@ def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
         ("lda", ("--p", 0.2), 0, "at least 12 of each, p = 0.2"),
         ("neighbours", (), 0, "36 new frames of 3 classes, at least 12 of each"),
         ("ridge", ("--p", 0.2), 2, "error: expected no --p for the read-out Ridge"),
-        ("trained", (), 1, "hdc train on the new frames"),
+        ("kernel", (), 1, "hdc train on the frames of both days"),
     ],
 )
 def test_a_readout_is_recalibrated_by_what_it_uses(

@@ -17,7 +17,9 @@ from hdc.readers import Window
 from hdc.readouts import Majority
 from tests.hdc.export.compiler import ENCODERS, STRICT, run, trained_on
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:.*constant frame", "ignore:.*order of pixels"
+)
 
 PAGE = Path(__file__).parents[3] / "docs" / "export.md"
 
