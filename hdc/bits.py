@@ -8,8 +8,8 @@ population count, numpy's is used, with the same results bit for bit.
 >>> from hdc import bits
 >>> masks = torch.tensor([[True, False, True], [True, True, True], [False, False, True]])
 >>> words = bits.pack(masks)
->>> words.tolist(), bits.popcount(words).tolist()
-([[5], [7], [4]], [[2], [3], [1]])
+>>> words.tolist(), bits.count_ones(words).tolist()
+([[5], [7], [4]], [2, 3, 1])
 >>> bits.hamming(words, words).tolist()
 [[0, 1, 1], [1, 0, 2], [1, 2, 0]]
 >>> bits.unpack(bits.majority(words), 3).tolist()
@@ -84,18 +84,6 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
     return torch.from_numpy(ones.view(np.bool_))
 
 
-def popcount(words: Tensor) -> Tensor:
-    """Number of ones of each word: int64 [...] to uint8 [...].
-
-    Raises:
-        TypeError: for words of another type.
-    """
-    _check_words("popcount", words)
-    if words.device.type == "cpu":
-        return torch.from_numpy(_popcount_by_numpy(words))
-    return _swar_popcount(words).to(torch.uint8)
-
-
 def count_ones(words: Tensor) -> Tensor:
     """Number of ones of each hypervector: int64 [..., W] to int64 [...].
 
@@ -104,8 +92,9 @@ def count_ones(words: Tensor) -> Tensor:
     """
     _check_words("count_ones", words)
     if words.device.type == "cpu":
-        ones = _popcount_by_numpy(words).sum(-1, dtype=np.int64)
-        return torch.from_numpy(np.asarray(ones))
+        # Of signed words numpy counts the magnitude.
+        ones = np.bitwise_count(words.numpy().view(np.uint64))
+        return torch.from_numpy(np.asarray(ones.sum(-1, dtype=np.int64)))
     return _swar_popcount(words).sum(-1)
 
 
@@ -153,14 +142,6 @@ def _hamming_by_numpy(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray
             column = distances[start : start + step, j]
             np.bitwise_count(block ^ prototype).sum(-1, out=column)
     return distances
-
-
-def _popcount_by_numpy(words: Tensor) -> np.ndarray:
-    """Ones of each word [...] on the CPU, as uint8.
-
-    The words are viewed as unsigned, since of signed ones numpy counts the magnitude.
-    """
-    return np.bitwise_count(words.numpy().view(np.uint64))
 
 
 def _swar_popcount(words: Tensor) -> Tensor:

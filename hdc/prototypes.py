@@ -38,7 +38,8 @@ class Counters:
         self.dimension = dimension
         self.n = torch.zeros(n_classes, dtype=torch.int64)
         width = bits.words_for(dimension)
-        self.planes = planes.zeros((n_classes, 1, width), device)
+        shape = n_classes, 1, width
+        self.planes = torch.zeros(shape, dtype=torch.int64, device=device)
 
     @classmethod
     def of(cls, counts: Tensor, n: Tensor, dimension: int) -> Self:
@@ -96,7 +97,7 @@ class Counters:
 
     def majority(self, ties: str = "zero") -> Tensor:
         """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty."""
-        found = planes.zeros((len(self.n), self.planes.shape[2]), self.device)
+        found = self.planes.new_zeros(len(self.n), self.planes.shape[2])
         for c, n in enumerate(self.n.tolist()):
             if n:
                 found[c] = planes.majority(self.planes[c], n, ties)
@@ -105,15 +106,10 @@ class Counters:
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
         chosen = self.planes if rows is None else self.planes[list(rows)]
-        shape = len(chosen), self.dimension
-        n_planes = chosen.shape[1]
-        # Summed in one byte each, if that is enough.
-        narrow = torch.uint8 if n_planes <= 8 else torch.int64
-        total = torch.zeros(shape, dtype=narrow, device=self.device)
-        for p in range(n_planes):
-            plane = bits.unpack(chosen[:, p], self.dimension)
-            total += plane.to(narrow) << p
-        return total.long()
+        total = chosen.new_zeros(len(chosen), self.dimension)
+        for p in range(chosen.shape[1]):
+            total += bits.unpack(chosen[:, p], self.dimension).long() << p
+        return total
 
     @property
     def device(self) -> torch.device:

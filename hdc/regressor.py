@@ -21,8 +21,6 @@ from hdc.readouts.values import ValueReadout, ValueState
 from hdc.saved import Saved
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
 
-_LARGEST = 1e300  # sums of larger numbers overflow
-
 
 class HDCRegressor(Saved):
     """Regression of one or several numbers per frame, such as a position in mm.
@@ -262,7 +260,7 @@ def _numbers(values: Any, n: int) -> np.ndarray:
 
     Raises:
         ValueError: for a wrong number of them, masked ones, dates, or values that are not finite
-            numbers below 1e300 in size.
+            numbers.
     """
     values = inputs.one_a_frame("targets", values, n)
     if np.asarray(values).dtype.kind in "mM":  # whose unit would be lost
@@ -272,9 +270,6 @@ def _numbers(values: Any, n: int) -> np.ndarray:
         raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
-    if array.size and np.abs(array).max() > _LARGEST:
-        found = np.abs(array).max()
-        raise ValueError(f"targets: expected numbers up to 1e300, found {found:g}")
     return array
 
 
