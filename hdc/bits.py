@@ -8,8 +8,8 @@ population count, numpy's is used, with the same results bit for bit.
 >>> from hdc import bits
 >>> masks = torch.tensor([[True, False, True], [True, True, True], [False, False, True]])
 >>> words = bits.pack(masks)
->>> words.tolist(), bits.popcount(words).tolist()
-([[5], [7], [4]], [[2], [3], [1]])
+>>> words.tolist(), bits.count_ones(words).tolist()
+([[5], [7], [4]], [2, 3, 1])
 >>> bits.hamming(words, words).tolist()
 [[0, 1, 1], [1, 0, 2], [1, 2, 0]]
 >>> bits.unpack(bits.majority(words), 3).tolist()
@@ -84,18 +84,6 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
     return torch.from_numpy(ones.view(np.bool_))
 
 
-def popcount(words: Tensor) -> Tensor:
-    """Number of ones of each word: int64 [...] to uint8 [...].
-
-    Raises:
-        TypeError: for words of another type.
-    """
-    _check_words("popcount", words)
-    if words.device.type == "cpu":
-        return torch.from_numpy(_popcount_by_numpy(words))
-    return _swar_popcount(words).to(torch.uint8)
-
-
 def count_ones(words: Tensor) -> Tensor:
     """Number of ones of each hypervector: int64 [..., W] to int64 [...].
 
@@ -104,8 +92,9 @@ def count_ones(words: Tensor) -> Tensor:
     """
     _check_words("count_ones", words)
     if words.device.type == "cpu":
-        ones = _popcount_by_numpy(words).sum(-1, dtype=np.int64)
-        return torch.from_numpy(np.asarray(ones))
+        # Of signed words numpy counts the magnitude.
+        ones = np.bitwise_count(words.numpy().view(np.uint64))
+        return torch.from_numpy(np.asarray(ones.sum(-1, dtype=np.int64)))
     return _swar_popcount(words).sum(-1)
 
 
@@ -153,14 +142,6 @@ def _hamming_by_numpy(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray
             column = distances[start : start + step, j]
             np.bitwise_count(block ^ prototype).sum(-1, out=column)
     return distances
-
-
-def _popcount_by_numpy(words: Tensor) -> np.ndarray:
-    """Ones of each word [...] on the CPU, as uint8.
-
-    The words are viewed as unsigned, since of signed ones numpy counts the magnitude.
-    """
-    return np.bitwise_count(words.numpy().view(np.uint64))
 
 
 def _swar_popcount(words: Tensor) -> Tensor:
@@ -264,14 +245,10 @@ def sliced(numbers: Tensor, n_planes: int) -> Tensor:
 
 def numbers_of(counts: Tensor, dimension: int) -> Tensor:
     """The whole numbers int64 [L, D] of planes [L, P, W]."""
-    n_planes = counts.shape[1]
-    # Summed in one byte each, if that is enough.
-    narrow = torch.uint8 if n_planes <= 8 else torch.int64
-    shape = len(counts), dimension
-    total = torch.zeros(shape, dtype=narrow, device=counts.device)
-    for p in range(n_planes):
-        total += unpack(counts[:, p], dimension).to(narrow) << p
-    return total.long()
+    total = counts.new_zeros(len(counts), dimension)
+    for p in range(counts.shape[1]):
+        total += unpack(counts[:, p], dimension).long() << p
+    return total
 
 
 # Bundles -----------------------------------------------------------------------------------------

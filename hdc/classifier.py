@@ -206,13 +206,11 @@ class HDCClassifier(Adapting):
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         return self._head.stored()
 
-    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        readout = self.fresh("readout")
+    def _restore(
+        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
+    ) -> None:
         _check_several(readout, header["classes"])
         self._head = Head.restored(readout, header, tensors, self.dimension_)
-
-    def _move(self, device: str) -> None:
-        self._head = self._head.to(device)
 
 
 def _check_several(readout: Readout, classes: Sequence[inputs.Label]) -> None:

@@ -6,12 +6,11 @@ scikit-learn itself is not imported: that takes as long as importing torch, and 
 from __future__ import annotations
 
 import sys
-from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from math import prod
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
 import torch
 
@@ -161,34 +160,6 @@ class Estimator(Parametrised):
             raise kind(
                 f"{type(self).__name__}: expected a trained model; call fit first"
             )
-
-    # Devices and pickles -------------------------------------------------------------------------
-
-    def to(self, device: str) -> Self:
-        """Move the trained model to a device, where it computes from now on.
-
-        Raises:
-            ValueError: for a device that this machine does not have.
-        """
-        self._check_is_trained()
-        backend = backends.choose_backend(self.backend, device)
-        encoder = self.encoder_.unlearned()
-        state = {name: x.to(device) for name, x in self.encoder_.state().items()}
-        encoder.restore(state, self.n_features_in_)
-        self._move(device)
-        self.encoder_, self.backend_ = encoder, backend
-        self.device = device
-        return self
-
-    def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Restore a pickled model; the backend is chosen on the machine that loads it."""
-        vars(self).update(state)
-        if hasattr(self, "backend_"):
-            self.backend_ = backends.choose_backend(self.backend, self.device)
-
-    @abstractmethod
-    def _move(self, device: str) -> None:
-        """Move the state of the read-out to a device."""
 
     def __sklearn_tags__(self) -> Any:
         from sklearn.utils import (

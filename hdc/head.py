@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,18 +46,6 @@ class Head:
     """Whether the prototypes no longer follow from the counters."""
     training: tuple[Hypervectors, Tensor] | None = None
     """Training hypervectors and their rows, for a read-out that is cross-validated."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields without cached values; cross-validated scores replace the training frames."""
-        found = {field.name: getattr(self, field.name) for field in fields(self)}
-        if self.training is not None:
-            found["state"] = replace(self.state, held_out=self._held_out_to_keep())
-            found["training"] = None
-        return found
-
-    def __deepcopy__(self, _: Any) -> Head:
-        """The head itself, since it is immutable."""
-        return self
 
     @functools.cached_property
     def index(self) -> dict[Label, int]:
@@ -127,22 +115,6 @@ class Head:
             sample=sample,
             recalibrated=True,
             training=None,
-            calibrated=calibrated,
-        )
-
-    def to(self, device: torch.device | str) -> Head:
-        """The head on a device."""
-        training = self.training
-        if training is not None:
-            training = training[0].to(device), training[1]
-        calibrated = self.calibrated
-        if calibrated is not None:
-            calibrated = calibrated.to(device)
-        return replace(
-            self,
-            state=self.state.to(device),
-            sample=self.sample.to(device),
-            training=training,
             calibrated=calibrated,
         )
 

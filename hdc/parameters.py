@@ -120,22 +120,12 @@ def make_part(
         ValueError: for a name that is not known, or a module that cannot be imported.
         TypeError: for a class in place of an object, or an object of another kind.
     """
-    if isinstance(part, type):
-        raise TypeError(f"{what}: expected an object, found the class {part.__name__}")
     kind = find_class(part, what, known) if isinstance(part, str) else type(part)
     if not issubclass(kind, base):
         listed = ", ".join(known)
         expected = f"one of {listed}, or an object of {base.__module__}.{base.__name__}"
         raise TypeError(f"{what}: expected {expected}, found {part!r}")
-    if not isinstance(part, str):
-        return part
-    try:
-        return kind()
-    except TypeError as error:
-        expected = "a class that is made without arguments, or an object"
-        raise TypeError(
-            f"{what}: expected {expected}, found {part!r}: {error}"
-        ) from error
+    return kind() if isinstance(part, str) else part
 
 
 def find_class(name: str, what: str, known: Mapping[str, type]) -> type:

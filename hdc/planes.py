@@ -11,7 +11,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -24,22 +23,10 @@ TIES = ("zero", "one")
 _UNPACKED = 2**25  # bits at a time, at 8 bytes each, that a GPU adds up
 
 
-def zeros(shape: tuple[int, ...], device: torch.device | str) -> Tensor:
-    """Counters of zero; on the CPU by numpy, without waking torch's threads."""
-    if torch.device(device).type == "cpu":
-        return torch.from_numpy(np.zeros(shape, np.int64))
-    return torch.zeros(shape, dtype=torch.int64, device=device)
-
-
-def plain(words: Tensor) -> Any:
-    """A numpy view on the CPU, where waking torch's threads takes longer than the work."""
-    return words.numpy() if words.device.type == "cpu" else words
-
-
 def vertical_sum(words: Tensor) -> Tensor:
     """Count the ones of each bit position: int64 [N, W] → planes [P, W], P = bit length of N."""
     n, width = words.shape
-    counts = zeros((max(1, n.bit_length()), width), words.device)
+    counts = words.new_zeros(max(1, n.bit_length()), width)
     count_into(counts, words, range(n))
     return counts
 
@@ -52,7 +39,7 @@ def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
     if counts.device.type != "cpu":
         _sum_into(counts, words, rows)
         return
-    into, source = plain(counts), plain(words)
+    into, source = counts.numpy(), words.numpy()
     for start in range(0, words.shape[1], _BLOCK):
         block = slice(start, start + _BLOCK)
         _count_into(into[:, block], source[:, block], rows)
@@ -107,8 +94,8 @@ def with_room(counts: Tensor, n: int) -> Tensor:
     n_classes, n_old, width = counts.shape
     if n_planes <= n_old:
         return counts
-    grown = zeros((n_classes, n_planes, width), counts.device)
-    plain(grown)[:, :n_old] = plain(counts)
+    grown = counts.new_zeros(n_classes, n_planes, width)
+    grown[:, :n_old] = counts
     return grown
 
 
@@ -170,12 +157,11 @@ def greater(counts: Tensor, threshold: int) -> Tensor:
         return ~mask
     if threshold >> n_planes:
         return mask  # more than the planes can hold
-    carry, rows = plain(mask), plain(counts)
-    for p in range(n_planes):
+    for p, plane in enumerate(counts):
         if threshold >> p & 1:
-            carry &= rows[p]
+            mask &= plane
         else:
-            carry |= rows[p]
+            mask |= plane
     return mask
 
 

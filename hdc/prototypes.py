@@ -38,7 +38,8 @@ class Counters:
         self.dimension = dimension
         self.n = torch.zeros(n_classes, dtype=torch.int64)
         width = bits.words_for(dimension)
-        self.planes = planes.zeros((n_classes, 1, width), device)
+        shape = n_classes, 1, width
+        self.planes = torch.zeros(shape, dtype=torch.int64, device=device)
 
     @classmethod
     def of(cls, counts: Tensor, n: Tensor, dimension: int) -> Self:
@@ -95,7 +96,7 @@ class Counters:
 
     def majority(self, ties: str = "zero") -> Tensor:
         """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty."""
-        found = planes.zeros((len(self.n), self.planes.shape[2]), self.device)
+        found = self.planes.new_zeros(len(self.n), self.planes.shape[2])
         for c, n in enumerate(self.n.tolist()):
             if n:
                 found[c] = planes.majority(self.planes[c], n, ties)

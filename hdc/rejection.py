@@ -23,7 +23,7 @@ from __future__ import annotations
 import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Self
 
@@ -98,10 +98,6 @@ class Rejection:
             raise ValueError(f"known.{unit}: expected increasing distances")
         return cls(found["prototypes"], found[unit], unit)
 
-    def to(self, device: torch.device | str) -> Self:
-        """The rule with its prototypes on a device."""
-        return replace(self, prototypes=self.prototypes.to(device))
-
 
 # Frame by frame ----------------------------------------------------------------------------------
 
@@ -134,17 +130,13 @@ def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
     reservoir = Reservoir(size=MOST)
     reservoir.add(words.packed, rows.tolist())
     kept = {int(row): frames for row, frames in reservoir.sample().kept.items()}
-    shape = n_classes, 1, words.packed.shape[1]
-    counts, n = planes.count_classes(
-        planes.zeros(shape, words.packed.device),
-        torch.zeros(n_classes, dtype=torch.int64),
-        words.packed,
-        rows,
-    )
-    near = counts.new_zeros(n_classes, 3, shape[2])
+    counted = Counters(n_classes, words.dimension, words.packed.device)
+    counted.add(words.packed, rows)
+    near = counted.planes.new_zeros(n_classes, 3, words.packed.shape[1])
     for row in kept:
+        n = int(counted.n[row])
         for place, extra in enumerate((-1, 0, 1)):
-            near[row, place] = planes.majority(counts[row], int(n[row]) + extra)
+            near[row, place] = planes.majority(counted.planes[row], n + extra)
     return by_frames(near, kept)
 
 

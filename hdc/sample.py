@@ -57,11 +57,6 @@ class Sample:
         found = {label: part.clone() for label, part in parts if len(part)}
         return cls(counts, found)
 
-    def to(self, device: torch.device | str) -> Sample:
-        """The sample on a device."""
-        kept = {label: words.to(device) for label, words in self.kept.items()}
-        return Sample(self.seen, kept)
-
 
 class Reservoir:
     """Reservoir sampling of up to 19 hypervectors of each class, in any batches.

@@ -88,11 +88,11 @@ class Counting(Updatable):
     def empty(
         self, n_classes: int, dimension: int, device: torch.device | str
     ) -> Counted:
-        width = bits.words_for(dimension)
+        counters = Counters(n_classes, dimension, device)
         return Counted(
-            planes=planes.zeros((n_classes, 1, width), device),
-            n=torch.zeros(n_classes, dtype=torch.int64),
-            prototypes=planes.zeros((n_classes, width), device),
+            planes=counters.planes,
+            n=counters.n,
+            prototypes=counters.majority(),
             recalibrated=torch.tensor(0),
             dimension=dimension,
         )
@@ -107,11 +107,7 @@ class Counting(Updatable):
 
     def arrange(self, state: Counted, places: Sequence[int], n_classes: int) -> Counted:
         counters = state.counters().placed(places, n_classes)
-        arranged = replace(
-            self.empty(n_classes, state.dimension, counters.device),
-            planes=counters.planes,
-            n=counters.n,
-        )
+        arranged = replace(state, planes=counters.planes, n=counters.n)
         return self._with_prototypes(arranged)
 
     def _with_prototypes(self, state: Counted) -> Counted:

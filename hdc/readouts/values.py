@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
-from typing import Any, ClassVar, Self
+from dataclasses import dataclass
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
@@ -37,11 +37,6 @@ class ValueState(State):
         found = super().tensors()
         del found["targets"]
         return found
-
-    def to(self, device: torch.device | str) -> Self:
-        moved = super().to(device)
-        words = self.words.to(device)
-        return replace(moved, words=words, residuals=self.residuals)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
