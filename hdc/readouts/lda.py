@@ -43,7 +43,7 @@ from hdc.readouts.discriminant import (
 from hdc.tensors import Kinds
 from hdc.warning import warn
 
-SHRINKAGES = ("ledoit_wolf", "oas")
+LEDOIT_WOLF = "ledoit_wolf"
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
 _CLIPPED = 0.995  # quantile of the weights that becomes the largest
 _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
@@ -89,23 +89,23 @@ class LDA(Readout):
 
     Args:
         shrinkage: α in [0, 1], or the closed form ``"ledoit_wolf"`` (J. Multivar. Anal. 88, 365
-            (2004)) or ``"oas"`` (Chen et al., IEEE TSP 58, 5016 (2010)).
+            (2004)).
     """
 
     State = Discriminants
     needs = ("weights", "scales", "offsets")
     adapts_by = ("p",)
 
-    def __init__(self, shrinkage: float | str = "ledoit_wolf"):
+    def __init__(self, shrinkage: float | str = LEDOIT_WOLF):
         self.shrinkage = shrinkage
 
     def check(self) -> None:
         given: Any = self.shrinkage
-        if isinstance(given, str) and given in SHRINKAGES:
-            return
-        if not is_number(given) or not 0 <= given <= 1:
-            expected = f"one of {', '.join(SHRINKAGES)}, or a share in [0, 1]"
-            raise ValueError(f"shrinkage: expected {expected}, found {given!r}")
+        is_share = is_number(given) and 0 <= given <= 1
+        if not is_share and str(given) != LEDOIT_WOLF:
+            raise ValueError(
+                f"shrinkage: expected {LEDOIT_WOLF!r}, or a share in [0, 1], found {given!r}"
+            )
 
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Discriminants:
         """See :meth:`hdc.readouts.base.Readout.fit`.
@@ -202,7 +202,7 @@ def shrunken(
         squares = float((problem.products**2).sum())
         degrees = max(1, len(problem.diagonal) - problem.n_classes)
         alpha = closed_form(
-            shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
+            problem.trace, squares, problem.diagonal, degrees, dimension
         )
     else:
         alpha = float(shrinkage)
@@ -212,12 +212,11 @@ def shrunken(
 
 
 def closed_form(
-    kind: str, trace: float, squares: float, diagonal: Tensor, n: int, d: int
+    trace: float, squares: float, diagonal: Tensor, n: int, d: int
 ) -> float:
-    """α in closed form, for a covariance with n degrees of freedom in D dimensions.
+    """α by Ledoit and Wolf, for a covariance with n degrees of freedom in D dimensions.
 
     Args:
-        kind: one of :data:`SHRINKAGES`.
         trace, squares, diagonal: tr K, ‖K‖²_F and K_ii.
         n: frames minus classes.
         d: D.
@@ -227,12 +226,8 @@ def closed_form(
     spread = second - first**2 / d
     if spread <= 0:
         return 1.0
-    if kind == "ledoit_wolf":
-        fourth = float((diagonal**2).sum()) / n**2
-        share = (fourth - second / n) / spread
-    else:
-        numerator = (1 - 2 / d) * second + first**2
-        share = numerator / ((n + 1 - 2 / d) * spread)
+    fourth = float((diagonal**2).sum()) / n**2
+    share = (fourth - second / n) / spread
     return min(1.0, max(0.0, share))
 
 
