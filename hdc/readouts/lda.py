@@ -115,7 +115,7 @@ class LDA(Readout):
                 all pairs, of frames or of bits, are too large.
         """
         packed, dimension = words.packed, words.dimension
-        check_memory("lda", len(rows), matrices=2, dimension=dimension)
+        check_memory("lda", min(len(rows), dimension), "frames or bits")
         known, place = rows.unique(return_inverse=True)
         problem = problem_of(words, place)
         if problem.is_empty:

@@ -49,7 +49,7 @@ def solve(
             pairs, of frames or of bits, are too large.
     """
     dimension = words.dimension
-    check_memory("ridge", len(words), matrices=4, dimension=dimension)
+    check_memory("ridge", min(len(words), dimension), "frames or bits")
     left = targets
     if prior is not None:
         left = targets - prior.values(words).cpu()
