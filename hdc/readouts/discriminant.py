@@ -274,6 +274,6 @@ def check_memory(readout: str, size: int, what: str = "frames") -> None:
     if size > MOST_FRAMES:
         raise ValueError(
             f"{readout}: expected at most {MOST_FRAMES} {what}, found {size}; train on fewer "
-            "frames of each class, on fewer pixels (--subsample), or with a read-out without products "
-            "of all pairs, such as 'neighbours'"
+            "frames of each class, on fewer pixels (--subsample), or with a read-out without "
+            "products of all pairs, such as 'neighbours'"
         )
