@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any, TypeVar
-
-Method = TypeVar("Method", bound=Callable[..., Any])
+from typing import Any
 
 
 class UnavailableError(AttributeError, ValueError):
     """A method that a model with these parameters does not have."""
 
 
-def needs(part: str, name: str, expected: str) -> Callable[[Method], Method]:
-    """Decorate a method that exists only if a part of the model has a method `name`.
+class needs:
+    """Decorator of a method that exists only if a part of the model has a method `name`.
 
     Otherwise ``hasattr`` is False, as scikit-learn expects of a method that would always raise, and
     accessing the method raises :class:`UnavailableError` with the reason in one line.
@@ -24,19 +22,13 @@ def needs(part: str, name: str, expected: str) -> Callable[[Method], Method]:
         expected: the expected part in words.
     """
 
-    def decorate(method: Method) -> Method:
-        return _Available(method, part, name, expected)  # type: ignore[return-value]
+    def __init__(self, part: str, name: str, expected: str):
+        self._needed = part, name, expected
 
-    return decorate
-
-
-class _Available:
-    """The descriptor of :func:`needs`."""
-
-    def __init__(self, method: Callable[..., Any], *needed: str):
-        self.__doc__ = method.__doc__
+    def __call__(self, method: Callable[..., Any]) -> Any:
         self._method = method
-        self._needed = needed
+        self.__doc__ = method.__doc__
+        return self
 
     def __get__(self, owner: Any, kind: type | None = None) -> Any:
         if owner is None:

@@ -18,7 +18,7 @@ from hdc.estimator import joined
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
-from hdc.rejection import by_groups, of_one_group, of_words
+from hdc.rejection import by_groups, of_words
 from hdc.sample import Reservoir, Sample
 from hdc.warning import warn
 
@@ -236,10 +236,11 @@ def _learned(
     rows = torch.tensor([index[label] for label in labels])
     n_classes = len(classes)
     calibrated = training = None
-    if together is not None and _several_groups(rows, together, classes):
+    if together is not None:
         words = joined(batches)
         batches = [words]
-        calibrated = by_groups(words, rows, together, readout, n_classes)
+        calibrated, single = by_groups(words, rows, together, readout, n_classes)
+        _warn_of_single_groups(classes[single].tolist())
     if isinstance(readout, Updatable):
         reservoir = Reservoir()
         drawn = _drawn(batches, rows, labels, reservoir)
@@ -260,18 +261,14 @@ def _learned(
     )
 
 
-def _several_groups(
-    rows: Tensor, groups: Sequence[inputs.Label], classes: np.ndarray
-) -> bool:
-    """Whether a class has frames of several groups; warns of classes of a single one."""
-    single = of_one_group(rows, groups)
-    if single:
-        named = ", ".join(repr(label) for label in classes[single[:5]].tolist())
+def _warn_of_single_groups(labels: Sequence[inputs.Label]) -> None:
+    """Warn of classes whose frames are of a single group."""
+    if labels:
+        named = ", ".join(map(repr, labels[:5]))
         warn(
             f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
             "not calibrated for another group of these",
         )
-    return len(single) < len(classes)
 
 
 def _drawn(

@@ -162,22 +162,17 @@ class Estimator(Parametrised):
             )
 
     def __sklearn_tags__(self) -> Any:
-        from sklearn.utils import (
-            ClassifierTags,
-            InputTags,
-            RegressorTags,
-            Tags,
-            TargetTags,
-        )
+        from sklearn import utils
 
         # A median threshold leaves one bit of two features: a blob and its mirror are alike.
         classifier = self._estimator_type == "classifier"
-        return Tags(
+        of_classifier = utils.ClassifierTags(poor_score=True) if classifier else None
+        return utils.Tags(
             estimator_type=self._estimator_type,
-            target_tags=TargetTags(required=True, multi_output=not classifier),
-            classifier_tags=ClassifierTags(poor_score=True) if classifier else None,
-            regressor_tags=None if classifier else RegressorTags(poor_score=True),
-            input_tags=InputTags(two_d_array=True, three_d_array=True),
+            target_tags=utils.TargetTags(required=True, multi_output=not classifier),
+            classifier_tags=of_classifier,
+            regressor_tags=None if classifier else utils.RegressorTags(poor_score=True),
+            input_tags=utils.InputTags(two_d_array=True, three_d_array=True),
         )
 
 

@@ -220,9 +220,9 @@ class Head:
             kept = [self.sample.kept[label] for label in classes if label in seen]
             tensors["sample"] = torch.cat(kept)
         tensors |= prefixed("readout", self.state.tensors())
-        held_out = self._held_out_to_keep()
-        if held_out is not None:
-            tensors |= prefixed("held_out", held_out._asdict())
+        # Those of other read-outs follow from the state and the sample.
+        if not isinstance(self.readout, Updatable) and self.held_out is not None:
+            tensors |= prefixed("held_out", self.held_out._asdict())
         if self.calibrated is not None:
             tensors |= prefixed("known", self.calibrated.tensors())
         header = {
@@ -231,19 +231,6 @@ class Head:
             "recalibrated": self.recalibrated,
         }
         return header, tensors
-
-    def _held_out_to_keep(self) -> HeldOut | None:
-        """Scores that the model cannot compute again once it is loaded."""
-        if isinstance(self.readout, Updatable):
-            return None
-        try:
-            return self.held_out
-        # A user's read-out may fail to learn four fifths of the frames.
-        except Exception as error:
-            warn(
-                f"save: the loaded model will have no sets and probabilities: {error}",
-            )
-            return None
 
     @classmethod
     def restored(

@@ -50,9 +50,9 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         ValueError: for frames of different sizes, a single row of pixels, frames of more than one
             channel, or masked pixels.
     """
-    for attribute, found in _NO_FRAMES.items():
+    for attribute, other in _NO_FRAMES.items():
         if hasattr(frames, attribute):
-            raise TypeError(f"frames: expected a dense array, found {found}")
+            raise TypeError(f"frames: expected a dense array, found {other}")
     if hasattr(frames, "iloc") or not hasattr(frames, "shape"):
         frames = _as_array(frames)
     _check_unmasked("frames", frames)

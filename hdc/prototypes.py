@@ -49,12 +49,7 @@ class Counters:
         return found
 
     def add(self, words: Tensor, labels: Tensor) -> None:
-        """Count hypervectors int64 [N, W] with class indices int64 [N] in [0, L).
-
-        Raises:
-            ValueError: if lengths or widths disagree or a label is outside [0, L).
-        """
-        bits.check_width(words, self.dimension)
+        """Count hypervectors int64 [N, W] with class indices int64 [N] in [0, L)."""
         counted = planes.count_classes(self.planes, self.n, words, labels)
         self.planes, self.n = counted
 

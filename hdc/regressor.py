@@ -34,8 +34,7 @@ class HDCRegressor(Saved):
         device: the device that computes and holds the model.
         backend: as in :class:`hdc.HDCClassifier`.
         period: period of circular numbers, such as 360 for degrees. They are predicted by their
-            cosine and sine, and have no intervals. Predictions lie between 0 and the period, or, if
-            a training number was negative, between minus and plus half of it. None for other
+            cosine and sine, between 0 and the period, and have no intervals. None for other
             numbers.
 
     Attributes:
@@ -65,7 +64,6 @@ class HDCRegressor(Saved):
     state_: ValueState
     _one: bool  # targets have one dimension
     _recalibrated: bool
-    _is_signed: bool = False  # circular numbers below zero were learnt
 
     def __init__(
         self,
@@ -110,7 +108,6 @@ class HDCRegressor(Saved):
             state = readout.fit(words, table)
         self._begin(encoder, shape, words.dimension, backend)
         self._one = values.ndim == 1
-        self._is_signed = bool((values < 0).any())
         self.readout_, self.state_ = readout, state
         self._recalibrated = False
         return self
@@ -132,7 +129,6 @@ class HDCRegressor(Saved):
         with self._computing():
             words = joined(self._encoded(frames))
             self.state_ = self.readout_.adapt(self.state_, words, table)
-        self._is_signed |= bool((values < 0).any())
         self._recalibrated = True
         return self
 
@@ -156,7 +152,7 @@ class HDCRegressor(Saved):
     def mean_(self) -> np.ndarray:
         mean = self.state_.targets.mean(dim=0, keepdim=True).numpy()
         if self.period is not None:
-            mean = circular.from_plane(mean, self.period, self._is_signed)
+            mean = circular.from_plane(mean, self.period)
         return mean[0]
 
     def predict(
@@ -197,7 +193,7 @@ class HDCRegressor(Saved):
         """Predictions [Q, T] in parts, as one array in the shape of the training numbers."""
         answers = torch.cat(list(parts)).numpy()
         if self.period is not None:
-            answers = circular.from_plane(answers, self.period, self._is_signed)
+            answers = circular.from_plane(answers, self.period)
         return answers[:, 0] if self._one else answers
 
     def _targets(self, values: np.ndarray) -> Tensor:
@@ -233,7 +229,7 @@ class HDCRegressor(Saved):
         tensors |= prefixed("readout", state.tensors())
         header: dict[str, Any] = {"recalibrated": self._recalibrated, "one": self._one}
         if self.period is not None:
-            header |= {"period": float(self.period), "signed": self._is_signed}
+            header["period"] = float(self.period)
         return header, tensors
 
     def _restore(
@@ -245,7 +241,6 @@ class HDCRegressor(Saved):
         values = checked(pairs, kinds, D=self.dimension_)["values"]
         self._one = bool(header["one"])
         self.period = header.get("period")
-        self._is_signed = bool(header.get("signed", False))
         self._check_period()
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)

@@ -21,7 +21,6 @@ without a frame or a group follow from the counts with it.
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -149,8 +148,12 @@ def by_groups(
     groups: Sequence[Label],
     readout: Readout,
     n_classes: int,
-) -> Rejection:
+) -> tuple[Rejection | None, list[int]]:
     """The rule from N hypervectors that are left out with all others of their group.
+
+    Returns:
+        The rule, or None if all frames of each class are of one group; and the classes of which all
+        are, which are not left out.
 
     Args:
         words: N hypervectors.
@@ -166,7 +169,7 @@ def by_groups(
     chosen = torch.cat([*reservoir.sample().kept.values()]).flatten()
     counting = readout if isinstance(readout, Counting) else Majority()
     whole = _prototypes(words, rows, n_classes, counting)
-    found = []
+    found, single = [], set()
     for group in of_group[chosen].unique():
         inside = of_group == group
         own = rows[inside].unique()
@@ -175,11 +178,13 @@ def by_groups(
         left = whole.clone()
         left[own] = rest[own]
         alone = own[~torch.isin(own, rows[others])]
+        single.update(alone.tolist())
         asked = chosen[inside[chosen] & ~torch.isin(rows[chosen], alone)]
         distances = bits.hamming(words[asked].packed, left)
         distances[:, alone] = planes.WORD * left.shape[1]
         found.append(distances.amin(1))
-    return Rejection.of(whole, found, "group")
+    rule = Rejection.of(whole, found, "group")
+    return (rule if len(single) < n_classes else None), sorted(single)
 
 
 def _prototypes(
@@ -189,10 +194,3 @@ def _prototypes(
     counters = Counters(n_classes, words.dimension, words.packed.device)
     counters.add(words.packed, rows)
     return counters.majority(readout.ties)
-
-
-def of_one_group(rows: Tensor, groups: Sequence[Label]) -> list[int]:
-    """Classes whose frames are all of one group, so that they cannot be left out with it."""
-    pairs = {*zip(rows.tolist(), groups, strict=True)}
-    n_groups = Counter(row for row, _ in pairs)
-    return sorted(row for row, n in n_groups.items() if n == 1)

@@ -144,7 +144,7 @@ def _standardised(model: Any, period: float | None) -> Any:
             circular.to_plane,
             circular.from_plane,
             kw_args={"period": period},
-            inv_kw_args={"period": period, "is_signed": True},
+            inv_kw_args={"period": period},
         )
         steps = [on_circle, *steps]
     # The check of the inverse compares angles as numbers, and so a whole turn apart.

@@ -171,7 +171,7 @@ def constant_errors(values: np.ndarray, period: float | None) -> np.ndarray:
     middle = np.median(values, axis=0)
     if period is not None:
         plane = circular.to_plane(values, period).mean(axis=0)
-        middle = circular.from_plane(plane[None], period, True)[0]
+        middle = circular.from_plane(plane[None], period)[0]
     error = circular.errors(values, middle, period).mean(axis=0)
     return np.where(error > 0, error, 1.0)
 
