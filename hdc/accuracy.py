@@ -45,15 +45,10 @@ def confusion(predicted: np.ndarray, labels: np.ndarray, n_classes: int) -> np.n
 def r_squared(truth: np.ndarray, predicted: np.ndarray) -> float:
     """Coefficient of determination R² of numbers [Q]: 1 − Σ(y − ŷ)²/Σ(y − ȳ)².
 
-    If all numbers are equal, R² is 1 where each is predicted exactly, else 0. Deviations are scaled
-    by the largest one before they are squared, so that numbers near 1e200 or 1e-200 neither
-    overflow nor vanish.
+    If all numbers are equal, R² is 1 where each is predicted exactly, else 0.
     """
-    deviations = truth - truth.mean()
-    errors = truth - predicted
-    unit = np.abs(deviations).max()
-    if unit == 0:
-        return float((errors == 0).all())
-    error = ((errors / unit) ** 2).sum()
-    spread = ((deviations / unit) ** 2).sum()
+    error = ((truth - predicted) ** 2).sum()
+    spread = ((truth - truth.mean()) ** 2).sum()
+    if spread == 0:
+        return float(error == 0)
     return float(1 - error / spread)

@@ -8,7 +8,7 @@ from typing import Any, Self
 
 from hdc import inputs
 from hdc.answers import Answering
-from hdc.availability import needs, renamed
+from hdc.availability import needs
 from hdc.estimator import joined
 from hdc.hypervectors import Hypervectors
 from hdc.warning import warn
@@ -17,8 +17,7 @@ from hdc.warning import warn
 class Adapting(Answering):
     """Recalibration by frames with labels, and re-referencing by frames without."""
 
-    @needs("adapt")
-    @renamed("seed", "random_state")
+    @needs("readout", "adapt", "a read-out that adapts")
     def recalibrate(
         self,
         frames: Any,
@@ -31,11 +30,11 @@ class Adapting(Answering):
 
         Classes without new frames keep their prototypes, and a warning lists them: they lose
         accuracy if the drift affects all classes. :meth:`is_known` then compares with the new
-        frames. ``partial_fit`` and ``merge`` refuse a recalibrated model.
+        frames. ``partial_fit`` refuses a recalibrated model.
 
         Each read-out adapts in its own way. Ridge regression moves its weights to fit the new
         frames, and neighbours replace the stored frames of each class by its new ones; neither uses
-        p. lda and kernel mix the old discriminants and the new ones. To adapt without labels, see
+        p. lda mixes the old discriminants and the new ones. To adapt without labels, see
         :meth:`rezero`.
 
         Args:
@@ -50,7 +49,7 @@ class Adapting(Answering):
 
         Raises:
             ValueError: if p is outside [0, 1]; if p is 1 and all new frames are of one class, for
-                lda and kernel; if a label is not among ``classes_``; if bits are to be replaced in
+                lda; if a label is not among ``classes_``; if bits are to be replaced in
                 a class without training frames; or if the read-out does not use an argument.
             AttributeError: if the read-out cannot adapt; ``hasattr`` is then False.
         """
@@ -61,7 +60,7 @@ class Adapting(Answering):
             )
         options = {"p": p, "random_state": random_state, "method": method}
         self._check_used(options)
-        frames, _ = self._given(frames)
+        frames = inputs.source(frames, self.frame_shape_)
         labels = inputs.label_array(y, len(frames)).tolist()
         inputs.check_among(labels, self._head.index)
         with self._computing():
@@ -80,7 +79,7 @@ class Adapting(Answering):
                     f"does not use it, found {value!r}"
                 )
 
-    @needs("zero")
+    @needs("encoder", "zero", "an encoder with a reference, such as 'reference'")
     def rezero(self, frames: Any) -> Self:
         """Replace the reference by the mean of new unlabelled frames, standardised.
 
@@ -102,7 +101,7 @@ class Adapting(Answering):
             raise TypeError(
                 "rezero: expected frames, found hypervectors, which hold no grey values"
             )
-        frames, _ = self._given(frames)
+        frames = inputs.source(frames, self.frame_shape_)
         inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
         encoder: Any = self.encoder_.unlearned()
         with self._computing():

@@ -10,7 +10,7 @@ import torch
 from torch import Tensor
 
 from hdc import inputs
-from hdc.availability import needs, renamed
+from hdc.availability import needs
 from hdc.conformal import RATE
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
@@ -24,7 +24,6 @@ class Answering(Saved):
 
     _head: Head
 
-    @renamed("reject", "is_known(frames, alpha), which says what is to be rejected")
     def predict(self, frames: Any) -> np.ndarray:
         """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W].
 
@@ -34,7 +33,7 @@ class Answering(Saved):
         best = self._scores(frames).argmax(1)
         return self.classes_[best.numpy(force=True)]
 
-    @needs("held_out")
+    @needs("readout", "held_out", "a read-out with a method held_out")
     def predict_set(self, frames: Any, alpha: float = RATE, mask: bool = False) -> Any:
         """Prediction sets of Q frames: Q arrays of labels, or a mask bool [Q, L].
 
@@ -64,7 +63,6 @@ class Answering(Saved):
             return possible
         return [self.classes_[row] for row in possible]
 
-    @renamed("reject", "alpha")
     def is_known(self, frames: Any, alpha: float = RATE) -> np.ndarray:
         """Whether each frame resembles the training frames of some class: bool [Q].
 
@@ -93,7 +91,7 @@ class Answering(Saved):
         )
         return torch.cat(near).numpy(force=True)
 
-    @needs("held_out")
+    @needs("readout", "held_out", "a read-out with a method held_out")
     def p_values(self, frames: Any, alpha: float = RATE) -> np.ndarray:
         """Conformal p-values of Q frames for each class, float64 [Q, L].
 
@@ -141,7 +139,7 @@ class Answering(Saved):
             return found[:, 1] - found[:, 0]
         return found
 
-    @needs("held_out")
+    @needs("readout", "held_out", "a read-out with a method held_out")
     def predict_proba(self, frames: Any) -> np.ndarray:
         """Probabilities of the classes, float64 [Q, L]: the softmax of the scores.
 
@@ -161,7 +159,7 @@ class Answering(Saved):
         parts = self._each(frames, lambda words: self._head.probabilities(words))
         return torch.cat(parts).numpy()
 
-    @needs("distances")
+    @needs("readout", "distances", "a read-out that counts, such as 'majority'")
     def distances(self, frames: Any) -> np.ndarray:
         """Hamming distances int64 [Q, L] between queries and prototypes (Eq. 2).
 

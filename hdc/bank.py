@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from dataclasses import dataclass
-from math import prod
 from typing import Any
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits, inputs
-from hdc.described import has_plain_parameters
+from hdc import inputs
 from hdc.encoders import Encoder, Median
 from hdc.hypervectors import Hypervectors
 
@@ -43,7 +40,7 @@ class Bank:
         self.n_classes = n_classes
         self.dimension = frames[0].numel()
         self._made: dict[Hashable, Any] = {}
-        self._learned: dict[Hashable, _Learned] = {}
+        self._learned: dict[Hashable, tuple[bytes, Encoder, dict[bytes, Tensor]]] = {}
 
     def __len__(self) -> int:
         return len(self.frames)
@@ -72,8 +69,8 @@ class Bank:
     ) -> Hypervectors:
         """Hypervectors of some frames, or of all.
 
-        An encoder that learns nothing encodes each frame once. One that learns encodes a frame
-        again only where other training frames give it another state.
+        An encoder that learns nothing encodes each frame once. Of one that learns, the hypervectors
+        of the last training frames are kept.
 
         Args:
             rows: indices of the frames; by default all.
@@ -81,62 +78,31 @@ class Bank:
             train: indices of the training frames, for an encoder that learns.
         """
         encoder = Median() if encoder is None else encoder
-        shape = tuple(self.frames.shape[1:])
-        rows = np.arange(len(self)) if rows is None else rows
-        rows = np.ascontiguousarray(rows, np.int64)
+        rows = np.arange(len(self)) if rows is None else np.asarray(rows, np.int64)
         # The text of an array does not identify it.
-        key: Hashable = encoder
-        if has_plain_parameters(encoder):
-            key = (type(encoder), repr(encoder))
+        named = repr(encoder)
+        key: Hashable = encoder if "<" in named else (type(encoder), named)
         if not encoder.learns:
             packed = self.each(encoder.encode, key)[torch.from_numpy(rows)]
+        elif train is None:
+            raise ValueError(f"train: expected the frames that {encoder!r} learns")
         else:
-            if train is None:
-                raise ValueError(f"train: expected the frames that {encoder!r} learns")
-            train = np.ascontiguousarray(train, np.int64)
-            encoder, packed = self._by_learned(rows, encoder, train, key)
-        dimension = encoder.dimension(prod(shape))
-        return Hypervectors(packed, dimension, encoder, shape)
+            encoder, made = self._of_training(encoder, np.asarray(train, np.int64), key)
+            if rows.tobytes() not in made:
+                parts = torch.from_numpy(rows).split(_BATCH)
+                words = [encoder.encode(self.frames[part]) for part in parts]
+                made[rows.tobytes()] = torch.cat(words)
+            packed = made[rows.tobytes()]
+        dimension = encoder.dimension(self.dimension)
+        return Hypervectors(packed, dimension, encoder, tuple(self.frames.shape[1:]))
 
-    def _by_learned(
-        self, rows: np.ndarray, encoder: Encoder, train: np.ndarray, key: Hashable
-    ) -> tuple[Encoder, Tensor]:
-        """The trained encoder, and its words for some frames."""
+    def _of_training(
+        self, encoder: Encoder, train: np.ndarray, key: Hashable
+    ) -> tuple[Encoder, dict[bytes, Tensor]]:
+        """The encoder that these frames train, and its words by rows, until others train it."""
         of_training = train.tobytes()
         kept = self._learned.get(key)
-        if kept is None or kept.train != of_training:
-            frames = self.frames[torch.from_numpy(train)]
-            learned = encoder.unlearned().fit(frames)
-            if kept is None or not _are_alike(kept.encoder, learned):
-                kept = self._learned[key] = self._nothing_encoded(learned)
-            kept.train = of_training
-        new = np.unique(rows)
-        new = new[~kept.is_encoded[new]]
-        if len(new):
-            parts = torch.from_numpy(new).split(_BATCH)
-            words = [kept.encoder.encode(self.frames[part]) for part in parts]
-            kept.words[torch.from_numpy(new)] = torch.cat(words)
-            kept.is_encoded[new] = True
-        return kept.encoder, kept.words[torch.from_numpy(rows)]
-
-    def _nothing_encoded(self, encoder: Encoder) -> _Learned:
-        width = bits.words_for(encoder.dimension(self.dimension))
-        shape = len(self), width
-        words = torch.empty(shape, dtype=torch.int64, device=self.frames.device)
-        return _Learned(encoder, words, np.zeros(len(self), bool))
-
-
-@dataclass
-class _Learned:
-    """A trained encoder, the training frames, and words int64 [N, W] of the frames encoded."""
-
-    encoder: Encoder
-    words: Tensor
-    is_encoded: np.ndarray
-    train: bytes = b""
-
-
-def _are_alike(first: Encoder, second: Encoder) -> bool:
-    """Whether two encoders of the same parameters have learned the same, as far as they tell."""
-    ours, theirs = first.state(), second.state()
-    return bool(ours) and all(torch.equal(ours[name], theirs[name]) for name in ours)
+        if kept is None or kept[0] != of_training:
+            learned = encoder.unlearned().fit(self.frames[torch.from_numpy(train)])
+            kept = self._learned[key] = of_training, learned, {}
+        return kept[1:]

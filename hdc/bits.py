@@ -8,8 +8,8 @@ population count, numpy's is used, with the same results bit for bit.
 >>> from hdc import bits
 >>> masks = torch.tensor([[True, False, True], [True, True, True], [False, False, True]])
 >>> words = bits.pack(masks)
->>> words.tolist(), bits.popcount(words).tolist()
-([[5], [7], [4]], [[2], [3], [1]])
+>>> words.tolist(), bits.count_ones(words).tolist()
+([[5], [7], [4]], [2, 3, 1])
 >>> bits.hamming(words, words).tolist()
 [[0, 1, 1], [1, 0, 2], [1, 2, 0]]
 >>> bits.unpack(bits.majority(words), 3).tolist()
@@ -84,18 +84,6 @@ def unpack(words: Tensor, dimension: int) -> Tensor:
     return torch.from_numpy(ones.view(np.bool_))
 
 
-def popcount(words: Tensor) -> Tensor:
-    """Number of ones of each word: int64 [...] to uint8 [...].
-
-    Raises:
-        TypeError: for words of another type.
-    """
-    _check_words("popcount", words)
-    if words.device.type == "cpu":
-        return torch.from_numpy(_popcount_by_numpy(words))
-    return _swar_popcount(words).to(torch.uint8)
-
-
 def count_ones(words: Tensor) -> Tensor:
     """Number of ones of each hypervector: int64 [..., W] to int64 [...].
 
@@ -104,8 +92,9 @@ def count_ones(words: Tensor) -> Tensor:
     """
     _check_words("count_ones", words)
     if words.device.type == "cpu":
-        ones = _popcount_by_numpy(words).sum(-1, dtype=np.int64)
-        return torch.from_numpy(np.asarray(ones))
+        # Of signed words numpy counts the magnitude.
+        ones = np.bitwise_count(words.numpy().view(np.uint64))
+        return torch.from_numpy(np.asarray(ones.sum(-1, dtype=np.int64)))
     return _swar_popcount(words).sum(-1)
 
 
@@ -153,14 +142,6 @@ def _hamming_by_numpy(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray
             column = distances[start : start + step, j]
             np.bitwise_count(block ^ prototype).sum(-1, out=column)
     return distances
-
-
-def _popcount_by_numpy(words: Tensor) -> np.ndarray:
-    """Ones of each word [...] on the CPU, as uint8.
-
-    The words are viewed as unsigned, since of signed ones numpy counts the magnitude.
-    """
-    return np.bitwise_count(words.numpy().view(np.uint64))
 
 
 def _swar_popcount(words: Tensor) -> Tensor:
@@ -256,30 +237,39 @@ def _sums_of_ones(factors: Tensor, words: Tensor) -> Tensor:
     return sums
 
 
+def sliced(numbers: Tensor, n_planes: int) -> Tensor:
+    """Planes int64 [..., P, W] of whole numbers [..., D], at least zero and below 2^P."""
+    made = [pack(numbers >> p & 1 == 1) for p in range(n_planes)]
+    return torch.stack(made, -2)
+
+
+def numbers_of(counts: Tensor, dimension: int) -> Tensor:
+    """The whole numbers int64 [L, D] of planes [L, P, W]."""
+    total = counts.new_zeros(len(counts), dimension)
+    for p in range(counts.shape[1]):
+        total += unpack(counts[:, p], dimension).long() << p
+    return total
+
+
 # Bundles -----------------------------------------------------------------------------------------
 
 
-def majority(
-    words: Tensor, ties: str = "zero", tie_breaker: Tensor | None = None
-) -> Tensor:
+def majority(words: Tensor, ties: str = "zero") -> Tensor:
     """Bitwise majority (paper, Eq. 1) of N hypervectors: int64 [N, W] → [W].
 
     Args:
         words: the hypervectors to bundle.
-        ties: a bit with as many ones as zeros (even N) becomes ``"zero"``, ``"one"``, or, with
-            ``"random"``, the bit of ``tie_breaker``: the same as adding that hypervector to the
-            bundle (Schmuck et al., ACM JETC 15, 32 (2019)).
-        tie_breaker: int64 [W], needed for ``"random"`` only.
+        ties: what a bit with as many ones as zeros (even N) becomes: ``"zero"`` or ``"one"``.
 
     Raises:
         TypeError: for words of another type than int64.
-        ValueError: for no hypervectors, an unknown rule, or ``"random"`` without a tie breaker.
+        ValueError: for no hypervectors, or an unknown rule.
     """
     _check_words("majority", words)
     if len(words) == 0:
         raise ValueError("majority: expected at least one hypervector, found none")
     counts = planes.vertical_sum(words)
-    return planes.majority(counts, len(words), ties, tie_breaker)
+    return planes.majority(counts, len(words), ties)
 
 
 def random_hypervector(

@@ -11,15 +11,11 @@ def to_plane(values: np.ndarray, period: float) -> np.ndarray:
     return np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def from_plane(plane: np.ndarray, period: float, is_signed: bool) -> np.ndarray:
-    """Values [N, T] from points of the plane, whose distance from the origin is ignored.
-
-    Returns:
-        Values from 0 to the period, or, if signed, from −½ to ½ of it.
-    """
+def from_plane(plane: np.ndarray, period: float) -> np.ndarray:
+    """Values [N, T] from 0 to the period of points of the plane, whatever their distance from 0."""
     cosines, sines = np.split(plane, 2, axis=1)
-    values = np.arctan2(sines, cosines) * period / (2 * np.pi)
-    return values if is_signed else values % period
+    values: np.ndarray = np.arctan2(sines, cosines) * period / (2 * np.pi) % period
+    return values
 
 
 def errors(found: np.ndarray, truth: np.ndarray, period: float | None) -> np.ndarray:

@@ -14,11 +14,11 @@ from hdc import backends, inputs
 from hdc.adapting import Adapting
 from hdc.availability import needs
 from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.estimator import check_alike, joined
+from hdc.estimator import joined
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
-from hdc.rejection import Groups, grouped, of_words
+from hdc.rejection import by_groups, of_words
 from hdc.sample import Reservoir, Sample
 from hdc.warning import warn
 
@@ -36,7 +36,7 @@ class HDCClassifier(Adapting):
     distance (Eqs. 2, 3), the first of equally near ones.
 
     Frames are [N, H, W] or [N, D]. A model of images also takes flattened images, and a single
-    image [H, W]. A data frame needs the columns of training in their order. Several threads may
+    image [H, W]. The columns of a data frame are pixels in its order. Several threads may
     predict at once, but while one thread trains the model, no other may use it. Start processes by
     ``spawn``, since torch may hang in a forked one. With a read-out that counts, :meth:`fit` holds
     counters and up to 19 hypervectors per class, however many frames there are; other read-outs
@@ -105,8 +105,7 @@ class HDCClassifier(Adapting):
 
         `groups` are N labels of what was recorded together, such as the session or the object of
         each frame. :meth:`is_known` is then calibrated for frames of another group; nothing else
-        depends on groups. This takes the memory of counters for each class in each group, and of up
-        to 100 hypervectors per class.
+        depends on groups. With groups, all hypervectors are held during the training.
 
         With the read-outs majority, counts and neighbours, frames of a single class make a model
         for :meth:`is_known`. They need no labels; their class is then ``"known"``. A call that
@@ -118,7 +117,7 @@ class HDCClassifier(Adapting):
                 parameter value.
         """
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
-        frames, columns = inputs.source(frames)
+        frames = inputs.source(frames)
         if y is None and isinstance(readout, Updatable):
             y = [KNOWN] * len(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
@@ -136,7 +135,7 @@ class HDCClassifier(Adapting):
             head = _learned(
                 readout, words, labels, classes, dimension, self.device, together
             )
-        self._begin(encoder, shape, backend, columns)
+        self._begin(encoder, shape, dimension, backend)
         self._head = head
         self._warn_of_unequal(head.sample.seen.values())
         return self
@@ -151,7 +150,7 @@ class HDCClassifier(Adapting):
                 "Majority(class_weight='balanced') counts classes alike)",
             )
 
-    @needs("add")
+    @needs("readout", "add", "a read-out that learns batch by batch")
     def partial_fit(self, frames: Any, y: Any, classes: Any = None) -> Self:
         """Learn a further batch of frames; a new label becomes a new class.
 
@@ -168,9 +167,13 @@ class HDCClassifier(Adapting):
                 :meth:`recalibrate`, since the prototypes no longer follow from the counters.
             AttributeError: if the read-out needs all frames at once; ``hasattr`` is then False.
         """
+        head: Head | None = vars(self).get("_head")
+        if head is not None and head.recalibrated:
+            raise ValueError(
+                "partial_fit: expected a model that was not recalibrated; fit anew"
+            )
         encoder = self.fresh("encoder")
-        head = self._checked_head("partial_fit")
-        frames, columns = self._given(frames)
+        frames = inputs.source(frames, getattr(self, "frame_shape_", None))
         labels = inputs.label_array(y, len(frames)).tolist()
         allowed = labels
         if classes is not None:
@@ -188,65 +191,9 @@ class HDCClassifier(Adapting):
                 words = joined(self._encoded(frames))
             head = head.with_classes(allowed).extended(words, labels)
         if is_first:
-            self._begin(encoder, shape, backend, columns)
+            self._begin(encoder, shape, words.dimension, backend)
         self._head = head
         return self
-
-    @needs("add")
-    def merge(self, other: HDCClassifier) -> Self:
-        """Add the training of another model: bit for bit the model trained on all frames.
-
-        The model then has the classes of both, and keeps its parameters. The frames that
-        :meth:`is_known` compares with are drawn again. A call that raises leaves the model
-        unchanged.
-
-        Raises:
-            ValueError: for a model of another class, read-out, encoder or frame shape, or one that
-                is not trained or was recalibrated.
-            AttributeError: as :meth:`partial_fit`.
-        """
-        head = self._checked_head("merge")
-        theirs = other._checked_head("merge")
-        self._check_kind(other)
-        other._check_is_trained()
-        assert theirs is not None
-        if head is None:
-            start = other
-            backend = backends.choose_backend(self.backend, self.device)
-            head = self._empty(theirs.labels, theirs.dimension)
-        else:
-            start, backend = self, self.backend_
-            kind = type(self).__name__
-            inputs.check_shape(other.frame_shape_, self.frame_shape_, kind)
-            self._check_columns(other._columns)
-            check_alike(self.encoder_, other.encoder_, "merge")
-        merged = head.merged(theirs)
-        columns = self._columns or other._columns
-        self._begin(start.encoder_, start.frame_shape_, backend, columns)
-        self._head = merged
-        return self
-
-    def _check_kind(self, other: HDCClassifier) -> None:
-        """Raise ValueError for a model of another class, or with another read-out or encoder."""
-        kinds = []
-        for model in (self, other):
-            readout = model._part("readout")
-            kinds.append(f"{type(model).__name__} with read-out {readout!r}")
-        if kinds[0] != kinds[1]:
-            raise ValueError(f"merge: expected a {kinds[0]}, found a {kinds[1]}")
-        mine, theirs = self._part("encoder"), other._part("encoder")
-        check_alike(mine, theirs, "merge", learned=False)
-
-    def _checked_head(self, action: str) -> Head | None:
-        """The head, or None if untrained; ValueError for a recalibrated model."""
-        if not hasattr(self, "_head"):
-            return None
-        self._check_is_trained()
-        if self._head.recalibrated:
-            raise ValueError(
-                f"{action}: expected a model that was not recalibrated; fit anew"
-            )
-        return self._head
 
     def _empty(self, classes: np.ndarray, dimension: int) -> Head:
         """An untrained head with these classes."""
@@ -259,13 +206,11 @@ class HDCClassifier(Adapting):
     def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         return self._head.stored()
 
-    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        readout = self.fresh("readout")
+    def _restore(
+        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
+    ) -> None:
         _check_several(readout, header["classes"])
         self._head = Head.restored(readout, header, tensors, self.dimension_)
-
-    def _move(self, device: str) -> None:
-        self._head = self._head.to(device)
 
 
 def _check_several(readout: Readout, classes: Sequence[inputs.Label]) -> None:
@@ -290,12 +235,12 @@ def _learned(
     index = {label: row for row, label in enumerate(classes.tolist())}
     rows = torch.tensor([index[label] for label in labels])
     n_classes = len(classes)
-    groups = None
-    if together is not None:
-        groups = grouped(together, rows, classes.tolist(), readout, dimension, device)
-    if groups is not None:
-        batches = _counted(batches, groups)
     calibrated = training = None
+    if together is not None:
+        words = joined(batches)
+        batches = [words]
+        calibrated, single = by_groups(words, rows, together, readout, n_classes)
+        _warn_of_single_groups(classes[single].tolist())
     if isinstance(readout, Updatable):
         reservoir = Reservoir()
         drawn = _drawn(batches, rows, labels, reservoir)
@@ -309,20 +254,21 @@ def _learned(
         closed = type(readout).held_out is not Readout.held_out
         if not closed and state.held_out is None:
             training = words, rows
-        if groups is None:
+        if calibrated is None:
             calibrated = of_words(words, rows, n_classes)
-    if groups is not None:
-        calibrated = groups.rejection()
     return Head(
         readout, state, sample, classes, dimension, calibrated, training=training
     )
 
 
-def _counted(batches: Iterable[Hypervectors], groups: Groups) -> Iterator[Hypervectors]:
-    """The batches, counted by group as they pass."""
-    for words in batches:
-        groups.add(words.packed)
-        yield words
+def _warn_of_single_groups(labels: Sequence[inputs.Label]) -> None:
+    """Warn of classes whose frames are of a single group."""
+    if labels:
+        named = ", ".join(map(repr, labels[:5]))
+        warn(
+            f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
+            "not calibrated for another group of these",
+        )
 
 
 def _drawn(
@@ -334,7 +280,7 @@ def _drawn(
     """The batches and their classes int64 [n]; a sample is drawn as they pass."""
     start = 0
     for words in batches:
-        stop = start + len(words)
+        stop = start + len(words.packed)
         reservoir.add(words.packed, labels[start:stop])
         yield words, rows[start:stop]
         start = stop

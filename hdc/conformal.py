@@ -36,7 +36,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Self
 
@@ -53,7 +53,6 @@ from hdc.warning import warn
 
 RATE = 0.05
 """Default α, the share of known frames that are refused."""
-_ROUNDING = 1e-300  # keeps a limit of zero above distances of zero
 FEWEST = 4
 """Training frames of a class from which on it is pooled with other classes."""
 
@@ -65,7 +64,6 @@ class Conformal:
     peers: Sequence[Peers | None]
     prototypes: Tensor | None = None
     """int64 [L, W], for distances to these prototypes instead of minus the scores."""
-    _rules: dict[float, Rule] = field(default_factory=dict, init=False, repr=False)
 
     @classmethod
     def of_counting(
@@ -109,27 +107,17 @@ class Conformal:
             scores: scores of the read-out [Q, L].
             alpha: α.
         """
-        rule = self._rule(alpha)
-        if rule.warning:
-            warn(rule.warning)
+        _warn_of_few(self.peers, alpha)
         if self.prototypes is None:
             distances = -scores
         else:
             distances = bits.hamming(words, self.prototypes)
-        d = distances.numpy(force=True)
-        if d.dtype.kind == "f":
-            d = d.astype(np.float64)
-        found = np.repeat(rule.least[None], len(d), axis=0)
-        near = d <= rule.far
-        for c in np.flatnonzero(near.any(0)).tolist():
-            own = self.peers[c]
-            assert own is not None
-            asked = near[:, c]
-            of_asked = words
-            if own.masks is not None and not asked.all():
-                of_asked = words[torch.from_numpy(asked)]
-            d_i = own.compared(of_asked)
-            found[asked, c] = _p_values(d[asked, c], d_i, rule.pools[c])
+        d = distances.numpy(force=True).astype(np.float64)
+        found = np.zeros(d.shape)
+        for c, own in enumerate(self.peers):
+            if own is not None:
+                pool = self._pool(c, alpha)
+                found[:, c] = own.p_values(words, d[:, c], pool)
         return found
 
     def possible(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
@@ -143,39 +131,16 @@ class Conformal:
         found[known, best[known]] = True
         return found
 
-    def _rule(self, alpha: float) -> Rule:
-        """The cached rule for one α."""
-        if alpha in self._rules:
-            return self._rules[alpha]
-        n_classes = len(self.peers)
-        pools: list[np.ndarray | None] = []
-        least = np.zeros(n_classes)
-        far = np.full(n_classes, -np.inf)
-        for c, own in enumerate(self.peers):
-            pool = None
-            if own is not None:
-                m = len(own)
-                if (m + 1) * alpha < 1 and m >= FEWEST:
-                    pool = _held_out_of_others(self.peers, c)
-                least[c] = 1 / (m + 1 + (0 if pool is None else len(pool)))
-                far[c] = _farthest(own, pool)
-            pools.append(pool)
-        self._rules[alpha] = Rule(pools, least, far, _of_few(self.peers, alpha))
-        return self._rules[alpha]
-
-
-@dataclass(frozen=True)
-class Rule:
-    """The data that p-values for one α are computed from, class by class."""
-
-    pools: Sequence[np.ndarray | None]
-    """Sorted deviations of the other classes, for a class that is pooled with them."""
-    least: np.ndarray
-    """[L], the p-value of a frame that is farther out than all."""
-    far: np.ndarray
-    """[L], a distance d from which on a frame is farther out than all others."""
-    warning: str
-    """Not empty if some class is in every set, so that no frame is refused."""
+    def _pool(self, c: int, alpha: float) -> np.ndarray | None:
+        """Sorted deviations of all other classes, if class c is pooled with them; else None."""
+        m = len(self.peers[c] or ())
+        if (m + 1) * alpha >= 1 or m < FEWEST:
+            return None
+        others = [own for b, own in enumerate(self.peers) if own is not None and b != c]
+        found = [
+            own.held_out - own.held_out.mean() for own in others if len(own) >= FEWEST
+        ]
+        return np.sort(np.concatenate([np.empty(0), *found]))
 
 
 @dataclass(frozen=True)
@@ -227,15 +192,21 @@ class Peers:
         found: np.ndarray = (self.twice + to_masks[:, 1:] - to_masks[:, :1]) // 2
         return found
 
-    @property
-    def deviations(self) -> np.ndarray:
-        """Leave-one-out distances minus their mean; empty for too few frames."""
-        if len(self) < FEWEST:
-            return np.empty(0)
-        return self.held_out - self.held_out.mean()
+    def p_values(
+        self, words: Tensor, d: np.ndarray, pool: np.ndarray | None
+    ) -> np.ndarray:
+        """p-values [Q] of hypervectors [Q, W] at distances d [Q] from the class."""
+        if pool is not None:
+            return _p_values(d, self.compared(words), pool)
+        found = np.full(len(d), 1 / (len(self) + 1))
+        near = (d[:, None] <= self.most).any(1)  # others are farther out than all
+        found[near] = _p_values(d[near], self.compared(words[torch.from_numpy(near)]))
+        return found
 
 
-def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.ndarray:
+def _p_values(
+    d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None = None
+) -> np.ndarray:
     """p-values [Q] of distances d [Q], for d_i [Q or 1, m] and deviations of other classes."""
     m = d_i.shape[1]
     as_far = (d_i >= d[:, None]).sum(1)
@@ -247,33 +218,8 @@ def _p_values(d: np.ndarray, d_i: np.ndarray, pool: np.ndarray | None) -> np.nda
     return (1 + as_far) / (1 + m + len(pool))
 
 
-def _farthest(own: Peers, pool: np.ndarray | None) -> float:
-    """A distance d from which on a frame is farther out than all that it is compared with.
-
-    With a `pool`, d − (Σ d_i + d)/(m + 1) has to exceed its members.
-    """
-    m = len(own)
-    if m == 0:
-        return -math.inf
-    found = float(own.most.max())
-    if pool is not None and len(pool):
-        beyond = ((m + 1) * float(pool[-1]) + float(own.most.sum())) / m
-        found = max(found, beyond)
-    return found + 1e-9 * abs(found) + _ROUNDING
-
-
-def _held_out_of_others(peers: Sequence[Peers | None], c: int) -> np.ndarray:
-    """Sorted leave-one-out distances of all classes but c, each minus the mean of its class.
-
-    Classes with fewer frames than :data:`FEWEST` are left out.
-    """
-    others = [own for b, own in enumerate(peers) if own is not None and b != c]
-    found = [own.deviations for own in others]
-    return np.sort(np.concatenate([np.empty(0), *found]))
-
-
-def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
-    """A warning if some class is in every set, so that no frame is refused; else empty."""
+def _warn_of_few(peers: Sequence[Peers | None], alpha: float) -> None:
+    """Warn if some class is in every set, so that no frame is refused."""
     kept = [len(peer) for peer in peers if peer is not None]
     n, least = sum(kept), min(kept, default=0)
     if (n + 1) * alpha < 1:
@@ -283,5 +229,5 @@ def _of_few(peers: Sequence[Peers | None], alpha: float) -> str:
     elif least < FEWEST and (least + 1) * alpha < 1:
         text = f"needs at least {FEWEST} stored frames of each class, found {least}"
     else:
-        return ""
-    return f"alpha={alpha:g} {text}; no frame is refused"
+        return
+    warn(f"alpha={alpha:g} {text}; no frame is refused")

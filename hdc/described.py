@@ -34,15 +34,6 @@ def describe(part: Parametrised, known: Named) -> dict[str, Any]:
     return {"class": known.name_of(part), "parameters": parameters}
 
 
-def has_plain_parameters(part: Parametrised) -> bool:
-    """Whether all parameters of a part, including its own parts, are numbers and text."""
-    for value in part.get_params().values():
-        plain = value is None or _as_json(value) is not None
-        if not plain and not isinstance(value, Parametrised):
-            return False
-    return True
-
-
 def _as_json(value: Any) -> Any:
     """A value for JSON: numbers of numpy become Python's, fractions text, other objects None."""
     if isinstance(value, str | int | float | bool | None):

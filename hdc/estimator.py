@@ -6,17 +6,15 @@ scikit-learn itself is not imported: that takes as long as importing torch, and 
 from __future__ import annotations
 
 import sys
-from abc import abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager
 from dataclasses import replace
 from math import prod
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar
 
-import numpy as np
 import torch
 
-from hdc import backends, bits, inputs
+from hdc import backends, inputs
 from hdc.described import describe
 from hdc.encoders import ENCODERS, Encoder
 from hdc.hypervectors import Hypervectors
@@ -41,10 +39,8 @@ class Estimator(Parametrised):
     frame_shape_: tuple[int, ...]
     n_features_in_: int
     dimension_: int
-    _columns: list[str | int] | None = None
-    """Columns of the data frame of training, if it was one."""
-    _used: dict[str, Any]
-    """The parameters at the time of training."""
+    columns_: list[str] | None = None
+    """Names of the columns of a table of training, where the command knows them."""
 
     # Encoding ------------------------------------------------------------------------------------
 
@@ -64,7 +60,6 @@ class Estimator(Parametrised):
     def _encoded(self, frames: Any) -> Iterator[Hypervectors]:
         """Hypervectors of frames by the trained encoder, a chunk at a time."""
         if not isinstance(frames, Hypervectors):
-            self._check_columns(inputs.columns_of(frames))
             frames = inputs.indexable(frames, self.frame_shape_)
         elif frames.encoder is not self.encoder_:
             self._check_words(frames)
@@ -87,13 +82,23 @@ class Estimator(Parametrised):
 
     def _check_words(self, words: Hypervectors) -> None:
         """Raise ValueError for hypervectors of another encoder."""
-        bits.check_width(words.packed, words.dimension)
         if words.dimension != self.dimension_:
             raise ValueError(
                 f"hypervectors: expected D = {self.dimension_}, found {words.dimension}"
             )
-        if words.encoder is not None:
-            check_alike(self.encoder_, words.encoder, "hypervectors")
+        mine, theirs = self.encoder_, words.encoder
+        if theirs is None:
+            return
+        if _described(mine) != _described(theirs):
+            raise ValueError(
+                f"hypervectors: expected the encoder {mine!r}, found {theirs!r}"
+            )
+        other = theirs.state()
+        if any(not torch.equal(x, other[name]) for name, x in mine.state().items()):
+            raise ValueError(
+                f"hypervectors: expected those of an encoder {mine!r} that has learned the same, "
+                "found those of one that has learned of different frames; use this model's encode"
+            )
 
     def _learned_encoder(
         self, encoder: Encoder, frames: Any
@@ -103,13 +108,12 @@ class Estimator(Parametrised):
             if encoder.learns:
                 encoder.fit(frames)
             return encoder, tuple(frames.shape[1:])
-        bits.check_width(frames.packed, frames.dimension)
         given = frames.encoder
         if given is None:
             raise ValueError(
                 "hypervectors: expected the result of encode, found bits alone"
             )
-        if describe(encoder, self._known["encoder"]) != _described(given):
+        if _described(encoder) != _described(given):
             raise ValueError(
                 f"hypervectors: expected encoder {encoder!r}, found {given!r}"
             )
@@ -121,12 +125,6 @@ class Estimator(Parametrised):
 
     # Training ------------------------------------------------------------------------------------
 
-    def _given(self, frames: Any) -> tuple[Any, list[str | int] | None]:
-        """:func:`hdc.inputs.source`, checked against the training if there was one."""
-        found = inputs.source(frames, getattr(self, "frame_shape_", None))
-        self._check_columns(found[1])
-        return found
-
     def _decided(self, frames: Any) -> str:
         """The backend to fit these frames with."""
         n_pixels = 0 if isinstance(frames, Hypervectors) else prod(frames.shape)
@@ -136,18 +134,17 @@ class Estimator(Parametrised):
         self,
         encoder: Encoder,
         shape: Sequence[int],
+        dimension: int,
         backend: str,
-        columns: list[str | int] | None,
     ) -> None:
         """Set the attributes of a new training."""
-        vars(self).pop("metadata_", None)
-        self._columns = columns
+        for name in ("metadata_", "columns_"):
+            vars(self).pop(name, None)
         self.encoder_ = encoder
         self.backend_ = backend
         self.frame_shape_ = tuple(shape)
         self.n_features_in_ = prod(shape)
-        self.dimension_ = encoder.dimension(self.n_features_in_)
-        self._used = self.get_params(deep=False)
+        self.dimension_ = dimension
 
     def _part(self, name: str) -> Any:
         """The part, such as the encoder, that a parameter gives as a name or an object."""
@@ -155,7 +152,7 @@ class Estimator(Parametrised):
         return self.parts[name](given)
 
     def _check_is_trained(self) -> None:
-        """Raise for an untrained model, or one whose parameters were changed after training."""
+        """Raise for an untrained model."""
         if not hasattr(self, "dimension_"):
             # scikit-learn's kind of error where it is loaded
             module = sys.modules.get("sklearn.exceptions")
@@ -163,79 +160,19 @@ class Estimator(Parametrised):
             raise kind(
                 f"{type(self).__name__}: expected a trained model; call fit first"
             )
-        for name, used in self._used.items():
-            now = getattr(self, name)
-            if now is used or (isinstance(now, str | int | float) and now == used):
-                continue
-            if name == "backend":
-                self.backend_ = backends.choose_backend(self.backend, self.device)
-                self._used[name] = now
-                continue
-            advice = "; to(device) moves it" if name == "device" else ""
-            raise ValueError(f"{name}: changed after training; call fit again{advice}")
-
-    @property
-    def feature_names_in_(self) -> np.ndarray:
-        """Column names of the training frames, object [D], if all are text."""
-        names = self._columns
-        if names is None or not all(isinstance(name, str) for name in names):
-            raise AttributeError(
-                f"{type(self).__name__}: expected training on a data frame with names, found none"
-            )
-        return np.array(names, dtype=object)
-
-    def _check_columns(self, columns: list[str | int] | None) -> None:
-        """Raise ValueError for other columns than in training, or in another order."""
-        if None not in (columns, self._columns) and columns != self._columns:
-            raise ValueError(
-                "frames: expected the columns of training in its order, found others"
-            )
-
-    # Devices and pickles -------------------------------------------------------------------------
-
-    def to(self, device: str) -> Self:
-        """Move the trained model to a device, where it computes from now on.
-
-        Raises:
-            ValueError: for a device that this machine does not have.
-        """
-        self._check_is_trained()
-        backend = backends.choose_backend(self.backend, device)
-        encoder = self.encoder_.unlearned()
-        state = {name: x.to(device) for name, x in self.encoder_.state().items()}
-        encoder.restore(state, self.n_features_in_)
-        self._move(device)
-        self.encoder_, self.backend_ = encoder, backend
-        self.device = self._used["device"] = device
-        return self
-
-    def __setstate__(self, state: Mapping[str, Any]) -> None:
-        """Restore a pickled model; the backend is chosen on the machine that loads it."""
-        vars(self).update(state)
-        if hasattr(self, "backend_"):
-            self.backend_ = backends.choose_backend(self.backend, self.device)
-
-    @abstractmethod
-    def _move(self, device: str) -> None:
-        """Move the state of the read-out to a device."""
 
     def __sklearn_tags__(self) -> Any:
-        from sklearn.utils import (
-            ClassifierTags,
-            InputTags,
-            RegressorTags,
-            Tags,
-            TargetTags,
-        )
+        from sklearn import utils
 
         # A median threshold leaves one bit of two features: a blob and its mirror are alike.
         classifier = self._estimator_type == "classifier"
-        return Tags(
+        of_classifier = utils.ClassifierTags(poor_score=True) if classifier else None
+        return utils.Tags(
             estimator_type=self._estimator_type,
-            target_tags=TargetTags(required=True, multi_output=not classifier),
-            classifier_tags=ClassifierTags(poor_score=True) if classifier else None,
-            regressor_tags=None if classifier else RegressorTags(poor_score=True),
-            input_tags=InputTags(two_d_array=True, three_d_array=True),
+            target_tags=utils.TargetTags(required=True, multi_output=not classifier),
+            classifier_tags=of_classifier,
+            regressor_tags=None if classifier else utils.RegressorTags(poor_score=True),
+            input_tags=utils.InputTags(two_d_array=True, three_d_array=True),
         )
 
 
@@ -246,23 +183,6 @@ def joined(parts: Iterable[Hypervectors]) -> Hypervectors:
         return first
     packed = torch.cat([first.packed, *(part.packed for part in others)])
     return replace(first, packed=packed)
-
-
-def check_alike(
-    mine: Encoder, theirs: Encoder, what: str, learned: bool = True
-) -> None:
-    """Raise ValueError for encoders with different parameters or different learned tensors."""
-    if _described(mine) != _described(theirs):
-        raise ValueError(f"{what}: expected the encoder {mine!r}, found {theirs!r}")
-    if not learned:
-        return
-    other = theirs.state()
-    for name, tensor in mine.state().items():
-        if not torch.equal(tensor, other[name]):
-            raise ValueError(
-                f"{what}: expected two encoders {mine!r} that have learned the same, found two "
-                "that have learned of different frames; fit anew on all of them"
-            )
 
 
 def _described(encoder: Encoder) -> dict[str, Any]:

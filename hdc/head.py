@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -46,18 +46,6 @@ class Head:
     """Whether the prototypes no longer follow from the counters."""
     training: tuple[Hypervectors, Tensor] | None = None
     """Training hypervectors and their rows, for a read-out that is cross-validated."""
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields without cached values; cross-validated scores replace the training frames."""
-        found = {field.name: getattr(self, field.name) for field in fields(self)}
-        if self.training is not None:
-            found["state"] = replace(self.state, held_out=self._held_out_to_keep())
-            found["training"] = None
-        return found
-
-    def __deepcopy__(self, _: Any) -> Head:
-        """The head itself, since it is immutable."""
-        return self
 
     @functools.cached_property
     def index(self) -> dict[Label, int]:
@@ -100,16 +88,6 @@ class Head:
         state = readout.arrange(self.state, places, len(found))
         return replace(self, state=state, labels=found)
 
-    def merged(self, other: Head) -> Head:
-        """The head of the training frames of both."""
-        labels = other.labels.tolist()
-        head = self.with_classes(labels)
-        readout: Any = self.readout
-        places = [head.index[label] for label in labels]
-        state = readout.merge(head.state, other.state, places)
-        sample = self.sample.merged(other.sample)
-        return replace(head, state=state, sample=sample, calibrated=None)
-
     def adapted(
         self, words: Hypervectors, labels: Sequence[Label], options: Mapping[str, Any]
     ) -> Head:
@@ -137,22 +115,6 @@ class Head:
             sample=sample,
             recalibrated=True,
             training=None,
-            calibrated=calibrated,
-        )
-
-    def to(self, device: torch.device | str) -> Head:
-        """The head on a device."""
-        training = self.training
-        if training is not None:
-            training = training[0].to(device), training[1]
-        calibrated = self.calibrated
-        if calibrated is not None:
-            calibrated = calibrated.to(device)
-        return replace(
-            self,
-            state=self.state.to(device),
-            sample=self.sample.to(device),
-            training=training,
             calibrated=calibrated,
         )
 
@@ -258,9 +220,9 @@ class Head:
             kept = [self.sample.kept[label] for label in classes if label in seen]
             tensors["sample"] = torch.cat(kept)
         tensors |= prefixed("readout", self.state.tensors())
-        held_out = self._held_out_to_keep()
-        if held_out is not None:
-            tensors |= prefixed("held_out", held_out._asdict())
+        # Those of other read-outs follow from the state and the sample.
+        if not isinstance(self.readout, Updatable) and self.held_out is not None:
+            tensors |= prefixed("held_out", self.held_out._asdict())
         if self.calibrated is not None:
             tensors |= prefixed("known", self.calibrated.tensors())
         header = {
@@ -269,19 +231,6 @@ class Head:
             "recalibrated": self.recalibrated,
         }
         return header, tensors
-
-    def _held_out_to_keep(self) -> HeldOut | None:
-        """Scores that the model cannot compute again once it is loaded."""
-        if isinstance(self.readout, Updatable):
-            return None
-        try:
-            return self.held_out
-        # A user's read-out may fail to learn four fifths of the frames.
-        except Exception as error:
-            warn(
-                f"save: the loaded model will have no sets and probabilities: {error}",
-            )
-            return None
 
     @classmethod
     def restored(

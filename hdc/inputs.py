@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Iterable, Mapping, Sequence
-from numbers import Integral
 from typing import Any, Protocol
 
 import numpy as np
@@ -22,6 +21,13 @@ _CONTINUOUS = 30
 """More frames than this with fractional labels that all differ are no classes."""
 
 
+_NO_FRAMES = {
+    "toarray": "a sparse one; use its toarray()",
+    "batch_sampler": "a loader of batches; give each batch to partial_fit",
+}
+"""Attribute of an object that holds no frames → what it is."""
+
+
 class FrameSource(Protocol):
     """Frames [N, H, W] or [N, D]: an array, a tensor, or an object whose slices are either."""
 
@@ -35,7 +41,8 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     """Frames as an object with a shape [N, ...]: a :class:`FrameSource` itself, others as arrays.
 
     Args:
-        frames: a :class:`FrameSource`, a sequence of frames, or a data frame, one column per pixel.
+        frames: a :class:`FrameSource`, a sequence of frames, or a data frame, whose columns are the
+            pixels in its order.
         shape: shape (H, W) of a frame, if known; a single frame then becomes a batch of one.
 
     Raises:
@@ -43,14 +50,9 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
         ValueError: for frames of different sizes, a single row of pixels, frames of more than one
             channel, or masked pixels.
     """
-    if hasattr(frames, "toarray"):
-        raise TypeError(
-            "frames: expected a dense array, found a sparse one; use its toarray()"
-        )
-    if hasattr(frames, "batch_sampler"):
-        raise TypeError(
-            "frames: expected frames, found a loader of batches; give each batch to partial_fit"
-        )
+    for attribute, other in _NO_FRAMES.items():
+        if hasattr(frames, attribute):
+            raise TypeError(f"frames: expected a dense array, found {other}")
     if hasattr(frames, "iloc") or not hasattr(frames, "shape"):
         frames = _as_array(frames)
     _check_unmasked("frames", frames)
@@ -63,33 +65,22 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     return frames
 
 
-def source(
-    frames: Any, shape: tuple[int, ...] | None = None
-) -> tuple[Any, list[str | int] | None]:
-    """Training frames by :func:`indexable`, or hypervectors; and the names of their columns.
+def source(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
+    """Training frames by :func:`indexable`, or hypervectors.
 
     Raises:
         TypeError, ValueError: as :func:`indexable`, and for no frames.
     """
-    columns = columns_of(frames)
     if not isinstance(frames, Hypervectors):
         frames = indexable(frames, shape)
     check_any(frames)
-    return frames, columns
+    return frames
 
 
 def check_any(frames: Any) -> None:
     """Raise ValueError for no frames."""
     if len(frames) == 0:
         raise ValueError("frames: expected at least one frame, found none")
-
-
-def columns_of(frames: Any) -> list[str | int] | None:
-    """Names of the columns of a data frame; None for other frames."""
-    if not hasattr(frames, "columns"):
-        return None
-    # Types that JSON has.
-    return [int(n) if isinstance(n, Integral) else str(n) for n in frames.columns]
 
 
 def _check_axes(found: tuple[int, ...]) -> None:
@@ -107,15 +98,14 @@ def _check_axes(found: tuple[int, ...]) -> None:
 
 def _as_array(frames: Any) -> np.ndarray:
     """A sequence of frames of one shape, or a data frame, as one array."""
-    if not hasattr(frames, "__array__"):
-        if not np.iterable(frames):
-            expected = "expected shape [N, H, W] or [N, D]"
-            raise TypeError(f"frames: {expected}, found {frames!r}")
-        frames = list(frames)
-        for frame in frames:
-            _check_unmasked("frames", frame)
-        if len({np.shape(frame) for frame in frames}) > 1:
-            raise ValueError("frames: expected frames of one shape, found several")
+    if hasattr(frames, "__array__"):
+        return np.asarray(frames)
+    if not np.iterable(frames):
+        expected = "expected shape [N, H, W] or [N, D]"
+        raise TypeError(f"frames: {expected}, found {frames!r}")
+    frames = list(frames)
+    if len({np.shape(frame) for frame in frames}) > 1:
+        raise ValueError("frames: expected frames of one shape, found several")
     return np.asarray(frames)
 
 
@@ -221,11 +211,8 @@ def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
     items = [_as_python(label) for label in labels]
     for i, label in enumerate(items):
         if type(label) not in _LABELS or label != label:
-            advice = "; dates and times as text: y.astype(str)"
-            if not isinstance(label, _TIMES):
-                advice = ""
             raise ValueError(
-                f"{name}[{i}]: expected a str, int, float or bool, found {label!r}{advice}"
+                f"{name}[{i}]: expected a str, int, float or bool, found {label!r}"
             )
     array = np.array(items, object)
     if len(set(map(type, items))) == 1:
@@ -299,8 +286,6 @@ def one_a_frame(name: str, values: Any, n: int) -> Any:
         raise ValueError(f"{name}: expected a list or an array, found a {found}")
     if not isinstance(values, np.ndarray):
         values = list(values)
-        for value in values:
-            _check_unmasked(name, value)
     if len(values) != n:
         raise ValueError(f"{name}: expected {n}, one a frame, found {len(values)}")
     if np.iscomplexobj(values):

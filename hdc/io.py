@@ -13,7 +13,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,7 +22,6 @@ if TYPE_CHECKING:
     from torch import Tensor
 
 FORMAT = "hdc-model-4"
-_EARLIER = {"hdc-model-3": "1.0"}
 
 
 def write_atomically(path: Path, content: str | bytes) -> None:
@@ -76,19 +75,18 @@ def check_replaceable(path: Path) -> None:
 
 
 def _is_model(path: Path) -> bool:
-    """Whether a file claims to be a saved model, also of an earlier version."""
+    """Whether a file claims to be a saved model."""
     try:
         header, _ = _read(path, tensors=False)
     except ValueError:
         return False
-    return header.get("format") in (FORMAT, *_EARLIER)
+    return header.get("format") == FORMAT
 
 
 def write_model(
     path: Path,
     header: Mapping[str, Any],
     tensors: Mapping[str, Tensor],
-    check: Callable[[Mapping[str, Any], dict[str, Tensor]], object],
 ) -> None:
     """Save the header and the tensors of a model.
 
@@ -96,12 +94,9 @@ def write_model(
         path: name of the file.
         header: JSON values; "metadata" are the user's.
         tensors: tensors by name.
-        check: function of the header, as read from a file, and the tensors, which raises ValueError
-            if no model can be made from them; nothing is written then.
 
     Raises:
         TypeError: for metadata that JSON cannot hold.
-        ValueError: naming the file, if `check` raises it.
         FileNotFoundError, FileExistsError: as :func:`check_replaceable`.
         OSError: as :func:`write_atomically`.
     """
@@ -110,31 +105,14 @@ def write_model(
     check_replaceable(path)
     try:
         json.dumps(header["metadata"], allow_nan=False)
-        _check_keys(header["metadata"])
     except (TypeError, ValueError) as error:
         raise TypeError(
             f"{path}: metadata: expected values of JSON, found: {error}"
         ) from error
     header = {"format": FORMAT, **header}
     stored = {name: t.cpu().contiguous() for name, t in tensors.items()}
-    try:
-        check(json.loads(json.dumps(header)), stored)
-    except ValueError as error:
-        raise ValueError(f"{path}: {error}") from error
     text = json.dumps({**header, "sha256": _digest(header, stored)})
     write_atomically(path, save(stored, {"model": text}))
-
-
-def _check_keys(value: Any) -> None:
-    """Raise TypeError for keys that are not text: JSON could make two of them equal."""
-    if isinstance(value, Mapping):
-        for key, part in value.items():
-            if not isinstance(key, str):
-                raise TypeError(f"keys must be texts, not {key!r}")
-            _check_keys(part)
-    elif isinstance(value, list | tuple):
-        for part in value:
-            _check_keys(part)
 
 
 def _digest(header: Mapping[str, Any], tensors: Mapping[str, Tensor]) -> str:
@@ -155,13 +133,7 @@ def read_model(
         ValueError: saying what was found instead of an undamaged model.
     """
     header, content = _read(path, tensors)
-    found = header.get("format")
-    if found in _EARLIER:  # whose encoder broke ties differently
-        version = _EARLIER[found]
-        raise ValueError(
-            f"a model of version {version}, which this one cannot ask; train it again"
-        )
-    if found != FORMAT:
+    if header.get("format") != FORMAT:
         raise ValueError(f"no header of format {FORMAT!r}")
     if tensors and header.pop("sha256", None) not in (None, _digest(header, content)):
         raise ValueError("other bytes than were saved: its SHA-256 differs")

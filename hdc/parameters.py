@@ -8,14 +8,13 @@ its parameters are ``encoder__ties`` and so on.
 from __future__ import annotations
 
 import copy
-import difflib
-import functools
 import importlib
 import inspect
 import math
 import numbers
 import pkgutil
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections import UserDict
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import Any, ClassVar, Self, TypeVar
 
 Kind = TypeVar("Kind")
@@ -29,20 +28,7 @@ class Parametrised:
     stand_ins: ClassVar[Mapping[str, str]] = {}
     """Parameter → what a file holds instead of a value that is no JSON, such as an array."""
     renamed: ClassVar[Mapping[str, str]] = {}
-    """Old name of a parameter → its current name."""
-
-    def __new__(cls, *_: Any, **given: Any) -> Self:
-        cls._check_names(given)
-        return super().__new__(cls)
-
-    @classmethod
-    def _check_names(cls, given: Collection[str]) -> None:
-        """Raise TypeError for an old name of a parameter."""
-        for old, new in cls.renamed.items():
-            if old in given:
-                raise TypeError(
-                    f"{cls.__name__}: expected {new}, found {old!r}, its old name"
-                )
+    """Name of a parameter in files of an earlier version → its current name."""
 
     @classmethod
     def of_today(cls, parameters: Mapping[str, Any]) -> dict[str, Any]:
@@ -66,13 +52,9 @@ class Parametrised:
 
         Raises:
             ValueError: for an unknown name.
-            TypeError: for an old name.
         """
         for name, value in sorted(params.items(), key=lambda item: "__" in item[0]):
             part, _, inner = name.partition("__")
-            if inner and part in self.parts:
-                self.parts[part](getattr(self, part))._check_names([inner])
-            self._check_names([name])
             known = self.get_params(deep=bool(inner))
             if name not in known:
                 raise ValueError(f"set_params: {not_among(name, known)}")
@@ -138,22 +120,12 @@ def make_part(
         ValueError: for a name that is not known, or a module that cannot be imported.
         TypeError: for a class in place of an object, or an object of another kind.
     """
-    if isinstance(part, type):
-        raise TypeError(f"{what}: expected an object, found the class {part.__name__}")
     kind = find_class(part, what, known) if isinstance(part, str) else type(part)
     if not issubclass(kind, base):
         listed = ", ".join(known)
         expected = f"one of {listed}, or an object of {base.__module__}.{base.__name__}"
         raise TypeError(f"{what}: expected {expected}, found {part!r}")
-    if not isinstance(part, str):
-        return part
-    try:
-        return kind()
-    except TypeError as error:
-        expected = "a class that is made without arguments, or an object"
-        raise TypeError(
-            f"{what}: expected {expected}, found {part!r}: {error}"
-        ) from error
+    return kind() if isinstance(part, str) else part
 
 
 def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
@@ -175,43 +147,24 @@ def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
     return found
 
 
-class Named(Mapping[str, type]):
-    """Our own classes by name; a module is imported when its class is used."""
-
-    def __init__(self, paths: Mapping[str, str]) -> None:
-        self._paths = paths
-        """The dotted name of each class."""
+class Named(UserDict[str, Any]):
+    """Our own classes by name, from their dotted names; each is imported when it is used."""
 
     def __getitem__(self, name: str) -> Any:
-        return _resolved(self._paths[name])
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._paths)
-
-    def __len__(self) -> int:
-        return len(self._paths)
-
-    def __contains__(self, name: object) -> bool:
-        """Whether there is this name; the class is not imported."""
-        return name in self._paths
+        return pkgutil.resolve_name(self.data[name])
 
     def name_of(self, part: object) -> str:
         """Name by which :func:`find_class` finds an object's class; dotted unless it is ours."""
         kind = type(part)
         path = f"{kind.__module__}.{kind.__qualname__}"
-        return next((name for name, ours in self._paths.items() if ours == path), path)
+        return next((name for name, ours in self.data.items() if ours == path), path)
 
     def attribute(self, module: str, wanted: str) -> Any:
         """The class with this name, for the ``__getattr__`` of a module."""
-        for path in self._paths.values():
+        for name, path in self.data.items():
             if path.endswith(f".{wanted}"):
-                return _resolved(path)
+                return self[name]
         raise AttributeError(f"module {module!r} has no attribute {wanted!r}")
-
-
-@functools.cache
-def _resolved(path: str) -> Any:
-    return pkgutil.resolve_name(path)
 
 
 def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
@@ -221,22 +174,17 @@ def check_choice(name: str, value: Any, choices: Collection[Any]) -> None:
 
 
 def not_among(value: Any, choices: Iterable[Any], others: str = "") -> str:
-    """Text of an error: the expected and the found value, and a similar name if there is one.
+    """Text of an error: the expected and the found value.
 
     Args:
         value: found value.
         choices: expected values.
         others: other possibilities, in words.
     """
-    names = [str(choice) for choice in choices]
-    expected = f"expected one of {', '.join(names)}"
+    expected = f"expected one of {', '.join(map(str, choices))}"
     if others:
         expected += f", {others}"
-    text = f"{expected}, found {value!r}"
-    if isinstance(value, str):
-        for near in difflib.get_close_matches(value, names, n=1):
-            text += f". Did you mean {near!r}?"
-    return text
+    return f"{expected}, found {value!r}"
 
 
 def check_integer(

@@ -8,10 +8,9 @@ instead of 64 n additions.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -20,26 +19,14 @@ from hdc.parameters import not_among
 
 _BLOCK = 4096  # words of a row that numpy adds at a time: they stay in the cache
 WORD = 64
-TIES = ("zero", "one", "random")
+TIES = ("zero", "one")
 _UNPACKED = 2**25  # bits at a time, at 8 bytes each, that a GPU adds up
-
-
-def zeros(shape: tuple[int, ...], device: torch.device | str) -> Tensor:
-    """Counters of zero; on the CPU by numpy, without waking torch's threads."""
-    if torch.device(device).type == "cpu":
-        return torch.from_numpy(np.zeros(shape, np.int64))
-    return torch.zeros(shape, dtype=torch.int64, device=device)
-
-
-def plain(words: Tensor) -> Any:
-    """A numpy view on the CPU, where waking torch's threads takes longer than the work."""
-    return words.numpy() if words.device.type == "cpu" else words
 
 
 def vertical_sum(words: Tensor) -> Tensor:
     """Count the ones of each bit position: int64 [N, W] → planes [P, W], P = bit length of N."""
     n, width = words.shape
-    counts = zeros((max(1, n.bit_length()), width), words.device)
+    counts = words.new_zeros(max(1, n.bit_length()), width)
     count_into(counts, words, range(n))
     return counts
 
@@ -52,7 +39,7 @@ def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
     if counts.device.type != "cpu":
         _sum_into(counts, words, rows)
         return
-    into, source = plain(counts), plain(words)
+    into, source = counts.numpy(), words.numpy()
     for start in range(0, words.shape[1], _BLOCK):
         block = slice(start, start + _BLOCK)
         _count_into(into[:, block], source[:, block], rows)
@@ -70,20 +57,8 @@ def count_classes(
 
     Returns:
         The counters, a copy with more planes if needed, and the new n.
-
-    Raises:
-        ValueError: if lengths disagree or a row is outside [0, L).
     """
     rows = rows.cpu()
-    if len(words) != len(rows):
-        raise ValueError(
-            f"labels: expected {len(words)}, one a sample, found {len(rows)}"
-        )
-    is_outside = (rows < 0) | (rows >= len(n))
-    if is_outside.any():
-        raise ValueError(
-            f"labels: expected class indices in [0, {len(n)}), found {int(rows[is_outside][0])}"
-        )
     added = torch.bincount(rows, minlength=len(n))
     n = n + added
     counts = with_room(counts, max(n.tolist(), default=0))
@@ -107,8 +82,8 @@ def with_room(counts: Tensor, n: int) -> Tensor:
     n_classes, n_old, width = counts.shape
     if n_planes <= n_old:
         return counts
-    grown = zeros((n_classes, n_planes, width), counts.device)
-    plain(grown)[:, :n_old] = plain(counts)
+    grown = counts.new_zeros(n_classes, n_planes, width)
+    grown[:, :n_old] = counts
     return grown
 
 
@@ -158,31 +133,6 @@ def _sum_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
         plane[:] = (((total >> p) & 1) << bit).sum(-1)
 
 
-def add(a: Tensor, b: Tensor) -> Tensor:
-    """Sum of two sets of counters: [P, W] + [P', W] → [P'', W], grown by a plane where needed."""
-    if len(a) < len(b):
-        a, b = b, a
-    total = torch.empty_like(a)
-    carry = torch.zeros_like(a[0])
-    for p, plane in enumerate(a):
-        if p < len(b):
-            total[p], carry = _full_adder(plane, b[p], carry)
-        else:
-            total[p], carry = plane ^ carry, plane & carry
-    return torch.cat((total, carry.unsqueeze(0))) if carry.any() else total
-
-
-def subtract(a: Tensor, b: Tensor) -> Tensor:
-    """Difference a − b ≥ 0 of two sets of counters [P, W] and [P', W], P' ≤ P."""
-    difference = a.clone()
-    borrow = torch.zeros_like(a[0])
-    for p, plane in enumerate(a):
-        taken = b[p] if p < len(b) else torch.zeros_like(plane)
-        difference[p] = plane ^ taken ^ borrow
-        borrow = (~plane & (taken | borrow)) | (taken & borrow)
-    return difference
-
-
 def greater(counts: Tensor, threshold: int) -> Tensor:
     """Mask [W] of the counters [P, W] above a number; all ones for a negative number.
 
@@ -195,62 +145,25 @@ def greater(counts: Tensor, threshold: int) -> Tensor:
         return ~mask
     if threshold >> n_planes:
         return mask  # more than the planes can hold
-    carry, rows = plain(mask), plain(counts)
-    for p in range(n_planes):
+    for p, plane in enumerate(counts):
         if threshold >> p & 1:
-            carry &= rows[p]
+            mask &= plane
         else:
-            carry |= rows[p]
+            mask |= plane
     return mask
 
 
-def majority(
-    counts: Tensor, n: int, ties: str = "zero", tie_breaker: Tensor | None = None
-) -> Tensor:
+def majority(counts: Tensor, n: int, ties: str = "zero") -> Tensor:
     """Bitwise majority int64 [W] of n hypervectors from their counts [P, W].
 
-    For `ties`, `tie_breaker` and errors, see :func:`hdc.bits.majority`.
+    For `ties` and errors, see :func:`hdc.bits.majority`.
     """
     if ties not in TIES:
         raise ValueError(f"ties: {not_among(ties, TIES)}")
-    more = greater(counts, n // 2)
     if n % 2 or ties == "zero":
-        return more
+        return greater(counts, n // 2)
     # For n ≥ 1 the zero counts beyond D are not among these.
-    at_least_half = greater(counts, n // 2 - 1)
-    if ties == "one":
-        return at_least_half
-    if tie_breaker is None:
-        raise ValueError(
-            "ties='random': expected a tie_breaker hypervector, found None"
-        )
-    return more | (at_least_half & tie_breaker)
-
-
-def majorities(
-    counts: Tensor,
-    n: Tensor,
-    rows: Sequence[int],
-    ties: str,
-    tie_breaker: Callable[[int], Tensor],
-) -> Tensor:
-    """:func:`majority` of K classes `rows`, int64 [K, W]; zeros for a class without hypervectors.
-
-    Args:
-        counts: int64 [L, P, W].
-        n: hypervectors of each class, int64 [L].
-        rows, ties: as above.
-        tie_breaker: function of a class that gives its hypervector for ``ties="random"``.
-    """
-    found = zeros((len(rows), counts.shape[2]), counts.device)
-    numbers = n.tolist()
-    for i, c in enumerate(rows):
-        if numbers[c]:
-            breaker = None
-            if ties == "random":
-                breaker = tie_breaker(c).to(counts.device)
-            found[i] = majority(counts[c], numbers[c], ties, breaker)
-    return found
+    return greater(counts, n // 2 - 1)
 
 
 def _full_adder(a: Any, b: Any, c: Any) -> tuple[Any, Any]:

@@ -2,12 +2,11 @@
 
 Training is counting: a class is the number of its hypervectors and, for each bit, how many of them
 have it set. Counts are kept bit-sliced (:mod:`hdc.planes`), L·P·D bits for classes of fewer than
-2^P frames. Adding and merging commute, so any order and any sharding give the same prototypes.
+2^P frames. Additions commute, so any order and any batches give the same prototypes.
 """
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Sequence
 from fractions import Fraction
 from math import gcd
@@ -21,7 +20,7 @@ from hdc import bits, planes
 from hdc.parameters import check_share
 
 # Streams of random bits from one seed.
-_TIES, _RECALIBRATION, _THINNING = range(3)
+_RECALIBRATION, _THINNING = 1, 2
 _VOTE_BITS = 24  # of a count of votes, after repeated merges
 _P_STEPS = 1000
 
@@ -39,7 +38,8 @@ class Counters:
         self.dimension = dimension
         self.n = torch.zeros(n_classes, dtype=torch.int64)
         width = bits.words_for(dimension)
-        self.planes = planes.zeros((n_classes, 1, width), device)
+        shape = n_classes, 1, width
+        self.planes = torch.zeros(shape, dtype=torch.int64, device=device)
 
     @classmethod
     def of(cls, counts: Tensor, n: Tensor, dimension: int) -> Self:
@@ -49,36 +49,17 @@ class Counters:
         return found
 
     def add(self, words: Tensor, labels: Tensor) -> None:
-        """Count hypervectors int64 [N, W] with class indices int64 [N] in [0, L).
-
-        Raises:
-            ValueError: if lengths or widths disagree or a label is outside [0, L).
-        """
-        bits.check_width(words, self.dimension)
+        """Count hypervectors int64 [N, W] with class indices int64 [N] in [0, L)."""
         counted = planes.count_classes(self.planes, self.n, words, labels)
         self.planes, self.n = counted
 
-    def merge(self, other: Counters, rows: Sequence[int] | None = None) -> None:
-        """Add another set of counters, whose classes have these rows here (default: the same).
-
-        Raises:
-            ValueError: if dimensions or numbers of classes disagree.
-        """
-        rows = range(len(self.n)) if rows is None else rows
-        if (len(rows), self.dimension) != (len(other.n), other.dimension):
-            raise ValueError(
-                f"merge: expected {len(rows)} classes of D = {self.dimension}, "
-                f"found {len(other.n)} of D = {other.dimension}"
-            )
-        total = self.n.clone()
-        total[list(rows)] += other.n
-        self.reserve(max(total.tolist(), default=0))
-        n_planes = self.planes.shape[1]  # those above are empty
-        added = other.planes.to(self.planes.device)
-        for c, counts in zip(rows, added, strict=True):
-            summed = planes.add(self.planes[c], counts)
-            self.planes[c] = summed[:n_planes]
-        self.n = total
+    def placed(self, rows: Sequence[int], n_classes: int) -> Counters:
+        """Counters of `n_classes` classes, in which class k of these is class rows[k]."""
+        counts = self.planes.new_zeros(n_classes, *self.planes.shape[1:])
+        counts[list(rows)] = self.planes
+        n = torch.zeros(n_classes, dtype=torch.int64)
+        n[list(rows)] = self.n
+        return Counters.of(counts, n, self.dimension)
 
     def thinned(self, size: int, seed: int = 0) -> Counters:
         """Counters in which every class has at most `size` hypervectors.
@@ -105,31 +86,21 @@ class Counters:
         found.n = n
         found.reserve(max(n.tolist(), default=0))
         for c, ones in enumerate(counts):
-            for p in range(found.planes.shape[1]):
-                found.planes[c, p] = bits.pack(ones >> p & 1 == 1)
+            found.planes[c] = bits.sliced(ones, found.planes.shape[1])
         return found
 
-    def majority(self, ties: str = "zero", seed: int = 0) -> Tensor:
-        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty.
-
-        With ``ties="random"``, the ties of class c are broken by the random hypervector of
-        (seed, c).
-        """
-        breaker = functools.partial(tie_breaker, self.dimension, seed)
-        return planes.majorities(self.planes, self.n, range(len(self.n)), ties, breaker)
+    def majority(self, ties: str = "zero") -> Tensor:
+        """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty."""
+        found = self.planes.new_zeros(len(self.n), self.planes.shape[2])
+        for c, n in enumerate(self.n.tolist()):
+            if n:
+                found[c] = planes.majority(self.planes[c], n, ties)
+        return found
 
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
         chosen = self.planes if rows is None else self.planes[list(rows)]
-        shape = len(chosen), self.dimension
-        n_planes = chosen.shape[1]
-        # Summed in one byte each, if that is enough.
-        narrow = torch.uint8 if n_planes <= 8 else torch.int64
-        total = torch.zeros(shape, dtype=narrow, device=self.device)
-        for p in range(n_planes):
-            plane = bits.unpack(chosen[:, p], self.dimension)
-            total += plane.to(narrow) << p
-        return total.long()
+        return bits.numbers_of(chosen, self.dimension)
 
     @property
     def device(self) -> torch.device:
@@ -138,11 +109,6 @@ class Counters:
     def reserve(self, n: int) -> None:
         """Make room for n hypervectors per class."""
         self.planes = planes.with_room(self.planes, n)
-
-
-def tie_breaker(dimension: int, seed: int, c: int) -> Tensor:
-    """The random hypervector that breaks the ties of class c, int64 [W] (CPU)."""
-    return bits.random_hypervector(dimension, seed, stream=(_TIES, c))
 
 
 def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:

@@ -21,8 +21,6 @@ from hdc.readouts.values import ValueReadout, ValueState
 from hdc.saved import Saved
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
 
-_LARGEST = 1e300  # sums of larger numbers overflow
-
 
 class HDCRegressor(Saved):
     """Regression of one or several numbers per frame, such as a position in mm.
@@ -36,8 +34,7 @@ class HDCRegressor(Saved):
         device: the device that computes and holds the model.
         backend: as in :class:`hdc.HDCClassifier`.
         period: period of circular numbers, such as 360 for degrees. They are predicted by their
-            cosine and sine, and have no intervals. Predictions lie between 0 and the period, or, if
-            a training number was negative, between minus and plus half of it. None for other
+            cosine and sine, between 0 and the period, and have no intervals. None for other
             numbers.
 
     Attributes:
@@ -67,7 +64,6 @@ class HDCRegressor(Saved):
     state_: ValueState
     _one: bool  # targets have one dimension
     _recalibrated: bool
-    _is_signed: bool = False  # circular numbers below zero were learnt
 
     def __init__(
         self,
@@ -101,7 +97,7 @@ class HDCRegressor(Saved):
         """
         self._check_period()
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
-        frames, columns = inputs.source(frames)
+        frames = inputs.source(frames)
         values = _numbers(y, len(frames))
         _check_enough(frames)
         table = self._targets(values)
@@ -110,35 +106,10 @@ class HDCRegressor(Saved):
             encoder, shape = self._learned_encoder(encoder, frames)
             words = joined(self._batches(frames, encoder, shape))
             state = readout.fit(words, table)
-        self._begin(encoder, shape, backend, columns)
+        self._begin(encoder, shape, words.dimension, backend)
         self._one = values.ndim == 1
-        self._is_signed = bool((values < 0).any())
         self.readout_, self.state_ = readout, state
         self._recalibrated = False
-        return self
-
-    def partial_fit(self, frames: Any, y: Any) -> Self:
-        """Add frames to the stored ones, and solve again; the encoder is not trained again.
-
-        A call that raises leaves the model unchanged.
-
-        Raises:
-            ValueError: as :meth:`fit`, or after :meth:`recalibrate`, which drops the old frames.
-        """
-        if not hasattr(self, "state_"):
-            return self.fit(frames, y)
-        self._check_is_trained()
-        if self._recalibrated:
-            raise ValueError(
-                "partial_fit: expected a model that was not recalibrated; fit anew"
-            )
-        before = self.state_
-        with self._computing():
-            words, values, is_signed = self._pairs(frames, y)
-            words = joined([before.words, words])
-            values = torch.cat((before.targets, values))
-            self.state_ = self.readout_.fit(words, values)
-        self._is_signed |= is_signed
         return self
 
     def recalibrate(self, frames: Any, y: Any) -> Self:
@@ -151,20 +122,15 @@ class HDCRegressor(Saved):
             ValueError: as :meth:`fit`.
         """
         self._check_is_trained()
-        with self._computing():
-            words, values, is_signed = self._pairs(frames, y)
-            _check_enough(words)
-            self.state_ = self.readout_.adapt(self.state_, words, values)
-        self._is_signed |= is_signed
-        self._recalibrated = True
-        return self
-
-    def _pairs(self, frames: Any, y: Any) -> tuple[Hypervectors, Tensor, bool]:
-        """Hypervectors of frames, their targets, and whether a number is below zero."""
-        frames, _ = self._given(frames)
+        frames = inputs.source(frames, self.frame_shape_)
+        _check_enough(frames)
         values = _numbers(y, len(frames))
         table = self._more_targets(values)
-        return joined(self._encoded(frames)), table, bool((values < 0).any())
+        with self._computing():
+            words = joined(self._encoded(frames))
+            self.state_ = self.readout_.adapt(self.state_, words, table)
+        self._recalibrated = True
+        return self
 
     def _more_targets(self, values: np.ndarray) -> Tensor:
         """:meth:`_targets` of further numbers; ValueError unless as many a frame as in training."""
@@ -186,7 +152,7 @@ class HDCRegressor(Saved):
     def mean_(self) -> np.ndarray:
         mean = self.state_.targets.mean(dim=0, keepdim=True).numpy()
         if self.period is not None:
-            mean = circular.from_plane(mean, self.period, self._is_signed)
+            mean = circular.from_plane(mean, self.period)
         return mean[0]
 
     def predict(
@@ -227,7 +193,7 @@ class HDCRegressor(Saved):
         """Predictions [Q, T] in parts, as one array in the shape of the training numbers."""
         answers = torch.cat(list(parts)).numpy()
         if self.period is not None:
-            answers = circular.from_plane(answers, self.period, self._is_signed)
+            answers = circular.from_plane(answers, self.period)
         return answers[:, 0] if self._one else answers
 
     def _targets(self, values: np.ndarray) -> Tensor:
@@ -263,19 +229,19 @@ class HDCRegressor(Saved):
         tensors |= prefixed("readout", state.tensors())
         header: dict[str, Any] = {"recalibrated": self._recalibrated, "one": self._one}
         if self.period is not None:
-            header |= {"period": float(self.period), "signed": self._is_signed}
+            header["period"] = float(self.period)
         return header, tensors
 
-    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
+    def _restore(
+        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
+    ) -> None:
         packed, values = tensors.pop("words"), tensors.pop("values")
         kinds = {"words": "int64 N W", "values": "float64 N T"}
         pairs = {"words": packed, "values": values}
         values = checked(pairs, kinds, D=self.dimension_)["values"]
         self._one = bool(header["one"])
-        self.period = self._used["period"] = header.get("period")
-        self._is_signed = bool(header.get("signed", False))
+        self.period = header.get("period")
         self._check_period()
-        readout = self.fresh("readout")
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)
         words = Hypervectors(packed, self.dimension_, self.encoder_, self.frame_shape_)
@@ -283,16 +249,13 @@ class HDCRegressor(Saved):
         self.state_ = readout.restored(own, words, values)
         self._recalibrated = bool(header["recalibrated"])
 
-    def _move(self, device: str) -> None:
-        self.state_ = self.state_.to(device)
-
 
 def _numbers(values: Any, n: int) -> np.ndarray:
     """Check the numbers to predict: float64 [n] or [n, T].
 
     Raises:
         ValueError: for a wrong number of them, masked ones, dates, or values that are not finite
-            numbers below 1e300 in size.
+            numbers.
     """
     values = inputs.one_a_frame("targets", values, n)
     if np.asarray(values).dtype.kind in "mM":  # whose unit would be lost
@@ -302,9 +265,6 @@ def _numbers(values: Any, n: int) -> np.ndarray:
         raise ValueError(f"targets: expected shape [N] or [N, T], found {array.shape}")
     if not np.isfinite(array).all():
         raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
-    if array.size and np.abs(array).max() > _LARGEST:
-        found = np.abs(array).max()
-        raise ValueError(f"targets: expected numbers up to 1e300, found {found:g}")
     return array
 
 

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from fractions import Fraction
 from typing import Self
 
@@ -97,10 +97,6 @@ class Rejection:
             raise ValueError(f"known.{unit}: expected increasing distances")
         return cls(found["prototypes"], found[unit], unit)
 
-    def to(self, device: torch.device | str) -> Self:
-        """The rule with its prototypes on a device."""
-        return replace(self, prototypes=self.prototypes.to(device))
-
 
 # Frame by frame ----------------------------------------------------------------------------------
 
@@ -133,133 +129,68 @@ def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
     reservoir = Reservoir(size=MOST)
     reservoir.add(words.packed, rows.tolist())
     kept = {int(row): frames for row, frames in reservoir.sample().kept.items()}
-    shape = n_classes, 1, words.packed.shape[1]
-    counts, n = planes.count_classes(
-        planes.zeros(shape, words.packed.device),
-        torch.zeros(n_classes, dtype=torch.int64),
-        words.packed,
-        rows,
-    )
-    near = counts.new_zeros(n_classes, 3, shape[2])
+    counted = Counters(n_classes, words.dimension, words.packed.device)
+    counted.add(words.packed, rows)
+    near = counted.planes.new_zeros(n_classes, 3, words.packed.shape[1])
     for row in kept:
+        n = int(counted.n[row])
         for place, extra in enumerate((-1, 0, 1)):
-            near[row, place] = planes.majority(counts[row], int(n[row]) + extra)
+            near[row, place] = planes.majority(counted.planes[row], n + extra)
     return by_frames(near, kept)
 
 
 # Group by group ----------------------------------------------------------------------------------
 
 
-class Groups:
-    """Counters of training frames by class and group, and the frames to leave out.
-
-    Args:
-        rows: the class of each frame, int64 [N]; all of 0 … L − 1 occur.
-        groups: the group of each frame, any N labels.
-        readout: the read-out, whose rule of ties is used if it counts.
-        dimension: D.
-        device: device of the hypervectors.
-    """
-
-    def __init__(
-        self,
-        rows: Tensor,
-        groups: Sequence[Label],
-        readout: Readout,
-        dimension: int,
-        device: torch.device | str,
-    ):
-        number = {group: k for k, group in enumerate(dict.fromkeys(groups))}
-        self.rows, self.groups = rows, torch.tensor([number[g] for g in groups])
-        self.readout = readout if isinstance(readout, Counting) else Majority()
-        pairs = torch.stack((self.rows, self.groups), 1)
-        # A cell is a pair of a class and a group with frames.
-        self._cells, self._cell_of = torch.unique(pairs, dim=0, return_inverse=True)
-        self._counters = Counters(len(self._cells), dimension, device)
-        numbers = Reservoir(size=MOST)
-        numbers.add(torch.arange(len(rows))[:, None], rows.tolist())
-        self._chosen = torch.cat([*numbers.sample().kept.values()]).flatten()
-        self._words: list[Tensor] = []
-        self._numbers: list[Tensor] = []
-        self._n_seen = 0
-
-    @property
-    def single(self) -> list[int]:
-        """Classes with a single group, whose frames cannot be left out."""
-        return (self._cells[:, 0].bincount() == 1).nonzero().flatten().tolist()
-
-    def add(self, words: Tensor) -> None:
-        """Count the next n training frames, hypervectors int64 [n, W]."""
-        start, stop = self._n_seen, self._n_seen + len(words)
-        self._counters.add(words, self._cell_of[start:stop])
-        chosen = self._chosen
-        own = chosen[(chosen >= start) & (chosen < stop)]
-        self._words.append(words[(own - start).to(words.device)])
-        self._numbers.append(own)
-        self._n_seen = stop
-
-    def rejection(self) -> Rejection:
-        """The rule from groups left out one by one."""
-        words, numbers = torch.cat(self._words), torch.cat(self._numbers)
-        counts, n = self._of_classes()
-        whole = torch.stack(
-            [self._majority(c, own, int(n[c])) for c, own in enumerate(counts)]
-        )
-        found = []
-        for group in self.groups[numbers].unique():
-            left, alone = whole.clone(), []
-            for cell in (self._cells[:, 1] == group).nonzero().flatten().tolist():
-                c = int(self._cells[cell, 0])
-                rest = int(n[c] - self._counters.n[cell])
-                if rest == 0:
-                    alone.append(c)
-                    continue
-                others = planes.subtract(counts[c], self._counters.planes[cell])
-                left[c] = self._majority(c, others, rest)
-            is_left_out = self.groups[numbers] == group
-            is_left_out &= ~torch.isin(self.rows[numbers], torch.tensor(alone))
-            distances = bits.hamming(words[is_left_out.to(words.device)], left)
-            distances[:, alone] = planes.WORD * words.shape[1]
-            found.append(distances.amin(1))
-        return Rejection.of(whole, found, "group")
-
-    def _of_classes(self) -> tuple[list[Tensor], Tensor]:
-        """Bit-sliced counts [P, W] of each class, and the numbers of frames int64 [L]."""
-        counts: dict[int, Tensor] = {}
-        for (c, _), own in zip(
-            self._cells.tolist(), self._counters.planes, strict=True
-        ):
-            counts[c] = planes.add(counts[c], own) if c in counts else own
-        return [counts[c] for c in sorted(counts)], self.rows.bincount()
-
-    def _majority(self, c: int, counts: Tensor, n: int) -> Tensor:
-        """The prototype int64 [W] of class c, from the counts of n frames."""
-        breaker = self.readout.breaker(c, self._counters.dimension, counts.device)
-        return planes.majority(counts, n, self.readout.ties, breaker)
-
-
-def grouped(
-    groups: Sequence[Label],
+def by_groups(
+    words: Hypervectors,
     rows: Tensor,
-    classes: Sequence[Label],
+    groups: Sequence[Label],
     readout: Readout,
-    dimension: int,
-    device: torch.device | str,
-) -> Groups | None:
-    """Counters by group for N frames; None if every class has a single group.
+    n_classes: int,
+) -> tuple[Rejection | None, list[int]]:
+    """The rule from N hypervectors that are left out with all others of their group.
 
-    A warning names classes with a single group.
+    Returns:
+        The rule, or None if all frames of each class are of one group; and the classes of which all
+        are, which are not left out.
 
     Args:
-        classes: the label of each row.
-        groups, rows, readout, dimension, device: as of :class:`Groups`.
+        words: N hypervectors.
+        rows: their classes int64 [N]; all of 0 … L − 1 occur.
+        groups: the group of each, any N labels.
+        readout: the read-out, whose rule of ties is used if it counts.
+        n_classes: L.
     """
-    found = Groups(rows, groups, readout, dimension, device)
-    single = found.single
-    if single:
-        named = ", ".join(repr(classes[row]) for row in single[:5])
-        warn(
-            f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
-            "not calibrated for another group of these",
-        )
-    return found if len(single) < len(classes) else None
+    number = {group: k for k, group in enumerate(dict.fromkeys(groups))}
+    of_group = torch.tensor([number[group] for group in groups])
+    reservoir = Reservoir(size=MOST)
+    reservoir.add(torch.arange(len(rows))[:, None], rows.tolist())
+    chosen = torch.cat([*reservoir.sample().kept.values()]).flatten()
+    counting = readout if isinstance(readout, Counting) else Majority()
+    whole = _prototypes(words, rows, n_classes, counting)
+    found, single = [], set()
+    for group in of_group[chosen].unique():
+        inside = of_group == group
+        own = rows[inside].unique()
+        others = torch.isin(rows, own) & ~inside
+        rest = _prototypes(words[others], rows[others], n_classes, counting)
+        left = whole.clone()
+        left[own] = rest[own]
+        alone = own[~torch.isin(own, rows[others])]
+        single.update(alone.tolist())
+        asked = chosen[inside[chosen] & ~torch.isin(rows[chosen], alone)]
+        distances = bits.hamming(words[asked].packed, left)
+        distances[:, alone] = planes.WORD * left.shape[1]
+        found.append(distances.amin(1))
+    rule = Rejection.of(whole, found, "group")
+    return (rule if len(single) < n_classes else None), sorted(single)
+
+
+def _prototypes(
+    words: Hypervectors, rows: Tensor, n_classes: int, readout: Counting
+) -> Tensor:
+    """Majorities int64 [L, W] by the ties of a read-out; zeros for a class without frames."""
+    counters = Counters(n_classes, words.dimension, words.packed.device)
+    counters.add(words.packed, rows)
+    return counters.majority(readout.ties)

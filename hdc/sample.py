@@ -6,7 +6,6 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
-import numpy as np
 import torch
 from torch import Tensor
 
@@ -37,24 +36,6 @@ class Sample:
         found = fresh.sample()
         return Sample({**self.seen, **found.seen}, {**self.kept, **found.kept})
 
-    def merged(self, other: Sample) -> Sample:
-        """A sample of the frames of both.
-
-        The other's share of the 19 places is drawn as if from all frames (hypergeometric).
-        """
-        seen, kept = dict(self.seen), dict(self.kept)
-        for label, n_other in other.seen.items():
-            words = other.kept[label]
-            n = seen.get(label, 0)
-            if n:
-                drawn = np.random.default_rng((_SEED, n, n_other))
-                n_kept = min(KEPT, n + n_other)
-                share = int(drawn.hypergeometric(n_other, n, n_kept))
-                own = _some(kept[label], n_kept - share, drawn)
-                words = torch.cat((own, _some(words, share, drawn)))
-            seen[label], kept[label] = n + n_other, words
-        return Sample(seen, kept)
-
     @classmethod
     def restored(
         cls, classes: Sequence[Label], seen: Any, words: Tensor | None, dimension: int
@@ -75,11 +56,6 @@ class Sample:
         parts = zip(classes, words.split(kept), strict=True)
         found = {label: part.clone() for label, part in parts if len(part)}
         return cls(counts, found)
-
-    def to(self, device: torch.device | str) -> Sample:
-        """The sample on a device."""
-        kept = {label: words.to(device) for label, words in self.kept.items()}
-        return Sample(self.seen, kept)
 
 
 class Reservoir:
@@ -117,12 +93,6 @@ class Reservoir:
         """The sample drawn so far."""
         kept = {label: torch.stack(rows) for label, rows in self._kept.items()}
         return Sample(dict(self._seen), kept)
-
-
-def _some(words: Tensor, n: int, drawn: np.random.Generator) -> Tensor:
-    """A random choice of n hypervectors, in their order."""
-    places = np.sort(drawn.permutation(len(words))[:n])
-    return words[torch.from_numpy(places)]
 
 
 def random_place(seed: int, k: int) -> int:

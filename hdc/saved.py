@@ -15,7 +15,7 @@ from hdc import backends, io
 from hdc.described import describe, rebuild
 from hdc.encoders import Encoder
 from hdc.estimator import Estimator
-from hdc.tensors import prefixed, without_prefix
+from hdc.tensors import compact, prefixed, without_prefix
 from hdc.warning import warn
 
 
@@ -41,43 +41,69 @@ class Saved(Estimator):
                 cannot hold; nothing is written.
         """
         self._check_is_trained()
-        if metadata is None:
-            metadata = getattr(self, "metadata_", {})
-        metadata = dict(metadata)
+        header, tensors = self._contents()
+        if metadata is not None:
+            header["metadata"] = dict(metadata)
         # Without the backend, since the best one depends on the machine.
-        parameters: dict[str, Any] = {"device": str(self.device)}
-        revisions = {}
+        header["parameters"] = {"device": str(self.device)}
         for name in self.parts:
             # The trained part, since the given object may have been changed.
-            trained = getattr(self, f"{name}_")
-            parameters[name] = describe(trained, self._known[name])
-            revisions[name] = trained.revision
+            known = self._known[name]
+            described = describe(getattr(self, f"{name}_"), known)
+            try:
+                rebuild(described, name, known)
+            except (TypeError, ValueError) as error:
+                raise ValueError(
+                    f"{path}: a {type(self).__name__} that could not be loaded again: {error}"
+                ) from error
+            header["parameters"][name] = described
+        io.write_model(Path(path), header, tensors)
+        self.metadata_ = header["metadata"]
+
+    def _contents(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+        """Header, yet without parameters, and tensors, of which :meth:`_fill` makes the model."""
         with self._computing():
-            header, tensors = self._stored()
+            stored, tensors = self._stored()
         tensors |= prefixed("encoder", self.encoder_.state())
         header = {
             "kind": type(self).__name__,
-            **header,
-            "parameters": parameters,
+            **stored,
+            "parameters": {},
             "frame_shape": self.frame_shape_,
-            "revisions": revisions,
-            "columns": self._columns,
-            "metadata": metadata,
+            "revisions": {
+                name: getattr(self, f"{name}_").revision for name in self.parts
+            },
+            "columns": self.columns_,
+            "metadata": getattr(self, "metadata_", {}),
         }
-        io.write_model(Path(path), header, tensors, self._check_loads)
-        self.metadata_ = metadata
+        return header, {name: compact(tensor) for name, tensor in tensors.items()}
 
-    def _check_loads(
-        self, header: Mapping[str, Any], tensors: dict[str, Tensor]
-    ) -> None:
-        """Raise ValueError for a header and tensors that :meth:`load` would refuse."""
-        try:
-            self._rebuilt(header, tensors, trusted=None)
-        except Exception as error:
-            kind = type(self).__name__
-            raise ValueError(
-                f"a {kind} that could not be loaded again: {error}"
-            ) from error
+    def __getstate__(self) -> dict[str, Any]:
+        """Parameters, trained parts without what they learned, and the content of a file."""
+        if not hasattr(self, "dimension_"):
+            return vars(self)
+        parts = {name: getattr(self, f"{name}_").unlearned() for name in self.parts}
+        learned = (*self._contents(), parts)
+        return {**self.get_params(deep=False), "learned": learned}
+
+    def __setstate__(self, state: Mapping[str, Any]) -> None:
+        """Restore a copied or pickled model; the backend is chosen on the machine that does."""
+        parameters = dict(state)
+        learned = parameters.pop("learned", None)
+        vars(self).update(parameters)
+        if learned is not None:
+            self._fill(*learned)
+
+    def to(self, device: str) -> Self:
+        """Move the trained model to a device, where it computes from now on.
+
+        Raises:
+            ValueError: for a device that this machine does not have.
+        """
+        self._check_is_trained()
+        backends.choose_backend(self.backend, device)
+        self.__setstate__({**self.__getstate__(), "device": device})
+        return self
 
     @classmethod
     def load(
@@ -139,19 +165,31 @@ class Saved(Estimator):
             part = rebuild(parameters[name], name, cls._known[name], trusted)
             parameters[name] = part
         model = cls(**parameters)
-        backend = backends.choose_backend(model.backend, model.device)
+        parts = {name: model.fresh(name) for name in cls.parts}
+        model._fill(header, tensors, parts)
+        return model
+
+    def _fill(
+        self,
+        header: Mapping[str, Any],
+        tensors: Mapping[str, Tensor],
+        parts: Mapping[str, Any],
+    ) -> None:
+        """Set all that was learned; raises errors of any kind, since a file may hold anything."""
+        backend = backends.choose_backend(self.backend, self.device)
         shape = header["frame_shape"]
         whole = all(type(n) is int and n > 0 for n in shape)
         if not whole or not 1 <= len(shape) <= 2:
             raise ValueError(f"frame_shape {shape!r}")
-        own = {name: tensor.to(model.device) for name, tensor in tensors.items()}
-        encoder: Encoder = model.fresh("encoder")
+        own = {name: tensor.to(self.device) for name, tensor in tensors.items()}
+        encoder: Encoder = parts["encoder"]
         encoder.restore(without_prefix("encoder", own), prod(shape))
-        model._begin(encoder, shape, backend, header.get("columns"))
+        self._begin(encoder, shape, encoder.dimension(prod(shape)), backend)
+        if header.get("columns") is not None:
+            self.columns_ = list(header["columns"])
         others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
-        model._restore(header, others)
-        model.metadata_ = dict(header["metadata"])
-        return model
+        self._restore(parts["readout"], header, others)
+        self.metadata_ = dict(header["metadata"])
 
     def _warn_of_revisions(self, made_by: Any, path: str | Path) -> None:
         """Warn of a file by another revision of a part; files up to 3.0 hold no revisions."""
@@ -168,8 +206,10 @@ class Saved(Estimator):
         """Header and tensors of the estimator itself."""
 
     @abstractmethod
-    def _restore(self, header: Mapping[str, Any], tensors: dict[str, Tensor]) -> None:
-        """Set what was learned from a header and tensors."""
+    def _restore(
+        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
+    ) -> None:
+        """Set what an untrained read-out has learned from a header and tensors."""
 
 
 def _available(device: str, path: str | Path) -> str:

@@ -87,8 +87,8 @@ def _by_labels(model: Any, frames: Recording, given: dict[str, Any]) -> str:
     """Recalibrate a classifier; a line on what by."""
     if not hasattr(model, "recalibrate"):
         raise ValueError(
-            "recalibrate: expected the read-out majority, counts, ridge, neighbours, lda or "
-            f"kernel, found {model.readout_!r}; hdc train on the new frames"
+            "recalibrate: expected the read-out majority, counts, ridge, neighbours or lda, found "
+            f"{model.readout_!r}; hdc train on the frames of both days"
         )
     by_name = {str(c): c for c in model.classes_.tolist()}
     labels = [by_name[name] for name in frames.names]

@@ -74,7 +74,7 @@ def train(
     model.set_params(**dict(parameters))
     given = _learnable(model, frames, rows)
     model.fit(given, truth_of(frames)[rows], **_together(frames, rows))
-    model._columns = list(frames.features) or None
+    model.columns_ = list(frames.features) or None
     lines += messages.content_lines(frames, rows)
     metadata = _metadata(frames, window)
     if tested is not None and unit is not None:

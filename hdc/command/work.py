@@ -93,7 +93,7 @@ def value_names(model: Any) -> tuple[str, ...]:
 
 def check_fits(model: Any, recording: Recording) -> None:
     """Raise a BadFrame for other columns, or another size, than those in training."""
-    trained = getattr(model, "feature_names_in_", ())
+    trained = model.columns_ or ()
     found = recording.features
     place = recording.place(0)
     if len(trained) and found and tuple(trained) != found:

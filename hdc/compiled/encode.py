@@ -24,18 +24,18 @@ from hdc.compiled.operations import (
     share,
 )
 from hdc.compiled.ties import add_ties, rotations_of
-from hdc.encoders.ties import MULTIPLIER, TIES
+from hdc.encoders.ties import MULTIPLIER
 
 _BINS = 256
 _TRIALS = 4  # of bins that the sample proposes
 
 
 def encode(
-    images: np.ndarray, words: np.ndarray, n_ones: Sequence[int], rule: str
+    images: np.ndarray, words: np.ndarray, n_ones: Sequence[int]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Fill words [N, ⌈T·D/64⌉] with the hypervectors of images [N, D] at T thresholds.
 
-    Threshold t makes the n_ones[t] largest pixels ones, ties by a rule of :data:`TIES`.
+    Threshold t makes the n_ones[t] largest pixels ones.
 
     Returns:
         How many pixels equal each threshold, int64 [N, T], and whether only some of them are ones.
@@ -44,11 +44,10 @@ def encode(
     wanted = np.array(n_ones, np.int64)
     n_equal = np.empty((len(images), len(wanted)), np.int64)
     missing = np.empty_like(n_equal)
-    code = TIES.index(rule)
 
     def work(start: int, stop: int) -> None:
         rows = slice(start, stop)
-        _encode(images[rows], words[rows], wanted, code, n_equal[rows], missing[rows])
+        _encode(images[rows], words[rows], wanted, n_equal[rows], missing[rows])
 
     share(work, len(images), images.nbytes * len(wanted))
     return n_equal, (missing > 0) & (missing < n_equal)
@@ -257,11 +256,10 @@ def put(words, row, start):
 
 @compile_kernel(
     *of_pixels(
-        "void(pixel[:, ::1], int64[:, ::1], int64[::1], int64, int64[:, ::1],"
-        " int64[:, ::1])"
+        "void(pixel[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], int64[:, ::1])"
     )
 )
-def _encode(images, words, wanted, rule, n_equal, missing):
+def _encode(images, words, wanted, n_equal, missing):
     """:func:`encode` in one thread."""
     n_pixels, n_levels = images.shape[1], len(wanted)
     width = (n_pixels + WORD - 1) // WORD
@@ -296,5 +294,5 @@ def _encode(images, words, wanted, rule, n_equal, missing):
             levels[t] = level
             n_equal[i, t] = n_at
             missing[i, t] = wanted[t] - n_above
-            add_ties(equals, above, rotations, missing[i, t], n_at, rule)
+            add_ties(equals, above, rotations, missing[i, t], n_at)
             put(above, words[i], t * n_pixels)

@@ -1,13 +1,11 @@
-"""The first of equal pixels, by the orders of :mod:`hdc.encoders.ties`."""
+"""The first of equal pixels, by the order of :mod:`hdc.encoders.ties`."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from hdc.compiled.operations import compile_kernel, ones
-from hdc.encoders.ties import MULTIPLIER, TIES
-
-_SPREAD, _RASTER = TIES.index("spread"), TIES.index("raster")
+from hdc.encoders.ties import MULTIPLIER
 
 
 @compile_kernel("uint64[::1](int64)")
@@ -73,30 +71,11 @@ def _add_spread(equals, words, rotations, missing, n_equal):
         rest -= np.int64(bit)
 
 
-@compile_kernel("void(uint64[::1], int64[::1], int64)")
-def _add_first(equals, words, missing):
-    """Add the first `missing` ties to words [W], in raster order."""
-    for w in range(len(equals)):
-        if missing <= 0:
-            return
-        ties = equals[w]
-        n = ones(ties)
-        if n > missing:  # leave the lowest ones alone
-            rest = ties
-            for _ in range(missing):
-                rest &= rest - np.uint64(1)
-            ties ^= rest
-        words[w] |= np.int64(ties)
-        missing -= n
-
-
-@compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64, int64)")
-def add_ties(equals, words, rotations, missing, n_equal, rule):
-    """Add ties to words [W] until `missing` are added, by the place of a rule in :data:`TIES`."""
+@compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64)")
+def add_ties(equals, words, rotations, missing, n_equal):
+    """Add ties to words [W] until `missing` are added."""
     if missing == n_equal:
         for w in range(len(equals)):
             words[w] |= np.int64(equals[w])
-    elif rule == _SPREAD:
+    else:
         _add_spread(equals, words, rotations, missing, n_equal)
-    elif rule == _RASTER:
-        _add_first(equals, words, missing)

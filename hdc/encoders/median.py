@@ -15,8 +15,7 @@ class Median(RankEncoder):
 
     Args:
         ties: which of the pixels equal to the median become ones: ``"spread"``, the first in one
-            pseudo-random order of pixels; ``"raster"``, the first in the frame; or ``"below"``,
-            none, as in ``pixel > median`` (:mod:`hdc.encoders.ties`).
+            pseudo-random order of pixels (:mod:`hdc.encoders.ties`).
 
     Example:
         >>> import torch

@@ -1,11 +1,10 @@
 """Thresholds by rank: for each quantile q, the ⌊(1 − q)·D⌋ largest of D pixels become ones.
 
 The paper thresholds a speckle pattern so that 0 and 1 appear with the same probability: q = ½.
-The ones are the pixels above the threshold m, and the first of the pixels equal to m, by the
-encoder's order of ties (:mod:`hdc.encoders.ties`). The bits of several thresholds follow one
-another: bit t·D + j is pixel j at threshold t. Small frames and floats are partially sorted here.
-Large frames of integers are searched by :mod:`hdc.encoders.thresholds`. :mod:`hdc.compiled` gives
-equal results.
+The ones are the pixels above the threshold m, and the first of the pixels equal to m, by one order
+of pixels (:mod:`hdc.encoders.ties`). The bits of several thresholds follow one another: bit t·D + j
+is pixel j at threshold t. Small frames and floats are ordered here. Large frames of integers are
+searched by :mod:`hdc.encoders.thresholds`. :mod:`hdc.compiled` gives equal results.
 """
 
 from __future__ import annotations
@@ -23,8 +22,7 @@ from torch import Tensor
 from hdc import backends, bits, inputs
 from hdc.encoders.base import Encoder
 from hdc.encoders.thresholds import one_by_one
-from hdc.encoders.ties import TIES, in_order
-from hdc.parameters import check_choice
+from hdc.encoders.ties import in_order
 from hdc.warning import warn
 
 # Pixels of several frames ordered at once, at up to 30 bytes each; a GPU needs more to be busy.
@@ -33,14 +31,14 @@ _SMALL = 4096
 """Pixels per frame up to which several frames are ordered at once."""
 _BLOCK = 16  # frames that are counted one after another, the bits of each being kept
 _COMPILED = (torch.uint8, torch.uint16, torch.int32)  # types that the kernels take
-Route = Callable[[Tensor, Sequence[int], str], tuple[Any, Any, Any]]
+Route = Callable[[Tensor, Sequence[int]], tuple[Any, Any, Any]]
 
 
 class RankEncoder(Encoder):
     """Thresholds a frame at quantiles of its own pixels.
 
     A subclass sets the `quantiles`, and the share of ties above which a warning appears. `ties` is
-    one of :data:`hdc.encoders.ties.TIES`.
+    always ``"spread"`` (:mod:`hdc.encoders.ties`).
     """
 
     numbered = True
@@ -55,7 +53,10 @@ class RankEncoder(Encoder):
         self.ties = ties
 
     def check(self) -> None:
-        check_choice("ties", self.ties, TIES)
+        if self.ties != "spread":
+            raise ValueError(
+                f"ties: expected 'spread', the only order of ties, found {self.ties!r}"
+            )
         _ = self.quantiles
 
     def dimension(self, n_pixels: int) -> int:
@@ -71,7 +72,7 @@ class RankEncoder(Encoder):
             ValueError: for another shape, no pixels, or pixels that are not finite.
             TypeError: for a dtype that has no order (bool, complex).
         """
-        words, ties = encode_ranks(frames, self.quantiles, self.ties, first)
+        words, ties = encode_ranks(frames, self.quantiles, first)
         self._warn_of(ties, frames.shape[1:].numel(), first)
         return words
 
@@ -89,7 +90,7 @@ class RankEncoder(Encoder):
         self._warned = True
         warn(
             f"{100 * share:.0f} % of the pixels of a frame equal its threshold: which of them "
-            f"become ones is decided by the order of pixels (ties={self.ties!r}), not by light",
+            "become ones is decided by the order of pixels, not by light",
         )
 
 
@@ -107,17 +108,13 @@ class Ties(NamedTuple):
 
 
 def encode_ranks(
-    frames: Tensor,
-    quantiles: Sequence[Fraction],
-    rule: str = "spread",
-    first: int = 0,
+    frames: Tensor, quantiles: Sequence[Fraction], first: int = 0
 ) -> tuple[Tensor, Ties]:
     """Hypervectors of frames, int64 [N, ⌈T·D/64⌉] for T quantiles, and their ties.
 
-    Arguments and errors as in :meth:`RankEncoder.encode`; `rule` is its `ties`.
+    Arguments and errors as in :meth:`RankEncoder.encode`.
     """
     inputs.check_frames(frames)
-    check_choice("ties", rule, TIES)
     n = len(frames)
     n_pixels = frames.shape[1:].numel()
     ones = numbers_of_ones(quantiles, n_pixels)
@@ -128,13 +125,13 @@ def encode_ranks(
     if kernels and frames.dtype in _COMPILED:
         words = torch.empty(n, width, dtype=torch.int64)
         images = frames.reshape(n, n_pixels).numpy()
-        equal, split = kernels.encode(images, words.numpy(), ones, rule)
+        equal, split = kernels.encode(images, words.numpy(), ones)
         return words, ties_of(equal, split, n_pixels)
     step, route = route_of(frames, n_pixels)
     found = []
     for start in range(0, n, step):
         pixels = _pixels(frames[start : start + step], first + start)
-        found.append(map(torch.as_tensor, route(pixels, ones, rule)))
+        found.append(map(torch.as_tensor, route(pixels, ones)))
     words, equal, split = (torch.cat(part) for part in zip(*found, strict=True))
     counts = equal.numpy(force=True), split.numpy(force=True)
     return words, ties_of(*counts, n_pixels)
@@ -161,17 +158,17 @@ def warn_of_constant(constant: Sequence[int], first: int) -> None:
 def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
     """How many frames to take at a time, and the fastest function for them.
 
-    The function takes pixels [B, D], numbers of ones, and a rule of ties.
+    The function takes pixels [B, D] and numbers of ones.
     """
-    if frames.device.type != "cpu":
-        return max(1, _STEP_ON_GPU // n_pixels), by_torch
-    if n_pixels > _SMALL and not frames.is_floating_point():
+    on_cpu = frames.device.type == "cpu"
+    if on_cpu and n_pixels > _SMALL and not frames.is_floating_point():
         return _BLOCK, one_by_one
-    return max(1, _STEP // n_pixels), by_partition
+    step = _STEP if on_cpu else _STEP_ON_GPU
+    return max(1, step // n_pixels), at_once
 
 
 def ties_of(equal: np.ndarray, split: np.ndarray, n_pixels: int) -> Ties:
-    """Ties, from the counts and flags [N, T] of :func:`by_torch`."""
+    """Ties, from the counts and flags [N, T] of :func:`at_once`."""
     constant = equal[:, 0] == n_pixels
     counted = equal[split & ~constant[:, None]]
     most = int(counted.max(initial=0))
@@ -205,7 +202,7 @@ def check_finite(pixels: Tensor, first: int) -> None:
 # Many frames at once -----------------------------------------------------------------------------
 
 
-def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any, Any]:
+def at_once(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     """Threshold pixels [B, D] on any device, so that T numbers of pixels become ones.
 
     Returns:
@@ -214,48 +211,34 @@ def by_torch(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any, 
     """
     if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
         pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
-    elif not pixels.is_floating_point() and pixels.dtype != torch.uint8:
-        pixels = pixels.long()  # torch does not sort the other unsigned types
+    elif not pixels.is_floating_point():
+        pixels = pixels.long()  # torch does not compare all unsigned types
     n_pixels = pixels.shape[1]
-    order = _order_on(pixels.device, n_pixels, rule)
+    places = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
+    thresholds = _values_at(pixels, places)
     found = []
-    for wanted in ones:
-        place = _place(n_pixels, wanted)
-        threshold = pixels.kthvalue(place + 1, dim=1, keepdim=True).values
-        found.append(_ones_of(pixels, threshold, wanted, rule, order))
+    for t, wanted in enumerate(ones):
+        found.append(_ones_of(pixels, thresholds[:, t, None], wanted))
     masks, n_equal, split = (torch.stack(part, 1) for part in zip(*found, strict=True))
     return bits.pack(masks.flatten(1)), n_equal, split
 
 
-def by_partition(
-    pixels: Tensor, ones: Sequence[int], rule: str
-) -> tuple[Any, Any, Any]:
-    """:func:`by_torch` on the CPU, by numpy."""
-    images = pixels.numpy()
-    if images.dtype.kind in "iu" and images.itemsize < 4:
-        images = images.astype(np.int32)  # which numpy orders in less time
-    n_pixels = images.shape[1]
-    order = in_order(n_pixels, rule)
-    at = [_place(n_pixels, wanted) for wanted in ones]
-    ordered = np.partition(images, sorted(set(at)), axis=1)
-    found = []
-    for wanted, place in zip(ones, at, strict=True):
-        threshold = ordered[:, place, None]
-        found.append(_ones_of(images, threshold, wanted, rule, order))
-    masks, n_equal, split = (np.stack(part, 1) for part in zip(*found, strict=True))
-    words = bits.pack(torch.from_numpy(masks).flatten(1))
-    return words, n_equal, split
+def _values_at(pixels: Tensor, places: list[int]) -> Tensor:
+    """Pixels of each row [B, D] at these places in rising order, [B, T]."""
+    if pixels.device.type == "cpu":  # numpy selects faster
+        return torch.from_numpy(np.partition(pixels.numpy(), places)[:, places])
+    found = [pixels.kthvalue(place + 1, dim=1).values for place in places]
+    return torch.stack(found, 1)
 
 
 def _ones_of(
-    pixels: Any, threshold: Any, wanted: int, rule: str, order: Any
-) -> tuple[Any, Any, Any]:
-    """Mask [B, D] of the pixels that become ones, and the two results of :func:`by_torch`, [B].
+    pixels: Tensor, threshold: Tensor, wanted: int
+) -> tuple[Tensor, Tensor, Tensor]:
+    """Mask [B, D] of the pixels that become ones, and the two results of :func:`at_once`, [B].
 
     Args:
-        pixels, threshold: [B, D] and [B, 1], tensors or arrays.
+        pixels, threshold: [B, D] and [B, 1].
         wanted: how many pixels of a frame become ones.
-        rule, order: rule of ties, and the result of :func:`hdc.encoders.ties.in_order` for it.
     """
     above = pixels > threshold
     equal = pixels == threshold
@@ -264,37 +247,15 @@ def _ones_of(
     split = (missing > 0) & (missing < n_equal)
     if wanted == 0:
         return above, n_equal, split
-    if rule == "below":
-        return above | (equal & ~split[:, None]), n_equal, split
     if not split.any():
         return above | equal, n_equal, split
-    pixels_in_order, places = order
-    ties = _first(_taken(equal, pixels_in_order), missing)
-    return above | _taken(ties, places), n_equal, split
-
-
-def _first(rows: Any, n: Any) -> Any:
-    """The first n [B] ones of each row of bool [B, D]."""
-    if isinstance(rows, np.ndarray):
-        counted = rows.cumsum(1, dtype=np.int32)  # int64 takes twice as long
-        return rows & (counted <= n.astype(np.int32)[:, None])
-    return rows & (rows.cumsum(1, dtype=torch.int32) <= n[:, None])
-
-
-def _taken(rows: Any, columns: Any) -> Any:
-    """Some columns of rows [B, D]."""
-    if isinstance(rows, np.ndarray):
-        return rows.take(columns, 1)  # indexing takes ten times as long
-    return rows.index_select(1, columns)
+    in_order, places = _order_on(pixels.device, pixels.shape[1])
+    ties = equal[:, in_order]
+    ties &= ties.cumsum(1, dtype=torch.int32) <= missing[:, None]
+    return above | ties[:, places], n_equal, split
 
 
 @functools.lru_cache(maxsize=4)
-def _order_on(device: torch.device, n_pixels: int, rule: str) -> tuple[Tensor, ...]:
+def _order_on(device: torch.device, n_pixels: int) -> tuple[Tensor, ...]:
     """:func:`hdc.encoders.ties.in_order` in the memory of a device."""
-    arrays = in_order(n_pixels, rule)
-    return tuple(torch.from_numpy(array).to(device) for array in arrays)
-
-
-def _place(n_pixels: int, wanted: int) -> int:
-    """Place of the threshold among the pixels in rising order."""
-    return min(n_pixels - wanted, n_pixels - 1)
+    return tuple(torch.from_numpy(array).to(device) for array in in_order(n_pixels))

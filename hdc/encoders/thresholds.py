@@ -30,8 +30,8 @@ class Above(NamedTuple):
     n: int
 
 
-def one_by_one(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any, Any]:
-    """:func:`hdc.encoders.ranks.by_torch` for large frames on the CPU, one after another."""
+def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
+    """:func:`hdc.encoders.ranks.at_once` for large frames on the CPU, one after another."""
     images = pixels.numpy()
     n, n_pixels = images.shape
     words = np.zeros((n, bits.words_for(len(ones) * n_pixels)), np.int64)
@@ -46,7 +46,7 @@ def one_by_one(pixels: Tensor, ones: Sequence[int], rule: str) -> tuple[Any, Any
             guesses[t] = high.value
             tied = low.n - high.n
             missing = wanted - high.n
-            first = first_ties(low.words ^ high.words, tied, missing, rule)
+            first = first_ties(low.words ^ high.words, tied, missing)
             _put(high.words | first, words[i], t * n_pixels)
             n_equal[i, t] = tied
             split[i, t] = 0 < missing < tied

@@ -2,7 +2,7 @@
 
 Thousands of pixels of an 8-bit frame equal its median, and nearly all of a black and white frame.
 Some of them become ones, by the same order for all frames, thresholds and machines, so that equal
-frames have equal hypervectors. ``spread`` orders pixel j = 64·w + b by the key
+frames have equal hypervectors. The order ``spread`` sorts pixel j = 64·w + b by the key
 
     ((b + h(w)) mod 64, w),    h(w) = (w·0x9E3779B1 mod 2³²) >> 26,
 
@@ -11,10 +11,6 @@ thresholds remains a thermometer code. The chosen pixels lie all over the frame;
 on its size. If half of the pixels are chosen, a row has 48 to 52 % of its pixels chosen in a frame
 of 500 × 500, but 37 to 66 % in one of 100 × 150, where the RMS deviation is 1.9 times as large as
 for a random choice. Columns are more even than by a random choice in both.
-
-``raster`` takes the first pixels, at the top of the frame, so that a large area of equal pixels
-loses its lower part. ``below`` takes all ties if exactly as many are needed, and none otherwise:
-the plain comparison ``pixel > median``, by which hypervectors have fewer ones.
 """
 
 from __future__ import annotations
@@ -25,16 +21,13 @@ import numpy as np
 
 from hdc.bits import WORD, words_for
 
-TIES = ("spread", "raster", "below")
 MULTIPLIER = 0x9E3779B1  # 2^32 over the golden ratio
 
 
 @functools.lru_cache(maxsize=4)
-def in_order(n_pixels: int, rule: str) -> tuple[np.ndarray, np.ndarray]:
+def in_order(n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
     """Pixels in the order in which ties become ones, int64 [D], and the place of each pixel."""
     pixel = np.arange(n_pixels)
-    if rule == "raster":
-        return pixel, pixel
     width = words_for(n_pixels)
     word, bit = np.divmod(pixel, WORD)
     round_ = (bit + _rotations(width)[word]) % WORD
@@ -42,40 +35,18 @@ def in_order(n_pixels: int, rule: str) -> tuple[np.ndarray, np.ndarray]:
     return order, order.argsort()
 
 
-def first_ties(ties: np.ndarray, n_ties: int, wanted: int, rule: str) -> np.ndarray:
+def first_ties(ties: np.ndarray, n_ties: int, wanted: int) -> np.ndarray:
     """The first of the pixels that equal the threshold of a frame, words int64 [W].
 
     Args:
         ties: words with a one for each of these pixels.
         n_ties: how many there are.
         wanted: how many of them become ones, at most n_ties.
-        rule: one of :data:`TIES`.
     """
     if wanted == n_ties:
         return ties
-    if rule == "below" or wanted == 0:
+    if wanted == 0:
         return np.zeros_like(ties)
-    if rule == "raster":
-        return _first_in_raster(ties, wanted)
-    return _first_in_spread(ties, n_ties, wanted)
-
-
-def _first_in_raster(ties: np.ndarray, wanted: int) -> np.ndarray:
-    """The first ties in the order of pixels, if not all are wanted."""
-    running = np.bitwise_count(ties.view(np.uint64)).cumsum(dtype=np.int64)
-    cut = int(running.searchsorted(wanted, "right"))  # the word that fits in part
-    first = ties.copy()
-    first[cut + 1 :] = 0
-    surplus = int(running[cut]) - wanted
-    pixels = np.unpackbits(first[cut : cut + 1].view(np.uint8), bitorder="little")
-    last_ones = np.flatnonzero(pixels)[-surplus:]
-    pixels[last_ones] = 0
-    first[cut : cut + 1] = np.packbits(pixels, bitorder="little").view(np.int64)
-    return first
-
-
-def _first_in_spread(ties: np.ndarray, n_ties: int, wanted: int) -> np.ndarray:
-    """The first ties in the order ``spread``, if not all are wanted."""
     rotations = _rotations(len(ties))
     before_round, of_round = _round_masks()
     n = wanted * WORD // n_ties  # the order is even: about so many rounds fit whole

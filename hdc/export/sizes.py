@@ -20,7 +20,6 @@ class Sizes:
         pixel_bits: 8 or 16.
         thresholds: bits per pixel.
         classes: that have training frames.
-        ties: rule of an encoder that ranks, one of :data:`hdc.encoders.ties.TIES`.
         planes: hypervectors that the read-out has of a class: a prototype, or four of weights.
         extra: hypervectors of a class that rejection compares with, besides.
         relative: whether pixels are compared with a reference, and not ranked.
@@ -31,7 +30,6 @@ class Sizes:
     pixel_bits: int
     thresholds: int
     classes: int
-    ties: str = "spread"
     planes: int = 1
     extra: int = 0
     relative: bool = False
@@ -76,11 +74,9 @@ class Sizes:
         total = 8 * self.words + 8 * self.classes
         if self.relative:
             return total + 8 * self.thresholds
-        total += _COUNTS
+        total += _COUNTS + _TURNS
         if self.pixel_bits == 16:
             total += _COUNTS
-        if self.ties == "spread":
-            total += _TURNS
         if self.has_lit:
             total += self.ranked * self.pixel_bits // 8
         return -(-total // 8) * 8  # a structure ends where its widest member may begin
@@ -90,11 +86,9 @@ class Sizes:
         """Times that a pixel is read and counted or compared, for one frame, at most."""
         if self.relative:
             return self.pixels * (2 + self.thresholds)
-        passes = 1  # of a threshold, its bits
+        passes = 2  # of a threshold, its bits and the turns of its ties
         if self.pixel_bits == 16:
             passes += 1  # the counts of low bytes
-        if self.ties == "spread":
-            passes += 1  # the turns of its ties
         steps = self.ranked * (1 + self.thresholds * passes)
         return steps + self.pixels if self.has_lit else steps
 

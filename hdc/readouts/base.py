@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
-from typing import Any, ClassVar, NamedTuple, Self
+from dataclasses import dataclass, fields
+from typing import Any, ClassVar, NamedTuple
 
 import torch
 from torch import Tensor
 
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import Part
-from hdc.tensors import Kinds, checked, compact
+from hdc.tensors import Kinds, checked
 
 
 class HeldOut(NamedTuple):
@@ -43,19 +43,6 @@ class State:
         names = [field.name for field in fields(self)]
         found = {name: getattr(self, name) for name in names}
         return {name: x for name, x in found.items() if isinstance(x, Tensor)}
-
-    def __getstate__(self) -> dict[str, Any]:
-        """The fields for a pickle, without unused memory of tensors that are views."""
-        found = {field.name: getattr(self, field.name) for field in fields(self)}
-        return found | {name: compact(x) for name, x in self.tensors().items()}
-
-    def to(self, device: torch.device | str) -> Self:
-        """The state with its hypervectors on a device."""
-        moved: dict[str, Any] = {}
-        for name, tensor in self.tensors().items():
-            if "W" in self.kinds.get(name, "W").split():
-                moved[name] = tensor.to(device)
-        return replace(self, **moved)
 
 
 class Readout(Part, ABC):
@@ -167,10 +154,6 @@ class Updatable(Readout):
     @abstractmethod
     def arrange(self, state: Any, places: Sequence[int], n_classes: int) -> Any:
         """The state for n_classes classes, in which class k becomes class places[k]."""
-
-    @abstractmethod
-    def merge(self, state: Any, other: Any, places: Sequence[int]) -> Any:
-        """The state of both trainings; class k of the other is class places[k] of this one."""
 
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Any:
         start = self.empty(n_classes, words.dimension, words.packed.device)

@@ -19,7 +19,7 @@ class Counts(Counting):
     """Nearest class by the cosine between 2c − n, for counts c of n frames, and a bipolar query.
 
     Args:
-        ties, class_weight, random_state: as in :class:`hdc.readouts.Majority`. Ties and their seed
+        ties, class_weight, random_state: as in :class:`hdc.readouts.Majority`. Ties and the seed
             affect only the binary prototypes, and so distances and ``is_known``. With
             ``class_weight="balanced"``, a larger class is compared as a random subset of the size
             of the smallest class would be on average.

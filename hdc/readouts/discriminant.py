@@ -30,7 +30,6 @@ from typing import NamedTuple, Self
 import torch
 from torch import Tensor
 
-from hdc.parameters import check_share
 from hdc.readouts.base import HeldOut
 
 MOST_FRAMES = 8000
@@ -264,40 +263,17 @@ def held_out_of(
     return HeldOut(scores, known[place[places]])
 
 
-def check_mixed(share: float, rows: Tensor) -> None:
-    """Raise ValueError for a share of new discriminants outside [0, 1], or a share of 1 if the new
-    frames are of a single class, whose discriminants are zero."""
-    check_share("p", share, "[0, 1]")
-    if share == 1 and len(rows.unique()) == 1:
-        raise ValueError(
-            "p: expected a share below 1 with new frames of a single class, found 1; "
-            "use p < 1, or frames of two classes"
-        )
-
-
-def check_memory(
-    readout: str, n: int, matrices: int, dimension: int | None = None
-) -> None:
-    """Raise ValueError for more training frames than fit in memory as products of all pairs.
+def check_memory(readout: str, size: int, what: str = "frames") -> None:
+    """Raise ValueError where the products of all pairs would not fit in memory.
 
     Args:
         readout: name of the read-out, for the error.
-        n: training frames.
-        matrices: number of matrices float64 [n, n] held at a time.
-        dimension: D, for a read-out that is solved among bits if D < n.
+        size: rows of the products: training frames, or bits where these are fewer.
+        what: of what there may be too many, for the error.
     """
-    size = n if dimension is None else min(n, dimension)
-    if size <= MOST_FRAMES:
-        return
-    expected, found = f"{MOST_FRAMES} frames", f"{n}"
-    fewer = "fewer frames of each class"
-    if dimension is not None:
-        expected += f" or {MOST_FRAMES} bits"
-        found += f" frames of {dimension} bits"
-        fewer += ", or on fewer pixels (--subsample)"
-    memory = matrices * 8 * size**2 / 1e9
-    raise ValueError(
-        f"{readout}: expected at most {expected}, found {found}, which need {matrices} matrices "
-        f"of {size} × {size}, {memory:.1f} GB; train on {fewer}, or use a read-out without such "
-        "a matrix, such as 'neighbours'"
-    )
+    if size > MOST_FRAMES:
+        raise ValueError(
+            f"{readout}: expected at most {MOST_FRAMES} {what}, found {size}; train on fewer "
+            "frames of each class, on fewer pixels (--subsample), or with a read-out without "
+            "products of all pairs, such as 'neighbours'"
+        )

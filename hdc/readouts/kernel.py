@@ -14,7 +14,7 @@ last digits, and the predicted class may differ if two scores are that close.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -24,12 +24,11 @@ from torch import Tensor
 from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import is_number
-from hdc.readouts.base import HeldOut, Readout, State
+from hdc.readouts.base import Readout, State
 from hdc.readouts.discriminant import (
     Problem,
     Solution,
     check_memory,
-    check_mixed,
     discriminants,
     evenly,
     held_out_of,
@@ -80,7 +79,6 @@ class Kernel(Readout):
 
     State = Expansion
     needs = ("frames", "dual", "offsets", "reach")
-    adapts_by = ("p",)
 
     def __init__(
         self,
@@ -101,7 +99,7 @@ class Kernel(Readout):
             ValueError: for more than 8000 frames, for which the kernel of all pairs is too large.
         """
         n = len(rows)
-        check_memory("kernel", n, matrices=3)
+        check_memory("kernel", n)
         known, place = rows.unique(return_inverse=True)
         distances = bits.hamming(words.packed, words.packed).cpu()
         best = fewest_errors(distances, place, self.scales, self.penalties)
@@ -122,43 +120,6 @@ class Kernel(Readout):
             scale=_number(best.scale),
             penalty=_number(best.penalty),
             held_out=held_out_of(products, place, known, n_classes),
-        )
-
-    def adapt(
-        self, state: Expansion, words: Hypervectors, rows: Tensor, share: float
-    ) -> Expansion:
-        """Mix the old discriminants and the discriminants of new frames.
-
-        Both are normalised in the space of the kernel, whose factors do not change; `share` is the
-        weight of the new ones. A class without new frames keeps its old discriminant.
-
-        Raises: as :meth:`hdc.readouts.LDA.adapt`.
-        """
-        check_mixed(share, rows)
-        n_classes = state.dual.shape[1]
-        known, place = rows.unique(return_inverse=True)
-        distances = bits.hamming(words.packed, words.packed).cpu()
-        reach = float(state.reach)
-        factors = [float(state.penalty)]
-        (tried,) = _tries(distances, place, reach, float(state.scale), factors)
-        dual = torch.zeros(len(words), n_classes, dtype=torch.float64)
-        dual[:, known] = tried.solution.dual
-        offsets = torch.zeros(n_classes, dtype=torch.float64)
-        offsets[known] = tried.solution.offsets
-        within = bits.hamming(state.frames, state.frames).cpu()
-        before = (1 - share) / _length(within, reach, state.dual)
-        after = share / _length(distances, reach, dual)
-        found, places = discriminants(tried.solution.products, place)
-        held_out = before * self.scores(state, words[places]).cpu()
-        held_out[:, known] += after * found
-        learnt = state.offsets > _LOWEST
-        mixed = before * state.offsets + after * offsets
-        return replace(
-            state,
-            frames=torch.cat((state.frames, words.packed)),
-            dual=torch.cat((before * state.dual, after * dual)),
-            offsets=torch.where(learnt, mixed, state.offsets),
-            held_out=HeldOut(held_out, rows[places]),
         )
 
     def scores(self, state: Expansion, words: Hypervectors) -> Tensor:
@@ -230,12 +191,6 @@ def _tries(
 def likeness(distances: Tensor, reach: float) -> Tensor:
     """exp(−distance/reach), float64."""
     return distances.to(torch.float64, copy=True).div_(-reach).exp_()
-
-
-def _length(distances: Tensor, reach: float, dual: Tensor) -> float:
-    """Norm of discriminants in the space of the kernel; 1 if it is zero."""
-    products = likeness(distances, reach) @ dual
-    return float((dual * products).sum().clamp(min=0).sqrt()) or 1.0
 
 
 def median_of_pairs(distances: Tensor) -> float:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, ClassVar
@@ -13,7 +12,7 @@ from torch import Tensor
 from hdc import bits, planes
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_choice, check_integer, check_share
-from hdc.prototypes import Counters, merged, replaced_bits, tie_breaker
+from hdc.prototypes import Counters, merged, replaced_bits
 from hdc.readouts.base import HeldOut, State, Updatable
 from hdc.tensors import Kinds
 
@@ -89,11 +88,11 @@ class Counting(Updatable):
     def empty(
         self, n_classes: int, dimension: int, device: torch.device | str
     ) -> Counted:
-        width = bits.words_for(dimension)
+        counters = Counters(n_classes, dimension, device)
         return Counted(
-            planes=planes.zeros((n_classes, 1, width), device),
-            n=torch.zeros(n_classes, dtype=torch.int64),
-            prototypes=planes.zeros((n_classes, width), device),
+            planes=counters.planes,
+            n=counters.n,
+            prototypes=counters.majority(),
             recalibrated=torch.tensor(0),
             dimension=dimension,
         )
@@ -104,51 +103,19 @@ class Counting(Updatable):
         counts, n = state.planes.clone(), state.n
         for words, rows in batches:
             counts, n = planes.count_classes(counts, n, words.packed, rows)
-        counted = replace(state, planes=counts, n=n)
-        if self._size(n) == self._size(state.n):
-            return self._with_prototypes(counted, n != state.n)
-        return self._with_prototypes(counted, n > 0)
+        return self._with_prototypes(replace(state, planes=counts, n=n))
 
     def arrange(self, state: Counted, places: Sequence[int], n_classes: int) -> Counted:
-        return self._merged(n_classes, (state, places))
+        counters = state.counters().placed(places, n_classes)
+        arranged = replace(state, planes=counters.planes, n=counters.n)
+        return self._with_prototypes(arranged)
 
-    def merge(self, state: Counted, other: Counted, places: Sequence[int]) -> Counted:
-        n_classes = len(state.n)
-        return self._merged(n_classes, (state, range(n_classes)), (other, places))
-
-    def _merged(self, n_classes: int, *parts: tuple[Counted, Sequence[int]]) -> Counted:
-        """The sum of states, each with the rows of its classes, with new prototypes."""
-        first, _ = parts[0]
-        counters = Counters(n_classes, first.dimension, first.planes.device)
-        for state, places in parts:
-            counters.merge(state.counters(), places)
-        merged_ = replace(
-            self.empty(n_classes, first.dimension, first.planes.device),
-            planes=counters.planes,
-            n=counters.n,
-        )
-        return self._with_prototypes(merged_, counters.n > 0)
-
-    def _with_prototypes(self, state: Counted, changed: Tensor) -> Counted:
-        """The state with new prototypes for the classes bool [L] that have changed."""
-        counted: Counted | Counters = state
-        size = self._size(state.n)
-        if size is not None:
-            counted = state.counters().thinned(size, self.random_state)
-        rows = changed.nonzero().flatten().tolist()
-        breaker = functools.partial(tie_breaker, state.dimension, self.random_state)
-        made = state.prototypes.clone()
-        made[rows] = planes.majorities(
-            counted.planes, counted.n, rows, self.ties, breaker
-        )
-        return replace(state, prototypes=made)
-
-    def _size(self, n: Tensor) -> int | None:
-        """Size to which larger classes of n [L] frames are thinned; None if there are none."""
-        if self.class_weight is None:
-            return None
-        least = smallest(n)
-        return least if (n > least).any() else None
+    def _with_prototypes(self, state: Counted) -> Counted:
+        """The state with the prototypes of its counts."""
+        counters = state.counters()
+        if self.class_weight is not None:
+            counters = counters.thinned(smallest(state.n), self.random_state)
+        return replace(state, prototypes=counters.majority(self.ties))
 
     # Adapting ------------------------------------------------------------------------------------
 
@@ -201,10 +168,9 @@ class Counting(Updatable):
             new = new.thinned(smallest(new.n), seed)
             if not state.recalibrated:
                 old = old.thinned(smallest(old.n), self.random_state)
-        placed = Counters(len(old.n), old.dimension, old.device)
-        placed.merge(new, classes)
+        placed = new.placed(classes, len(old.n))
         votes, weights = merged(old, placed, share)
-        prototypes = votes.majority(self.ties, self.random_state)
+        prototypes = votes.majority(self.ties)
         voted = replace(state, planes=votes.planes, n=votes.n, prototypes=prototypes)
         near = [self._deciding_of(voted, c, weights[c]) for c in classes]
         return voted, torch.stack(near)
@@ -219,7 +185,7 @@ class Counting(Updatable):
         bundled = new
         if self.class_weight is not None:
             bundled = new.thinned(smallest(new.n), self.random_state)
-        fresh = bundled.majority(self.ties, self.random_state)
+        fresh = bundled.majority(self.ties)
         counted = replace(state, planes=new.planes, n=new.n)
         near = torch.stack([self._deciding_of(counted, i) for i in range(len(classes))])
         before = state.prototypes[classes]
@@ -250,23 +216,14 @@ class Counting(Updatable):
         ``extra=-2`` where a zero becomes a one.
         """
         counts, n = state.planes[c], int(state.n[c])
-        breaker = self.breaker(c, state.dimension, counts.device)
         made = []
         for extra in EXTRAS:
             n_with = n + weight * extra
-            made.append(planes.majority(counts, n_with, self.ties, breaker))
+            made.append(planes.majority(counts, n_with, self.ties))
         # For a negative n every count is a majority, also beyond bit D.
         all_ones = torch.ones(state.dimension, dtype=torch.bool)
         inside = bits.pack(all_ones).to(counts.device)
         return torch.stack(made) & inside
-
-    def breaker(
-        self, c: int, dimension: int, device: torch.device | str
-    ) -> Tensor | None:
-        """The hypervector that breaks the ties of class c, int64 [W], if ties are random."""
-        if self.ties != "random":
-            return None
-        return tie_breaker(dimension, self.random_state, c).to(device)
 
     def distances(self, state: Counted, words: Hypervectors) -> Tensor:
         """Hamming distances int64 [Q, L] to the prototypes; D + 1 for a class without frames."""
@@ -282,15 +239,14 @@ class Majority(Counting):
     Kitagawa et al., Opt. Express 32, 3209 (2024), Eqs. 1 to 3. Training is counting.
 
     Args:
-        ties: a prototype bit with as many ones as zeros becomes ``"zero"`` (as published),
-            ``"one"``, or, with ``"random"``, the bit of an extra random hypervector (Schmuck et
-            al., ACM JETC 15, 32 (2019)).
+        ties: what a prototype bit with as many ones as zeros becomes: ``"zero"``, as published, or
+            ``"one"``.
         class_weight: None, as published, or ``"balanced"``. The more frames a majority bundles, the
             more its prototype correlates with every frame, so that by Eq. 1 a larger class wins
             frames of the others, already with 5 frames against 4. If balanced, prototypes are made
             as if each class had as many frames as the smallest
             (:meth:`hdc.prototypes.Counters.thinned`); for classes of equal size nothing changes.
-        random_state: seed of the random hypervectors for ``ties="random"``, and of balancing.
+        random_state: seed of balancing.
     """
 
     needs = ("prototypes",)

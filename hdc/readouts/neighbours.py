@@ -72,11 +72,6 @@ class Neighbours(Updatable):
         new_row = torch.tensor(list(places), dtype=torch.int64)
         return replace(state, rows=new_row[state.rows], n_classes=n_classes)
 
-    def merge(self, state: Kept, other: Kept, places: Sequence[int]) -> Kept:
-        moved = self.arrange(other, places, state.n_classes)
-        frames = torch.cat((state.frames, moved.frames.to(state.frames.device)))
-        return replace(state, frames=frames, rows=torch.cat((state.rows, moved.rows)))
-
     def adapt(self, state: Kept, words: Hypervectors, rows: Tensor) -> Kept:
         """Replace the stored hypervectors of the new hypervectors' classes."""
         others = ~torch.isin(state.rows, rows)

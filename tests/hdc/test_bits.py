@@ -54,7 +54,7 @@ def test_bit_j_lies_in_word_j_over_64_least_significant_first(route):
 def test_population_counts_of_any_word(route, values):
     words = route(torch.tensor(values))
     expected = [(v & (2**64 - 1)).bit_count() for v in values]
-    assert bits.popcount(words).tolist() == expected
+    assert bits.count_ones(words[:, None]).tolist() == expected
     assert bits.count_ones(words).item() == sum(expected)
 
 
@@ -94,8 +94,7 @@ INT64 = "expected packed words of int64, found"
         (lambda: bits.hamming(WORDS, WORDS.repeat(1, 3)), "found 1 and 3 words"),
         (lambda: bits.hamming(WORDS, WORDS.double()), f"hamming: {INT64} "),
         (lambda: bits.unpack(WORDS.int(), 64), f"{INT64} int32"),
-        (lambda: bits.majority(WORDS, "half"), "ties: expected one of zero, one, random,"),
-        (lambda: bits.majority(WORDS, "random"), "expected a tie_breaker"),
+        (lambda: bits.majority(WORDS, "half"), "ties: expected one of zero, one, found"),
         (lambda: bits.majority(WORDS[:0]), "expected at least one hypervector"),
         (lambda: bits.check_padding(WORDS + 2, 1), "zeros beyond D = 1 bits, found ones"),
     ],
@@ -119,11 +118,10 @@ def test_random_bits_are_one_with_probability_p(p):
 @pytest.mark.parametrize("ties", planes.TIES)
 def test_majority_is_the_count_compared_with_half(n, ties):
     d = 65 if n > 1000 else 1000
-    vectors, breaker = mask_of((n, d)), mask_of((1, d), 9)[0]
+    vectors = mask_of((n, d))
     counts = vectors.sum(0)
-    tied = {"zero": torch.zeros(d), "one": torch.ones(d), "random": breaker}[ties]
-    expected = (2 * counts > n) | ((2 * counts == n) & tied.bool())
-    found = bits.majority(bits.pack(vectors), ties, bits.pack(breaker))
+    expected = (2 * counts > n) | ((2 * counts == n) & (ties == "one"))
+    found = bits.majority(bits.pack(vectors), ties)
     assert torch.equal(bits.unpack(found, d), expected)
     bits.check_padding(found, d)  # bits beyond the last stay zero
 
@@ -137,12 +135,8 @@ def numbers(most):
     return st.lists(st.integers(0, most), min_size=70, max_size=70).map(torch.tensor)
 
 
-@given(numbers(1000), numbers(8191), st.integers(13, 15), st.integers(0, 2000))
+@given(numbers(1000), st.integers(0, 2000))
 @settings(max_examples=60, deadline=None)
-def test_sums_and_comparisons_of_bit_sliced_integers(x, y, extra, threshold):
-    total = planes.add(counters(x, 10), counters(y, extra))
-    found = sum(bits.unpack(plane, 70).long() << p for p, plane in enumerate(total))
-    assert torch.equal(found, x + y)
-    assert torch.equal(planes.add(counters(y, extra), counters(x, 10)), total)
+def test_comparisons_of_bit_sliced_integers(x, threshold):
     greater = planes.greater(counters(x, 10), threshold)
     assert torch.equal(bits.unpack(greater, 70), x > threshold)

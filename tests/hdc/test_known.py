@@ -32,7 +32,7 @@ def test_sets_and_rejection_hold_about_what_is_asked(readout, per_class):
     assert np.mean(unknown) > 0.5, unknown
 
 
-@pytest.mark.parametrize("readout", ["ridge", "lda", "kernel"])
+@pytest.mark.parametrize("readout", ["ridge", "lda"])
 def test_a_recalibration_without_frames_of_all_classes_leaves_no_sets(
     readout, tmp_path
 ):

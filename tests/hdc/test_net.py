@@ -15,7 +15,6 @@ import pytest
 
 from hdc import HDCClassifier, HDCRegressor
 from hdc.encoders import ENCODERS
-from hdc.export import Plan
 from hdc.readouts import READOUTS, VALUE_READOUTS
 from tests.hdc.net import digests
 from tests.hdc.net.frames import frames_of
@@ -101,16 +100,8 @@ def test_a_file_of_version_2_0_says_where_it_lacks_scores_of_left_out_frames(for
         model.predict_set(frames_of("uint8", 3)[0], 0.2)
 
 
-def test_words_of_version_2_0_name_those_of_today():
+def test_a_recalibration_without_labels_names_the_method_for_it():
     frames, labels = frames_of("uint8", 30)
     model = HDCClassifier("reference").fit(frames, labels)
-    for call, message in (
-        (lambda: model.predict(frames, reject=True), r"predict: expected is_known\("),
-        (lambda: model.is_known(frames, reject=0.1), "is_known: expected alpha, found"),
-        (lambda: Plan.of(model, "touch", reject=0.1), "of: expected alpha, found"),
-    ):
-        with pytest.raises(TypeError, match=f"^{message}") as caught:
-            call()
-        assert "\n" not in str(caught.value)
     with pytest.raises(ValueError, match=r"^recalibrate: .*labels: rezero\(frames\)$"):
         model.recalibrate(frames)

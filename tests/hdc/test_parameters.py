@@ -41,9 +41,9 @@ def test_parameters_of_parts_of_parts():
     assert found["readout__class_weight"] is None
     own = ["encoder", "readout", "device", "backend"]
     assert list(model.get_params(deep=False)) == own
-    model.set_params(encoder__base__ties="below", readout="lda", readout__shrinkage=0.5)
+    model.set_params(encoder__base__at="1/4", readout="lda", readout__shrinkage=0.5)
     assert repr(model.encoder) == (
-        "Reference(base=Quantile(at='1/3', ties='below'), frame=None)"
+        "Reference(base=Quantile(at='1/4', ties='spread'), frame=None)"
     )
     assert repr(model.readout) == "LDA(shrinkage=0.5)"
 
@@ -58,14 +58,10 @@ def test_setting_leaves_the_object_that_was_given():
 @pytest.mark.parametrize(
     ("parameters", "answer"),
     [
-        ({"encoder": "medain"}, r"mean 'median'\?"),
-        ({"readout": Majority("zeros")}, r"mean 'zero'\?"),
-        ({"encoder": Median("spraed")}, r"mean 'spread'\?"),
-        ({"backend": "compield"}, r"mean 'compiled'\?"),
-        ({"enocder": 1}, r"mean 'encoder'\?"),
-        ({"readout__class_weigth": 1}, r"mean 'readout__class_weight'\?"),
-        ({"encoder": Reference(), "encoder__base__tise": 1}, r"mean 'encoder__base__ties'\?"),
-        ({"encoder": "xyz"}, "'xyz'$"),
+        ({"encoder": "medain"}, "'medain'$"),
+        ({"backend": "compield"}, "'compield'$"),
+        ({"enocder": 1}, "'enocder'$"),
+        ({"encoder": Reference(), "encoder__base__tise": 1}, "'encoder__base__tise'$"),
         ({"device__x": 1}, "'device__x'"),
         ({"encoder__base__at": 1}, "'encoder__base__at'"),
     ],
@@ -85,14 +81,9 @@ def test_a_name_that_is_none_is_answered_with_those_that_are(parameters, answer)
         (NeighbourValues, "n_neighbours", 5, {"n_neighbors": 5}),
     ],
 )
-def test_an_old_name_says_the_new_one_and_is_read_in_files(readout, old, value, new):
+def test_an_old_name_is_read_in_files(readout, old, value, new):
     (name,) = new
     model = HDCRegressor if readout is NeighbourValues else HDCClassifier
-    message = f"^{readout.__name__}: expected {name}, found '{old}', its old name$"
-    with pytest.raises(TypeError, match=message):
-        readout(**{old: value})
-    with pytest.raises(TypeError, match=message):
-        model(readout=readout()).set_params(**{f"readout__{old}": value})
     known = model._known["readout"]
     described = describe(readout(), known)
     described["parameters"][old] = value
@@ -105,7 +96,7 @@ TIES = "ties: expected one of "
 UNFIT = [
     *((HDCClassifier(encoder), message)
       for encoder, message in (
-          (Median("half"), TIES + "spread, raster, below, found 'half'"),
+          (Median("half"), "ties: expected 'spread', .* found 'half'"),
           *((Quantile(at), r"^at: expected a quantile in \(0, 1\), found")
             for at in (0, 1, "1/0", None)),
           *((Levels(t), f"thresholds: expected an integer from 1 to 255, found {t}")
@@ -121,10 +112,10 @@ UNFIT = [
     *((HDCClassifier(readout=readout), message)
       for readout, message in (
           *((kind(**bad), message) for kind in (Majority, Counts) for bad, message in (
-              ({"ties": "half"}, TIES + "zero, one, random, found 'half'"),
+              ({"ties": "half"}, TIES + "zero, one, found 'half'"),
               ({"class_weight": "x"}, "expected one of None, balanced, found 'x'"),
               ({"random_state": 1.5}, "random_state: expected an integer, found 1.5"))),
-          *((LDA(a), r"shrinkage: expected one of ledoit_wolf, oas, or a share in \[0, 1\]")
+          *((LDA(a), r"shrinkage: expected 'ledoit_wolf', or a share in \[0, 1\]")
             for a in (-0.1, 1.1, "x", True)),
           *((Ridge(a), "penalty: expected a number above zero or None, found")
             for a in (0, -1, "x", float("inf"))),
@@ -149,14 +140,14 @@ def test_values_of_parameters_that_do_not_fit_are_named(model, message):
 
 
 def test_numbers_of_numpy_and_the_ends_of_a_share_fit():
-    for part in (Majority("random", random_state=np.int64(3)), Neighbours(np.int64(3)),
+    for part in (Majority("one", random_state=np.int64(3)), Neighbours(np.int64(3)),
                  LDA(np.float32(0.5)), LDA(0), LDA(1), Ridge(np.float32(10))):  # fmt: skip
         part.check()
 
 
 def test_descriptions_rebuild_the_part():
     for part in (
-        Median("below"),
+        Median(),
         Quantile(Fraction(2, 3)),
         Quantile(np.float32(0.25)),
         Levels(np.int64(5), lit=0.5),
@@ -185,7 +176,7 @@ def test_methods_that_are_there_for_some():
     """Where a part of the model has what they need."""
     assert HDCClassifier.partial_fit.__doc__.startswith("Learn a further batch")
     model = HDCClassifier(readout="ldda")
-    with pytest.raises(UnavailableError, match=r"^partial_fit: readout: .* mean 'lda'"):
+    with pytest.raises(ValueError, match=r"^readout: expected one of .*, found 'ldda'"):
         model.partial_fit(None, None)
     assert issubclass(UnavailableError, AttributeError)
     assert issubclass(UnavailableError, ValueError)  # commands print these as one line

@@ -161,7 +161,7 @@ def test_where_the_module_is_missing_one_line_says_so(own, tmp_path):
         ("laboratory.Mean", TypeError, "expected .* object of hdc.*'laboratory.Mean'$"),
         ("pathlib.Path", TypeError, "expected .* object of hdc.*found 'pathlib.Path'$"),
         (7, TypeError, r"expected .* object of hdc.*, found 7$"),
-        (Levels, TypeError, "expected an object, found the class Levels"),
+        (Levels, TypeError, "expected one of .*, or an object of .*, found <class"),
     ],
 )
 def test_what_is_no_part_is_named(own, given, kind, message):

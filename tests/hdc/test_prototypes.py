@@ -1,38 +1,24 @@
-"""What cannot be counted, and random bits of recalibrations and of ties."""
+"""Random bits of recalibrations."""
 
 import pytest
 import torch
 
 from hdc import bits
-from hdc.prototypes import Counters, replaced_bits, tie_breaker
-
-ONE = torch.zeros(1, 1, dtype=torch.int64)
+from hdc.prototypes import replaced_bits
 
 
-@pytest.mark.parametrize(
-    ("call", "message"),
-    [
-        (lambda c: c.add(ONE, torch.tensor([-1])), r"class indices in \[0, 2\), fo.* -1"),
-        (lambda c: c.add(ONE, torch.tensor([2])), r"class indices in \[0, 2\), found 2"),
-        (lambda c: c.add(ONE, torch.tensor([0, 0])), "expected 1, one a sample, found 2"),
-        (lambda c: c.add(ONE[:, [0, 0]], torch.tensor([0])), "1 words for D = 64, found 2"),
-        (lambda c: c.merge(Counters(2, 65)), "2 classes of D = 64, found 2 of D = 65"),
-        (lambda c: replaced_bits(2, 64, float("nan"), 0), "p: expected a share .*nan"),
-    ],
-)  # fmt: skip
-def test_what_cannot_be_counted_is_named_and_not_counted(call, message):
-    counters = Counters(2, 64)
-    with pytest.raises(ValueError, match=message):
-        call(counters)
-    assert counters.n.tolist() == [0, 0]
+def test_a_share_that_is_none_is_named():
+    with pytest.raises(ValueError, match=r"p: expected a share .*nan"):
+        replaced_bits(2, 64, float("nan"), 0)
 
 
 def test_what_is_drawn_from_one_seed_is_drawn_apart():
-    """Seed 0 broke the ties of class 1,000,003 as seed 1 those of class 0, and so on."""
     d = 64 * 40
     drawn = [
-        *(tie_breaker(d, *pair) for pair in ((0, 0), (0, 1), (0, 1_000_003), (1, 0))),
-        *(tie_breaker(d, seed, 0) for seed in (-1, -5, 2**32 + 5, 2**62, 2**64 - 5)),
+        *(
+            bits.random_hypervector(d, seed)
+            for seed in (-1, -5, 2**32 + 5, 2**62, 2**64 - 5)
+        ),
         *replaced_bits(3, d, 0.5, seed=0),
         *replaced_bits(3, d, 0.5, seed=1),
         *replaced_bits(3, d, 0.5, seed=1, number=1),

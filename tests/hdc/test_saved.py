@@ -43,15 +43,9 @@ def test_metadata_are_kept_with_the_model(tmp_path):
     for given, expected in ((None, metadata), ({}, {})):
         loaded.save(tmp_path / "n", given)
         assert HDCClassifier.load(tmp_path / "n").metadata_ == expected
-    for bad in (
-        {"gain": float("nan")},
-        {1: "a", "1": "b"},  # keys that would become one
-        {"a": [{2: 0}]},
-    ):
-        with pytest.raises(
-            TypeError, match="n: metadata: expected values of JSON, fou"
-        ):
-            loaded.save(tmp_path / "n", bad)
+    message = "n: metadata: expected values of JSON, found"
+    with pytest.raises(TypeError, match=message):
+        loaded.save(tmp_path / "n", {"gain": float("nan")})
     assert loaded.metadata_ == {}
 
 

@@ -64,12 +64,12 @@ def test_any_parameter_of_a_part_is_set(hdc, folder, tmp_path):
     words = ("train", folder, "-o", path, "--readout", "majority")
     sets = (
         "encoder__thresholds=3",
-        "encoder__ties=raster",
+        "encoder__lit=0.5",
         "readout__class_weight=balanced",
     )
     assert hdc(*words, *(w for text in sets for w in ("--set", text)))[0] == 0
     model = HDCClassifier.load(path)
-    assert (model.encoder_.thresholds, model.encoder_.ties) == (3, "raster")
+    assert (model.encoder_.thresholds, model.encoder_.lit) == (3, 0.5)
     assert model.readout_.class_weight == "balanced"
 
 
@@ -206,6 +206,7 @@ def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
         ("neighbours", (), 0, "36 new frames of 3 classes, at least 12 of each"),
         ("ridge", ("--p", 0.2), 1, "which does not use it, found 0.2"),
         ("trained", (), 1, "hdc train on the new frames"),
+        ("kernel", (), 1, "hdc train on the frames of both days"),
     ],
 )
 def test_a_readout_is_recalibrated_by_what_it_uses(

@@ -18,10 +18,10 @@ from tests.hdc.own import BACKENDS, by
 
 ENCODERS = [
     Median(),
-    Quantile(0.1, "below"),
-    Levels(2, ties="raster"),
+    Quantile(0.1),
+    Levels(2),
     Levels(3, lit=0.5),
-    Reference(Quantile("1/9", "below")),
+    Reference(Quantile("1/9")),
     ReferenceLevels(),
     Deviation([-1000, "-1/3", 0.1, 999_999]),
     Smoothed("levels"),

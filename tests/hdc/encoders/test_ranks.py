@@ -20,10 +20,9 @@ pytestmark = [
 INTEGERS = [f"{sign}int{n}" for sign in ("", "u") for n in (8, 16, 32, 64)]
 FLOATS = ["float16", "float32", "float64"]
 ENCODERS = [
-    Quantile("3/4", "raster"),
-    Quantile(0.1, "below"),
-    Levels(2, ties="raster"),
-    Levels(2, ties="below"),
+    Quantile("3/4"),
+    Quantile(0.1),
+    Levels(2),
     Levels(7),
 ]
 CASES = [
@@ -36,28 +35,23 @@ CASES = [
 
 def by_every_route(monkeypatch, frames, encoder):
     """Words and ties: by kernels, many frames at once, one after another by samples as wrong as can
-    be, and as on other devices."""
+    be."""
     images = torch.from_numpy(frames)
     d = images.shape[1:].numel()
     if KERNELS and images.dtype in ranks._COMPILED:
-        given = images, encoder.quantiles, encoder.ties
-        yield by("compiled", ranks.encode_ranks, *given)
+        yield by("compiled", ranks.encode_ranks, images, encoder.quantiles)
     for places in (thresholds._sampled(d), np.zeros(1, int), np.full(5, d - 1)):
         monkeypatch.setattr(thresholds, "_sampled", lambda _, places=places: places)
-        for route in (
-            (2**20, ranks.by_partition),
-            (16, ranks.one_by_one),
-            (5, ranks.by_torch),
-        ):
+        for route in ((5, ranks.at_once), (16, ranks.one_by_one)):
             if route[1] is ranks.one_by_one and images.is_floating_point():
                 continue
             monkeypatch.setattr(ranks, "route_of", lambda *_, route=route: route)
-            yield ranks.encode_ranks(images, encoder.quantiles, encoder.ties)
+            yield ranks.encode_ranks(images, encoder.quantiles)
 
 
 def assert_brightest(encoder, frames, brightest, monkeypatch):
     flat = frames.reshape(len(frames), -1)
-    masks = [brightest(flat, q, encoder.ties) for q in encoder.quantiles]
+    masks = [brightest(flat, q) for q in encoder.quantiles]
     expected = np.concatenate(masks, 1)
     constant = np.flatnonzero((flat == flat[:, :1]).all(1)).tolist()
     split = set()
@@ -112,9 +106,9 @@ def test_few_ties_are_not_warned_of():
             Median().encode((torch.arange(d) < d // 2)[None].int())
         frame[0, 300:790] = 500
         Levels().encode(frame)
-    for share, encoder in ((49, Median("raster")), (59, Levels(ties="raster"))):
+    for share, encoder in ((49, Median()), (59, Levels())):
         frame[0, 790 - 10 * share : 790] = 500
-        with pytest.warns(UserWarning, match=f"{share} % of .*ties='raster'"):
+        with pytest.warns(UserWarning, match=f"^{share} % of .*by the order of pixels"):
             encoder.encode(frame)
         with warnings.catch_warnings():  # once
             warnings.simplefilter("error")

@@ -13,11 +13,8 @@ STRICT = ["-Wall", "-Wextra", "-Werror", "-pedantic", "-Wconversion", "-Wshadow"
 
 ENCODERS = [
     Median(),
-    Median("raster"),
-    Median("below"),
     Quantile("9/10"),
     Levels(3),
-    Levels(2, ties="raster"),
     Levels(2, lit=0.9),
     Deviation(),
     Deviation([-0.7, "1/3"]),

@@ -14,7 +14,9 @@ from hdc.readers import Window
 from hdc.readouts import Majority
 from tests.hdc.export.compiler import ENCODERS, run, trained_on
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
+pytestmark = pytest.mark.filterwarnings(
+    "ignore:.*constant frame", "ignore:.*order of pixels"
+)
 
 DRIVER = """
 #include <stdio.h>

@@ -108,28 +108,3 @@ def test_the_median_is_that_of_pairs(n):
     if n > 1:
         assert median_of_pairs(bits.hamming(words, words)) == median(masks)
     assert median_of_pairs(torch.zeros(n, n, dtype=torch.int64)) == 1
-
-
-@pytest.mark.parametrize("share", [0.0, 0.25, 1.0])
-def test_discriminants_of_new_frames_are_mixed_in_by_their_lengths(share):
-    """Each in units of its length in the space of the kernel; of new frames as if not learnt."""
-    first, rows = problem(40, 300, 3)
-    second, others = problem(30, 300, 3, seed=1)
-    old = fitted(first, rows)
-    reach = float(old.reach_)
-    factors = {"scales": [reach / median(second)], "penalties": [float(old.penalty_)]}
-    new = fitted(second, others, **factors)
-    parts = []
-    for masks, model, part in ((first, old, 1 - share), (second, new, share)):
-        dual = model.dual_.numpy()
-        products = likeness(masks, masks, reach) @ dual
-        parts.append(part / np.sqrt((dual * products).sum()))
-    before, after = parts
-    asked, words = packed(problem(20, 300, 3, seed=2)[0]), packed(second)
-    adapted = old.adapted(words, torch.from_numpy(others), share)
-    expected = before * old.scores(asked) + after * new.scores(asked)
-    torch.testing.assert_close(adapted.scores(asked), expected, rtol=1e-9, atol=1e-9)
-    found, left_out = adapted.held_out(), new.held_out()
-    expected = before * old.scores(words) + after * left_out.scores
-    torch.testing.assert_close(found.scores, expected, rtol=1e-9, atol=1e-9)
-    assert torch.equal(found.rows, torch.from_numpy(others))
