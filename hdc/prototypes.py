@@ -92,11 +92,7 @@ class Counters:
 
     def majority(self, ties: str = "zero") -> Tensor:
         """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty."""
-        found = self.planes.new_zeros(len(self.n), self.planes.shape[2])
-        for c, n in enumerate(self.n.tolist()):
-            if n:
-                found[c] = planes.majority(self.planes[c], n, ties)
-        return found
+        return planes.majorities(self.planes, self.n, ties)
 
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
