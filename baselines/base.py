@@ -21,7 +21,7 @@ ROUNDING = 2e-6
 
 @dataclass(kw_only=True, eq=False)
 class Classifier(ABC):
-    """A classifier of frames with ``fit``, ``predict`` and ``score`` as in scikit-learn.
+    """A classifier of frames with ``fit`` and ``predict`` as in scikit-learn.
 
     A subclass is a dataclass whose fields are its hyperparameters; it writes ``train``, ``scores``
     and ``state_tensors``. ``train`` begins with ``start``, which checks the input, and gets its
@@ -103,13 +103,6 @@ class Classifier(ABC):
         frames = inputs.indexable(frames, self.shape_)
         inputs.check_shape(frames.shape[1:], self.shape_, type(self).__name__)
         return frames
-
-    def score(self, frames: Any, labels: Any) -> float:
-        """Fraction of frames whose predicted label is right."""
-        frames = inputs.indexable(frames)
-        predicted = self.predict(frames)
-        is_right = predicted == inputs.label_array(labels, len(frames))
-        return float(np.mean(is_right))
 
     def start(self, frames: FrameSource, labels: Any) -> Tensor:
         """Check the training set, remember its classes and frame size; class indices int64 [N].

@@ -9,7 +9,7 @@ from __future__ import annotations
 from abc import abstractmethod
 from collections.abc import Iterator
 from dataclasses import astuple, dataclass, replace
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import cv2
 import numpy as np
@@ -20,10 +20,7 @@ from torch import Tensor
 
 from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource, arithmetic
-from baselines.pixels import standardise
-from hdc.parameters import check_choice
 
-PIXELS = ("raw", "standardised")
 _BATCH = 64  # frames that features are made of at a time
 
 
@@ -91,13 +88,9 @@ class FeatureClassifier(Classifier):
             "deviation": self.deviation_,
         }
 
-    def _regression(self) -> Any:
-        """A linear classifier of scikit-learn, not fitted."""
-        return LogisticRegression(C=self.C, max_iter=1000)
-
     def _fit(self, features: Tensor, targets: Tensor) -> None:
         scaler = StandardScaler().fit(features.numpy())
-        regression = self._regression()
+        regression = LogisticRegression(C=self.C, max_iter=1000)
         standardised = scaler.transform(features.numpy())
         regression.fit(standardised, targets.numpy(force=True))
         self.mean_ = torch.from_numpy(scaler.mean_)
@@ -135,23 +128,17 @@ class Thumbnail(FeatureClassifier):
 
     Args:
         width, height: of the picture, in pixels.
-        pixels: ``raw``; or ``standardised``: each frame first has mean 0 and deviation 1.
     """
 
     width: int = 8
     height: int = 6
-    pixels: str = "raw"
 
     revision: ClassVar[int] = 1
 
     def features(self, batch: Tensor) -> Tensor:
-        check_choice("pixels", self.pixels, PIXELS)
         size = self.width, self.height
-        frames = batch.float()
-        if self.pixels == "standardised":
-            frames = standardise(frames)
         pictures = []
-        for frame in frames.numpy(force=True):
+        for frame in batch.float().numpy(force=True):
             picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
             pictures.append(torch.from_numpy(picture))
         return torch.stack(pictures).flatten(1).double()

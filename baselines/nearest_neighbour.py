@@ -11,15 +11,13 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from baselines import products
-from baselines.bank import Bank, squared_lengths, standardised
+from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource
-from baselines.products import Moments
 from hdc import bits
 from hdc.encoders import Median
 from hdc.parameters import check_choice
 
-# Other scalings of baselines.pixels give the same order as raw.
-PIXELS = ("bits", "raw", "standardised")
+PIXELS = ("bits", "raw")
 REPORT = 100  # frames between two yields
 
 
@@ -33,8 +31,7 @@ class NearestNeighbour(Classifier):
     Args:
         k: number of neighbours.
         pixels: ``bits``: Hamming distance of hypervectors, as HDC encodes frames; ``raw``:
-            Euclidean distance of grey values; ``standardised``: the same of frames with mean 0 and
-            deviation 1 each.
+            Euclidean distance of grey values.
 
     Attributes:
         frames_: the training frames: hypervectors int64 [N, ⌈D/64⌉], or pixels [N, D].
@@ -65,7 +62,7 @@ class NearestNeighbour(Classifier):
             kept[first:last] = batch
             self.frames_, self.labels_ = kept[:last], targets[:last]
             if self.pixels != "bits":
-                self._moments = products.moments(self.frames_)
+                self._squares = products.moments(self.frames_).second
             yield {"samples_seen": last}
 
     def check(self) -> None:
@@ -81,9 +78,7 @@ class NearestNeighbour(Classifier):
         else:
             images = batch.flatten(1)
             greys = products.cross_products(images, self.frames_)
-            asked = products.moments(images)
-            _, dimension = images.shape
-            distances = self._distances(greys, asked, self._moments, dimension)
+            distances = self._squares - 2 * greys  # squares, up to a constant per row
         return self._votes(distances, self.labels_, len(self.classes_))
 
     def predict_from(
@@ -97,25 +92,13 @@ class NearestNeighbour(Classifier):
         if self.pixels == "bits":
             distances = -bank.bits[chosen]  # twice the Hamming distance, less D
         else:
-            greys = bank.greys[chosen]
-            asked = bank.moments.of(queries)
-            known = bank.moments.of(train)
-            distances = self._distances(greys, asked, known, bank.dimension)
+            distances = bank.moments.of(train).second - 2 * bank.greys[chosen]
         votes = self._votes(distances, targets, len(model.classes_))
         return model.classes_[votes.argmax(1).numpy(force=True)]
 
     def state_tensors(self) -> dict[str, Tensor]:
         """frames and labels [N]."""
         return {"frames": self.frames_, "labels": self.labels_}
-
-    def _distances(
-        self, greys: Tensor, rows: Moments, columns: Moments, dimension: int
-    ) -> Tensor:
-        """Squared distances [n, N] from products and moments of greys, up to a constant per row."""
-        if self.pixels == "raw":
-            return columns.second - 2 * greys
-        across = standardised(greys, rows, columns, dimension)
-        return squared_lengths(columns, dimension) - 2 * across
 
     def _votes(
         self,

@@ -60,13 +60,10 @@ def standardise(batch: Tensor) -> Tensor:
 
 
 def signs(batch: Tensor) -> Tensor:
-    """Hypervectors of frames [n, H, W] as ±1, int8 of the same shape."""
-    if not len(batch):
-        return batch.to(torch.int8)
+    """Hypervectors of frames [n, H, W] as ±1, float32 of the same shape."""
     words = Median().encode(batch)
-    mask = bits.unpack(words, batch[0].numel())
-    values = 2 * mask.to(torch.int8) - 1
-    return values.view(batch.shape)
+    mask = bits.unpack(words, batch.shape[1:].numel())
+    return (2 * mask.float() - 1).view(batch.shape)
 
 
 def fit_scaling(
@@ -84,7 +81,7 @@ def fit_scaling(
     if pixels == "standardised":
         return standardise
     if pixels == "bits":
-        return lambda batch: signs(batch).float()
+        return signs
     scale = 1.0 if pixels == "raw" else 1 / FRAME_TYPES[model.frame_dtype_]
     if pixels != "unit_centred":
         return PixelScaling(scale=scale)

@@ -50,7 +50,7 @@ def moments(images: Tensor) -> Moments:
 def cross_products(a: Tensor, b: Tensor) -> Tensor:
     """Exact Σ x·x′ over the pixels of frames [n, D] and [m, D], float64 [n, m].
 
-    Pixels are uint8, uint16 or int32 (for 16 bits), minus :func:`constant_of` their type; or int8.
+    Pixels are uint8, uint16 or int32 (for 16 bits), minus :func:`constant_of` their type.
     """
     products = torch.zeros(len(a), len(b), dtype=torch.float64, device=a.device)
     for start in range(0, a.shape[1], _PIXELS):
@@ -64,8 +64,6 @@ def cross_products(a: Tensor, b: Tensor) -> Tensor:
 
 def constant_of(images: Tensor) -> int:
     """The grey value subtracted so that a byte is signed."""
-    if images.dtype == torch.int8:
-        return 0
     if images.dtype == torch.uint8:
         return 128
     return 256 * 128 + 128
@@ -73,8 +71,6 @@ def constant_of(images: Tensor) -> int:
 
 def _planes(block: Tensor) -> list[tuple[int, Tensor]]:
     """Pixels minus their constant as Σ weight·plane, each plane int8."""
-    if block.dtype == torch.int8:
-        return [(1, block.contiguous())]
     if block.dtype == torch.uint8:
         return [(1, _signed(block))]
     block = block.int()

@@ -25,7 +25,6 @@ from baselines.pixels import fit_scaling
 from hdc.parameters import check_choice
 
 INITS = ("linear", "normal", "zeros")
-DTYPES = ("float32", "bfloat16")
 MEMORY_FORMATS = {
     "contiguous": torch.contiguous_format,
     "channels_last": torch.channels_last,
@@ -61,8 +60,6 @@ class IterativeClassifier(Classifier):
         max_epochs: passes over the training frames after which ``train`` returns.
         C: inverse strength of the L2 penalty on weights (biases go free), as in scikit-learn's
             LogisticRegression; None for no penalty.
-        dtype: ``float32``, or ``bfloat16`` for the products alone (autocast: the weights, their
-            gradients and the optimiser stay in float32).
         memory_format: ``contiguous`` or ``channels_last``.
         micro_batch: frames held as activations at a time (None: the whole batch), for less memory.
         reports_per_epoch: how often in an epoch ``train`` yields.
@@ -82,7 +79,6 @@ class IterativeClassifier(Classifier):
     batch_size: int | None = 20
     max_epochs: int = 100
     C: float | None = None
-    dtype: str = "float32"
     memory_format: str = "contiguous"
     micro_batch: int | None = None
     reports_per_epoch: int = 1
@@ -125,7 +121,6 @@ class IterativeClassifier(Classifier):
             value = getattr(self, name)
             if value is not None and value < 1:
                 raise ValueError(f"{name}: expected at least 1, found {value}")
-        check_choice("dtype", self.dtype, DTYPES)
         check_choice("init", self.init, INITS)
         check_choice("memory_format", self.memory_format, MEMORY_FORMATS)
         check_choice("optimizer", self.optimizer, OPTIMIZERS)
@@ -153,9 +148,7 @@ class IterativeClassifier(Classifier):
         # [n, 1, H, W] is the same memory in both layouts, so this only renames the strides.
         layout = MEMORY_FORMATS[self.memory_format]
         inputs = self.scaling_(batch)[:, None].to(memory_format=layout)
-        kind = torch.device(self.device).type
-        with torch.autocast(kind, torch.bfloat16, enabled=self.dtype == "bfloat16"):
-            return self.network_(inputs).float()
+        return self.network_(inputs)
 
     def state_tensors(self) -> dict[str, Tensor]:
         """The parameters of the network."""

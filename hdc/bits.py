@@ -237,6 +237,20 @@ def _sums_of_ones(factors: Tensor, words: Tensor) -> Tensor:
     return sums
 
 
+def sliced(numbers: Tensor, n_planes: int) -> Tensor:
+    """Planes int64 [..., P, W] of whole numbers [..., D], at least zero and below 2^P."""
+    made = [pack(numbers >> p & 1 == 1) for p in range(n_planes)]
+    return torch.stack(made, -2)
+
+
+def numbers_of(counts: Tensor, dimension: int) -> Tensor:
+    """The whole numbers int64 [L, D] of planes [L, P, W]."""
+    total = counts.new_zeros(len(counts), dimension)
+    for p in range(counts.shape[1]):
+        total += unpack(counts[:, p], dimension).long() << p
+    return total
+
+
 # Bundles -----------------------------------------------------------------------------------------
 
 

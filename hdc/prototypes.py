@@ -86,8 +86,7 @@ class Counters:
         found.n = n
         found.reserve(max(n.tolist(), default=0))
         for c, ones in enumerate(counts):
-            for p in range(found.planes.shape[1]):
-                found.planes[c, p] = bits.pack(ones >> p & 1 == 1)
+            found.planes[c] = bits.sliced(ones, found.planes.shape[1])
         return found
 
     def majority(self, ties: str = "zero") -> Tensor:
@@ -97,10 +96,7 @@ class Counters:
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
         chosen = self.planes if rows is None else self.planes[list(rows)]
-        total = chosen.new_zeros(len(chosen), self.dimension)
-        for p in range(chosen.shape[1]):
-            total += bits.unpack(chosen[:, p], self.dimension).long() << p
-        return total
+        return bits.numbers_of(chosen, self.dimension)
 
     @property
     def device(self) -> torch.device:

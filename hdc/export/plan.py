@@ -16,7 +16,7 @@ from hdc.encoders.ranks import RankEncoder
 from hdc.export.sizes import Sizes
 from hdc.parameters import check_choice, check_share
 from hdc.readers import Window
-from hdc.readouts import LDA, Counts, Kernel, Majority, Neighbours, Ridge, Trained
+from hdc.readouts import LDA, Majority, Trained
 
 PIXEL_BITS = (8, 16)
 """Bits of a pixel that a header can be made for."""
@@ -26,12 +26,6 @@ PLANES = 4
 """Hypervectors that hold the weights of a class of LDA."""
 _WEIGHT_OFFSET = 8  # the weights of a state of LDA are q + 8
 _MOST_LIGHT = 2**37  # pixels times grey values: sums that 64 bits hold 65536 times
-_WHY_NOT: dict[type, str] = {
-    Counts: "the cosines of which need roots",
-    Ridge: "the weights of which are no whole numbers",
-    Neighbours: "which keeps every training frame",
-    Kernel: "which keeps every training frame",
-}
 
 
 @dataclass(frozen=True)
@@ -170,10 +164,9 @@ def _check_exportable(model: Any) -> None:
             f"{model.encoder_!r}"
         )
     if type(model.readout_) not in READOUTS:
-        why = _WHY_NOT.get(type(model.readout_), "which export does not know")
         raise ValueError(
             "export: expected the read-out majority, trained or lda, found "
-            f"{model.readout_!r}, {why}"
+            f"{model.readout_!r}"
         )
 
 

@@ -263,29 +263,17 @@ def held_out_of(
     return HeldOut(scores, known[place[places]])
 
 
-def check_memory(
-    readout: str, n: int, matrices: int, dimension: int | None = None
-) -> None:
-    """Raise ValueError for more training frames than fit in memory as products of all pairs.
+def check_memory(readout: str, size: int, what: str = "frames") -> None:
+    """Raise ValueError where the products of all pairs would not fit in memory.
 
     Args:
         readout: name of the read-out, for the error.
-        n: training frames.
-        matrices: number of matrices float64 [n, n] held at a time.
-        dimension: D, for a read-out that is solved among bits if D < n.
+        size: rows of the products: training frames, or bits where these are fewer.
+        what: of what there may be too many, for the error.
     """
-    size = n if dimension is None else min(n, dimension)
-    if size <= MOST_FRAMES:
-        return
-    expected, found = f"{MOST_FRAMES} frames", f"{n}"
-    fewer = "fewer frames of each class"
-    if dimension is not None:
-        expected += f" or {MOST_FRAMES} bits"
-        found += f" frames of {dimension} bits"
-        fewer += ", or on fewer pixels (--subsample)"
-    memory = matrices * 8 * size**2 / 1e9
-    raise ValueError(
-        f"{readout}: expected at most {expected}, found {found}, which need {matrices} matrices "
-        f"of {size} × {size}, {memory:.1f} GB; train on {fewer}, or use a read-out without such "
-        "a matrix, such as 'neighbours'"
-    )
+    if size > MOST_FRAMES:
+        raise ValueError(
+            f"{readout}: expected at most {MOST_FRAMES} {what}, found {size}; train on fewer "
+            "frames of each class, on fewer pixels (--subsample), or with a read-out without "
+            "products of all pairs, such as 'neighbours'"
+        )

@@ -99,7 +99,7 @@ class Kernel(Readout):
             ValueError: for more than 8000 frames, for which the kernel of all pairs is too large.
         """
         n = len(rows)
-        check_memory("kernel", n, matrices=3)
+        check_memory("kernel", n)
         known, place = rows.unique(return_inverse=True)
         distances = bits.hamming(words.packed, words.packed).cpu()
         best = fewest_errors(distances, place, self.scales, self.penalties)

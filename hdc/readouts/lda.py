@@ -43,7 +43,7 @@ from hdc.readouts.discriminant import (
 from hdc.tensors import Kinds
 from hdc.warning import warn
 
-SHRINKAGES = ("ledoit_wolf", "oas")
+LEDOIT_WOLF = "ledoit_wolf"
 _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
 _CLIPPED = 0.995  # quantile of the weights that becomes the largest
 _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
@@ -72,11 +72,8 @@ class Discriminants(State):
 
     def floats(self, dimension: int) -> Tensor:
         """The weights in the units of the scores, float32 [L, D] (CPU)."""
-        sliced = bits.unpack(self.weights.cpu(), dimension)
-        weights = torch.zeros(len(sliced), dimension)
-        for p in range(_PLANES):
-            weights += 2.0**p * sliced[:, p]
-        return (weights - _OFFSET) * self.scales[:, None].float()
+        shifted = bits.numbers_of(self.weights.cpu(), dimension)
+        return (shifted - _OFFSET).float() * self.scales[:, None].float()
 
     def known_offsets(self) -> Tensor:
         """Offsets float64 [L]; 0 for a class without training frames."""
@@ -92,23 +89,23 @@ class LDA(Readout):
 
     Args:
         shrinkage: α in [0, 1], or the closed form ``"ledoit_wolf"`` (J. Multivar. Anal. 88, 365
-            (2004)) or ``"oas"`` (Chen et al., IEEE TSP 58, 5016 (2010)).
+            (2004)).
     """
 
     State = Discriminants
     needs = ("weights", "scales", "offsets")
     adapts_by = ("p",)
 
-    def __init__(self, shrinkage: float | str = "ledoit_wolf"):
+    def __init__(self, shrinkage: float | str = LEDOIT_WOLF):
         self.shrinkage = shrinkage
 
     def check(self) -> None:
         given: Any = self.shrinkage
-        if isinstance(given, str) and given in SHRINKAGES:
-            return
-        if not is_number(given) or not 0 <= given <= 1:
-            expected = f"one of {', '.join(SHRINKAGES)}, or a share in [0, 1]"
-            raise ValueError(f"shrinkage: expected {expected}, found {given!r}")
+        is_share = is_number(given) and 0 <= given <= 1
+        if not is_share and str(given) != LEDOIT_WOLF:
+            raise ValueError(
+                f"shrinkage: expected {LEDOIT_WOLF!r}, or a share in [0, 1], found {given!r}"
+            )
 
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Discriminants:
         """See :meth:`hdc.readouts.base.Readout.fit`.
@@ -118,7 +115,7 @@ class LDA(Readout):
                 all pairs, of frames or of bits, are too large.
         """
         packed, dimension = words.packed, words.dimension
-        check_memory("lda", len(rows), matrices=2, dimension=dimension)
+        check_memory("lda", min(len(rows), dimension), "frames or bits")
         known, place = rows.unique(return_inverse=True)
         problem = problem_of(words, place)
         if problem.is_empty:
@@ -205,7 +202,7 @@ def shrunken(
         squares = float((problem.products**2).sum())
         degrees = max(1, len(problem.diagonal) - problem.n_classes)
         alpha = closed_form(
-            shrinkage, problem.trace, squares, problem.diagonal, degrees, dimension
+            problem.trace, squares, problem.diagonal, degrees, dimension
         )
     else:
         alpha = float(shrinkage)
@@ -215,12 +212,11 @@ def shrunken(
 
 
 def closed_form(
-    kind: str, trace: float, squares: float, diagonal: Tensor, n: int, d: int
+    trace: float, squares: float, diagonal: Tensor, n: int, d: int
 ) -> float:
-    """α in closed form, for a covariance with n degrees of freedom in D dimensions.
+    """α by Ledoit and Wolf, for a covariance with n degrees of freedom in D dimensions.
 
     Args:
-        kind: one of :data:`SHRINKAGES`.
         trace, squares, diagonal: tr K, ‖K‖²_F and K_ii.
         n: frames minus classes.
         d: D.
@@ -230,12 +226,8 @@ def closed_form(
     spread = second - first**2 / d
     if spread <= 0:
         return 1.0
-    if kind == "ledoit_wolf":
-        fourth = float((diagonal**2).sum()) / n**2
-        share = (fourth - second / n) / spread
-    else:
-        numerator = (1 - 2 / d) * second + first**2
-        share = numerator / ((n + 1 - 2 / d) * spread)
+    fourth = float((diagonal**2).sum()) / n**2
+    share = (fourth - second / n) / spread
     return min(1.0, max(0.0, share))
 
 
@@ -262,15 +254,15 @@ def _stored(
         alpha: α.
         device: device of the weights.
     """
-    planes, scales, offsets = _quantised(*learned)
+    rounded, scales, offsets = _quantised(*learned)
     unit = 2**_UNIT_BITS / float(scales.max())
     state = Discriminants(
-        weights=planes.new_zeros(n_classes, *planes.shape[1:], device=device),
+        weights=rounded.new_zeros(n_classes, *rounded.shape[1:], device=device),
         scales=torch.zeros(n_classes, dtype=torch.int64),
         offsets=torch.full((n_classes,), _NOWHERE),
         shrinkage=torch.tensor(alpha, dtype=torch.float64),
     )
-    state.weights[known.to(device)] = planes.to(device)
+    state.weights[known.to(device)] = rounded.to(device)
     state.scales[known] = (scales * unit).round().long()
     state.offsets[known] = (offsets * unit).round().long()
     return state, unit
@@ -291,13 +283,13 @@ def _quantised(
     """
     centre = means.mean(0)
     in_doubles = centre.double()
-    planes = []
+    made = []
     scales = torch.ones(len(weights), dtype=torch.float64)
     offsets = offsets.clone()
     for c, w in enumerate(weights):
         steps = _LEVELS / _unit(w.abs())
         q = (w * steps).round_().clamp_(-_LEVELS, _LEVELS)
-        planes.append(_planes_of(q))
+        made.append(bits.sliced((q + _OFFSET).to(torch.uint8), _PLANES))
         if not q.any():
             continue
         away = (means[c] - centre).double()
@@ -309,7 +301,7 @@ def _quantised(
             scales[c] = float(exact @ rounded) / float(rounded @ rounded)
         lost = w - scales[c].float() * q
         offsets[c] += float(lost.double() @ in_doubles)
-    return torch.stack(planes), scales.clamp(min=1e-300), offsets
+    return torch.stack(made), scales.clamp(min=1e-300), offsets
 
 
 def _unit(sizes: Tensor) -> float:
@@ -322,10 +314,3 @@ def _unit(sizes: Tensor) -> float:
     place = max(1, round(_CLIPPED * len(live))) - 1
     live.partition(place)
     return float(live[place])
-
-
-def _planes_of(q: Tensor) -> Tensor:
-    """q + 8 of the bits [D] as packed planes int64 [4, W]."""
-    shifted = (q + _OFFSET).to(torch.uint8)
-    planes = [bits.pack((shifted & 1 << p).bool()) for p in range(_PLANES)]
-    return torch.stack(planes)

@@ -49,7 +49,7 @@ def solve(
             pairs, of frames or of bits, are too large.
     """
     dimension = words.dimension
-    check_memory("ridge", len(words), matrices=4, dimension=dimension)
+    check_memory("ridge", min(len(words), dimension), "frames or bits")
     left = targets
     if prior is not None:
         left = targets - prior.values(words).cpu()
@@ -61,12 +61,13 @@ def solve(
     solve_among = _among_bits if len(words) > dimension else _among_frames
     to_try = functools.partial(_penalties_to_try, penalty, prior)
     found = solve_among(words, scaled, unit, to_try)
-    intercepts = mean - found.at_mean
+    weights, intercepts = found.weights, mean - found.at_mean
     if prior is not None:
+        weights = weights + prior.floats()
         intercepts = intercepts + prior.intercepts
-    weights, scales = quantised(words.packed, found.weights_in, dimension, prior)
+    planes, scales = quantised(weights, dimension)
     linear = Linear(
-        weights=weights,
+        weights=planes.to(words.packed.device),
         scales=scales,
         intercepts=intercepts,
         penalty=torch.tensor(found.penalty, dtype=torch.float64),
@@ -90,7 +91,7 @@ class Found(NamedTuple):
 
     penalty: float
     residuals: Tensor  # r_i in the unit of the targets, float64 [N, T]
-    weights_in: Callable[[int, int], Tensor]  # as in quantised
+    weights: Tensor  # w, float64 [T, 64·W]
     at_mean: Tensor  # w·x̄, float64 [T]
 
 
@@ -117,8 +118,7 @@ def _among_frames(
     chosen, residuals = least_error(spectrum, vectors, targets, penalties)
     inverse = (vectors / (spectrum + chosen)) @ vectors.T
     dual = (inverse @ targets) * unit
-    weights_in = functools.partial(weights_of, dual, words.packed)
-    return Found(chosen, residuals, weights_in, means @ dual)
+    return Found(chosen, residuals, weights_of(dual, words.packed), means @ dual)
 
 
 def least_error(
@@ -174,11 +174,7 @@ def _among_bits(
     weights = (vectors @ (inverses[chosen][:, None] * rotated) * unit).T
     whole = torch.zeros(len(unit), width * bits.WORD, dtype=torch.float64)
     whole[:, : len(mean)] = weights
-
-    def weights_in(start: int, stop: int) -> Tensor:
-        return whole[:, start * bits.WORD : stop * bits.WORD]
-
-    return Found(chosen, residuals[chosen], weights_in, weights @ mean)
+    return Found(chosen, residuals[chosen], whole, weights @ mean)
 
 
 def smoother_of(words: Hypervectors, penalty: float) -> Dual | Primal:

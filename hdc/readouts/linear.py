@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -47,61 +46,31 @@ class Linear(State):
         scales = self.scales.to(twice.device)
         return twice // 2 * scales + self.intercepts.to(twice.device)
 
-    def floats(self, start: int, stop: int) -> Tensor:
-        """Weights float64 [L, B] of the bits in words start to stop."""
-        n_bits = (stop - start) * bits.WORD
-        sliced = bits.unpack(self.weights[..., start:stop], n_bits).double().cpu()
-        powers = 2.0 ** torch.arange(_PLANES, dtype=torch.float64)
-        shifted = torch.einsum("p,tpb->tb", powers, sliced)
-        return (shifted - _OFFSET) * self.scales[:, None]
+    def floats(self) -> Tensor:
+        """The weights, float64 [L, 64·W] (CPU)."""
+        n_bits = self.weights.shape[2] * bits.WORD
+        shifted = bits.numbers_of(self.weights.cpu(), n_bits)
+        return (shifted - _OFFSET).double() * self.scales[:, None]
 
 
-def quantised(
-    words: Tensor,
-    weights_in: Callable[[int, int], Tensor],
-    dimension: int,
-    prior: Linear | None,
-) -> tuple[Tensor, Tensor]:
-    """Round weights to 8 bits: planes int64 [T, 8, W] and scales float64 [T].
-
-    Args:
-        words: hypervectors int64 [N, W].
-        weights_in: function of start and stop that gives the weights float64 [T, B] of the bits in
-            these words; it is called twice for a few words at a time.
-        dimension: D.
-        prior: function whose weights are added.
-    """
-    width = words.shape[1]
-    starts = range(0, width, _STEP)
-
-    def weights(start: int) -> Tensor:
-        stop = min(start + _STEP, width)
-        total = weights_in(start, stop)
-        if prior is not None:
-            total = total + prior.floats(start, stop)
-        return total
-
-    largest_each = [weights(start).abs().amax(1) for start in starts]
-    largest = torch.stack(largest_each).amax(0)
+def quantised(weights: Tensor, dimension: int) -> tuple[Tensor, Tensor]:
+    """Weights float64 [T, 64·W] rounded to 8 bits: planes int64 [T, 8, W], scales float64 [T]."""
+    largest = weights.abs().amax(1)
     scales = torch.where(largest > 0, largest / (_OFFSET - 1), 1.0)
-    planes = words.new_zeros(len(scales), _PLANES, width)
-    for start in starts:
-        stop = min(start + _STEP, width)
-        q = (weights(start) / scales[:, None]).round()
-        shifted = q.long() + _OFFSET
-        n_inside = max(0, dimension - start * bits.WORD)
-        shifted[:, n_inside:] = 0
-        for p in range(_PLANES):
-            packed = bits.pack((shifted >> p) & 1 == 1)
-            planes[:, p, start:stop] = packed.to(words.device)
-    return planes, scales
+    q = (weights / scales[:, None]).round()
+    shifted = (q + _OFFSET).to(torch.uint8)
+    shifted[:, dimension:] = 0
+    return bits.sliced(shifted, _PLANES), scales
 
 
-def weights_of(dual: Tensor, words: Tensor, start: int, stop: int) -> Tensor:
-    """Weights Xᵀa of the bits in words start to stop, float64 [T, B]."""
-    part = words[:, start:stop].cpu().contiguous().numpy()
-    signs = _signs_of_bytes()[part.view(np.uint8)]
-    return dual.T @ torch.from_numpy(signs).flatten(1)
+def weights_of(dual: Tensor, words: Tensor) -> Tensor:
+    """Weights Xᵀa of the bits of hypervectors int64 [N, W], a [N, T]: float64 [T, 64·W]."""
+    parts = []
+    for columns in words.cpu().split(_STEP, 1):
+        of_bytes = columns.contiguous().numpy().view(np.uint8)
+        signs = torch.from_numpy(_signs_of_bytes()[of_bytes]).flatten(1)
+        parts.append(dual.T @ signs)
+    return torch.cat(parts, 1)
 
 
 @functools.cache

@@ -107,7 +107,16 @@ class NeighbourValues(ValueReadout):
         check_integer("n_neighbors", self.n_neighbors, 1)
 
     def fit(self, words: Hypervectors, values: Tensor) -> ValueState:
-        k = min(self.n_neighbors, max(1, len(words) - 1))
+        """See :meth:`ValueReadout.fit`.
+
+        Raises:
+            ValueError: for as many neighbours as training frames, or more.
+        """
+        k = self.n_neighbors
+        if k >= len(words):
+            raise ValueError(
+                f"n_neighbors: expected fewer than the {len(words)} training frames, found {k}"
+            )
         means = []
         for start in range(0, len(words), _ROWS):  # not all pairs at a time
             distances = _distances(words[start : start + _ROWS], words)
@@ -124,17 +133,11 @@ class NeighbourValues(ValueReadout):
         return state.targets[places].mean(1)
 
     def without(self, state: ValueState, words: Hypervectors) -> tuple[Tensor, Tensor]:
-        n = len(state.words)
-        if self.n_neighbors >= n:  # all are near
-            total = state.targets.sum(0)
-            others = (total - state.targets) / max(1, n - 1)
-            means = (total / n).repeat(len(words), 1)
-            return means, others.repeat(len(words), 1, 1)
+        k = self.n_neighbors
         places = self._nearest(_distances(words, state.words))
         values = state.targets[places]  # [Q, k + 1, T]
-        k = values.shape[1] - 1
         means = values[:, :k].mean(1)
-        without = means[:, None].repeat(1, n, 1)
+        without = means[:, None].repeat(1, len(state.words), 1)
         queries = torch.arange(len(words))[:, None]
         # Without one of the k nearest, the next one is in its place.
         moved = (values[:, k:] - values[:, :k]) / k
@@ -142,7 +145,7 @@ class NeighbourValues(ValueReadout):
         return means, without
 
     def _nearest(self, distances: np.ndarray) -> Tensor:
-        """The k nearest frames of each query and the next one, [Q, k + 1], or all N."""
+        """The k nearest frames of each query and the next one, [Q, k + 1]."""
         order = distances.argsort(axis=1, kind="stable")
         return torch.from_numpy(order[:, : self.n_neighbors + 1])
 

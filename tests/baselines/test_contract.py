@@ -102,7 +102,6 @@ def test_learns_frames_of_16_bits_and_labels_as_they_are(model, speckle):
     wide = (frames.to(torch.int32) * 257).to(torch.uint16)
     right = model.fit(wide, named.tolist()).predict(wide) == named
     assert right.mean() > least(model)
-    assert model.score(wide, named) == right.mean()
     assert model.predict(wide[0]).shape == (1,)
     for asked, message in (
         (frames, r"expected torch\.uint16 as in training, found .*uint8"),
@@ -195,7 +194,7 @@ COMBINATIONS = {
 }
 COMBINATIONS |= {
     "median neighbours 3": HDCClassifier(readout=Neighbours(3)),
-    "knn_standardised 3": NearestNeighbour(k=3, pixels="standardised"),
+    "knn 3": NearestNeighbour(k=3, pixels="raw"),
     "mean_image standardised": MeanImage(pixels="standardised"),
 }
 

@@ -115,7 +115,7 @@ UNFIT = [
               ({"ties": "half"}, TIES + "zero, one, found 'half'"),
               ({"class_weight": "x"}, "expected one of None, balanced, found 'x'"),
               ({"random_state": 1.5}, "random_state: expected an integer, found 1.5"))),
-          *((LDA(a), r"shrinkage: expected one of ledoit_wolf, oas, or a share in \[0, 1\]")
+          *((LDA(a), r"shrinkage: expected 'ledoit_wolf', or a share in \[0, 1\]")
             for a in (-0.1, 1.1, "x", True)),
           *((Ridge(a), "penalty: expected a number above zero or None, found")
             for a in (0, -1, "x", float("inf"))),

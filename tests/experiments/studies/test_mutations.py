@@ -76,8 +76,6 @@ MUTANTS = {
         "Ridge, frames left out, few frames"),
     "Ledoit–Wolf halved": (
         lda, "closed_form", after(lambda share: share / 2), "LDA, frames left out, few frames"),
-    "OAS for it": (
-        lda, "closed_form", before(lambda kind, *rest: ("oas", *rest)), "LDA, weights"),
     "a clip at 90 %": (lda, "_CLIPPED", constant(0.9), "LDA, weights"),
     "votes of four bits": (prototypes, "_VOTE_BITS", constant(4), "repeated merges"),
     "worst kernel factors": (kernel, "min", constant(max), "Kernel, its factors"),

@@ -9,7 +9,7 @@ import torch
 from hdc.encoders import Levels
 
 
-@pytest.mark.filterwarnings("ignore:.*ties=")
+@pytest.mark.filterwarnings("ignore:.*order of pixels")
 def test_lit_pixels_alone_are_ranked_by_the_mean_of_all_training_frames():
     """More frames than are summed at a time; a share of at least 0.5 of a mean of 4, too."""
     frames = np.zeros((150, 4), np.uint8)

@@ -11,7 +11,7 @@ import torch
 from hdc import HDCClassifier
 from hdc.encoders import Deviation, Levels, Median, Reference, Smoothed
 
-pytestmark = pytest.mark.filterwarnings("ignore:.*constant frame", "ignore:.*ties=")
+pytestmark = pytest.mark.filterwarnings("ignore:.*order of pixels")
 BASES = [Median(), Levels(3), Levels(2, lit=0.5), Reference("levels"), Deviation()]
 
 

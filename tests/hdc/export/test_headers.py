@@ -158,11 +158,8 @@ ENCODER = "expected the encoder median, quantile, levels or deviation, found"
 REFUSED = [
     (HDCClassifier("reference"), {}, ENCODER),
     (HDCClassifier(Smoothed("deviation", 1), "lda"), {}, f"{ENCODER} Smoothed"),
-    (HDCClassifier(readout="counts"), {}, "cosines of which need roots"),
-    (HDCClassifier(readout="ridge"), {}, "weights of which are no whole numbers"),
-    (HDCClassifier(readout="neighbours"), {}, "keeps every training frame"),
-    (HDCClassifier(readout="kernel"), {}, "keeps every training frame"),
-    (HDCClassifier(readout=Shifted()), {}, "which export does not know"),
+    (HDCClassifier(readout="counts"), {}, "expected the read-out majority, .* Counts"),
+    (HDCClassifier(readout=Shifted()), {}, "expected the read-out majority, .* Shifted"),
     (HDCRegressor(), {}, "expected a classifier, found HDCRegressor"),
     (HDCClassifier(), {"name": "1"}, "name: expected letters"),
     (HDCClassifier(), {"pixel_bits": 12}, "bits: expected one of 8, 16, found 12"),

@@ -21,7 +21,7 @@ def plain_means(distances: np.ndarray, values: np.ndarray, k: int) -> np.ndarray
     return np.array(means)
 
 
-@pytest.mark.parametrize("k", [1, 2, 5, 12, 50])
+@pytest.mark.parametrize("k", [1, 2, 5, 11])
 def test_means_and_left_out_means_by_plain_loops(k, monkeypatch):
     monkeypatch.setattr("hdc.readouts.values._ROWS", 5)  # frames compared at a time
     rng = np.random.default_rng(k)
@@ -42,3 +42,9 @@ def test_means_and_left_out_means_by_plain_loops(k, monkeypatch):
         np.testing.assert_allclose(without[:, i], left)
         missed = values[i] - plain_means(own[i : i + 1, rest], values[rest], k)[0]
         np.testing.assert_allclose(model.residuals_[i], missed)
+
+
+def test_as_many_neighbours_as_frames_are_refused():
+    words = torch.arange(3)[:, None]
+    with pytest.raises(ValueError, match="fewer than the 3 training frames, found 3"):
+        fitted(NeighbourValues(3), words, torch.ones(3, 1).double(), 64)
