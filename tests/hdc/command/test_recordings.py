@@ -144,9 +144,7 @@ def test_the_line_to_type_has_every_option_that_was_given():
 
 
 def test_what_is_no_model_of_frames_says_what_is_expected(tmp_path):
-    io.write_model(
-        tmp_path / "m", {"kind": "HDCIndex", "metadata": {}}, {}, lambda *_: None
-    )
+    io.write_model(tmp_path / "m", {"kind": "HDCIndex", "metadata": {}}, {})
     with pytest.raises(ValueError, match=r"m: expected a saved .*, found 'HDCIndex'"):
         load(tmp_path / "m")
 
