@@ -116,7 +116,7 @@ class HDCClassifier(Adapting):
                 pixels that are not finite; labels other than str, int, float or bool; or an unknown
                 parameter value.
         """
-        encoder, readout = self.fresh("encoder"), self.fresh("readout")
+        readout = self.fresh("readout")
         frames = inputs.source(frames)
         if y is None and isinstance(readout, Updatable):
             y = [KNOWN] * len(frames)
@@ -127,7 +127,20 @@ class HDCClassifier(Adapting):
             together = inputs.label_array(groups, len(frames), "groups").tolist()
         classes = inputs.classes_of(labels)
         _check_several(readout, classes.tolist())
-        backend = self._decided(frames)
+        self._learn(readout, frames, labels, classes, together)
+        self._warn_of_unequal(self._head.sample.seen.values())
+        return self
+
+    def _learn(
+        self,
+        readout: Readout,
+        frames: Any,
+        labels: Sequence[inputs.Label],
+        classes: np.ndarray,
+        together: Sequence[inputs.Label] | None = None,
+    ) -> None:
+        """Learn anew; some of the classes may have no frames if the read-out is updatable."""
+        encoder, backend = self.fresh("encoder"), self._decided(frames)
         with backends.computing(backend):
             encoder, shape = self._learned_encoder(encoder, frames)
             words = self._batches(frames, encoder, shape)
@@ -137,8 +150,6 @@ class HDCClassifier(Adapting):
             )
         self._begin(encoder, shape, dimension, backend)
         self._head = head
-        self._warn_of_unequal(head.sample.seen.values())
-        return self
 
     def _warn_of_unequal(self, seen: Collection[int]) -> None:
         """Warn of larger classes, which a read-out with default parameters may favour."""
@@ -172,7 +183,6 @@ class HDCClassifier(Adapting):
             raise ValueError(
                 "partial_fit: expected a model that was not recalibrated; fit anew"
             )
-        encoder = self.fresh("encoder")
         frames = inputs.source(frames, getattr(self, "frame_shape_", None))
         labels = inputs.label_array(y, len(frames)).tolist()
         allowed = labels
@@ -180,26 +190,14 @@ class HDCClassifier(Adapting):
             allowed = list(classes)  # a set, for example
             allowed = inputs.label_array(allowed, len(allowed)).tolist()
             inputs.check_among(labels, allowed)
-        is_first = head is None
-        backend = self._decided(frames) if is_first else self.backend_
-        with backends.computing(backend):
-            if head is None:
-                encoder, shape = self._learned_encoder(encoder, frames)
-                words = joined(self._batches(frames, encoder, shape))
-                head = self._empty(inputs.classes_of(allowed), words.dimension)
-            else:
-                words = joined(self._encoded(frames))
-            head = head.with_classes(allowed).extended(words, labels)
-        if is_first:
-            self._begin(encoder, shape, words.dimension, backend)
-        self._head = head
+        if head is None:
+            readout = self.fresh("readout")
+            self._learn(readout, frames, labels, inputs.classes_of(allowed))
+            return self
+        with self._computing():
+            words = joined(self._encoded(frames))
+            self._head = head.with_classes(allowed).extended(words, labels)
         return self
-
-    def _empty(self, classes: np.ndarray, dimension: int) -> Head:
-        """An untrained head with these classes."""
-        readout = self.fresh("readout")
-        state = readout.empty(len(classes), dimension, self.device)
-        return Head(readout, state, Sample(), classes, dimension)
 
     # Files ---------------------------------------------------------------------------------------
 

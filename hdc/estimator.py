@@ -109,11 +109,7 @@ class Estimator(Parametrised):
                 encoder.fit(frames)
             return encoder, tuple(frames.shape[1:])
         given = frames.encoder
-        if given is None:
-            raise ValueError(
-                "hypervectors: expected the result of encode, found bits alone"
-            )
-        if _described(encoder) != _described(given):
+        if given is None or _described(encoder) != _described(given):
             raise ValueError(
                 f"hypervectors: expected encoder {encoder!r}, found {given!r}"
             )

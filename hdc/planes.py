@@ -166,6 +166,18 @@ def majority(counts: Tensor, n: int, ties: str = "zero") -> Tensor:
     return greater(counts, n // 2 - 1)
 
 
+def majorities(counts: Tensor, n: Tensor, ties: str = "zero") -> Tensor:
+    """:func:`majority` of each class from counts int64 [L, P, W] and n int64 [L]: int64 [L, W].
+
+    Zeros for a class without hypervectors.
+    """
+    found = counts.new_zeros(len(n), counts.shape[2])
+    for c, of_class in enumerate(n.tolist()):
+        if of_class:
+            found[c] = majority(counts[c], of_class, ties)
+    return found
+
+
 def _full_adder(a: Any, b: Any, c: Any) -> tuple[Any, Any]:
     """Sum and carry of three bits at every position, for tensors and numpy arrays alike."""
     half = a ^ b

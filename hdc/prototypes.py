@@ -82,20 +82,13 @@ class Counters:
 
     def _of_counts(self, counts: Sequence[Tensor], n: Tensor) -> Counters:
         """Counters from counts int64 [D] and numbers of hypervectors n, class by class."""
-        found = Counters(len(n), self.dimension, self.device)
-        found.n = n
-        found.reserve(max(n.tolist(), default=0))
-        for c, ones in enumerate(counts):
-            found.planes[c] = bits.sliced(ones, found.planes.shape[1])
-        return found
+        n_planes = max(n.tolist(), default=0).bit_length()
+        made = [bits.sliced(ones, max(1, n_planes)) for ones in counts]
+        return Counters.of(torch.stack(made), n, self.dimension)
 
     def majority(self, ties: str = "zero") -> Tensor:
         """Prototypes int64 [L, W] by :func:`hdc.bits.majority` (paper, Eq. 1); zeros if empty."""
-        found = self.planes.new_zeros(len(self.n), self.planes.shape[2])
-        for c, n in enumerate(self.n.tolist()):
-            if n:
-                found[c] = planes.majority(self.planes[c], n, ties)
-        return found
+        return planes.majorities(self.planes, self.n, ties)
 
     def counts(self, rows: Sequence[int] | None = None) -> Tensor:
         """The counts of all or some classes as integers int64 [L, D]."""
@@ -105,10 +98,6 @@ class Counters:
     @property
     def device(self) -> torch.device:
         return self.planes.device
-
-    def reserve(self, n: int) -> None:
-        """Make room for n hypervectors per class."""
-        self.planes = planes.with_room(self.planes, n)
 
 
 def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:

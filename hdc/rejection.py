@@ -32,9 +32,8 @@ from torch import Tensor
 from hdc import bits, planes
 from hdc.hypervectors import Hypervectors
 from hdc.inputs import Label
-from hdc.prototypes import Counters
 from hdc.readouts.base import Readout
-from hdc.readouts.majority import Counting, Majority
+from hdc.readouts.majority import Counting
 from hdc.sample import Reservoir
 from hdc.tensors import checked
 from hdc.warning import warn
@@ -129,14 +128,21 @@ def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
     reservoir = Reservoir(size=MOST)
     reservoir.add(words.packed, rows.tolist())
     kept = {int(row): frames for row, frames in reservoir.sample().kept.items()}
-    counted = Counters(n_classes, words.dimension, words.packed.device)
-    counted.add(words.packed, rows)
-    near = counted.planes.new_zeros(n_classes, 3, words.packed.shape[1])
+    counts, n = _counted(words, rows, n_classes)
+    near = counts.new_zeros(n_classes, 3, counts.shape[2])
     for row in kept:
-        n = int(counted.n[row])
         for place, extra in enumerate((-1, 0, 1)):
-            near[row, place] = planes.majority(counted.planes[row], n + extra)
+            near[row, place] = planes.majority(counts[row], int(n[row]) + extra)
     return by_frames(near, kept)
+
+
+def _counted(
+    words: Hypervectors, rows: Tensor, n_classes: int
+) -> tuple[Tensor, Tensor]:
+    """Bit-sliced counts int64 [L, P, W] of each class, and the numbers of frames int64 [L]."""
+    none = words.packed.new_zeros(n_classes, 1, words.packed.shape[1])
+    n = torch.zeros(n_classes, dtype=torch.int64)
+    return planes.count_classes(none, n, words.packed, rows)
 
 
 # Group by group ----------------------------------------------------------------------------------
@@ -167,14 +173,15 @@ def by_groups(
     reservoir = Reservoir(size=MOST)
     reservoir.add(torch.arange(len(rows))[:, None], rows.tolist())
     chosen = torch.cat([*reservoir.sample().kept.values()]).flatten()
-    counting = readout if isinstance(readout, Counting) else Majority()
-    whole = _prototypes(words, rows, n_classes, counting)
+    ties = readout.ties if isinstance(readout, Counting) else "zero"
+    whole = planes.majorities(*_counted(words, rows, n_classes), ties)
     found, single = [], set()
     for group in of_group[chosen].unique():
         inside = of_group == group
         own = rows[inside].unique()
         others = torch.isin(rows, own) & ~inside
-        rest = _prototypes(words[others], rows[others], n_classes, counting)
+        counted = _counted(words[others], rows[others], n_classes)
+        rest = planes.majorities(*counted, ties)
         left = whole.clone()
         left[own] = rest[own]
         alone = own[~torch.isin(own, rows[others])]
@@ -185,12 +192,3 @@ def by_groups(
         found.append(distances.amin(1))
     rule = Rejection.of(whole, found, "group")
     return (rule if len(single) < n_classes else None), sorted(single)
-
-
-def _prototypes(
-    words: Hypervectors, rows: Tensor, n_classes: int, readout: Counting
-) -> Tensor:
-    """Majorities int64 [L, W] by the ties of a read-out; zeros for a class without frames."""
-    counters = Counters(n_classes, words.dimension, words.packed.device)
-    counters.add(words.packed, rows)
-    return counters.majority(readout.ties)

@@ -93,7 +93,7 @@ def value_names(model: Any) -> tuple[str, ...]:
 
 def check_fits(model: Any, recording: Recording) -> None:
     """Raise a BadFrame for other columns, or another size, than those in training."""
-    trained = model.columns_ or ()
+    trained = getattr(model, "columns_", None) or ()
     found = recording.features
     place = recording.place(0)
     if len(trained) and found and tuple(trained) != found:

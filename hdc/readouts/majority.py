@@ -88,11 +88,12 @@ class Counting(Updatable):
     def empty(
         self, n_classes: int, dimension: int, device: torch.device | str
     ) -> Counted:
-        counters = Counters(n_classes, dimension, device)
+        width = bits.words_for(dimension)
+        prototypes = torch.zeros(n_classes, width, dtype=torch.int64, device=device)
         return Counted(
-            planes=counters.planes,
-            n=counters.n,
-            prototypes=counters.majority(),
+            planes=prototypes[:, None],
+            n=torch.zeros(n_classes, dtype=torch.int64),
+            prototypes=prototypes,
             recalibrated=torch.tensor(0),
             dimension=dimension,
         )
@@ -112,10 +113,11 @@ class Counting(Updatable):
 
     def _with_prototypes(self, state: Counted) -> Counted:
         """The state with the prototypes of its counts."""
-        counters = state.counters()
+        counted: Counted | Counters = state
         if self.class_weight is not None:
-            counters = counters.thinned(smallest(state.n), self.random_state)
-        return replace(state, prototypes=counters.majority(self.ties))
+            counted = state.counters().thinned(smallest(state.n), self.random_state)
+        made = planes.majorities(counted.planes, counted.n, self.ties)
+        return replace(state, prototypes=made)
 
     # Adapting ------------------------------------------------------------------------------------
 

@@ -100,9 +100,7 @@ def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc, tmp_path
 
 
 def test_what_is_no_model_of_frames_says_what_is_expected(tmp_path):
-    io.write_model(
-        tmp_path / "m", {"kind": "HDCIndex", "metadata": {}}, {}, lambda *_: None
-    )
+    io.write_model(tmp_path / "m", {"kind": "HDCIndex", "metadata": {}}, {})
     with pytest.raises(ValueError, match=r"m: expected a saved .*, found 'HDCIndex'"):
         load(tmp_path / "m")
 

@@ -36,7 +36,7 @@ def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tm
         (("train", broken.parents[1], "-o", out), f"{broken}: expected a whole image"),
         (("train", few, "-o", out, "--test-fraction", 0.5),
          "--test-fraction: expected two frames or more of each class, found one"),
-        (("train", folder, "-o", out, "--set", "encoder__tie=spread"), "mean 'encoder__ties'"),
+        (("train", folder, "-o", out, "--set", "encoder__tie=spread"), "found 'encoder__tie'"),
         (("predict", folder / "a" / "0.png", model), f"{folder}/a/0.png: expected"),
         (("predict", model, "no\n.png"), "no .png: expected a readable file, found none"),
         (("predict", model, tmp_path / "empty"), f"{tmp_path}/empty: expected images (.png"),
