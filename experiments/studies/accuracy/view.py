@@ -1,7 +1,6 @@
 """Accuracy against the number of training samples (Fig. 5(b)), the pixels seen, and by scene.
 
-Two files more draw what is in no table: ``confusions`` of classes and positions, and runs that no
-experiment started (``own``).
+``confusions`` draws classes and positions, which are in no table.
 """
 
 from __future__ import annotations
@@ -15,29 +14,36 @@ import pandas as pd
 from experiments.records import configs
 from experiments.records.results import ROW, RUNS
 from experiments.reporting import estimates, published
-from experiments.reporting.columns import display_name
+from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import ONE_SENSOR
-from experiments.reporting.facets import line
+from experiments.reporting.facets import facets, line
 from experiments.reporting.plot import (
     DASHED,
     PAPER,
     entry,
     handle,
     legend_below,
-    literal,
     look_of,
     published_point,
+    wrapped,
 )
-from experiments.reporting.study import RUN, Figure, Numbers, Quantity, Study, about
+from experiments.reporting.study import (
+    RUN,
+    WIDTH,
+    Figure,
+    Numbers,
+    Quantity,
+    Study,
+    about,
+)
 from experiments.reporting.table import Table
 from experiments.reporting.trained import caption, extra_models, of_runs, swept, whole
-from experiments.studies.accuracy import confusions, own
+from experiments.studies.accuracy import confusions
 from experiments.studies.accuracy.confusions import ALL_SCENES, by_place
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-    from matplotlib.lines import Line2D
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
 MOST_MODELS = 4  # of the figure; the CSV has all
@@ -61,6 +67,17 @@ def accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
     own_rows = of_runs(here)[lambda rows: rows.model != "hdc"]
     rows = swept(runs, "accuracy_vs_n")
     return several(pd.concat([rows, own_rows]) if len(own_rows) else rows)
+
+
+def own_accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
+    """Rows of runs on all pixels that no experiment started, of scenes on which a model was trained
+    on several numbers of samples."""
+    own = runs[runs["sweep"].eq("") & runs.asked_d.eq(0)]
+    if not len(own):
+        return None
+    table = of_runs(own).sort_values(["scene", "model", "n_train"])
+    table = table.groupby("scene").filter(lambda rows: rows.model.duplicated().any())
+    return table.drop(columns=ROW[2:])
 
 
 def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
@@ -91,7 +108,7 @@ def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     chance = 100 / data.n_classes.iloc[0]
     axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
     axes.text(50, chance, "chance", ha="center", va="bottom", color="0.3", fontsize=6)
-    stars = _draw_published(axes)
+    _draw_published(axes)
     lowest = 100 * data.test_accuracy_final_low.min()
     axes.set(xlabel="training samples N", ylabel="test accuracy (%)")
     axes.set(xscale="log", ylim=(min(15, lowest - 2), 102))
@@ -99,29 +116,37 @@ def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     axes.set_xticks([], minor=True)
     sizes = [N_PUBLISHED, *data.n_train]
     axes.set_xlim(min(sizes) / 1.35, max(sizes) * 1.35)
-    legend_below(figure, [*map(handle, models), *stars])
+    legend_below(figure, [*map(handle, models), entry("paper", **PAPER)])
 
 
-def _draw_published(axes: Axes) -> list[Line2D]:
-    """The paper's accuracies as stars, and its least N for 90 % as dashed lines; the entries of
-    the stars in a legend."""
+def _draw_published(axes: Axes) -> None:
+    """The paper's accuracies as stars, and its least N for 90 % as dashed lines."""
     known = published.numbers()
     drawn: list[float] = []
-    entries = []
     for model in published.models_of_table1():
         accuracy = known[f"table1/{model}_test_accuracy"].value
         place = N_PUBLISHED * 1.1 ** drawn.count(accuracy)
         published_point(axes, model, place, accuracy, 8)
         drawn.append(accuracy)
-        name = "HDC" if model == "hdc" else display_name(model)
-        look = {**PAPER, "mfc": look_of(model)["color"]}
-        entries.append(entry(f"paper: {literal(name)}", **look))
     limit = known["accuracy_vs_n/n_for_90_percent"].value
     axes.plot([limit, limit], [0, 90], **DASHED)
     axes.axhline(90, **DASHED)
     text = f"paper: > 90 %\nonly for N > {limit:g}"
     axes.text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)
-    return entries
+
+
+def draw_own(figure: Canvas, data: pd.DataFrame) -> None:
+    """A panel per scene, a line per model."""
+    figure.set_size_inches(WIDTH, 1 + 2 * data.scene.nunique())
+    names = ("n_train", "test_accuracy_final", "model", "scene", "experiment")
+    panels = facets(figure, data.assign(experiment=""), *names, scale=100, sharex=True)
+    sizes = sorted(data.n_train.unique())
+    for (scene, _), axes in panels.items():
+        axes.set(xscale="log", xlabel="training samples N", ylabel="test accuracy (%)")
+        axes.set_xticks(sizes, map(str, sizes))
+        axes.set_xticks([], minor=True)
+        axes.set_title(wrapped(scene_name(scene), 40))
+    legend_below(figure, map(handle, data.model.unique()))
 
 
 def quantities(runs: pd.DataFrame) -> Iterator[Quantity]:
@@ -228,7 +253,14 @@ STUDY = Study(
             size=(3.4, 3.7),
         ),
         *confusions.FIGURES,
-        *own.FIGURES,
+        Figure(
+            "own_accuracy_vs_n",
+            Table("own_accuracy_vs_n", own_accuracy_vs_n, of=RUNS),
+            draw_own,
+            title="Test accuracy against training samples",
+            caption="Test accuracy against the number of training samples, of runs that were "
+            "started by hand, with 95 % intervals: a panel per data set.",
+        ),
     ],
     numbers=[Numbers(quantities, of=[RUNS])],
 )
