@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -16,14 +16,13 @@ from experiments.records.results import ROW, RUNS
 from experiments.reporting import estimates, published
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import ONE_SENSOR
-from experiments.reporting.facets import facets, line
+from experiments.reporting.facets import facets
 from experiments.reporting.plot import (
     DASHED,
     PAPER,
     entry,
     handle,
     legend_below,
-    look_of,
     published_point,
     wrapped,
 )
@@ -75,9 +74,9 @@ def own_accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
     own = runs[runs["sweep"].eq("") & runs.asked_d.eq(0)]
     if not len(own):
         return None
-    table = of_runs(own).sort_values(["scene", "model", "n_train"])
-    table = table.groupby("scene").filter(lambda rows: rows.model.duplicated().any())
-    return table.drop(columns=ROW[2:])
+    by_scene = of_runs(own).groupby("scene")
+    several = by_scene.filter(lambda rows: rows.model.duplicated().any())
+    return several.drop(columns=ROW[2:])
 
 
 def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
@@ -95,28 +94,38 @@ def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
 def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper): of the paper's
     models and fast ones, one's own, then others, and the paper's values."""
-    axes = figure.subplots()
     swept_here = configs.sweep("accuracy_vs_n")["model"]
     own_models = data.model[~data.model.isin(swept_here)]
     order = [*configs.models("paper", "fast"), *own_models, *swept_here]
     found = set(data.model)
     models = [model for model in dict.fromkeys(order) if model in found][:MOST_MODELS]
-    for k, model in enumerate(models):  # set apart by a few percent of N
-        rows = data[data.model == model].sort_values("n_train")
-        apart = rows.assign(n_train=rows.n_train * 1.02 ** (k - len(models) // 2))
-        line(axes, apart, "n_train", "test_accuracy_final", 100, **look_of(model))
+    shown = data[data.model.isin(models)]
+    place = shown.model.map(models.index) - len(models) // 2
+    apart = shown.assign(n_train=shown.n_train * 1.02**place)  # by a few percent of N
+    (axes,) = _draw_lines(figure, apart, TICKS).values()
     chance = 100 / data.n_classes.iloc[0]
     axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
     axes.text(50, chance, "chance", ha="center", va="bottom", color="0.3", fontsize=6)
     _draw_published(axes)
     lowest = 100 * data.test_accuracy_final_low.min()
-    axes.set(xlabel="training samples N", ylabel="test accuracy (%)")
-    axes.set(xscale="log", ylim=(min(15, lowest - 2), 102))
-    axes.set_xticks(TICKS, map(str, TICKS))
-    axes.set_xticks([], minor=True)
+    axes.set_ylim(min(15, lowest - 2), 102)
     sizes = [N_PUBLISHED, *data.n_train]
     axes.set_xlim(min(sizes) / 1.35, max(sizes) * 1.35)
     legend_below(figure, [*map(handle, models), entry("paper", **PAPER)])
+
+
+def _draw_lines(
+    figure: Canvas, data: pd.DataFrame, ticks: Sequence[int]
+) -> dict[str, Axes]:
+    """A panel per scene (returned by its name), a line per model."""
+    names = ("n_train", "test_accuracy_final", "model", "scene", "experiment")
+    rows = data.sort_values("n_train", kind="stable").assign(experiment="")
+    panels = facets(figure, rows, *names, scale=100, sharex=True)
+    for axes in panels.values():
+        axes.set(xscale="log", xlabel="training samples N", ylabel="test accuracy (%)")
+        axes.set_xticks(ticks, map(str, ticks))
+        axes.set_xticks([], minor=True)
+    return {scene: axes for (scene, _), axes in panels.items()}
 
 
 def _draw_published(axes: Axes) -> None:
@@ -136,15 +145,10 @@ def _draw_published(axes: Axes) -> None:
 
 
 def draw_own(figure: Canvas, data: pd.DataFrame) -> None:
-    """A panel per scene, a line per model."""
+    """Runs that were started by hand."""
     figure.set_size_inches(WIDTH, 1 + 2 * data.scene.nunique())
-    names = ("n_train", "test_accuracy_final", "model", "scene", "experiment")
-    panels = facets(figure, data.assign(experiment=""), *names, scale=100, sharex=True)
-    sizes = sorted(data.n_train.unique())
-    for (scene, _), axes in panels.items():
-        axes.set(xscale="log", xlabel="training samples N", ylabel="test accuracy (%)")
-        axes.set_xticks(sizes, map(str, sizes))
-        axes.set_xticks([], minor=True)
+    panels = _draw_lines(figure, data, sorted(data.n_train.unique()))
+    for scene, axes in panels.items():
         axes.set_title(wrapped(scene_name(scene), 40))
     legend_below(figure, map(handle, data.model.unique()))
 
