@@ -37,7 +37,7 @@ from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.task import Context, Row, Task
 from experiments.records.rows import pack_labels
-from experiments.studies.drift.zeroing import unlabelled, untouched, zeroed
+from experiments.studies.drift.zeroing import rezeroed, unlabelled
 from hdc import HDCClassifier
 from hdc.readouts import LDA, Kernel, make_readout
 from scenes.frames import Scene
@@ -118,20 +118,30 @@ class Drift(Task, frozen=True):
         self, bank: Bank, choice: Choice, model: Any, seed: int, no_touch: int | None
     ) -> Iterator[tuple[Row, np.ndarray]]:
         """The stored model, re-referenced without labels, and trained on new samples alone."""
+        of_choice = (model, bank, choice.old, choice.asked)
         sizes: list[tuple[int, float | None]] = [(n, None) for n in self.n_zero]
         sizes += itertools.product(self.n_shares, map(float, self.shares))
-        of_choice = (bank, choice.old, choice.asked)
-        frames = unlabelled(choice.pool, bank.labels, sizes, seed, bank.n_classes)
-        yield from zeroed(model, *of_choice, frames)
+        found = unlabelled(choice.pool, bank.labels, sizes, seed, bank.n_classes)
+        choices: list[Any] = [(0, None, None), *found]  # as it is stored, and updated
+        afters = [frames for _, _, frames in choices]
+        made = rezeroed(*of_choice, choice.old, afters)
+        for (n, share, _), predicted in zip(choices, made, strict=True):
+            method = "zeroed" if n else "stored"
+            yield {"method": method, "n_new": n, "share": share}, predicted
         for n, new in subsets(choice, bank.labels, self.n_alone).items():
             yield (
                 {"method": "new", "n_new": n},
                 evaluate(model, bank, new, choice.asked),
             )
-        if no_touch is not None:
-            yield from untouched(
-                model, *of_choice, choice.pool, self.n_untouched, no_touch
-            )
+        if no_touch is None:
+            return
+        before, without = (
+            each[bank.labels[each] == no_touch] for each in (choice.old, choice.pool)
+        )
+        numbers = [n for n in self.n_untouched if n <= len(without)]
+        made = rezeroed(*of_choice, before, [without[:n] for n in numbers])
+        for n, predicted in zip(numbers, made, strict=True):
+            yield {"method": "untouched", "n_new": n}, predicted
 
 
 class Choice(NamedTuple):
@@ -191,12 +201,13 @@ def updates(
 ) -> Iterator[tuple[Row, np.ndarray]]:
     """The stored model, then every way to update it with the same labelled samples; and what each
     predicts."""
-    stored = evaluate(model, bank, choice.old, choice.asked)
-    yield {"method": "stored", "n_new": 0}, stored
+    old, asked = choice.old, choice.asked
+    yield {"method": "stored", "n_new": 0}, evaluate(model, bank, old, asked)
     drawn = int(np.random.default_rng((seed, 0)).integers(2**31))
     for n, new in subsets(choice, bank.labels, n_new).items():
-        made = ways(model, bank, choice.old, new, choice.asked, p, drawn + n)
-        for method, parameter, predicted in made:
+        for method, parameter, predicted in ways(
+            model, bank, old, new, asked, p, drawn + n
+        ):
             yield {"method": method, "p": parameter, "n_new": n}, predicted
 
 

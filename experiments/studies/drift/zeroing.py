@@ -17,33 +17,15 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
 from baselines.bank import Bank
-from experiments.records.rows import Row
 from hdc import HDCClassifier
 
 Choice = tuple[int, float | None, np.ndarray]  # n, share of one class, frames
-
-
-def zeroed(
-    model: Any,
-    bank: Bank,
-    old: np.ndarray,
-    asked: np.ndarray,
-    choices: Iterable[Choice],
-) -> Iterator[tuple[Row, np.ndarray]]:
-    """Rows of a stored model and of that model re-referenced by each choice of unlabelled frames;
-    and what they predict."""
-    choices = list(choices)
-    afters = [chosen for _, _, chosen in choices]
-    stored, *found = rezeroed(model, bank, old, asked, old, [None, *afters])
-    yield {"method": "stored", "n_new": 0}, stored
-    for (n, share, _), predicted in zip(choices, found, strict=True):
-        yield {"method": "zeroed", "n_new": n, "share": share}, predicted
 
 
 def unlabelled(
@@ -88,32 +70,13 @@ def first_of_each(
     return np.concatenate([of[:n] for of, n in zip(of_classes, counts, strict=True)])
 
 
-def untouched(
-    model: Any,
-    bank: Bank,
-    old: np.ndarray,
-    asked: np.ndarray,
-    pool: np.ndarray,
-    sizes: Sequence[int],
-    no_touch: int,
-) -> Iterator[tuple[Row, np.ndarray]]:
-    """Rows of a model whose references are frames of the class `no_touch`, as many of the pool as
-    each of the sizes says."""
-    before, without = (each[bank.labels[each] == no_touch] for each in (old, pool))
-    sizes = [n for n in sizes if n <= len(without)]
-    afters = [without[:n] for n in sizes]
-    found = rezeroed(model, bank, old, asked, before, afters)
-    for n, predicted in zip(sizes, found, strict=True):
-        yield {"method": "untouched", "n_new": n}, predicted
-
-
 def rezeroed(
     model: Any,
     bank: Bank,
     train: np.ndarray,
     asked: np.ndarray,
     before: np.ndarray,
-    afters: Sequence[np.ndarray | None],
+    afters: Iterable[np.ndarray | None],
 ) -> Iterator[np.ndarray]:
     """Labels of the frames asked, by a model of training frames minus the mean of those `before`;
     from the frames asked the mean of each of `afters` is subtracted, or (None) the same."""
