@@ -102,7 +102,7 @@ class Drift(Task, frozen=True):
     def _answers(
         self, bank: Bank, choice: Choice, seed: int, no_touch: int | None
     ) -> Iterator[tuple[Row, np.ndarray]]:
-        """What each model and each of its updates predicts for the samples asked."""
+        """Rows of each model and its updates, with their predictions for the samples asked."""
         for name, model in models_of(self.models).items():
             for row, predicted in updates(
                 bank, choice, model, self.n_new, self.p, seed
