@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -45,10 +46,10 @@ def _of_hdc(runs: pd.DataFrame) -> dict[str, pd.DataFrame]:
     return {scene: found[scene] for scene in sorted(found, key=by_place)}
 
 
-def answers_of(runs: pd.DataFrame) -> list[np.ndarray]:
+def answers_of(runs: pd.DataFrame) -> Iterator[np.ndarray]:
     """True and predicted classes of the test samples of all seeds."""
-    texts = (runs.labels, runs.predicted)
-    return [np.concatenate(list(map(unpack_labels, of_runs))) for of_runs in texts]
+    for texts in (runs.labels, runs.predicted):
+        yield np.concatenate(list(map(unpack_labels, texts)))
 
 
 def confusion(runs: pd.DataFrame) -> pd.DataFrame:
@@ -57,9 +58,11 @@ def confusion(runs: pd.DataFrame) -> pd.DataFrame:
     every = range(len(classes))
     shares = pd.crosstab(*answers_of(runs), normalize="index")
     shares = shares.reindex(index=every, columns=every, fill_value=0.0)
-    table = shares.set_axis(classes).set_axis(classes, axis="columns")
-    long = table.rename_axis("true").melt(ignore_index=False, var_name="predicted")
-    return long.reset_index().rename(columns={"value": "share"})
+    named = (
+        shares.set_axis(classes).set_axis(classes, axis="columns").rename_axis("true")
+    )
+    names = {"var_name": "predicted", "value_name": "share"}
+    return named.melt(ignore_index=False, **names).reset_index()
 
 
 def confusions(runs: pd.DataFrame) -> pd.DataFrame | None:
@@ -80,40 +83,34 @@ def draw_confusions(figure: Canvas, data: pd.DataFrame) -> None:
     down = -(-len(scenes) // 2)
     figure.set_size_inches(4.2, 1.1 + 1.95 * down)
     figure.set_layout_engine("constrained", h_pad=0.1)  # titles have several lines
-    for k, (letter, (scene, shares)) in enumerate(
-        zip(LETTERS, scenes.items(), strict=False)
-    ):
+    for k, (scene, shares) in enumerate(scenes.items()):
         axes = figure.add_subplot(down, 2, k + 1)
         _draw_confusion(axes, shares).remove()
         axes.set(xlabel="predicted", ylabel="true")
         axes.tick_params(axis="x", rotation=90)
         of_paper = configs.scene_display(scene)["figure"]
-        of = f", {of_paper}" if of_paper else ""
-        name = wrapped(f"{scene_name(scene)}{of}", 22)
+        name = ", ".join(filter(None, [scene_name(scene), of_paper]))
         first = shares.iloc[0]
         accuracy = f"accuracy {100 * first.accuracy:.1f} %"
-        panel(axes, letter, f"{name}\n{wrapped(first.split, 26)}\n{accuracy}")
-
-
-def _details(data: pd.DataFrame) -> str:
-    """Kinds of frames and seeds; splits differ."""
-    return f"{about(data.drop(columns='split'))}; the split stands above each panel"
+        title = f"{wrapped(name, 22)}\n{wrapped(first.split, 26)}\n{accuracy}"
+        panel(axes, LETTERS[k], title)
 
 
 def _draw_confusion(axes: Axes, shares: pd.DataFrame, gamma: float = 1) -> Colorbar:
     """Shares of each true class in percent; less than half a percent is left blank."""
-    table = 100 * _square(shares, "true", "predicted", "share")
-    return matrix(axes, table, _whole, "Blues", (0, 100), gamma)
+    return matrix(axes, 100 * _square(shares), _whole, "Blues", (0, 100), gamma)
 
 
 def _whole(share: float) -> str:
     return f"{share:.0f}" if share >= 0.5 else ""
 
 
-def _square(rows: pd.DataFrame, row: str, column: str, value: str) -> pd.DataFrame:
-    """A matrix of rows that have one value for each pair of classes, in the order of the rows."""
-    names: list[str] = list(rows[row].unique())
-    return rows.pivot(index=row, columns=column, values=value).loc[names, names]
+def _square(rows: pd.DataFrame) -> pd.DataFrame:
+    """The matrix of the shares of true (down) and predicted classes, in the order of the rows."""
+    names: list[str] = list(rows.true.unique())
+    return rows.pivot(index="true", columns="predicted", values="share").loc[
+        names, names
+    ]
 
 
 # Fig. 7 -------------------------------------------------------------------------------------------
@@ -132,34 +129,29 @@ def spatial(frame: pd.DataFrame) -> pd.DataFrame | None:
         return None
     first = runs.iloc[0]
     start, stop = (
-        np.array(json.loads(first[f"scene.classes.{end}"])) for end in ("start", "stop")
+        json.loads(first[f"scene.classes.{end}"]) for end in ("start", "stop")
     )
-    length = 1e3 * np.linalg.norm(stop - start)
+    length = 1e3 * np.linalg.norm(np.subtract(stop, start))
     at = np.linspace(0, length, int(first["scene.classes.number"]))
     truth, found = (at[classes] for classes in answers_of(runs))
     error = pd.Series(np.abs(found - truth), pd.Index(truth, name="true"), name="share")
+    whole = error.agg(["mean", "median"]).rename_axis("true")
+    whole["95th percentile"] = error.quantile(0.95)
     by_position = error.groupby(level=0).mean()
-    median, most = np.percentile(error, (50, 95))
-    whole = {"mean": error.mean(), "median": median, "95th percentile": most}
     parts = [
         confusion(runs).assign(what="confusion"),
         by_position.reset_index().assign(what="error_mm"),
-        pd.DataFrame(whole.items(), columns=["true", "share"]).assign(what="error"),
+        whole.reset_index().assign(what="error"),
     ]
     correlations = of_experiment(frame, "correlation")
     if len(correlations):  # prototypes (true) with held-out hypervectors (predicted)
         here = correlations[correlations.scene == SPATIAL]
-        mean = mean_matrix(here, "prototype", "held-out").set_axis(
-            ["true", "predicted", "share"], axis="columns"
+        mean = mean_matrix(here, "prototype", "held-out").assign(what="correlation")
+        parts.append(
+            mean.set_axis(["true", "predicted", "share", "what"], axis="columns")
         )
-        parts += [mean.assign(what="correlation")] if len(mean) else []
     about = {"scene": SPATIAL, "split": split_of(runs), "seeds": len(runs)}
     return pd.concat(parts).assign(**about)
-
-
-def _without_scene(data: pd.DataFrame) -> str:
-    """The lines of the figure's head, without the scene, which the title names."""
-    return about(data).partition(", ")[2]
 
 
 def draw_spatial(figure: Canvas, data: pd.DataFrame) -> None:
@@ -169,7 +161,7 @@ def draw_spatial(figure: Canvas, data: pd.DataFrame) -> None:
     below = figure.add_subplot(grid[1, :])
     correlations = data[data.what == "correlation"]
     if len(correlations):
-        matrix(left, _square(correlations, "true", "predicted", "share"), str)
+        matrix(left, _square(correlations), str)
         left.set(xlabel="hypervectors at (mm)", ylabel="prototype at (mm)")
         panel(left, "a", "correlation $C^p$, held out")
     else:
@@ -181,9 +173,8 @@ def draw_spatial(figure: Canvas, data: pd.DataFrame) -> None:
     right.set(xlabel="predicted (mm)", ylabel="true position (mm)")
     panel(right, "b", "confusion (%)")
     errors = data[data.what == "error_mm"]
-    below.plot(
-        errors.true.astype(float), errors.share, color="#0072B2", marker="o", ms=2
-    )
+    places = errors.true.astype(float)
+    below.plot(places, errors.share, color="#0072B2", marker="o", ms=2)
     below.set(xlabel="true position (mm)", ylabel="mean |error| (mm)")
     below.set_ylim(0, None)
     whole = data[data.what == "error"].set_index("true").share
@@ -197,7 +188,9 @@ FIGURES = [
         Table("confusions", confusions, of=RUNS, commands=[f"{RUN}all_scenes"]),
         draw_confusions,
         title="Confusion by HDC as published, % of the true label",
-        details=_details,
+        details=lambda data: (
+            f"{about(data.drop(columns='split'))}; the split stands above each panel"
+        ),
         caption="Confusion of the classes by HDC, in percent of the true label (rows), test "
         "samples of all seeds together (Figs. 6(b) and 9(d)). Cells below 0.5 % "
         "are blank. Data sets without errors are left out.",
@@ -212,7 +205,9 @@ FIGURES = [
         ),
         draw_spatial,
         title="HDC: 51 positions, 1 mm apart (Fig. 7)",
-        details=_without_scene,
+        details=lambda data: about(data).partition(", ")[
+            2
+        ],  # the title names the scene
         caption="51 positions: correlations, confusion and error in millimetres (Fig. 7).",
         size=(3.4, 3.9),
     ),

@@ -1,13 +1,12 @@
 """Accuracy against the number of training samples (Fig. 5(b)), the pixels seen, and by scene.
 
-Two files more draw what is in no table: ``confusions`` of classes and positions, and runs that no
-experiment started (``own``).
+``confusions`` draws classes and positions, which are in no table.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -15,29 +14,35 @@ import pandas as pd
 from experiments.records import configs
 from experiments.records.results import ROW, RUNS
 from experiments.reporting import estimates, published
-from experiments.reporting.columns import display_name
+from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import ONE_SENSOR
-from experiments.reporting.facets import line
+from experiments.reporting.facets import facets
 from experiments.reporting.plot import (
     DASHED,
     PAPER,
     entry,
     handle,
     legend_below,
-    literal,
-    look_of,
     published_point,
+    wrapped,
 )
-from experiments.reporting.study import RUN, Figure, Numbers, Quantity, Study, about
+from experiments.reporting.study import (
+    RUN,
+    WIDTH,
+    Figure,
+    Numbers,
+    Quantity,
+    Study,
+    about,
+)
 from experiments.reporting.table import Table
 from experiments.reporting.trained import caption, extra_models, of_runs, swept, whole
-from experiments.studies.accuracy import confusions, own
+from experiments.studies.accuracy import confusions
 from experiments.studies.accuracy.confusions import ALL_SCENES, by_place
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
-    from matplotlib.lines import Line2D
 
 N_PUBLISHED = 400  # of all the published accuracies; equal ones are drawn side by side
 MOST_MODELS = 4  # of the figure; the CSV has all
@@ -63,6 +68,17 @@ def accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
     return several(pd.concat([rows, own_rows]) if len(own_rows) else rows)
 
 
+def own_accuracy_vs_n(runs: pd.DataFrame) -> pd.DataFrame | None:
+    """Rows of runs on all pixels that no experiment started, of scenes on which a model was trained
+    on several numbers of samples."""
+    own = runs[runs["sweep"].eq("") & runs.asked_d.eq(0)]
+    if not len(own):
+        return None
+    by_scene = of_runs(own).groupby("scene")
+    several = by_scene.filter(lambda rows: rows.model.duplicated().any())
+    return several.drop(columns=ROW[2:])
+
+
 def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
     """A row per scene and model: on all pixels, with the most training samples; simulated scenes
     last, HDC first in each."""
@@ -78,50 +94,63 @@ def all_scenes(runs: pd.DataFrame) -> pd.DataFrame:
 def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     """Test accuracy against the number of training samples (Fig. 5(b) of the paper): of the paper's
     models and fast ones, one's own, then others, and the paper's values."""
-    axes = figure.subplots()
     swept_here = configs.sweep("accuracy_vs_n")["model"]
     own_models = data.model[~data.model.isin(swept_here)]
     order = [*configs.models("paper", "fast"), *own_models, *swept_here]
     found = set(data.model)
     models = [model for model in dict.fromkeys(order) if model in found][:MOST_MODELS]
-    for k, model in enumerate(models):  # set apart by a few percent of N
-        rows = data[data.model == model].sort_values("n_train")
-        apart = rows.assign(n_train=rows.n_train * 1.02 ** (k - len(models) // 2))
-        line(axes, apart, "n_train", "test_accuracy_final", 100, **look_of(model))
+    shown = data[data.model.isin(models)]
+    place = shown.model.map(models.index) - len(models) // 2
+    apart = shown.assign(n_train=shown.n_train * 1.02**place)  # by a few percent of N
+    (axes,) = _draw_lines(figure, apart, TICKS).values()
     chance = 100 / data.n_classes.iloc[0]
     axes.axhline(chance, color="0.5", lw=0.7, ls=":", zorder=0)
     axes.text(50, chance, "chance", ha="center", va="bottom", color="0.3", fontsize=6)
-    stars = _draw_published(axes)
+    _draw_published(axes)
     lowest = 100 * data.test_accuracy_final_low.min()
-    axes.set(xlabel="training samples N", ylabel="test accuracy (%)")
-    axes.set(xscale="log", ylim=(min(15, lowest - 2), 102))
-    axes.set_xticks(TICKS, map(str, TICKS))
-    axes.set_xticks([], minor=True)
+    axes.set_ylim(min(15, lowest - 2), 102)
     sizes = [N_PUBLISHED, *data.n_train]
     axes.set_xlim(min(sizes) / 1.35, max(sizes) * 1.35)
-    legend_below(figure, [*map(handle, models), *stars])
+    legend_below(figure, [*map(handle, models), entry("paper", **PAPER)])
 
 
-def _draw_published(axes: Axes) -> list[Line2D]:
-    """The paper's accuracies as stars, and its least N for 90 % as dashed lines; the entries of
-    the stars in a legend."""
+def _draw_lines(
+    figure: Canvas, data: pd.DataFrame, ticks: Sequence[int]
+) -> dict[str, Axes]:
+    """A panel per scene (returned by its name), a line per model."""
+    names = ("n_train", "test_accuracy_final", "model", "scene", "experiment")
+    rows = data.sort_values("n_train", kind="stable").assign(experiment="")
+    panels = facets(figure, rows, *names, scale=100, sharex=True)
+    for axes in panels.values():
+        axes.set(xscale="log", xlabel="training samples N", ylabel="test accuracy (%)")
+        axes.set_xticks(ticks, map(str, ticks))
+        axes.set_xticks([], minor=True)
+    return {scene: axes for (scene, _), axes in panels.items()}
+
+
+def _draw_published(axes: Axes) -> None:
+    """The paper's accuracies as stars, and its least N for 90 % as dashed lines."""
     known = published.numbers()
     drawn: list[float] = []
-    entries = []
     for model in published.models_of_table1():
         accuracy = known[f"table1/{model}_test_accuracy"].value
         place = N_PUBLISHED * 1.1 ** drawn.count(accuracy)
         published_point(axes, model, place, accuracy, 8)
         drawn.append(accuracy)
-        name = "HDC" if model == "hdc" else display_name(model)
-        look = {**PAPER, "mfc": look_of(model)["color"]}
-        entries.append(entry(f"paper: {literal(name)}", **look))
     limit = known["accuracy_vs_n/n_for_90_percent"].value
     axes.plot([limit, limit], [0, 90], **DASHED)
     axes.axhline(90, **DASHED)
     text = f"paper: > 90 %\nonly for N > {limit:g}"
     axes.text(limit * 1.05, 42, text, ha="left", color="0.3", fontsize=6)
-    return entries
+
+
+def draw_own(figure: Canvas, data: pd.DataFrame) -> None:
+    """Runs that were started by hand."""
+    figure.set_size_inches(WIDTH, 1 + 2 * data.scene.nunique())
+    panels = _draw_lines(figure, data, sorted(data.n_train.unique()))
+    for scene, axes in panels.items():
+        axes.set_title(wrapped(scene_name(scene), 40))
+    legend_below(figure, map(handle, data.model.unique()))
 
 
 def quantities(runs: pd.DataFrame) -> Iterator[Quantity]:
@@ -228,7 +257,14 @@ STUDY = Study(
             size=(3.4, 3.7),
         ),
         *confusions.FIGURES,
-        *own.FIGURES,
+        Figure(
+            "own_accuracy_vs_n",
+            Table("own_accuracy_vs_n", own_accuracy_vs_n, of=RUNS),
+            draw_own,
+            title="Test accuracy against training samples",
+            caption="Test accuracy against the number of training samples, of runs that were "
+            "started by hand, with 95 % intervals: a panel per data set.",
+        ),
     ],
     numbers=[Numbers(quantities, of=[RUNS])],
 )

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from typing import TYPE_CHECKING, Any
 
 import pandas as pd
@@ -51,10 +50,10 @@ def forest(frame: pd.DataFrame) -> pd.DataFrame:
         for size, n in zip(SIZES, (FEW, every.sizes[-1]), strict=True):
             for form in HELD:
                 gap = every.difference(form, RIVAL_FORM, n)
-                if not math.isnan(gap.value):
-                    at = {"size": size, "n": n, "form": form}
-                    lines.append(about | at | gap.columns("difference"))
-    return pd.DataFrame([*lines, *_pooled(frame)] if lines else [])
+                at = {"size": size, "n": n, "form": form}
+                lines.append(about | at | gap.columns("difference"))
+    found = pd.DataFrame([*lines, *_pooled(frame)] if lines else [])
+    return found.dropna(subset="difference") if lines else found
 
 
 def _pooled(frame: pd.DataFrame) -> list[dict[str, Any]]:
@@ -82,27 +81,27 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     forms = [form for form in HELD if form in set(data.form)]
     for axes, letter, (size, title) in zip(panels, "ab", SIZES.items(), strict=True):
         _frame(axes, rows)
-        shown = data[data["size"] == size]
-        for kinds, apart in (((CAPTURED, COMPUTED, SIMULATED), 0.66), ((ALL,), 0.0)):
+        of_size = data[data["size"] == size]
+        pooled = of_size.kind == ALL  # a row per form
+        for shown, apart in ((of_size[~pooled], 0.66), (of_size[pooled], 0.0)):
             intervals(
                 axes,
-                shown[shown.kind.isin(kinds)],
-                "difference",
-                "recording",
-                "form",
+                shown,
+                *("difference", "recording", "form"),
                 names=rows,
                 hues=forms,
                 look=lambda form: {"elinewidth": 0.9, **_look(form)},
                 scale=100,
                 apart=apart,
             )
-        for missing in sorted(set(data.recording) - set(shown.recording)):
-            place: Any = {"ha": "right", "va": "center", "fontsize": 7, "color": "0.4"}
-            axes.text(0, rows.index(missing), "not measured ", **place)
         axes.set_title(f"({letter}) {title}", loc="left", fontsize=8, pad=3)
-    panels[0].set_yticks(range(len(rows)), map(_name, rows), fontsize=8)
-    for label, name in zip(panels[0].get_yticklabels(), rows, strict=True):
-        label.set_fontweight("bold" if name in HEADINGS else "normal")
+    names = [literal(scene_name(row).removeprefix(EVERY)) for row in rows]
+    shown_rows = [
+        HEADINGS.get(row, name) for row, name in zip(rows, names, strict=True)
+    ]
+    panels[0].set_yticks(range(len(rows)), shown_rows, fontsize=8)
+    for label, row in zip(panels[0].get_yticklabels(), rows, strict=True):
+        label.set_fontweight("bold" if row in HEADINGS else "normal")
     handles: list[Any] = [handle(form, **_look(form)) for form in forms]
     handles.append(Patch(color="0.88", label=f"±{MARGIN:g} percentage points"))
     legend_below(figure, handles, 2)
@@ -110,11 +109,6 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
 
 def _look(form: str) -> dict[str, Any]:
     return {**look_of(form), "ls": "", "ms": 3.5}
-
-
-def _name(row: str) -> str:
-    """The label of a row: a heading, a form or a data set."""
-    return HEADINGS.get(row) or literal(scene_name(row).removeprefix(EVERY))
 
 
 def _rows(data: pd.DataFrame) -> list[str]:

@@ -17,7 +17,6 @@ classified when the rules were written have a further row.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
@@ -46,6 +45,7 @@ from experiments.studies.claims.rules import (
 YES, NO, OPEN = "yes", "no", "open"
 CONFIRMATORY = "confirmatory"
 Asked = Claim | Times | Choice
+Row = dict[str, Any]
 COLUMNS = [
     *("rules", "claim", "says", "by", "rival", "size", "status", "word", "unit", "why"),
     *("mean", "mean_low", "mean_high", "probability"),
@@ -64,28 +64,26 @@ def judge(rules: Rules, frame: pd.DataFrame) -> pd.DataFrame:
     """
     rows = []
 
-    def about(
-        name: str, asked: Asked, rival: str, size: Size, status: str = "all"
-    ) -> dict[str, Any]:
+    def add(
+        name: str, asked: Asked, rival: str, size: Size, found: Row, status: str = "all"
+    ) -> None:
         said = {"rules": rules.version, "claim": name, "says": asked.says}
-        return said | {"by": asked.by, "rival": rival, "size": size, "status": status}
+        said |= {"by": asked.by, "rival": rival, "size": size, "status": status}
+        rows.append(said | found)
 
     for name, claim in rules.claims.items():
         lines = of_experiment(frame, claim.experiment)
         for size in claim.sizes or rules.sizes:
             for status in ("all", CONFIRMATORY):
-                part = recordings_of(rules, claim, size, status)
-                if part:
-                    of = about(name, claim, claim.rival, size, status)
-                    rows.append(of | _judged(rules, claim, size, part, lines))
+                if part := recordings_of(rules, claim, size, status):
+                    found = _judged(rules, claim, size, part, lines)
+                    add(name, claim, claim.rival, size, found, status)
     for name, times in rules.times.items():
-        lines = of_experiment(frame, times.experiment)
-        of = about(name, times, times.model, TRAINED)
-        rows.append(of | judge_times(times, lines))
+        found = judge_times(times, of_experiment(frame, times.experiment))
+        add(name, times, times.model, TRAINED, found)
     for name, choice in rules.choices.items():
-        lines = of_experiment(frame, choice.experiment)
-        of = about(name, choice, choice.among[0], choice.size)
-        rows.append(of | judge_choice(rules, choice, lines))
+        found = judge_choice(rules, choice, of_experiment(frame, choice.experiment))
+        add(name, choice, choice.among[0], choice.size, found)
     return pd.DataFrame(rows, columns=COLUMNS)
 
 
@@ -112,11 +110,11 @@ def _judged(
     size: Size,
     recordings: Mapping[str, Recording],
     frame: pd.DataFrame,
-) -> dict[str, Any]:
+) -> Row:
     found: dict[str, Difference] = {}
     reasons: dict[str, list[str]] = {}
     for name, recording in recordings.items():
-        measured = {"scene": name, **claim.lines}
+        measured = {"scene": name}
         if claim.split:
             measured[claim.split] = recording.split
         lines = _lines(claim, size, _having(frame, measured))
@@ -125,27 +123,26 @@ def _judged(
             reasons.setdefault(one, []).append(name)
         else:
             found[name] = one
-    row: dict[str, Any] = {"word": OPEN, "unit": "points"}
-    row["why"] = "; ".join(f"{why}: {', '.join(of)}" for why, of in reasons.items())
+    why = "; ".join(f"{why}: {', '.join(of)}" for why, of in reasons.items())
+    row: Row = {"word": OPEN, "unit": "points", "why": why}
+    if why:
+        return row
     values, variances = by_source(rules, found)
-    if values and not reasons:
-        joined = Joined(values, variances, rules.prior)
-        likely = joined.above(-rules.margin)
-        row |= _points(joined.mean()).columns("mean") | {"probability": likely}
-        row |= _points(mean_interval(values)).columns("equal")
-        row["sources"] = len(values)
-        row["word"] = word_of(likely, rules.sure)
-    return row
+    joined = Joined(values, variances, rules.prior)
+    likely = joined.above(-rules.margin)
+    row |= _points(joined.mean()).columns("mean") | {"probability": likely}
+    row |= _points(mean_interval(values)).columns("equal")
+    return row | {"sources": len(values), "word": word_of(likely, rules.sure)}
 
 
-def judge_choice(rules: Rules, choice: Choice, lines: pd.DataFrame) -> dict[str, Any]:
+def judge_choice(rules: Rules, choice: Choice, lines: pd.DataFrame) -> Row:
     """The first form whose mean accuracy over sources is at most the margin below the best one's.
 
     The word is the name of the form; its mean is the gain over the first form, with its interval
     over sources of equal weight.
     """
     first, *others = choice.among
-    gains: dict[str, dict[str, Any]] = {first: {"equal": 0.0}}
+    gains: dict[str, Row] = {first: {"equal": 0.0}}
     for form in others:
         claim = choice.against_the_first(form)
         entering = recordings_of(rules, claim, choice.size, "all")
@@ -158,14 +155,14 @@ def judge_choice(rules: Rules, choice: Choice, lines: pd.DataFrame) -> dict[str,
     return gains[word] | said
 
 
-def judge_times(times: Times, lines: pd.DataFrame) -> dict[str, Any]:
+def judge_times(times: Times, lines: pd.DataFrame) -> Row:
     """The word on a ratio of training times, and the ratios.
 
     Each measurement gives the ratio of medians and that of minima over its undisturbed fits. *Yes*
     where all ratios of all measurements are at least that of the claim, *no* where all are below,
     otherwise *open*. The mean is the geometric one of the ratios of medians; its range that of all.
     """
-    row: dict[str, Any] = {"word": OPEN, "unit": "×", "why": ""}
+    row: Row = {"word": OPEN, "unit": "×", "why": ""}
     if len(lines):
         lines = lines[lines.threads == times.threads]
     records = list(lines.record.unique()) if len(lines) else []
@@ -253,8 +250,6 @@ def difference(
     """
     if not len(lines):
         return "not measured"
-    if claim.disturbed and lines[claim.disturbed].astype(bool).any():
-        return "disturbed"
     asked = lines[claim.asked]
     drawn = [name for name in ("seed", "draw") if name in lines.dropna(axis=1)]
     shares = lines.pivot_table("share", drawn, "form")
@@ -275,16 +270,12 @@ def by_source(
 ) -> tuple[list[float], list[float]]:
     """The number of each source, the mean of its recordings, and its variance: that within the
     recordings or that between them, whichever is larger, over how many there are."""
-    sources: dict[str, list[Difference]] = {}
-    for name, one in found.items():
-        sources.setdefault(rules.recordings[name].source, []).append(one)
-    values, variances = [], []
-    for each in sources.values():
-        means, within = np.array(each).T
-        between = means.var(ddof=1) if len(means) > 1 else 0.0
-        values.append(float(means.mean()))
-        variances.append(float(max(within.mean(), between)) / len(means))
-    return values, variances
+    sources = [rules.recordings[name].source for name in found]
+    every = pd.DataFrame(found.values(), columns=Difference._fields)
+    by_source = every.groupby(sources, sort=False)
+    within, between = by_source.variance.mean(), by_source["mean"].var().fillna(0.0)
+    variances = np.maximum(within, between) / by_source.size()
+    return by_source["mean"].mean().tolist(), variances.tolist()
 
 
 # Sources to all -----------------------------------------------------------------------------------
@@ -295,7 +286,6 @@ N_BETWEEN = 32  # values of τ, each as likely by its prior
 N_SCALES = 12  # nodes for Student's t
 
 
-@functools.cache
 def _variances(
     prior: Prior,
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:

@@ -43,15 +43,14 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         experiment: whose lines are the evidence.
         form, ``rival``: models; the same where `of_form` and `of_rival` tell them apart.
         split: column with the kind of split; lines of another than the recording's do not count.
-        lines, of_form, of_rival: values of columns that all lines have, the lines of the form, and
-            the lines of the ``rival``.
+        of_form, of_rival: values of columns that the lines of the form have, and the lines of the
+            ``rival``.
         recordings: that enter; all if none are named.
         sizes: training frames of a class; the sizes of the rules if none are named; ``as trained``
             if the experiment has one size.
         draws: of a recording, if fewer than the rules have.
         right, asked: columns with right answers, and with test frames.
         rival_right, rival_asked: the same of the ``rival``, if they are others.
-        disturbed: column that is true where a line was disturbed; empty if nothing can be.
     """
 
     says: str
@@ -60,7 +59,6 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     form: str
     rival: str
     split: str = ""
-    lines: dict[str, Any] = {}
     of_form: dict[str, Any] = {}
     of_rival: dict[str, Any] = {}
     recordings: tuple[str, ...] = ()
@@ -70,7 +68,6 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     asked: str = "n_test"
     rival_right: str = ""
     rival_asked: str = ""
-    disturbed: str = ""
 
 
 class Times(msgspec.Struct, frozen=True, forbid_unknown_fields=True):

@@ -22,6 +22,7 @@ The new samples are the first in time, and the test samples come after them.
 from __future__ import annotations
 
 import copy
+import itertools
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
@@ -36,7 +37,7 @@ from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.task import Context, Row, Task
 from experiments.records.rows import pack_labels
-from experiments.studies.drift.zeroing import Unlabelled, untouched, zeroed
+from experiments.studies.drift.zeroing import rezeroed, unlabelled
 from hdc import HDCClassifier
 from hdc.readouts import LDA, Kernel, make_readout
 from scenes.frames import Scene
@@ -76,47 +77,86 @@ class Drift(Task, frozen=True):
     no_touch: str = ""
 
     def rows(self, context: Context) -> Iterator[Row]:
-        labelled = models_of(self.models)
-        unlabelled = models_of(self.zeroing or {})
         for seed, two_sessions in context.scenes(self.scene, self.seeds):
             bank = bank_of(two_sessions)
             choice = choose(two_sessions, self.old_split, self.n_test, seed)
-            kept = Answers(bank, choice)
-            common = {"origin": two_sessions.origin, "seed": seed}
-            for name, model in labelled.items():
-                made = updates(bank, choice, model, self.n_new, self.p, seed)
-                for about, predicted in made:
-                    yield {**common, "model": name, **kept.row(about, predicted)}
+            same = {
+                "origin": two_sessions.origin,
+                "seed": seed,
+                "n_old": len(choice.old),
+                "n_test_new": len(choice.new_test),
+                "n_test_old": len(choice.old_test),
+                "p": None,
+                "share": None,
+            }
+            truth = {"labels": pack_labels(bank.labels[choice.asked])}
+            classes = list(two_sessions.classes)
+            is_there = self.no_touch in classes
+            no_touch = classes.index(self.no_touch) if is_there else None
+            made = self._answers(bank, choice, seed, no_touch)
+            for about, predicted in made:
+                yield {**same, **about, "predicted": pack_labels(predicted), **truth}
+                truth = {}  # the first row has it for all
             context.note(f"seed {seed}")
-            if seed not in self.zeroing_seeds:
-                continue
-            frames = Unlabelled(
-                self.n_zero, self.shares, self.n_shares, self.n_untouched, favoured=seed
+
+    def _answers(
+        self, bank: Bank, choice: Choice, seed: int, no_touch: int | None
+    ) -> Iterator[tuple[Row, np.ndarray]]:
+        """Rows of each model and its updates, with their predictions for the samples asked."""
+        for name, model in models_of(self.models).items():
+            for row, predicted in updates(
+                bank, choice, model, self.n_new, self.p, seed
+            ):
+                yield {"model": name, **row}, predicted
+        if seed not in self.zeroing_seeds:
+            return
+        for name, model in models_of(self.zeroing or {}).items():
+            for row, predicted in self._zeroings(bank, choice, model, seed, no_touch):
+                yield {"model": name, **row}, predicted
+
+    def _zeroings(
+        self, bank: Bank, choice: Choice, model: Any, seed: int, no_touch: int | None
+    ) -> Iterator[tuple[Row, np.ndarray]]:
+        """The stored model, re-referenced without labels, and trained on new samples alone."""
+        of_choice = (model, bank, choice.old, choice.asked)
+        sizes: list[tuple[int, float | None]] = [(n, None) for n in self.n_zero]
+        sizes += itertools.product(self.n_shares, map(float, self.shares))
+        found = unlabelled(choice.pool, bank.labels, sizes, seed, bank.n_classes)
+        choices: list[Any] = [(0, None, None), *found]  # as it is stored, and updated
+        afters = [frames for _, _, frames in choices]
+        made = rezeroed(*of_choice, choice.old, afters)
+        for (n, share, _), predicted in zip(choices, made, strict=True):
+            method = "zeroed" if n else "stored"
+            yield {"method": method, "n_new": n, "share": share}, predicted
+        for n, new in subsets(choice, bank.labels, self.n_alone).items():
+            yield (
+                {"method": "new", "n_new": n},
+                evaluate(model, bank, new, choice.asked),
             )
-            without = _index_of(self.no_touch, two_sessions.classes)
-            for name, model in unlabelled.items():
-                made = zeroings(bank, choice, model, self.n_alone, frames, without)
-                for about, predicted in made:
-                    yield {**common, "model": name, **kept.row(about, predicted)}
-            context.note(f"seed {seed}, without labels")
-
-
-def _index_of(name: str, classes: Sequence[str]) -> int | None:
-    return list(classes).index(name) if name in classes else None
+        if no_touch is None:
+            return
+        before, without = (
+            each[bank.labels[each] == no_touch] for each in (choice.old, choice.pool)
+        )
+        numbers = [n for n in self.n_untouched if n <= len(without)]
+        made = rezeroed(*of_choice, before, [without[:n] for n in numbers])
+        for n, predicted in zip(numbers, made, strict=True):
+            yield {"method": "untouched", "n_new": n}, predicted
 
 
 class Choice(NamedTuple):
     """Sample indices: N_old of the first session, the pool of the second that may recalibrate, and
-    test samples by session (``new``, ``old``)."""
+    the test samples of the second and of the first session."""
 
     old: np.ndarray
     pool: np.ndarray
-    tests: Mapping[str, np.ndarray]
+    new_test: np.ndarray
+    old_test: np.ndarray
 
     @property
     def asked(self) -> np.ndarray:
         """All test samples, the second session first."""
-        return np.concatenate([self.tests["new"], self.tests["old"]])
+        return np.concatenate([self.new_test, self.old_test])
 
 
 def choose(
@@ -132,7 +172,7 @@ def choose(
     in_time = scene.samples["order"][second]
     labels = scene.labels[second]
     pool, test = split(labels, n_test=n_test, kind="ordered", seed=seed, order=in_time)
-    return Choice(old, second[pool], {"new": second[test], "old": test_old})
+    return Choice(old, second[pool], second[test], test_old)
 
 
 def subsets(
@@ -151,27 +191,6 @@ def subsets(
     return {n: ordered[:n] for n in sizes}
 
 
-class Answers:
-    """Rows of what models answer to the test samples of a choice; the first has their classes."""
-
-    def __init__(self, bank: Bank, choice: Choice) -> None:
-        self.same = {
-            "n_old": len(choice.old),
-            "n_test_new": len(choice.tests["new"]),
-            "n_test_old": len(choice.tests["old"]),
-        }
-        self.labels: np.ndarray | None = bank.labels[choice.asked]
-
-    def row(self, about: Row, predicted: np.ndarray) -> Row:
-        """A row of one update, with what the updated model predicted."""
-        row = {"p": None, "share": None, **about, **self.same}
-        row["predicted"] = pack_labels(predicted)
-        if self.labels is not None:
-            row["labels"] = pack_labels(self.labels)
-            self.labels = None
-        return row
-
-
 def updates(
     bank: Bank,
     choice: Choice,
@@ -182,31 +201,14 @@ def updates(
 ) -> Iterator[tuple[Row, np.ndarray]]:
     """The stored model, then every way to update it with the same labelled samples; and what each
     predicts."""
-    stored = evaluate(model, bank, choice.old, choice.asked)
-    yield {"method": "stored", "n_new": 0}, stored
+    old, asked = choice.old, choice.asked
+    yield {"method": "stored", "n_new": 0}, evaluate(model, bank, old, asked)
     drawn = int(np.random.default_rng((seed, 0)).integers(2**31))
     for n, new in subsets(choice, bank.labels, n_new).items():
-        made = ways(model, bank, choice.old, new, choice.asked, p, drawn + n)
-        for method, parameter, predicted in made:
+        for method, parameter, predicted in ways(
+            model, bank, old, new, asked, p, drawn + n
+        ):
             yield {"method": method, "p": parameter, "n_new": n}, predicted
-
-
-def zeroings(
-    bank: Bank,
-    choice: Choice,
-    model: Any,
-    n_alone: Sequence[int],
-    frames: Unlabelled,
-    no_touch: int | None,
-) -> Iterator[tuple[Row, np.ndarray]]:
-    """The stored model, re-referenced without labels, and trained on new samples alone."""
-    yield from zeroed(model, bank, choice.old, choice.pool, choice.asked, frames)
-    for n, new in subsets(choice, bank.labels, n_alone).items():
-        yield {"method": "new", "n_new": n}, evaluate(model, bank, new, choice.asked)
-    if no_touch is not None:
-        yield from untouched(
-            model, bank, choice.old, choice.pool, choice.asked, frames, no_touch
-        )
 
 
 def ways(

@@ -26,7 +26,6 @@ UPDATES = {
     "zeroed": "re-referenced, all classes alike",
     "untouched": "re-referenced, no touch",
 }
-SESSIONS = ("new", "old")
 
 
 def update_name(method: str, p: float | None, share: float | None) -> str:
@@ -47,15 +46,18 @@ def accuracies(lines: pd.DataFrame) -> pd.DataFrame:
     """
     lines = lines.assign(share=lines.get("share", np.nan))
     names = map(update_name, lines.method, lines.p, lines.share)
-    new, old = [], []
+    right_new, right_old = [], []
     answers = zip(lines.labels, lines.predicted, lines.n_test_new, strict=True)
-    for labels, predicted, first in answers:
+    for labels, predicted, n_new in answers:
         right = unpack_labels(labels) == unpack_labels(predicted)
-        new.append(int(right[:first].sum()))
-        old.append(int(right[first:].sum()))
-    lines = lines.assign(update=list(names), right_new=new, right_old=old)
+        right_new.append(int(right[:n_new].sum()))
+        right_old.append(int(right[n_new:].sum()))
     return lines.assign(
-        new=lines.right_new / lines.n_test_new, old=lines.right_old / lines.n_test_old
+        update=list(names),
+        right_new=right_new,
+        right_old=right_old,
+        new=right_new / lines.n_test_new,
+        old=right_old / lines.n_test_old,
     )
 
 
@@ -73,25 +75,26 @@ def regained(frame: pd.DataFrame) -> pd.DataFrame:
     every = accuracies(frame)
     is_stored = every.method == "stored"
     of_sensor = ["scene", "model", "seed"]
-    stored = every.loc[is_stored, [*of_sensor, *SESSIONS]]
+    stored = every.loc[is_stored, [*of_sensor, "new", "old"]]
     updated = every[~is_stored].merge(
         stored, on=of_sensor, suffixes=("", "_stored"), validate="m:1"
     )
     lines = []
     for key, way in updated.groupby(KEYS, sort=False, dropna=False):
         first = way.iloc[0]
+        lost, won = way.old_stored - way.new_stored, way.new - way.new_stored
+        found = {
+            "before": estimates.mean_share(way.old_stored.tolist(), first.n_test_old),
+            "stored": estimates.mean_share(way.new_stored.tolist(), first.n_test_new),
+            "updated": estimates.mean_share(way.new.tolist(), first.n_test_new),
+            "old": estimates.mean_share(way.old.tolist(), first.n_test_old),
+            "lost": estimates.mean_interval(lost.tolist()),
+            "regained": ratio(won, lost),
+        }
         line: dict[str, Any] = dict(zip(KEYS, key, strict=True))
         line["labels"] = first.method not in UNLABELLED
-        for name, values, n_test in (
-            ("before", way.old_stored, first.n_test_old),
-            ("stored", way.new_stored, first.n_test_new),
-            ("updated", way.new, first.n_test_new),
-            ("old", way.old, first.n_test_old),
-        ):
-            line |= estimates.mean_share(values.tolist(), n_test).columns(name)
-        lost = way.old_stored - way.new_stored
-        line |= estimates.mean_interval(lost.tolist()).columns("lost")
-        line |= ratio(way.new - way.new_stored, lost).columns("regained")
+        for name, estimate in found.items():
+            line |= estimate.columns(name)
         line["seeds"] = len(way)
         line["n_classes"] = len(np.unique(unpack_labels(first.labels)))
         lines.append(line)
@@ -109,18 +112,19 @@ def ratio(parts: pd.Series, wholes: pd.Series) -> Estimate:
     return estimates.mean_interval(linear.tolist())
 
 
+def best(rows: pd.DataFrame, *by: str) -> pd.DataFrame:
+    """The rows with the highest mean on the test samples, which favours models with many updates;
+    one for each combination of values of some columns."""
+    return rows.loc[rows.groupby(list(by), sort=False).updated.idxmax()]
+
+
 def best_updates(frame: pd.DataFrame) -> pd.DataFrame:
     """The rows of :func:`regained` with the best update of each model: with at most :data:`N_NEW`
     labelled samples, and without labels, by equally many frames of all classes or by frames without
-    touch.
-
-    The best has the highest mean on the test samples: the choice favours models with many updates.
-    """
+    touch."""
     found = regained(frame)
-    is_allowed = ~found.labels | (found.n_new <= N_NEW)
-    allowed = found[found.share.isna() & is_allowed]
-    by_model = allowed.groupby(["scene", "model", "labels"], sort=False)
-    return allowed.loc[by_model.updated.idxmax()]
+    is_allowed = found.share.isna() & (~found.labels | (found.n_new <= N_NEW))
+    return best(found[is_allowed], "scene", "model", "labels")
 
 
 def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
@@ -137,13 +141,10 @@ def recalibrated(frame: pd.DataFrame) -> pd.DataFrame | None:
     of_hdc = found[(found.model == "hdc") & found.method.isin(("new", "replace"))]
     if not len(of_hdc):
         return None
-    without = found.model[~found.labels]
-    labelled = found[found.labels & ~found.model.isin(without)]
-    after = labelled[labelled.n_new == N_NEW]
-    best = after.loc[after.groupby("model", sort=False).updated.idxmax()]
-    of_models = best[["model", "update"]].merge(labelled)
+    labelled = found[~found.model.isin(found.model[~found.labels])]
+    of_models = best(labelled[labelled.n_new == N_NEW], "model")[["model", "update"]]
     shares = of_hdc.fillna({"p": 1}).assign(panel="shares")
-    return pd.concat([shares, of_models.assign(panel="models")])
+    return pd.concat([shares, of_models.merge(labelled).assign(panel="models")])
 
 
 def unlabelled(frame: pd.DataFrame) -> pd.DataFrame:

@@ -17,120 +17,57 @@ from __future__ import annotations
 
 import copy
 import warnings
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterable, Iterator
 from typing import Any
 
 import numpy as np
 
-from baselines.bank import Bank, Rows
-from experiments.records.rows import Row
+from baselines.bank import Bank
 from hdc import HDCClassifier
-from hdc.encoders import RelativeEncoder, make_encoder
+
+Choice = tuple[int, float | None, np.ndarray]  # n, share of one class, frames
 
 
-@dataclass(frozen=True)
-class Unlabelled:
-    """Unlabelled frames by which a model is re-referenced.
+def unlabelled(
+    pool: np.ndarray,
+    labels: np.ndarray,
+    sizes: Iterable[tuple[int, float | None]],
+    favoured: int,
+    n_classes: int,
+) -> Iterator[Choice]:
+    """Unlabelled frames of each size that the pool can fill, its first in time.
 
     Args:
-        sizes: numbers of frames, all classes alike.
-        shares: of one class among the frames.
-        of_shares: numbers of frames with such a share.
-        untouched: numbers of frames in which nobody touches.
+        pool: indices of frames, in order of time.
+        labels: classes of all frames, by index.
+        sizes: numbers of frames, and the share of one class among them; None: all classes alike.
         favoured: which class has the share, modulo the number of classes.
+        n_classes: L.
     """
-
-    sizes: Sequence[int]
-    shares: Sequence[float]
-    of_shares: Sequence[int]
-    untouched: Sequence[int]
-    favoured: int
-
-    def choices(
-        self, pool: np.ndarray, labels: np.ndarray, n_classes: int
-    ) -> Iterator[tuple[int, float | None, np.ndarray]]:
-        """(n, share, frames) for each choice that the pool can fill, its first frames in time.
-
-        Args:
-            pool: indices of frames, in order of time.
-            labels: classes of all frames, by index.
-            n_classes: L.
-        """
-        for n in self.sizes:
-            chosen = first_of_each(pool, labels, _evenly(n, n_classes))
-            if chosen is not None:
-                yield n, None, chosen
-        for n in self.of_shares:
-            for share in self.shares:
-                counts = self._counts(n, share, n_classes)
-                chosen = first_of_each(pool, labels, counts)
-                if chosen is not None:
-                    yield n, share, chosen
-
-    def _counts(self, n: int, share: float, n_classes: int) -> np.ndarray:
-        """Frames of each class [L]: a share of one, the others alike."""
-        favoured = self.favoured % n_classes
-        of_favoured = round(share * n)
-        others = _evenly(n - of_favoured, n_classes - 1)
-        return np.insert(others, favoured, of_favoured)
+    for n, share in sizes:
+        if share is None:
+            counts = _evenly(n, n_classes)
+        else:
+            others = _evenly(n - round(share * n), n_classes - 1)
+            counts = np.insert(others, favoured % n_classes, round(share * n))
+        chosen = first_of_each(pool, labels, counts)
+        if chosen is not None:
+            yield n, share, chosen
 
 
 def _evenly(n: int, n_classes: int) -> np.ndarray:
     """n as L numbers, the first of which may be larger by one."""
-    counts = np.full(n_classes, n // n_classes)
-    counts[: n % n_classes] += 1
-    return counts
+    return (n + np.arange(n_classes)[::-1]) // n_classes
 
 
 def first_of_each(
     pool: np.ndarray, labels: np.ndarray, counts: np.ndarray
 ) -> np.ndarray | None:
     """The first of the pool of each class, as many as counts [L] say; None where there are less."""
-    parts = []
-    for label, count in enumerate(counts.tolist()):
-        of_class = pool[labels[pool] == label]
-        if len(of_class) < count:
-            return None
-        parts.append(of_class[:count])
-    return np.concatenate(parts)
-
-
-def zeroed(
-    model: Any,
-    bank: Bank,
-    old: np.ndarray,
-    pool: np.ndarray,
-    asked: np.ndarray,
-    frames: Unlabelled,
-) -> Iterator[tuple[Row, np.ndarray]]:
-    """Rows of a stored model and of that model re-referenced by each choice of unlabelled frames;
-    and what they predict."""
-    choices = list(frames.choices(pool, bank.labels, bank.n_classes))
-    afters = [chosen for _, _, chosen in choices]
-    stored, *found = rezeroed(model, bank, old, asked, old, [None, *afters])
-    yield {"method": "stored", "n_new": 0}, stored
-    for (n, share, _), predicted in zip(choices, found, strict=True):
-        yield {"method": "zeroed", "n_new": n, "share": share}, predicted
-
-
-def untouched(
-    model: Any,
-    bank: Bank,
-    old: np.ndarray,
-    pool: np.ndarray,
-    asked: np.ndarray,
-    frames: Unlabelled,
-    no_touch: int,
-) -> Iterator[tuple[Row, np.ndarray]]:
-    """Rows of a model whose references are frames of the class `no_touch`."""
-    before = old[bank.labels[old] == no_touch]
-    without = pool[bank.labels[pool] == no_touch]
-    sizes = [n for n in frames.untouched if n <= len(without)]
-    afters = [without[:n] for n in sizes]
-    found = rezeroed(model, bank, old, asked, before, afters)
-    for n, predicted in zip(sizes, found, strict=True):
-        yield {"method": "untouched", "n_new": n}, predicted
+    of_classes = [pool[labels[pool] == label] for label in range(len(counts))]
+    if any(len(of) < n for of, n in zip(of_classes, counts, strict=True)):
+        return None
+    return np.concatenate([of[:n] for of, n in zip(of_classes, counts, strict=True)])
 
 
 def rezeroed(
@@ -139,41 +76,15 @@ def rezeroed(
     train: np.ndarray,
     asked: np.ndarray,
     before: np.ndarray,
-    afters: Sequence[np.ndarray | None],
+    afters: Iterable[np.ndarray | None],
 ) -> Iterator[np.ndarray]:
     """Labels of the frames asked, by a model of training frames minus the mean of those `before`;
-    from the frames asked the mean of each of `afters` is subtracted, or (None) the same.
-
-    Raises:
-        TypeError: for a model that cannot be re-referenced.
-    """
-    if isinstance(model, HDCClassifier):
-        yield from _of_hdc(model, bank, train, asked, before, afters)
+    from the frames asked the mean of each of `afters` is subtracted, or (None) the same."""
+    if not isinstance(model, HDCClassifier):
+        for after in afters:
+            reference = before if after is None else after
+            yield model.predict_zeroed(bank, train, asked, before, reference)
         return
-    if not hasattr(model, "predict_zeroed"):
-        raise TypeError(
-            "task.zeroing: expected models with a method predict_zeroed, or HDC with encoder "
-            f"'reference', found {type(model).__name__}"
-        )
-    for after in afters:
-        reference = before if after is None else after
-        yield model.predict_zeroed(bank, train, asked, before, reference)
-
-
-def _of_hdc(
-    model: HDCClassifier,
-    bank: Bank,
-    train: np.ndarray,
-    asked: np.ndarray,
-    before: np.ndarray,
-    afters: Sequence[np.ndarray | None],
-) -> Iterator[np.ndarray]:
-    """The same by HDC itself, whose encoder is a reference."""
-    encoder = make_encoder(model.encoder)
-    if not isinstance(encoder, RelativeEncoder):
-        raise TypeError(
-            f"task.zeroing: expected encoder 'reference', found {encoder!r}"
-        )
     stored = model.unlearned()
     if not np.array_equal(before, train):
         stored.set_params(encoder__frame=bank.at(before)[:].numpy(force=True))
@@ -181,13 +92,9 @@ def _of_hdc(
     for after in afters:
         updated = copy.deepcopy(stored)
         if after is not None:
-            _zero(updated, bank.at(after))
+            with warnings.catch_warnings():
+                # What frames of one class do to a model is measured here; a single frame minus
+                # itself is constant.
+                warnings.filterwarnings("ignore", message="rezero:|.*constant frame")
+                updated.rezero(bank.at(after))
         yield updated.predict(bank.at(asked))
-
-
-def _zero(model: HDCClassifier, frames: Rows) -> None:
-    with warnings.catch_warnings():
-        # What frames of one class do to a model is measured here; a single frame minus
-        # itself is constant.
-        warnings.filterwarnings("ignore", message="rezero:|.*constant frame")
-        model.rezero(frames)

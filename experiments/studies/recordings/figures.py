@@ -1,4 +1,4 @@
-"""Error against training time on public data sets."""
+"""Error against training time on public data sets, and how often a model is fast for its error."""
 
 from __future__ import annotations
 
@@ -95,14 +95,71 @@ def _draw_models(axes: Axes, rows: pd.DataFrame) -> None:
     axes.set_axisbelow(True)
 
 
-FIGURE = Figure(
-    "recordings_error_vs_time",
-    Table("recordings_error_vs_time", errors, of=COSTS_OF),
-    draw_errors,
-    title="Test error against training time, one data set of each source",
-    details=_details,
-    caption="Test error against training time at the most frames per class, one panel per "
-    "source (its first data set; the table has all), with compiled kernels if "
-    "faster. Grey line: the Pareto front, where no other model has less of both.",
-    size=(7.0, 4.3),
-)
+# The performance profile --------------------------------------------------------------------------
+
+
+def profile(frame: pd.DataFrame) -> pd.DataFrame | None:
+    """A row for each model and recording at the most frames per class.
+
+    ``factor`` is its training time relative to the fastest model that errs no more, which may be
+    itself; ``share`` is the share of recordings on which its factor is at most this one (Dolan and
+    Moré, Math. Program. 91, 201 (2002)). Models that were not measured on all recordings are left
+    out.
+    """
+    most = at_most_frames(frame)
+    if not len(most):
+        return None
+    ordered = most.sort_values("error")
+    fastest = ordered.groupby("recording").fit_best_s.cummin()
+    fastest = fastest.groupby([ordered.recording, ordered.error]).transform("min")
+    lines = ordered.assign(factor=ordered.fit_best_s / fastest)
+    every = lines.recording.nunique()
+    whole = lines.groupby("model").recording.transform("nunique") == every
+    lines = lines[whole].sort_values(["model", "factor"], kind="stable")
+    rank = lines.groupby("model").factor.rank("max")
+    return lines.assign(share=rank / every)[["model", "factor", "share"]]
+
+
+def draw_profile(figure: Canvas, data: pd.DataFrame) -> None:
+    """A step line per model, from the left edge to the right one."""
+    axes = figure.subplots()
+    other: Any = {"marker": "", "color": "0.8", "lw": 0.8, "zorder": 1}
+    end = 1.5 * data.factor.max()
+    for model, rows in data.groupby("model"):
+        look = {**look_of(str(model)), "ms": 4} if model in FORMS else other
+        factors = [1.0, *rows.factor, end]
+        shares = [0.0, *rows.share, rows.share.max()]
+        measured = slice(1, len(factors) - 1)
+        axes.step(factors, shares, where="post", markevery=measured, **look)
+    axes.set(xscale="log", xlim=(0.95, end), ylim=(0, 1.03))
+    axes.set_xlabel("training time relative to\nthe fastest model of no more error")
+    axes.set_ylabel("share of data sets")
+    plain_decades(axes)
+    names = [handle(model) for model in FORMS if model in set(data.model)]
+    legend_below(figure, [*names, entry("other models", **other)], 2)
+
+
+FIGURES = [
+    Figure(
+        "recordings_error_vs_time",
+        Table("recordings_error_vs_time", errors, of=COSTS_OF),
+        draw_errors,
+        title="Test error against training time, one data set of each source",
+        details=_details,
+        caption="Test error against training time at the most frames per class, one panel per "
+        "source (its first data set; the table has all), with compiled kernels if "
+        "faster. Grey line: the Pareto front, where no other model has less of both.",
+        size=(7.0, 4.3),
+    ),
+    Figure(
+        "performance_profile",
+        Table("performance_profile", profile, of=COSTS_OF),
+        draw_profile,
+        title="How often a model is fast for its accuracy",
+        details=SPLIT,
+        caption="Share of the data sets on which a model trains within a factor of the fastest "
+        "model that errs no more than it does, at the most frames per class, with compiled kernels "
+        "if they are faster. At a factor of 1, a model is the fastest of its accuracy.",
+        size=(3.4, 3.4),
+    ),
+]

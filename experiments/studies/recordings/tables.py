@@ -6,7 +6,6 @@ import math
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-import numpy as np
 import pandas as pd
 
 from experiments.records import configs
@@ -50,42 +49,34 @@ class Accuracies:
     Attributes:
         sizes: frames per class at which some model was asked, increasing.
         models: names, in the order of the rows.
-        seeds: whether units are seeds, not draws of one recording.
-        units: draws or seeds, in rising order.
     """
 
     def __init__(self, of_recording: pd.DataFrame) -> None:
         rows = of_recording[of_recording.split == "counts"]
         self.models = [str(model) for model in rows.model.unique()]
-        self.seeds = seeds_are_units(rows)
+        self._seeds = seeds_are_units(rows)  # otherwise draws of one recording
         every = accuracies(rows)
         self.sizes: list[int] = sorted(every.n.unique().tolist())
-        asked = ["model", "n"]
+        asked = ["n", "model"]
         self._table = every.pivot(index="unit", columns=asked, values="accuracy")
-        self.units: list[Any] = self._table.index.tolist()
-
-    def by_unit(self, model: str, n: int) -> np.ndarray:
-        """Accuracy in each unit, [units]; NaN where the model was not asked."""
-        if (model, n) not in self._table:
-            return np.full(len(self.units), math.nan)
-        return self._table[model, n].to_numpy(float)
 
     def mean(self, model: str, n: int) -> Estimate:
         """Mean accuracy with its interval; NaN where the model was not asked."""
-        return self._estimate(self.by_unit(model, n))
+        return self._estimate(self._table.get((n, model)))
 
-    def pair(self, first: str, second: str, n: int) -> np.ndarray:
-        """Accuracies of two models in the units in which both were asked, [2, units]."""
-        both = np.stack([self.by_unit(first, n), self.by_unit(second, n)])
-        return both[:, ~np.isnan(both).any(axis=0)]
+    def pair(self, first: str, second: str, n: int) -> pd.DataFrame:
+        """Accuracies of two models in the units in which both were asked."""
+        of_size = self._table.get(n, pd.DataFrame())
+        return of_size.reindex(columns=[first, second]).dropna()
 
     def difference(self, first: str, second: str, n: int) -> Estimate:
         """How much more accurate one model is than another in the same units."""
-        return self._estimate(self.by_unit(first, n) - self.by_unit(second, n))
+        both = self.pair(first, second, n)
+        return self._estimate(both[first] - both[second])
 
-    def _estimate(self, by_unit: np.ndarray) -> Estimate:
-        values = by_unit[~np.isnan(by_unit)].tolist()
-        return over_units(values, self.seeds) if values else Estimate(math.nan)
+    def _estimate(self, by_unit: pd.Series | None) -> Estimate:
+        values = [] if by_unit is None else by_unit.dropna().tolist()
+        return over_units(values, self._seeds) if values else Estimate(math.nan)
 
 
 NOTE = (
@@ -160,13 +151,13 @@ def decomposition(frame: pd.DataFrame) -> pd.DataFrame:
         n = every.sizes[-1]
         for step in STEPS:
             # One of them may have been asked in fewer draws than the other.
-            before, after = every.pair(step.before, step.after, n)
-            if not len(before):
+            both = every.pair(step.before, step.after, n)
+            if not len(both):
                 continue
             line = {"recording": scene, "n": n, "step": step.name}
             line |= {"before": step.before, "after": step.after}
-            line |= {"before_accuracy": float(before.mean())}
-            line |= {"after_accuracy": float(after.mean())}
+            line |= {"before_accuracy": both[step.before].mean()}
+            line |= {"after_accuracy": both[step.after].mean()}
             change = every.difference(step.after, step.before, n)
             table.append(line | change.columns("change"))
     return pd.DataFrame(table)

@@ -1,11 +1,11 @@
 """Every model on public recordings.
 
-Accuracies and costs are two measurements with tables of their own (``tables``); ``profile`` joins
-all recordings in one figure, and ``figures`` has one panel each.
+Accuracies and costs are two measurements with tables of their own (``tables``); ``figures`` has a
+panel each, and all of them joined.
 """
 
 from experiments.reporting.study import Study
-from experiments.studies.recordings import figures, profile, tables
+from experiments.studies.recordings import figures, tables
 
 STUDY = Study(
     "recordings",
@@ -15,5 +15,5 @@ STUDY = Study(
     0.5,
     front=True,
     tables=tables.TABLES,
-    figures=[figures.FIGURE, profile.FIGURE],
+    figures=figures.FIGURES,
 )

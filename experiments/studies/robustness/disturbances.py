@@ -71,14 +71,6 @@ OF_FRAMES: dict[str, Callable[..., np.ndarray]] = {
 }
 
 
-def to_int8(tensor: Tensor) -> tuple[Tensor, Tensor]:
-    """Numbers as int8 of the same shape, and the step between two of them, []: x = q·step with q in
-    −127…127, as most libraries quantise for small devices."""
-    step = tensor.abs().max() / 127
-    q = torch.round(tensor / step.clamp(min=1e-30)).to(torch.int8)
-    return q, step
-
-
 @contextmanager
 def flipped_bits(
     tensors: Iterable[Tensor], rate: float, seed: Sequence[int]
@@ -88,31 +80,38 @@ def flipped_bits(
     The tensors are contiguous, on the CPU, of any type, and changed in place. The same seed flips
     the same bits, which undoes it.
     """
-    memory = []
-    for tensor in tensors:
-        stored = tensor.detach().view(-1).view(torch.uint8)
-        memory.append(stored.numpy())
-    _flip(memory, rate, seed)
+    memory = [given.detach().view(-1).view(torch.uint8).numpy() for given in tensors]
+
+    def flip() -> None:
+        random = np.random.default_rng(list(seed))
+        for stored in memory:
+            _flip(stored, rate, random)
+
+    flip()
     try:
         yield
     finally:
-        _flip(memory, rate, seed)
+        flip()
 
 
 @contextmanager
 def flipped_bits_of_int8(
     tensors: Iterable[Tensor], rate: float, seed: Sequence[int]
 ) -> Iterator[None]:
-    """:func:`flipped_bits` of a model whose floating-point tensors are stored in 8 bits a number.
+    """:func:`flipped_bits` of a model whose floating-point tensors are stored in 8 bits a number,
+    as most libraries quantise for small devices.
 
     x = q·s with q in −127…127 and a step s = max|x| / 127 for each tensor, which no flip reaches.
     """
     stored, rounded = [], []
     for tensor in (given.detach() for given in tensors):
         if tensor.is_floating_point():
-            q, step = to_int8(tensor)
+            step = tensor.abs().max() / 127
+            q = torch.round(tensor / step.clamp(min=1e-30)).to(torch.int8)
             rounded.append((tensor, tensor.clone(), q, step))
-        stored.append(q if tensor.is_floating_point() else tensor)
+            stored.append(q)
+        else:
+            stored.append(tensor)
     with flipped_bits(stored, rate, seed):
         for tensor, _, q, step in rounded:
             tensor.copy_(q * step)
@@ -130,7 +129,7 @@ def flipped_queries(
     used = bits.pack(torch.ones(1, words.dimension, dtype=torch.bool))
     packed = words.packed.clone()
     for part in packed.split(_FRAMES):
-        _flip_block_by_block(part.view(-1).view(torch.uint8).numpy(), rate, random)
+        _flip(part.view(-1).view(torch.uint8).numpy(), rate, random)
     return replace(words, packed=packed & used)
 
 
@@ -139,24 +138,12 @@ def flipped_pixels(
 ) -> np.ndarray:
     """Every bit of every pixel of frames [N, H, W] flipped with probability `level`."""
     result = frames.copy()
-    _flip_block_by_block(result.reshape(-1).view(np.uint8), level, random)
+    _flip(result.reshape(-1).view(np.uint8), level, random)
     return result
 
 
-def _flip(
-    memory: Sequence[np.ndarray],
-    rate: float,
-    seed: Sequence[int],
-) -> None:
-    random = np.random.default_rng(list(seed))
-    for stored in memory:
-        _flip_block_by_block(stored, rate, random)
-
-
-def _flip_block_by_block(
-    stored: np.ndarray, rate: float, random: np.random.Generator
-) -> None:
-    """Flip bits of bytes uint8 [n] in place."""
+def _flip(stored: np.ndarray, rate: float, random: np.random.Generator) -> None:
+    """Flip bits of bytes uint8 [n] in place, block by block."""
     for start in range(0, len(stored), _BLOCK):
         block = stored[start : start + _BLOCK]
         flips = np.zeros(8 * len(block), np.bool_)

@@ -13,6 +13,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 import torch
+from torch import Tensor
 
 from baselines import library
 from experiments.protocol import data
@@ -54,78 +55,58 @@ class Robustness(Task, frozen=True):
             train, test = choose(sensor, self.split, seed)
             frames = data.take(sensor, train, Clock())
             asked = data.take(sensor, test, Clock())[:]
+            labels = sensor.labels[test]
             for name, model in models_of(at_seed(self.models, seed)).items():
                 rule = self.stops.get(name, self.stop)
                 train_until(model, rule, frames, sensor.labels[train])
-                same = {"origin": sensor.origin, "model": name, "seed": seed}
-                for row in self._of_model(
-                    name, model, asked, sensor.labels[test], seed
-                ):
-                    yield {**same, **row, "n_classes": len(sensor.classes)}
+                state = library.state_tensors(model) or {}
+                spared = (self.spared or {}).get(name, ())
+                damaged = [state[part] for part in state if part not in spared]
+                made = self._answers(model, asked, damaged, seed)
+                for disturbance, level, predicted in made:
+                    yield {
+                        "origin": sensor.origin,
+                        "model": name,
+                        "seed": seed,
+                        "disturbance": disturbance,
+                        "level": float(level),
+                        "right": int((predicted == labels).sum()),
+                        "n_test": len(labels),
+                        "model_bytes": sum(each.nbytes for each in state.values()),
+                        "n_classes": len(sensor.classes),
+                    }
                 context.note(f"seed {seed}, {name}")
 
-    def _of_model(
-        self,
-        name: str,
-        model: Model,
-        frames: torch.Tensor,
-        labels: np.ndarray,
-        seed: int,
-    ) -> Iterator[Row]:
-        """The rows of one trained model."""
-        state = library.state_tensors(model) or {}
-        spared = (self.spared or {}).get(name, ())
-        damaged = [state[part] for part in state if part not in spared]
-        size = sum(tensor.nbytes for tensor in state.values())
-        rates = {"stored": self.bit_error_rates, "asked": self.query_error_rates}
-        made = _answers(model, frames, damaged, self.disturbances, rates, seed)
-        for disturbance, level, predicted in made:
-            yield {
-                "disturbance": disturbance,
-                "level": float(level),
-                "right": int((predicted == labels).sum()),
-                "n_test": len(labels),
-                "model_bytes": size,
-            }
-
-
-def _answers(
-    model: Model,
-    frames: torch.Tensor,
-    damaged: Sequence[torch.Tensor],
-    disturbances: Mapping[str, Sequence[float]],
-    rates: Mapping[str, Sequence[float]],
-    seed: int,
-) -> Iterator[tuple[str, float, np.ndarray]]:
-    """Disturbance, level, and what the model predicts, which is left as it was; undisturbed first.
-
-    `rates` are bit error rates of what it has ``stored``, and of what it is ``asked``.
-    """
-    has_floats = any(tensor.is_floating_point() for tensor in damaged)
-    int8 = faults.flipped_bits_of_int8
-    yield "none", 0, model.predict(frames)
-    for number, (name, levels) in enumerate(disturbances.items()):
-        for level in levels:
-            random = np.random.default_rng([seed, number])
-            found = faults.OF_FRAMES[name](frames.numpy(), level, random)
-            disturbed = torch.from_numpy(found)
-            yield name, level, model.predict(disturbed)
-            if name == "dither" and has_floats:  # frames and weights rounded, both
-                rounded = _with_flips(model, disturbed, damaged, int8, 0.0, seed)
-                yield "dither_of_int8", level, rounded
-    for rate in rates["asked"]:
-        yield "query_flips", rate, _asked_with_flips(model, frames, rate, seed)
-    kinds = [("bit_flips", faults.flipped_bits, rates["stored"])]
-    if has_floats:  # 0: rounding alone
-        kinds += [("bit_flips_int8", int8, (0.0, *rates["stored"]))]
-    for name, flipped, of_stored in kinds:
-        for rate in of_stored:
-            found = _with_flips(model, frames, damaged, flipped, rate, seed)
-            yield name, rate, found
+    def _answers(
+        self, model: Model, frames: Tensor, damaged: Sequence[Tensor], seed: int
+    ) -> Iterator[tuple[str, float, np.ndarray]]:
+        """Disturbance, level, and what the model predicts, which is left as it was; undisturbed
+        first."""
+        has_floats = any(tensor.is_floating_point() for tensor in damaged)
+        int8 = faults.flipped_bits_of_int8
+        yield "none", 0, model.predict(frames)
+        for number, (name, levels) in enumerate(self.disturbances.items()):
+            for level in levels:
+                random = np.random.default_rng([seed, number])
+                found = faults.OF_FRAMES[name](frames.numpy(), level, random)
+                disturbed = torch.from_numpy(found)
+                yield name, level, model.predict(disturbed)
+                if name == "dither" and has_floats:  # frames and weights rounded, both
+                    rounded = _with_flips(model, disturbed, damaged, int8, 0.0, seed)
+                    yield "dither_of_int8", level, rounded
+        for rate in self.query_error_rates:
+            yield "query_flips", rate, _asked_with_flips(model, frames, rate, seed)
+        kinds = [("bit_flips", faults.flipped_bits, self.bit_error_rates)]
+        if has_floats:  # 0: rounding alone
+            kinds += [("bit_flips_int8", int8, (0.0, *self.bit_error_rates))]
+        for name, flipped, rates in kinds:
+            for rate in rates:
+                found = _with_flips(model, frames, damaged, flipped, rate, seed)
+                yield name, rate, found
 
 
 def _asked_with_flips(
-    model: Model, frames: torch.Tensor, rate: float, seed: int
+    model: Model, frames: Tensor, rate: float, seed: int
 ) -> np.ndarray:
     """Labels of frames by bits of which some are flipped."""
     key = (seed, round(1e9 * rate), 1)
@@ -139,8 +120,8 @@ def _asked_with_flips(
 
 def _with_flips(
     model: Model,
-    frames: torch.Tensor,
-    damaged: Sequence[torch.Tensor],
+    frames: Tensor,
+    damaged: Sequence[Tensor],
     flipped: Any,
     rate: float,
     seed: int,

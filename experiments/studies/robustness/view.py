@@ -8,13 +8,13 @@ import numpy as np
 import pandas as pd
 
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.estimates import Estimate, mean_interval, mean_share
+from experiments.reporting.estimates import Estimate, mean_share
 from experiments.reporting.facets import facets
 from experiments.reporting.plot import DASHED, handle, legend_below, wrapped
 from experiments.reporting.resamples import models_of
 from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import ENDS, Table
-from experiments.reporting.text import percent, points
+from experiments.reporting.text import percent
 from experiments.reporting.trained import split_of
 
 if TYPE_CHECKING:
@@ -30,12 +30,6 @@ HEADS = {
     "query_flips_0.1": "10 % of query bits flipped, %",
     "bit_flips_0.1": "10 % of stored bits flipped, %",
     "bit_flips_int8_0.1": "of 8-bit weights, %",
-}
-# Rows of the table of single disturbances: level and name.
-CASES = {
-    "shift": (1, "shifted by a pixel"),
-    "dither": (1, "±1 grey level"),
-    "bit_flips": (0.01, "1 % of stored bits flipped"),
 }
 # Panels of the figure, by disturbance: label of the axis.
 PANELS = {
@@ -73,35 +67,6 @@ def robustness(frame: pd.DataFrame) -> pd.DataFrame:
         name = f"{line['disturbance']}_{line['level']:g}"
         row |= {f"{name}{end}": line[f"accuracy{end}"] for end in ENDS}
     return pd.DataFrame(rows.values())
-
-
-def cases(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row per scene, model and case of :data:`CASES`: accuracy ``before`` and ``after``, and the
-    ``change``, paired by seed. Where weights are stored in 8 bits, too, their bits flip."""
-    lines = []
-    for (scene, model), rows in frame.groupby(["scene", "model"], sort=False):
-        shares = rows.assign(share=rows.right / rows.n_test)
-        before = _by_seed(shares, "none", 0)
-        for name, (level, _) in CASES.items():
-            after = _by_seed(shares, f"{name}_int8", level)
-            if not len(after):
-                after = _by_seed(shares, name, level)
-            both = pd.concat([before, after], axis=1, keys=["before", "after"]).dropna()
-            if not len(both):
-                continue
-            line = {"scene": scene, "model": model, "disturbance": name, "level": level}
-            for column, values in both.items():
-                line |= mean_share(values.tolist(), rows.n_test.iloc[0]).columns(column)
-            change = (both.after - both.before).tolist()
-            line |= mean_interval(change).columns("change") | {"seeds": len(both)}
-            lines.append(line)
-    return pd.DataFrame(lines)
-
-
-def _by_seed(lines: pd.DataFrame, disturbance: str, level: float) -> pd.Series:
-    """The share of right answers by seed."""
-    of = lines[(lines.disturbance == disturbance) & (lines.level == level)]
-    return of.set_index("seed").share
 
 
 def levels(frame: pd.DataFrame) -> pd.DataFrame:
@@ -162,25 +127,6 @@ STUDY = Study(
             shown=("scene", "model", *HEADS),
             columns={name: Column(head, percent) for name, head in HEADS.items()},
             note=NOTE,
-        ),
-        Table(
-            "disturbed",
-            cases,
-            of="robustness",
-            key=("scene", "model", "disturbance"),
-            title="One pixel of shift, one grey level, one flipped bit in a hundred",
-            columns={
-                "disturbance": Column("Disturbance", lambda name: CASES[name][1]),
-                "before": Column("Undisturbed, %", percent),
-                "after": Column("Disturbed, %", percent),
-                "change": Column("Change, percentage points", points),
-            },
-            shown=(
-                *("scene", "model", "disturbance"),
-                *("before", "after", "change", "seeds"),
-            ),
-            note="Models are trained on undisturbed frames. Weights of softmax have 8 bits where "
-            "bits flip. In brackets: Student, 95 %, over seeds; the change is paired by seed.",
         ),
     ],
     figures=[

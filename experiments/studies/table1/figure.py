@@ -21,9 +21,9 @@ from experiments.reporting.plot import (
 )
 from experiments.reporting.study import RUN, Figure
 from experiments.reporting.table import Table
-from experiments.reporting.trained import extra_models, learning
+from experiments.reporting.trained import MACHINE, extra_models, learning
 from experiments.studies.table1 import tables
-from experiments.studies.table1.tables import DESCENT, OF, on_scene, with_hdc_seconds
+from experiments.studies.table1.tables import BESIDE_HDC, DESCENT, OF, on_scene
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
@@ -38,35 +38,43 @@ def error_vs_time(frame: pd.DataFrame) -> pd.DataFrame | None:
     """Test error against training time relative to HDC: a row per report of a run, and one per
     model at the end of training; ``reached`` marks the report at which training accuracy passed
     90 %. Models: the paper's, HDC first, fast ones, one's own."""
-    timed = with_hdc_seconds(on_scene(of_experiment(frame, RUNS)))
+    runs = on_scene(of_experiment(frame, RUNS))
+    names = [*configs.models("paper"), *beside(), *extra_models(runs, tables.scene())]
+    timed = runs[runs.model.isin(names)].assign(hdc_s=hdc_seconds(runs))
     timed = timed.dropna(subset="hdc_s").set_index("record", drop=False)
-    names = [*configs.models("paper"), *beside(), *extra_models(timed, tables.scene())]
-    timed = timed[timed.model.isin(names)]
     if "hdc" not in set(timed.model):
         return None
     every = learning(frame[frame.record.isin(timed.record)])
+    ratios = (timed.total_time_s / timed.hdc_s).groupby(timed.model).median()
+    never = np.isinf(timed.groupby("model").training_time_s.median())
+    relative = every.seconds / every.record.map(timed.hdc_s)
     is_end = every["at"] == "end"
-    by_model = timed.groupby("model")
-    ends = (timed.total_time_s / timed.hdc_s).groupby(timed.model).median()
-    every["time"] = (every.seconds / every.record.map(timed.hdc_s)).where(
-        ~is_end, every.model.map(ends)
+    every = every.assign(
+        time=relative.where(~is_end, every.model.map(ratios)),
+        reached=_reached(every, timed),
+        origin=configs.scene_display(tables.scene())["kind"],
     )
-    every["reached"] = _reached(every, timed)
-    never = np.isinf(by_model.training_time_s.median())
     every = every[~(is_end & every.model.map(never))]
     every = every.sort_values(
         "model", key=lambda model: model.map(names.index), kind="stable"
     )
-    kind = configs.scene_display(tables.scene())["kind"]
-    return every.drop(columns=[*ROW[2:], "seconds"]).assign(origin=kind)
+    return every.drop(columns=[*ROW[2:], "seconds"])
 
 
 def _reached(every: pd.DataFrame, timed: pd.DataFrame) -> pd.Series:
     """Whether a report is the one nearest to the time at which training accuracy passed 90 %."""
-    passed = every.record.map(timed.training_time_s)
-    distance = (every.seconds - passed).abs()
+    distance = (every.seconds - every.record.map(timed.training_time_s)).abs()
     nearest = distance == distance.groupby(every.record).transform("min")
     return nearest & np.isfinite(distance)
+
+
+def hdc_seconds(runs: pd.DataFrame) -> pd.Series:
+    """The training time of HDC that each run's is relative to: of HDC that was trained just before
+    and just after it; where none was, of HDC's own run of the same seed on the same machine."""
+    alike = ["seeds", *MACHINE]
+    of_hdc = runs[runs.model == "hdc"].set_index(alike).total_time_s
+    own = runs[alike].apply(tuple, axis="columns").map(of_hdc)
+    return runs[BESIDE_HDC].fillna(own) if BESIDE_HDC in runs else own
 
 
 def draw(figure: Canvas, data: pd.DataFrame) -> None:

@@ -1,34 +1,26 @@
-"""Table I, each row from its own trainings, one per seed; and the time to the accuracy of HDC."""
+"""Table I, each row from its own trainings, one per seed."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
 from experiments.records import configs
 from experiments.records.results import CHECKPOINTS, ROW, RUNS, of_experiment
 from experiments.reporting import estimates, published
-from experiments.reporting.estimates import Estimate, median_range
+from experiments.reporting.estimates import median_range
 from experiments.reporting.resamples import RIVAL
-from experiments.reporting.table import frame as table_of
-from experiments.reporting.trained import (
-    MACHINE,
-    asked_for,
-    extra_models,
-    of_runs,
-    whole,
-)
+from experiments.reporting.trained import asked_for, extra_models, of_runs, whole
 
 OF = (RUNS, CHECKPOINTS)
 RATIO, AT_PAPERS = "training_time_over_hdc", "test_accuracy_at_papers"
 OVER_NUMPY = "training_time_over_numpy_hdc"
 AT_LEAST = "at_least_over_hdc"
 DISTURBED, _REASON = "disturbed", "load.disturbed"  # columns of a table, of runs
-_BESIDE = {RATIO: "beside.hdc_s", OVER_NUMPY: "beside.hdc_numpy_s"}
+BESIDE_HDC = "beside.hdc_s"
+_BESIDE = {RATIO: BESIDE_HDC, OVER_NUMPY: "beside.hdc_numpy_s"}
 
 PAPER = published.models_of_table1()
 DESCENT = "softmax_descent"  # another recipe for the paper's softmax row
@@ -137,104 +129,10 @@ def _at_papers(runs: pd.DataFrame, reports: pd.DataFrame) -> dict[str, Any]:
     elif level is None:
         known = runs.test_accuracy_final[:0]
     else:
-        levels = pd.Series(level, runs.record)
-        known = first_reports(reports, "train_accuracy", levels).test_accuracy
+        own = reports[reports.record.isin(runs.record)]
+        known = own[own.train_accuracy >= level].drop_duplicates("record").test_accuracy
     made: dict[str, Any] = {"published_training_accuracy": level}
     if len(known):
         share = estimates.mean_share(known.tolist(), float(runs.n_test.mean()))
         made |= share.columns(AT_PAPERS)
     return made | {"seeds_at_papers": len(known)}
-
-
-def first_reports(reports: pd.DataFrame, name: str, levels: pd.Series) -> pd.DataFrame:
-    """The first report of each run in which a quantity has at least a level, by record.
-
-    Args:
-        reports: lines of checkpoints.
-        name: the quantity.
-        levels: by record.
-    """
-    known = reports[reports.record.isin(levels.index)]
-    reached = known[known[name] >= known.record.map(levels).astype(float)]
-    return reached.drop_duplicates("record").set_index("record")
-
-
-# The time to the accuracy of HDC ------------------------------------------------------------------
-
-
-def with_hdc_seconds(runs: pd.DataFrame) -> pd.DataFrame:
-    """The runs with ``hdc_s``, the training time of HDC that theirs is relative to: of HDC that was
-    trained just before and just after; where none was, of its run of the same seed on the same
-    machine; NaN where there is none either."""
-    of_hdc = runs[(runs.model == "hdc") & (runs.asked_d == 0)]
-    times = of_hdc[["seeds", *MACHINE, "total_time_s"]]
-    times = times.rename(columns={"total_time_s": "hdc_s"})
-    joined = runs.merge(times, "left", ["seeds", *MACHINE])
-    beside = _BESIDE[RATIO]
-    if beside in joined:
-        joined["hdc_s"] = joined[beside].fillna(joined.hdc_s)
-    return joined
-
-
-def equal_accuracy(frame: pd.DataFrame) -> pd.DataFrame | None:
-    """A row for each model of Table I and its extension, and one for the fewest pixels it needs.
-
-    ``time`` is in seconds, ``ratio`` relative to HDC; infinite where a model never gets there.
-    """
-    runs = of_experiment(frame, RUNS)
-    of_scene = runs[(runs.scene == scene()) & (runs.asked_n == 0)]
-    timed = _timed(of_scene, of_experiment(frame, CHECKPOINTS))
-    experiments = ("table1", "table1_descent", "table1_extended")
-    names = [name for each in experiments for name in configs.sweep(each)["model"]]
-    rows = []
-    for model in dict.fromkeys([*names, *extra_models(runs, scene())]):
-        of_model = timed[timed.model == model]
-        for pixels, same in of_model.groupby("asked_d"):
-            fewer = pixels > 0
-            if fewer and math.isinf(same.time.max()):
-                continue
-            rows.append(_as_accurate(model, pixels, same))
-            if fewer:  # than any that follow
-                break
-    return table_of(rows)
-
-
-def _timed(runs: pd.DataFrame, reports: pd.DataFrame) -> pd.DataFrame:
-    """The runs that have a run of HDC of the same seed, with the ``time`` at which they first
-    report its test accuracy; infinite without such a report. A training that its budget ended
-    before says nothing, and is left out."""
-    of_hdc = runs[(runs.model == "hdc") & (runs.asked_d == 0)]
-    goals = of_hdc[["seeds", "test_accuracy_final"]]
-    goals = goals.rename(columns={"test_accuracy_final": "goal"})
-    every = with_hdc_seconds(runs).merge(goals, on="seeds")
-    levels = every.set_index("record").goal
-    reported = first_reports(reports, "test_accuracy", levels).training_s
-    at_end = every.total_time_s.where(every.test_accuracy_final >= every.goal)
-    time = every.record.map(reported).astype(float).where(every.iterative, at_end)
-    is_goal = every.record.isin(
-        of_hdc.record
-    )  # its own time, not that of another beside it
-    hdc_s = every.hdc_s.mask(is_goal, every.total_time_s)
-    every = every.assign(time=time.fillna(math.inf), hdc_s=hdc_s)
-    return every[np.isfinite(every.time) | (every.stop != "budget")]
-
-
-def _as_accurate(model: str, pixels: int, runs: pd.DataFrame) -> dict[str, Any]:
-    ratios = (runs.time / runs.hdc_s)[runs.hdc_s.notna()]
-    return {
-        "model": model,
-        "pixels": pixels or "all",
-        "seeds": len(runs),
-        **_over_seeds("time", runs.time.tolist()),
-        **_over_seeds("ratio", ratios.tolist()),
-        **({DISTURBED: why} if (why := disturbed(runs)) else {}),
-    }
-
-
-def _over_seeds(name: str, values: Sequence[float]) -> dict[str, float]:
-    """Median, and lowest to highest where they differ; nothing of no values."""
-    if not values:
-        return {}
-    ends = sorted({min(values), max(values)})
-    bounds = ends if len(ends) > 1 else ()
-    return Estimate(float(np.median(values)), *bounds).columns(name)

@@ -10,15 +10,14 @@ import pandas as pd
 
 from experiments.records.results import of_experiment, own_frames
 from experiments.reporting.columns import Column, display_name
-from experiments.reporting.estimates import Estimate
-from experiments.reporting.study import RUN
-from experiments.reporting.table import Table, records
-from experiments.reporting.table import frame as table_of
-from experiments.reporting.text import number, percent, two_digits
+from experiments.reporting.study import RUN, Quantity
+from experiments.reporting.table import ENDS, Table, records
+from experiments.reporting.text import counted, number, percent, two_digits
 from experiments.reporting.trained import same
+from experiments.studies.table1.tables import PAPER
 
 NAME, BUSY = "times", "times_busy"
-SLOWEST = "cnn3"  # the model of which a fit takes minutes
+_ROW = ["model", "threads"]
 RATIOS = {"over_hdc": "hdc", "over_compiled": "hdc_compiled"}
 Line = Mapping[str, Any]
 
@@ -32,39 +31,38 @@ def times(frame: pd.DataFrame) -> pd.DataFrame:
     mean, from the lowest to the highest.
     """
     every = own_frames(of_experiment(frame, NAME))
-    rows = []
-    for (model, threads), lines in every.groupby(["model", "threads"], sort=False):
-        fits = lines[~lines.cold]
-        undisturbed = fits[fits.disturbed == ""]
-        row = {"model": model, "threads": threads} | {
-            "fit_s": undisturbed.fit_s.median(),
-            "least_s": undisturbed.fit_s.min(),
-            "cpu_s": undisturbed.cpu_s.median(),
-            "train_accuracy": fits.train_accuracy.mean(),
-            "fits": len(fits),
-            "disturbed": len(fits) - len(undisturbed),
-            "measurements": lines.record.nunique(),
-            "cpu": same(lines.cpu),
-            "cold_s": lines.fit_s[lines.cold].median(),
-        }
-        rows.append(row | dict(_ratios(every, model, threads)))
-    return table_of(rows)
-
-
-def _ratios(every: pd.DataFrame, model: str, threads: int) -> Iterator[Any]:
-    """Ratios to each form of HDC by as many threads, over the measurements that have both."""
-    fits = every[(every.threads == threads) & ~every.cold & (every.disturbed == "")]
-    by_record = fits.groupby(["model", "record"]).fit_s
-    for kind, seconds in (("", by_record.median()), ("least_", by_record.min())):
-        by_model = seconds.unstack("model")
+    fits = every[~every.cold]
+    quiet = fits[fits.disturbed == ""]
+    parts = (every, fits, quiet, every[every.cold])
+    of_all, of_fits, of_quiet, of_cold = (of.groupby(_ROW, sort=False) for of in parts)
+    columns = {
+        "fit_s": of_quiet.fit_s.median(),
+        "least_s": of_quiet.fit_s.min(),
+        "cpu_s": of_quiet.cpu_s.median(),
+        "train_accuracy": of_fits.train_accuracy.mean(),
+        "fits": of_fits.size(),
+        "disturbed": of_fits.disturbed.agg(lambda why: (why != "").sum()),
+        "measurements": of_all.record.nunique(),
+        "cpu": of_all.cpu.agg(same),
+        "cold_s": of_cold.fit_s.median(),
+    }
+    of_record = quiet.groupby([*_ROW, "record"]).fit_s
+    for kind, seconds in (("", of_record.median()), ("least_", of_record.min())):
         for name, hdc in RATIOS.items():
-            if not {model, hdc} <= set(by_model):
-                continue
-            ratios = (by_model[model] / by_model[hdc]).dropna()
-            if len(ratios):
-                mean = float(np.exp(np.log(ratios).mean()))
-                ends = [ratios.min(), ratios.max()] if len(ratios) > 1 else []
-                yield from Estimate(mean, *ends).columns(f"{kind}{name}").items()
+            columns |= _ratios(seconds, hdc).add_prefix(f"{kind}{name}").items()
+    return pd.DataFrame(columns, index=of_all.size().index).reset_index()
+
+
+def _ratios(seconds: pd.Series, hdc: str) -> pd.DataFrame:
+    """Ratios to a form of HDC by as many threads, over the measurements that have both."""
+    by_model = seconds.unstack("model")
+    of_hdc = by_model.reindex(columns=[hdc])[hdc]
+    ratios = by_model.div(of_hdc, axis="index").stack().dropna()
+    by_row = ratios.groupby(_ROW)
+    several = by_row.size() > 1
+    mean = np.exp(np.log(ratios).groupby(_ROW).mean())
+    ends = (by_row.min().where(several), by_row.max().where(several))
+    return pd.concat([mean, *ends], axis="columns", keys=ENDS)
 
 
 def busy(frame: pd.DataFrame) -> pd.DataFrame:
@@ -80,6 +78,26 @@ def busy(frame: pd.DataFrame) -> pd.DataFrame:
     quiet = table.over_hdc.groupby(["threads", "model"]).transform("first")
     table["inflation"] = table.over_hdc / quiet
     return table.reset_index()
+
+
+def quantities(frame: pd.DataFrame) -> Iterator[Quantity]:
+    """Training times relative to HDC of fits that are timed alone, by the fewest threads."""
+    table = times(frame).dropna(subset="over_hdc").drop_duplicates("model")
+    for line in records(table[table.model.isin(PAPER) & (table.model != "hdc")]):
+        by = f"fits, {counted(line['threads'], 'thread')}"
+        n = line["fits"] - line["disturbed"]
+        about = {"condition": by, "n": n, "made_by": f"{RUN}{NAME}"}
+        yield over_hdc(line, "over_hdc", "measurements", **about)
+
+
+def over_hdc(line: Line, column: str, interval: str, **about: Any) -> Quantity:
+    """The training time of a model relative to HDC, as the paper has it too: a column with its
+    bounds."""
+    ratio, low, high = (line[f"{column}{end}"] for end in ENDS)
+    known = interval if low is not None else ""
+    note = "" if line["model"] == "softmax" else "the network's sizes are ours"
+    name = f"table1/{line['model']}_time_over_hdc"
+    return Quantity(name, ratio, low, high, known, note=note, **about)
 
 
 # Shown --------------------------------------------------------------------------------------------
@@ -101,31 +119,28 @@ def _fits(line: Line) -> str:
     return f"{line['fits']}{disturbed}"
 
 
+NOTE = (
+    "The clock counts what a model does until its training accuracy exceeds 90 % (one that "
+    "learns in one pass or is solved: until it is done); it stops while frames are made and "
+    "while the model is tested. Each model learns noise before, so that the clock counts no "
+    "loading and no compiling. Medians of fits that nothing else on the machine disturbed; a "
+    "ratio of two measurements is their geometric mean [lower, higher]. HDC by NumPy computes "
+    "with one thread whatever it is given."
+)
+
+
 def note(data: pd.DataFrame) -> str:
     """The rules of the clock, and the times of processes of their own."""
-    cold = [
-        f"{display_name(line['model'])} {two_digits(line['cold_s'])} s"
-        for line in records(data)
-        if line["threads"] == 1 and line["cold_s"] is not None
+    cold = data[data.threads == 1].dropna(subset="cold_s")
+    times = [
+        f"{display_name(model)} {two_digits(seconds)} s"
+        for model, seconds in zip(cold.model, cold.cold_s, strict=True)
     ]
-    slowest = data.threads[data.model == SLOWEST]
-    by_two = (
-        "; three layers are timed by two threads only" if set(slowest) == {2} else ""
+    of_cold = (
+        " In a process of its own, from its start with reading the frames and without a pause, by "
+        f"one thread: {'; '.join(times)}."
     )
-    rules = (
-        "The clock counts what a model does until its training accuracy exceeds 90 % (one that "
-        "learns in one pass or is solved: until it is done); it stops while frames are made and "
-        "while the model is tested. Each model learns noise before, so that the clock counts no "
-        "loading and no compiling. Medians of fits that nothing else on the machine disturbed; a "
-        "ratio of two measurements is their geometric mean [lower, higher]. HDC by NumPy computes "
-        f"with one thread whatever it is given{by_two}."
-    )
-    if not cold:
-        return rules
-    return (
-        f"{rules} In a process of its own, from its start with reading the frames and without a "
-        f"pause, by one thread: {'; '.join(cold)}."
-    )
+    return NOTE + (of_cold if times else "")
 
 
 TABLE = Table(

@@ -9,21 +9,21 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import numpy as np
 import pandas as pd
 
-from experiments.records.results import CHECKPOINTS, RUNS, of_experiment
+from experiments.records.results import RUNS, of_experiment
 from experiments.reporting import estimates
 from experiments.reporting.columns import Column, display_name
 from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.study import RUN, Numbers, Quantity, Study
-from experiments.reporting.table import ENDS, Table, records
+from experiments.reporting.table import Table, records
 from experiments.reporting.text import counted, number, percent, two_digits
 from experiments.reporting.trained import caption
 from experiments.studies.table1 import figure, tables, times
 from experiments.studies.table1.tables import (
     AT_LEAST,
     AT_PAPERS,
+    BESIDE_HDC,
     DISTURBED,
     OVER_NUMPY,
     PAPER,
@@ -107,59 +107,23 @@ def note(data: pd.DataFrame) -> str:
     return " ".join(f"{of}: {'; '.join(known)}." for of, known in told.items() if known)
 
 
-def or_never(value: float) -> str:
-    """A time or a ratio; infinite where a model never got there."""
-    return number(value) if np.isfinite(value) else "never"
-
-
-def cheaper(data: pd.DataFrame) -> str:
-    """The rule of the table, and the baselines that are as accurate as HDC sooner than HDC, on all
-    or fewer pixels."""
-    rule = (
-        "Rule: a model is as accurate as HDC at its first report of at least the test accuracy "
-        "that HDC of the same seed ends with; never, if it stops before. One-pass models report "
-        "when they are fitted. × HDC: relative to HDC that was trained just before and just "
-        "after; where none was, to its run of the same seed on the same machine. Median [lowest, "
-        "highest] over seeds. Fewer pixels: the fewest with which every seed gets there."
-    )
-    known = data.dropna(subset="ratio")  # times of another machine do not compare
-    if DISTURBED in known:
-        known = known[known[DISTURBED].isna()]
-    is_hdc = known.model.str.startswith("hdc")
-    of_hdc = known[known.model == "hdc"]
-    sooner = known[~is_hdc & (known.time < of_hdc.time.min())]
-    if not len(sooner):
-        return rule
-    names = "; ".join(map(_with_pixels, records(sooner)))
-    ours = "; ".join(map(_with_pixels, records(of_hdc)))
-    return f"{rule} As accurate as HDC in less time: {names}. {ours}."
-
-
-def _with_pixels(line: Cells) -> str:
-    pixels = line["pixels"]
-    where = "all pixels" if pixels == "all" else f"{pixels:,} pixels"
-    time = f"{two_digits(1e3 * line['time'])} ms"
-    return f"{display_name(line['model'])} on {where} {time}"
-
-
 # Numbers of the paper -----------------------------------------------------------------------------
 
 
 def quantities(frame: pd.DataFrame) -> Iterator[Quantity]:
     """Times and accuracies of Table I, in seconds and percent, and the learning rate."""
-    every = tables.table1(frame)
+    table = tables.table1(frame)
     runs = tables.on_scene(of_experiment(frame, RUNS))
-    rows = records(every) if every is not None else []
-    alone = records(times.times(frame))
-    for line in rows:
-        model = line["model"]
-        if line["seeds"] and model in PAPER:
-            own = runs[runs.model == model]
+    runs = runs[runs.model.isin(PAPER)]
+    for line in records(table) if table is not None else []:
+        own = runs[runs.model == line["model"]]
+        if len(own):
             yield from _of_model(line, own)
-            if model != "hdc":
-                timed = [each for each in alone if each["model"] == model]
-                yield from _ratios(line, own, timed[:1])  # by the fewest threads
-    yield from _learning_rate(runs[runs.model.isin(PAPER)])
+            if line["model"] != "hdc" and line.get(RATIO) is not None:
+                n, command = len(own.dropna(subset=BESIDE_HDC)), own.command.iloc[0]
+                about = {"condition": "by default", "n": n, "made_by": command}
+                yield times.over_hdc(line, RATIO, "median over runs", **about)
+    yield from _learning_rate(runs)
 
 
 def _of_model(line: Cells, own: pd.DataFrame) -> Iterator[Quantity]:
@@ -202,38 +166,6 @@ def _learning_rate(runs: pd.DataFrame) -> Iterator[Quantity]:
             float(rates[0]),
             note="softmax and CNNs",
             made_by=f"{RUN}table1",
-        )
-
-
-def _ratios(line: Cells, own: pd.DataFrame, timed: list[Any]) -> Iterator[Quantity]:
-    """Training time relative to HDC, of the runs of Table I and of fits that are timed alone."""
-    name = f"table1/{line['model']}_time_over_hdc"
-    note = "" if line["model"] == "softmax" else "the network's sizes are ours"
-    if line.get(RATIO) is not None:
-        ratio, low, high = (line[f"{RATIO}{end}"] for end in ENDS)
-        yield Quantity(
-            name,
-            ratio,
-            low,
-            high,
-            "median over runs" if low is not None else "",
-            "by default",
-            n=len(own.dropna(subset="beside.hdc_s")),
-            made_by=own.command.iloc[0],
-            note=note,
-        )
-    for fits in timed:
-        ratio, low, high = (fits.get(f"over_hdc{end}") for end in ENDS)
-        yield Quantity(
-            name,
-            ratio,
-            low,
-            high,
-            "measurements" if low is not None else "",
-            f"fits, {counted(fits['threads'], 'thread')}",
-            n=fits["fits"] - fits["disturbed"],
-            made_by=f"{RUN}{times.NAME}",
-            note=note,
         )
 
 
@@ -280,21 +212,6 @@ TABLE1 = Table(
     },
     commands=[f"{RUN}table1", f"{RUN}table1_descent"],
 )
-EQUAL = Table(
-    "equal_accuracy",
-    tables.equal_accuracy,
-    of=tables.OF,
-    key=("model", "pixels"),
-    title="Time to reach the test accuracy of HDC",
-    note=cheaper,
-    columns={
-        "time": Column(
-            "Time to the test accuracy of HDC, s", or_never, of_machine=True
-        ),
-        "ratio": Column("× HDC", or_never),
-    },
-    commands=[f"{RUN}table1", f"{RUN}table1_extended", f"{RUN}accuracy_vs_d"],
-)
 STUDY = Study(
     "table1",
     "Table I",
@@ -302,7 +219,10 @@ STUDY = Study(
     "train in a hundredth of their time? Five labels, N = 400.",
     order=1,
     front=True,
-    tables=[times.TABLE, TABLE1, EQUAL, times.BUSY_TABLE],
+    tables=[times.TABLE, TABLE1, times.BUSY_TABLE],
     figures=[figure.FIGURE],
-    numbers=[Numbers(quantities, of=(RUNS, CHECKPOINTS, times.NAME))],
+    numbers=[
+        Numbers(quantities, of=tables.OF),
+        Numbers(times.quantities, of=[times.NAME]),
+    ],
 )

@@ -19,7 +19,7 @@ from experiments.studies.drift.measure import (
     subsets,
     updates,
 )
-from experiments.studies.drift.zeroing import Unlabelled, first_of_each, rezeroed
+from experiments.studies.drift.zeroing import first_of_each, rezeroed, unlabelled
 from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.relative import FRACTION, standardised
@@ -47,15 +47,15 @@ def choice(scene):
 def test_no_test_sample_is_learnt_from(scene, choice):
     session, time = scene.samples["session"], scene.samples["order"]
     assert len(choice.old) == 48
-    assert not set(choice.old) & set(choice.tests["old"])
+    assert not set(choice.old) & set(choice.old_test)
     for samples, of_session in (
         (choice.old, 0),
-        (choice.tests["old"], 0),
+        (choice.old_test, 0),
         (choice.pool, 1),
-        (choice.tests["new"], 1),
+        (choice.new_test, 1),
     ):
         assert (session[samples] == of_session).all()
-    assert time[choice.pool].max() < time[choice.tests["new"]].min()
+    assert time[choice.pool].max() < time[choice.new_test].min()
     one = replace(scene, samples={"order": time})
     with pytest.raises(ValueError, match=r"split\.test: .*sessions \[0\]"):
         choose(one, SPLIT, 30, seed=0)
@@ -64,7 +64,8 @@ def test_no_test_sample_is_learnt_from(scene, choice):
 def test_the_first_samples_of_each_class_come_before_the_second():
     """A session that begins with one class only: n samples have all classes nevertheless."""
     labels = np.array([0, 0, 0, 0, 1, 2, 1, 2, 2])
-    choice = Choice(np.array([]), np.arange(9), {})  # in time order
+    none = np.array([])
+    choice = Choice(none, np.arange(9), none, none)  # in time order
     found = subsets(choice, labels, [3, 9])
     assert found[3].tolist() == [0, 4, 5]
     assert found[9].tolist() == [0, 4, 5, 1, 6, 7, 2, 8, 3]
@@ -162,9 +163,10 @@ def test_hdc_is_zeroed_by_its_own_recalibration(scene, name, before):
 
 
 def test_unlabelled_frames_are_the_first_with_the_share_that_is_asked_for(scene):
-    frames = Unlabelled([6, 10, 600], [0.6, 1.0], [10], [], favoured=4)
+    sizes = [(6, None), (10, None), (600, None), (10, 0.6), (10, 1.0)]
     found = {}
-    for n, share, chosen in frames.choices(np.arange(60, 120), scene.labels, 3):
+    made = unlabelled(np.arange(60, 120), scene.labels, sizes, favoured=4, n_classes=3)
+    for n, share, chosen in made:
         found[n, share] = np.bincount(scene.labels[chosen]).tolist()
         if n == 6:
             assert sorted(chosen) == list(range(60, 66))

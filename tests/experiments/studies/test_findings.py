@@ -51,9 +51,7 @@ def test_a_number_has_its_interval_where_there_is_one(filled):
 def test_the_verdict_chooses_the_sentence(filled):
     text = f'{HDC}  word: "{{hdc.word}}"\n  texts: {{"no": behind, "yes": ahead}}'
     assert filled(text) == ["behind"]
-    with pytest.raises(
-        ValueError, match=r"findings\.yaml, finding 1: texts: .* for no, found yes"
-    ):
+    with pytest.raises(ValueError, match=r"findings\.yaml, finding 1: 'no'"):
         filled(text.replace('"no": behind, ', ""))
 
 
@@ -71,22 +69,13 @@ def test_what_was_not_measured_has_no_sentence(filled, text):
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        (
-            f"{HDC}  text: '{{hdc.loss}}'",
-            "table values has no column loss; it has model, recording",
-        ),
-        (f"{HDC}  text: '{{cnn.gain}}'", "rows: expected 'cnn', found hdc, soft"),
-        (
-            "- rows: {a: {table: nothing}}",
-            "table: expected one of values, later, found no",
-        ),
-        (
-            "- rows: {a: {table: values}}",
-            "table values: expected one row with {}, found 2",
-        ),
+        (f"{HDC}  text: '{{hdc.loss}}'", "'loss'"),
+        (f"{HDC}  text: '{{cnn.gain}}'", "'cnn'"),
+        ("- rows: {a: {table: nothing}}", "table: .*, found nothing"),
+        ("- rows: {a: {table: values}}", "expected one row with .*, found 2"),
         (
             "- spreads: {a: {table: values, column: gain, of: {n: 5}}}",
-            "table values: expected one row per recording",
+            "expected one row per recording",
         ),
     ],
 )

@@ -28,7 +28,7 @@ RECORDINGS = {
 def rules(**changed):
     """Rules on three recordings of two sources."""
     about = {"says": "it keeps up", "by": "this repository", "experiment": "some"}
-    models = {"form": "bits", "rival": "greys", "disturbed": "loaded", "split": "kind"}
+    models = {"form": "bits", "rival": "greys", "split": "kind"}
     written = {
         "version": 4,
         "dated": "2026-12-01",
@@ -40,7 +40,7 @@ def rules(**changed):
         "prior": {"freedom": 4, "mean": 0.1, "between": 0.05},
         "candidates": {"bits": ["hdc"], "greys": ["lda_greys"]},
         "recordings": RECORDINGS,
-        "claims": {"keeps_up": about | models | {"lines": {"split": "counts"}}},
+        "claims": {"keeps_up": about | models},
     }
     return msgspec.convert(written | changed, written_rules.Rules)
 
@@ -49,11 +49,10 @@ def lines(right, scenes="abc", draws=4):
     """A line per recording, draw, size and model; right answers of 400 by size and model."""
     made = []
     for scene, draw, (n, model) in itertools.product(scenes, range(draws), right):
-        line = {"experiment": "some", "scene": scene, "split": "counts", "seed": 0,
-                "draw": draw, "n": n, "model": model, "n_test": 400,
-                "right": right[n, model] + draw % 2, "kind": "grouped",
-                "loaded": False}  # fmt: skip
-        made += [line, line | {"split": "random", "right": 0}]
+        line = {"experiment": "some", "scene": scene, "seed": 0, "draw": draw, "n": n,
+                "model": model, "n_test": 400, "right": right[n, model] + draw % 2,
+                "kind": "grouped"}  # fmt: skip
+        made += [line, line | {"kind": "random", "right": 0}]
     return pd.DataFrame(made)
 
 
@@ -82,7 +81,6 @@ def test_each_size_has_a_word_of_its_own():
     [
         (lines(EVEN, "ab"), "not measured: c"),
         (lines(EVEN, draws=3), "3 of 4 draws measured: a, b, c"),
-        (lines(EVEN).assign(loaded=lambda f: f.scene == "b"), "disturbed: b"),
         (lines(EVEN)[lambda f: f.model == "bits"], "0 of 4 draws measured: a, b, c"),
         (
             lines(EVEN).assign(
@@ -93,7 +91,7 @@ def test_each_size_has_a_word_of_its_own():
         (pd.DataFrame(), "not measured: a, b, c"),
     ],
 )
-def test_what_is_disturbed_or_not_measured_leaves_a_claim_open_and_says_why(made, why):
+def test_what_is_not_measured_leaves_a_claim_open_and_says_why(made, why):
     for row in records(judge.judge(rules(), made)):
         assert (row["word"], row["why"]) == ("open", why)
 
@@ -112,8 +110,8 @@ def test_the_variance_of_a_recording_is_that_of_draws_that_share_frames(right, o
         for draw, count in enumerate(counts)
     ]
     of = rules()
-    one = msgspec.structs.replace(of.claims["keeps_up"], disturbed="")
-    found = judge.difference(of, of.recordings["a"], one, pd.DataFrame(made))
+    one, claim = of.recordings["a"], of.claims["keeps_up"]
+    found = judge.difference(of, one, claim, pd.DataFrame(made))
     assert found.mean == pytest.approx((np.mean(right) - 380) / 400)
     assert found.variance == pytest.approx(of_one * (1 / 4 + 0.25))
 
@@ -221,7 +219,6 @@ def test_the_simplest_form_within_the_margin_of_the_best_is_chosen(right, word):
     of = rules(choices={"default": choice}, claims={})
     measured = dict(zip(choice["among"], right, strict=True))
     made = lines({(5, model): n for model, n in measured.items() if n}, "ac")
-    made = made[made.split == "counts"]
     (row,) = records(judge.judge(of, made))
     assert row["word"] == word
     assert row["why"] == ("0 of 4 draws measured: a, c" if word == "open" else "")
