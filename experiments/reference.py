@@ -3,8 +3,8 @@
 Each record of own results takes the place of that of the reference with its name, unless it was
 made with changes that are in no commit, or by code of other revisions. With ``--whole`` own results
 are the reference: they have to be of a whole reproduction. Tables and figures are made again, and
-the marked parts of README.md and of the docs are filled from them; tables that rest on records of
-older code are named.
+the marked parts of README.md and of the docs are filled from them; code of which records have
+another revision is named.
 """
 
 from __future__ import annotations
@@ -78,7 +78,12 @@ def main(arguments: list[str] | None = None) -> int:
         if filled != text:
             write_atomically(page, filled)
             say(console, f"parts of {os.path.relpath(page)}")
-    return _tell_older(answers, console)
+    changed = Counter(
+        name for record in answers.results.finished for name in record.outdated
+    )
+    for name, n in sorted(changed.items()):
+        say(console, f"{name}: {n} records are of another")
+    return 1 if changed else 0
 
 
 def adopt(own: Path, reference: Path, whole: bool = False) -> tuple[int, int]:
@@ -106,47 +111,30 @@ def adopt(own: Path, reference: Path, whole: bool = False) -> tuple[int, int]:
     return len(entering), len(made) - len(entering)
 
 
-def _tell_older(answers: Answers, console: Console) -> int:
-    """Name the code of other revisions and the tables that rest on it; 1 if there are any."""
-    changed = Counter[str]()
-    for record in answers.results.finished:
-        changed.update(record.outdated)
-    for name, n in sorted(changed.items()):
-        say(console, f"{name}: {n} records are of another")
-    older = answers.older_tables()
-    if older:
-        text = f"tables with records of older code: {', '.join(older)}"
-        say(console, text)
-    return 1 if changed else 0
-
-
 def parts(answers: Answers) -> dict[str, Callable[[], str]]:
     """Contents of the marked parts of README.md and of the docs, by their names."""
 
-    def claims() -> str:
-        table = answers.table("claims")
-        return _rows(table and current(table))
+    def of(name: str, made: Callable[[Table], str]) -> Callable[[], str]:
+        def part() -> str:
+            table = answers.table(name)
+            return documents.NOT_MEASURED if table is None else made(table)
+
+        return part
 
     return {
         "findings": lambda: _findings(answers),
-        "opening": lambda: documents.opening(answers.table("recording_costs")),
-        "forms": lambda: documents.forms(answers.table("recording_costs")),
-        "costs": lambda: documents.costs(answers.table("recording_costs")),
-        "table1": lambda: documents.table1(answers.table("table1")),
+        "opening": of("recording_costs", documents.opening),
+        "forms": of("recording_costs", documents.forms),
+        "costs": of("recording_costs", documents.costs),
+        "table1": of("table1", documents.table1),
         "results": lambda: documents.results_page(
             answers, findings.answers_of_studies(answers)
         ),
-        "scenes": lambda: documents.scene_list(answers.results),
-        "verdicts": lambda: _rows(answers.table("verdicts")),
-        "claims": claims,
+        "verdicts": of("verdicts", Table.rows),
+        "claims": of("claims", lambda table: current(table).rows()),
         "models": documents.model_list,
         "reproduction": _reproduction,
     }
-
-
-def _rows(table: Table | None) -> str:
-    """The rows of a table, if it was measured."""
-    return table.rows() if table is not None else documents.NOT_MEASURED
 
 
 def _findings(answers: Answers) -> str:

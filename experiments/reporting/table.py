@@ -12,6 +12,7 @@ import pandas as pd
 
 from experiments.records import configs
 from experiments.records.console import printable
+from experiments.records.results import OF_TRAININGS
 from experiments.reporting.columns import COLUMNS, Column, display_name
 from experiments.reporting.text import (
     counted,
@@ -22,6 +23,7 @@ from experiments.reporting.text import (
     tex_text,
 )
 
+RUN = "python -m experiments.run experiment="
 MOST_COLUMNS = 8  # that are shown; a page has no room for more
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
 _NUMBER = re.compile(
@@ -45,7 +47,7 @@ class Table:
         title, note: what it shows, and how to read it; may hold ``{frames}`` and ``{machine}``.
         columns: how columns are shown, before :data:`COLUMNS`.
         shown: names of the columns that are shown, in their order; all but bounds, if empty.
-        commands: make it again; the commands of its records if there are none here.
+        commands: make it again; those of its experiments, if there are none here.
         data: the values, as the CSV has them.
     """
 
@@ -70,13 +72,13 @@ class Table:
         data = self.make(frame) if len(frame) else None
         if data is None or not len(data):
             return None
+        own = [f"{RUN}{name}" for name in self.experiments if name not in OF_TRAININGS]
         return replace(
             self,
             data=data.reset_index(drop=True),
             title=_filled(self.title, data, frame),
             note=_filled(self.note, data, frame),
-            commands=tuple(self.commands)
-            or tuple(dict.fromkeys(frame.command.dropna())),
+            commands=self.commands or own,
         )
 
     @property
@@ -144,15 +146,6 @@ class Table:
         """Heads and cells in Markdown."""
         rows = ([_lines(cell) for cell in row] for row in self.cells())
         return markdown_table(self.heads, *rows)
-
-    def markdown(self) -> str:
-        """The table with its title above and its note below."""
-        parts = [
-            f"**{markdown_text(str(self.title))}**",
-            self.rows(),
-            markdown_text(self.notes),
-        ]
-        return "\n\n".join(filter(None, parts)) + "\n"
 
 
 def text_for(text: Text, data: pd.DataFrame) -> str:

@@ -27,7 +27,7 @@ def a_table(value, low=0.8, high=0.9, column="x", key=("model",), **more):
     ],
 )
 def test_a_number_is_outside_if_its_interval_is(own, verdict):
-    assert compare(a_table(*own), a_table(0.85)).verdict.tolist() == [verdict]
+    assert compare([a_table(*own)], [a_table(0.85)]).verdict.tolist() == [verdict]
 
 
 PAPER, QUICK = {"stop_rule": "paper"}, {"stop_rule": "quick"}
@@ -51,5 +51,5 @@ PAPER, QUICK = {"stop_rule": "paper"}, {"stop_rule": "quick"}
 def test_what_another_machine_or_another_rule_makes_is_not_compared(
     own, reference, compared
 ):
-    found = compare(a_table(0.5, **own), a_table(0.85, **reference))
+    found = compare([a_table(0.5, **own)], [a_table(0.85, **reference)])
     assert len(found) == compared
