@@ -26,8 +26,6 @@ asked for, 0 for all of them."""
 STOPS = ("paper", "long", "end", "quick", "reached")
 # Columns that tell the resamples of a measurement apart: the true classes are stored once in each.
 _RESAMPLE = ("seed", "split", "draw")
-# Keys of a config in which measurements side by side may differ.
-_OF_MODELS = ("models", "seeds")
 _UNREAD = ("labels", "predicted", "test_indices")
 _AGAIN = "measurement"  # key of which of several measurements of the same one is
 
@@ -158,35 +156,26 @@ def _label(record: Record) -> str:
 
 
 def _is_beside(one: Record, other: Record) -> bool:
-    """Whether two measurements of a scene count side by side: of other models, or made again."""
+    """Whether two measurements of a scene with equal settings count side by side: the same one made
+    again, which may leave models out, or one of other models, with the same seeds or a part of
+    them."""
+    settings, seeds, models = zip(*map(_apart, (one, other)), strict=True)
+    if settings[0] != settings[1]:
+        return False
+    shared = models[0].keys() & models[1].keys()
     if one.config.get(_AGAIN) != other.config.get(_AGAIN):
-        return _is_again(one, other)
-    # Times of two calls do not compare.
-    return not one.timed and _is_of_others(one, other)
-
-
-def _is_again(one: Record, other: Record) -> bool:
-    """Whether two measurements have equal settings; one may leave models out."""
-    first, second = (
-        configs.without((_AGAIN, "models"), m.config) for m in (one, other)
-    )
-    models, others = (m.config.get("models") or {} for m in (one, other))
-    return bool(
-        first == second
-        and all(models[name] == others[name] for name in models.keys() & others.keys())
-    )
-
-
-def _is_of_others(one: Record, other: Record) -> bool:
-    """Whether two measurements have no model in common, the same seeds or a part of them, and all
-    other settings equal."""
-    first, second = (configs.without(_OF_MODELS, m.config) for m in (one, other))
-    models, seeds = (
-        [set(m.config.get(key) or ()) for m in (one, other)] for key in _OF_MODELS
-    )
-    apart = all(models) and models[0].isdisjoint(models[1])
+        same = all(models[0][name] == models[1][name] for name in shared)
+        return bool(seeds[0] == seeds[1] and same)
     within = seeds[0] <= seeds[1] or seeds[1] <= seeds[0]
-    return bool(first == second and apart and within)
+    # Times of two calls do not compare.
+    return bool(all(models) and not shared and within and not one.timed)
+
+
+def _apart(record: Record) -> tuple[Any, set[int], dict[str, Any]]:
+    """Settings in which measurements side by side agree, and seeds and models of this one."""
+    config = record.config
+    seeds, models = config.get("seeds") or (), config.get("models") or {}
+    return configs.without((_AGAIN, "seeds", "models"), config), set(seeds), models
 
 
 def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:

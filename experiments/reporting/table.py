@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,21 +14,21 @@ from experiments.records.console import printable
 from experiments.records.results import OF_TRAININGS
 from experiments.reporting.columns import COLUMNS, Column, display_name
 from experiments.reporting.text import (
+    TEX,
     counted,
     frames_of,
     markdown_table,
     markdown_text,
+    one_line,
     percent,
-    tex_text,
 )
 
 RUN = "python -m experiments.run experiment="
 MOST_COLUMNS = 8  # that are shown; a page has no room for more
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
 _NUMBER = re.compile(
-    r"[-+−±×>]? ?[\d,]*\.?\d+(e[-+]?\d+)?( [kM]?B)?( \[.*)?", re.IGNORECASE
-)
-_NOTHING = ("", "–")
+    r"–?|[-+−±×> ]*\d.*", re.DOTALL
+)  # what follows is a unit, or bounds
 Text = str | Callable[[pd.DataFrame], str]  # a text, or what gives it from the values
 
 
@@ -104,18 +103,14 @@ class Table:
 
     def cells(self) -> list[list[str]]:
         """Texts, a list a row."""
-        names = self.names
-        columns = [self.column(name) for name in names]
-        rows = []
-        for row in records(self.data):
-            texts = map(Column.text, columns, names, itertools.repeat(row))
-            rows.append(list(texts))
-        return rows
+        columns = {name: self.column(name) for name in self.names}
+        rows = records(self.data)
+        return [[c.text(name, row) for name, c in columns.items()] for row in rows]
 
     def numeric(self) -> list[bool]:
         """Whether each shown column holds numbers, which stand right."""
         columns = zip(*self.cells(), strict=True)
-        return [all(map(_is_number, texts)) for texts in columns]
+        return [all(map(_NUMBER.fullmatch, texts)) for texts in columns]
 
     @property
     def notes(self) -> str:
@@ -129,18 +124,10 @@ class Table:
 
     def tex(self) -> str:
         """The table as LaTeX, by pandas; it needs the package ``booktabs``."""
-        shown = pd.DataFrame(self.cells(), columns=self.heads)
-        escaped = shown.map(tex_text)
-        escaped.columns = [tex_text(head) for head in self.heads]
-        return escaped.to_latex(
-            index=False,
-            escape=False,
-            column_format="".join(
-                "r" if numbers else "l" for numbers in self.numeric()
-            ),
-            caption=tex_text(str(self.title)),
-            label=f"tab:{self.name}",
-        )
+        shown = pd.DataFrame(self.cells(), columns=self.heads).map(one_line)
+        sides = "".join("r" if numbers else "l" for numbers in self.numeric())
+        text = shown.to_latex(index=False, escape=True, column_format=sides)
+        return text.translate(TEX)
 
     def rows(self) -> str:
         """Heads and cells in Markdown."""
@@ -175,21 +162,13 @@ def frame(
 ) -> pd.DataFrame:
     """Rows as a data frame of objects, so that integers and texts stay what they are. It has the
     named columns, or all columns of the rows."""
-    rows = list(rows)
-    names = list(columns) or list(dict.fromkeys(itertools.chain(*rows)))
-    cells: dict[str, list[Any]] = {}
-    for name in names:
-        cells[name] = [row.get(name) for row in rows]
-    return pd.DataFrame(cells, columns=names, dtype=object)
+    names = list(columns) or None
+    return pd.DataFrame(list(rows), columns=names, dtype=object)
 
 
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows of a data frame as mappings; a missing value is None."""
     return data.astype(object).where(data.notna(), None).to_dict("records")
-
-
-def _is_number(text: str) -> bool:
-    return text in _NOTHING or bool(_NUMBER.fullmatch(text))
 
 
 def _lines(cell: str) -> str:
