@@ -168,9 +168,8 @@ def write(
             (TITLES[a.name], text, os.path.relpath(place, folder))
             for a, text, place in zip(sets, about, places, strict=True)
         ]
-        differing = numbers[numbers.verdict == compare.OUTSIDE]
-        told = differing.to_dict("records")
-        write_atomically(path, page.render(sets, heads, told, problems))
+        differing = numbers[numbers.differs].to_dict("records")
+        write_atomically(path, page.render(sets, heads, differing, problems))
         _show(console, first, numbers, brief)
     if not brief:
         for answers, text in zip(sets, about, strict=True):
@@ -188,8 +187,7 @@ def _show(
     if table1 is not None:
         show_table1(console, table1)
     if brief:
-        of_table1 = (numbers.table == "table1") & (numbers.verdict == compare.OUTSIDE)
-        for sentence in numbers.sentence[of_table1]:
+        for sentence in numbers.sentence[numbers.differs & (numbers.table == "table1")]:
             say(console, sentence, "yellow")
         return
     if answers.name == MINE and scenes is not None:

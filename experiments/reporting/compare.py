@@ -16,12 +16,11 @@ import pandas as pd
 from experiments.reporting.table import ENDS, Table, records
 from experiments.reporting.text import counted
 
-EQUAL, WITHIN, OUTSIDE = "equal", "within its interval", "outside"
 SAME = 1e-5  # relative: tables have six digits
 MOST = 5  # differences that the terminal names; the page has all
 UNTIL_90 = "training_time_over_hdc"  # whatever ends the training later
 REFERENCE = "_reference"  # ends the names of the columns of the reference
-COLUMNS = ("table", "verdict", "sentence")
+COLUMNS = ("table", "differs", "sentence")
 
 
 def compare(own: Iterable[Table], reference: Iterable[Table]) -> pd.DataFrame:
@@ -29,7 +28,7 @@ def compare(own: Iterable[Table], reference: Iterable[Table]) -> pd.DataFrame:
     the same key of the table of the same name.
 
     Returns:
-        DataFrame: name of the ``table``, ``verdict`` and a ``sentence``.
+        DataFrame: name of the ``table``, whether the number ``differs``, and a ``sentence``.
     """
     known = {table.name: table for table in reference}
     found = [
@@ -38,10 +37,10 @@ def compare(own: Iterable[Table], reference: Iterable[Table]) -> pd.DataFrame:
         if table.key and table.name in known
         for row in _compared(table, known[table.name])
     ]
-    return pd.DataFrame(found, columns=COLUMNS)
+    return pd.DataFrame(found, columns=COLUMNS).astype({"differs": bool})
 
 
-def _compared(own: Table, reference: Table) -> Iterator[tuple[str, str, str]]:
+def _compared(own: Table, reference: Table) -> Iterator[tuple[str, bool, str]]:
     """The rows of one table."""
     ours, theirs = (each.data.astype(object) for each in (own, reference))
     names = [
@@ -58,16 +57,14 @@ def _compared(own: Table, reference: Table) -> Iterator[tuple[str, str, str]]:
             if value is None or None in bounds or not (same_rule or name == UNTIL_90):
                 continue
             interval = (value, value) if low is None or high is None else (low, high)
-            yield own.name, _verdict(value, interval, bounds), _told(own, line, name)
+            yield own.name, _differs(value, interval, bounds), _told(own, line, name)
 
 
-def _verdict(value: float, ours: Sequence[float], theirs: Sequence[Any]) -> str:
-    """Whether a number with its bounds is that of the reference, or overlaps its interval."""
-    known, lowest, highest = theirs
-    if math.isclose(value, known, rel_tol=SAME, abs_tol=1e-12):
-        return EQUAL
-    low, high = ours
-    return WITHIN if low <= highest and high >= lowest else OUTSIDE
+def _differs(value: float, ours: Sequence[float], theirs: Sequence[Any]) -> bool:
+    """Whether a number is not that of the reference, and its bounds lie outside the others."""
+    (low, high), (known, lowest, highest) = ours, theirs
+    same = math.isclose(value, known, rel_tol=SAME, abs_tol=1e-12)
+    return not same and (low > highest or high < lowest)
 
 
 def _told(own: Table, line: dict[str, Any], name: str) -> str:
@@ -80,14 +77,10 @@ def _told(own: Table, line: dict[str, Any], name: str) -> str:
 
 
 def lines(numbers: pd.DataFrame) -> Iterator[str]:
-    """How many numbers are compared, what they are, and the first that differ."""
-    counts = numbers.verdict.value_counts()
-    words = [
-        f"{counts.get(verdict, 0)} {verdict}" for verdict in (EQUAL, WITHIN, OUTSIDE)
-    ]
+    """How many numbers are compared, and the first that differ."""
+    found = numbers[numbers.differs]
     many = counted(len(numbers), "number")
-    yield f"{many} of yours beside the reference: {', '.join(words)}"
-    found = numbers[numbers.verdict == OUTSIDE]
+    yield f"{many} of yours beside the reference: {len(found)} outside its interval"
     for row in found[:MOST].itertuples():
         yield f"{row.table}: {row.sentence}"
     if len(found) > MOST:

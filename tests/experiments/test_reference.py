@@ -13,8 +13,6 @@ from experiments.records.results import RUNS, Results
 from experiments.reporting import documents
 from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
-from experiments.reproduction import make
-from experiments.reproduction.steps import steps
 
 OLD = {"experiments": 0}  # revisions of an earlier protocol
 
@@ -80,26 +78,6 @@ def test_what_is_of_no_commit_or_of_other_revisions_stays_outside(
     assert not Results(target)
 
 
-def test_a_whole_reproduction_is_the_reference_and_half_of_one_is_not(
-    tmp_path, target, write_run, capsys
-):
-    write_run("ridge")
-    shutil.move(tmp_path / store.FILE, target / store.FILE)
-    write_run("hdc")
-    stamps = make.folder_of_stamps(tmp_path, "full")
-    stamps.mkdir(parents=True)
-    *found, last = steps()
-    for step in found:
-        (stamps / step.name).write_text("1")
-    before = (target / store.FILE).read_bytes()
-    assert reference.main(["--whole"]) == 2
-    assert f"every step finished, missing {last.name}" in capsys.readouterr().out
-    assert (target / store.FILE).read_bytes() == before
-    (stamps / last.name).write_text("1")
-    assert reference.adopt(tmp_path, target, whole=True) == (1, 0)
-    assert models_of(target) == ["hdc"]
-
-
 # What is filled in --------------------------------------------------------------------------------
 
 
@@ -148,6 +126,5 @@ def test_every_part_says_what_is_missing(target):
     for name in parts.keys() - {
         "results",
         "models",
-        "reproduction",
     }:  # need no record
         assert parts[name]() == documents.NOT_MEASURED, name
