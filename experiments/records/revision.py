@@ -7,7 +7,7 @@ which returns their classes, or dotted names of them. A package may have one ``R
 what all of its parts share; that of ``experiments`` is the protocol's. A test of golden numbers
 fails when a number moves and no revision does (``tests/experiments/golden_numbers.py``).
 
-A user's own module counts by its file, with those of the user's modules that it imports.
+A user's own module counts by its file, with the files of the user's modules that it imports.
 """
 
 from __future__ import annotations
@@ -138,7 +138,8 @@ def _of_package(name: str) -> Revisions:
 
 @functools.cache
 def _own_files(name: str) -> Revisions:
-    """Digests of a user's module and of those of the user's that it imports; of others, none."""
+    """Digests of a user's module and of the user's modules that it imports; empty for other
+    modules."""
     start = _file_of(name)
     found: Revisions = {}
     waiting = [name]

@@ -49,8 +49,15 @@ def table(
     make: Callable[[pd.DataFrame], pd.DataFrame], experiments: Sequence[str]
 ) -> Table:
     """The table of the values of :func:`compare`, from frames of these experiments."""
-    names = {"title": TITLE, "note": HOW, "shown": tuple(SHOWN), "columns": SHOWN}
-    return Table(NAME, make, tuple(dict.fromkeys(experiments)), **names)
+    return Table(
+        NAME,
+        make,
+        of=tuple(dict.fromkeys(experiments)),
+        title=TITLE,
+        note=HOW,
+        shown=tuple(SHOWN),
+        columns=SHOWN,
+    )
 
 
 def compare(quantities: Iterable[Quantity]) -> pd.DataFrame:

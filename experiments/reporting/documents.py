@@ -149,7 +149,7 @@ def opening(table: Table) -> str:
     )
 
 
-def table1(table: Table | None) -> str:
+def table1(table: Table) -> str:
     """Table I in five rows: published models by our measurement and by the paper's.
 
     Args:

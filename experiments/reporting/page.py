@@ -51,10 +51,10 @@ def render(
 
 
 def sections(sets: Sequence[Answers]) -> Iterator[list[dict[str, Any]]]:
-    """Of each set its studies, with the tables and figures that no set before it has."""
+    """The studies of each set, with the tables and figures that no set before it has."""
     shown: set[str] = set()
     for answers in sets:
-        found = []
+        found: list[dict[str, Any]] = []
         for study in answers.every_study:
             figures = [f for f in answers.figures(study) if f.name not in shown]
             tables = [t for t in answers.tables(study) if t.name not in shown]
@@ -62,5 +62,6 @@ def sections(sets: Sequence[Answers]) -> Iterator[list[dict[str, Any]]]:
             if figures or tables or failures:
                 answer = {"tables": tables, "figures": figures, "failures": failures}
                 found.append({"study": study, **answer})
-        shown.update(each.name for s in found for each in s["tables"] + s["figures"])
+        for each in found:
+            shown.update(made.name for made in (*each["tables"], *each["figures"]))
         yield found

@@ -26,9 +26,8 @@ from experiments.reporting.text import (
 RUN = "python -m experiments.run experiment="
 MOST_COLUMNS = 8  # that are shown; a page has no room for more
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
-_NUMBER = re.compile(
-    r"–?|[-+−±×> ]*\d.*", re.DOTALL
-)  # what follows is a unit, or bounds
+# A dash, or a number and what follows it: a unit, or bounds.
+_NUMBER = re.compile(r"–?|[-+−±×> ]*\d.*", re.DOTALL)
 Text = str | Callable[[pd.DataFrame], str]  # a text, or what gives it from the values
 
 
@@ -46,7 +45,7 @@ class Table:
         title, note: what it shows, and how to read it; may hold ``{frames}`` and ``{machine}``.
         columns: how columns are shown, before :data:`COLUMNS`.
         shown: names of the columns that are shown, in their order; all but bounds, if empty.
-        commands: make it again; those of its experiments, if there are none here.
+        commands: make it again; if empty, the commands of its experiments.
         data: the values, as the CSV has them.
     """
 

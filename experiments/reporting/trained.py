@@ -55,8 +55,9 @@ def of_runs(runs: pd.DataFrame) -> pd.DataFrame:
         return pd.DataFrame(columns=[*COLUMNS, *ROW[2:]])
     by_row = runs.groupby(ROW, sort=False)
     groups: dict[Any, pd.DataFrame] = dict(iter(by_row))
-    each = dict.fromkeys(_FIRST, "first") | dict.fromkeys(_MEDIANS, "median")
-    each |= dict.fromkeys(_MEANS, "mean") | dict.fromkeys(_SAME, same)
+    each: dict[str, Any] = dict.fromkeys(_FIRST, "first")
+    each |= dict.fromkeys(_MEDIANS, "median") | dict.fromkeys(_MEANS, "mean")
+    each |= dict.fromkeys(_SAME, same)
     parts = [
         by_row.agg(each),
         by_row.agg(
