@@ -11,13 +11,8 @@ import pandas as pd
 
 from experiments.records.files import results_dir
 from experiments.records.results import Results
-from experiments.records.rows import unpack_labels
-from experiments.reporting.estimates import (
-    Estimate,
-    are_of_one_recording,
-    mean_difference,
-    mean_interval,
-)
+from experiments.records.rows import pack_labels, unpack_labels
+from experiments.reporting.estimates import Estimate, difference, mean_interval
 
 _PACKED = ("labels", "predicted")
 
@@ -61,28 +56,28 @@ def compare(
     Raises:
         ValueError: the two have no test frames in common, or `groups` is of another length.
     """
-    keys = ["seeds", "test_set"]
-    pairs = a.merge(b, on=keys, suffixes=("", "_of_b"))
-    if not len(pairs):
+    if groups is None:
+        found = difference(*(of.assign(**_packed(of)) for of in (a, b)))
+    else:
+        pairs = a.merge(b, on=["seeds", "test_set"], suffixes=("", "_of_b"))
+        found = _by_group(pairs, np.asarray(groups)) if len(pairs) else None
+    if found is None:
         raise ValueError("a, b: expected seeds and test frames in common, found none")
-    gained = []
-    for pair in pairs.itertuples():
-        right, of_b = pair.predicted == pair.labels, pair.predicted_of_b == pair.labels
-        gained.append(right.astype(np.int64) - of_b)
-    if groups is not None:
-        return _by_group(gained, np.asarray(groups))
-    differences = [float(gain.mean()) for gain in gained]
-    if are_of_one_recording(pairs):
-        return Estimate(float(np.mean(differences)))
-    disagree = sum(int(np.abs(gain).sum()) for gain in gained)
-    n = float(np.mean([len(gain) for gain in gained]))
-    return mean_difference(differences, n, disagree)
+    return found
 
 
-def _by_group(gained: list[np.ndarray], groups: np.ndarray) -> Estimate:
+def _packed(lines: pd.DataFrame) -> dict[str, pd.Series]:
+    return {name: lines[name].map(pack_labels) for name in _PACKED}
+
+
+def _by_group(pairs: pd.DataFrame, groups: np.ndarray) -> Estimate:
     """The mean over groups of what is gained in each, over all pairs."""
-    if any(len(gain) != len(groups) for gain in gained):
-        expected = f"{len(gained[0])}, one a test frame"
+    labels, *predicted = (
+        np.stack(pairs[name]) for name in ("labels", "predicted", "predicted_of_b")
+    )
+    if groups.shape != labels.shape[1:]:
+        expected = f"{labels.shape[1]}, one a test frame"
         raise ValueError(f"groups: expected {expected}, found {len(groups)}")
-    mean = np.mean(gained, axis=0)
+    right, of_b = (each == labels for each in predicted)
+    mean = (right.astype(int) - of_b).mean(axis=0)
     return mean_interval([float(mean[groups == g].mean()) for g in np.unique(groups)])

@@ -1,10 +1,10 @@
 """For maintainers: own results become the committed reference: ``python -m experiments.reference``.
 
 Each record of own results takes the place of that of the reference with its name, unless it was
-made with changes that are in no commit, or by code of other revisions. With ``--whole`` own results
-are the reference: they have to be of a whole reproduction. Tables and figures are made again, and
-the marked parts of README.md and of the docs are filled from them; tables that rest on records of
-older code are named.
+made with changes that are in no commit, or by code of other revisions. Without a file of records in
+the reference, own results are all of it. Tables and figures are made again, and the marked parts of
+README.md and of the docs are filled from them; code of which records have another revision is
+named.
 """
 
 from __future__ import annotations
@@ -27,17 +27,11 @@ from experiments.reporting import documents
 from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
-from experiments.reproduction import make
-from experiments.reproduction.steps import cost_text, steps
 from experiments.studies.claims import findings
 from experiments.studies.claims.view import current
 from hdc.io import write_atomically
 
 README, DOCS = ROOT / "README.md", ROOT / "docs"
-COMMANDS = {
-    "full": "make reproduce",
-    "quick": "make reproduce QUICK=1",
-}
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -50,19 +44,10 @@ def main(arguments: list[str] | None = None) -> int:
         action="store_true",
         help="only tables, figures, and the marked parts of README and docs",
     )
-    parser.add_argument(
-        "--whole",
-        action="store_true",
-        help="the reference has own results alone, of a whole reproduction",
-    )
     chosen = parser.parse_args(arguments)
     console = Console(highlight=False)
     if not chosen.tables:
-        try:
-            entered, left_out = adopt(results_dir(), REFERENCE, chosen.whole)
-        except ValueError as error:
-            say(console, f"error: {error}")
-            return 2
+        entered, left_out = adopt(results_dir(), REFERENCE)
         text = f"{entered} records taken over"
         if left_out:
             text += f"; {left_out} left out: of other revisions, or in no commit"
@@ -78,75 +63,48 @@ def main(arguments: list[str] | None = None) -> int:
         if filled != text:
             write_atomically(page, filled)
             say(console, f"parts of {os.path.relpath(page)}")
-    return _tell_older(answers, console)
+    changed = Counter(
+        name for record in answers.results.finished for name in record.outdated
+    )
+    for name, n in sorted(changed.items()):
+        say(console, f"{name}: {n} records are of another")
+    return 1 if changed else 0
 
 
-def adopt(own: Path, reference: Path, whole: bool = False) -> tuple[int, int]:
-    """Put the records of own results into the reference; how many enter, how many are left out.
-
-    Args:
-        own: folder of own results.
-        reference: folder of the reference.
-        whole: whether the records of the reference leave.
-
-    Raises:
-        ValueError: `whole`, and a step of the reproduction has not finished.
-    """
-    if whole:
-        stamps = make.folder_of_stamps(own, "full")
-        missing = [s.name for s in steps() if not (stamps / s.name).exists()]
-        if missing:
-            found = ", ".join(missing)
-            raise ValueError(f"--whole: expected every step finished, missing {found}")
+def adopt(own: Path, reference: Path) -> tuple[int, int]:
+    """Put the records of a folder of own results into that of the reference; how many enter, how
+    many are left out."""
     made = Results(own).finished
     entering = [r for r in made if r.environment.is_of_a_commit and not r.outdated]
-    before = [] if whole else Results(reference).finished
+    before = Results(reference).finished
     records = {record.id: record for record in (*before, *entering)}
     store.write_all(reference, (records[name] for name in sorted(records)))
     return len(entering), len(made) - len(entering)
 
 
-def _tell_older(answers: Answers, console: Console) -> int:
-    """Name the code of other revisions and the tables that rest on it; 1 if there are any."""
-    changed = Counter[str]()
-    for record in answers.results.finished:
-        changed.update(record.outdated)
-    for name, n in sorted(changed.items()):
-        say(console, f"{name}: {n} records are of another")
-    older = answers.older_tables()
-    if older:
-        text = f"tables with records of older code: {', '.join(older)}"
-        say(console, text)
-    return 1 if changed else 0
-
-
 def parts(answers: Answers) -> dict[str, Callable[[], str]]:
     """Contents of the marked parts of README.md and of the docs, by their names."""
 
-    def claims() -> str:
-        table = answers.table("claims")
-        return _rows(table and current(table))
+    def of(name: str, made: Callable[[Table], str]) -> Callable[[], str]:
+        def part() -> str:
+            table = answers.table(name)
+            return documents.NOT_MEASURED if table is None else made(table)
+
+        return part
 
     return {
         "findings": lambda: _findings(answers),
-        "opening": lambda: documents.opening(answers.table("recording_costs")),
-        "forms": lambda: documents.forms(answers.table("recording_costs")),
-        "costs": lambda: documents.costs(answers.table("recording_costs")),
-        "table1": lambda: documents.table1(answers.table("table1")),
+        "opening": of("recording_costs", documents.opening),
+        "forms": of("recording_costs", documents.forms),
+        "costs": of("recording_costs", documents.costs),
+        "table1": of("table1", documents.table1),
         "results": lambda: documents.results_page(
             answers, findings.answers_of_studies(answers)
         ),
-        "scenes": lambda: documents.scene_list(answers.results),
-        "verdicts": lambda: _rows(answers.table("verdicts")),
-        "claims": claims,
+        "verdicts": of("verdicts", Table.rows),
+        "claims": of("claims", lambda table: current(table).rows()),
         "models": documents.model_list,
-        "reproduction": _reproduction,
     }
-
-
-def _rows(table: Table | None) -> str:
-    """The rows of a table, if it was measured."""
-    return table.rows() if table is not None else documents.NOT_MEASURED
 
 
 def _findings(answers: Answers) -> str:
@@ -154,15 +112,6 @@ def _findings(answers: Answers) -> str:
     items = enumerate(findings.findings(answers), 1)
     lines = [f"{number}. {text}" for number, text in items]
     return "\n".join(lines) or documents.NOT_MEASURED
-
-
-def _reproduction() -> str:
-    """How many steps each command has, and about how long they take."""
-    texts = []
-    for mode, command in COMMANDS.items():
-        found = steps(mode)
-        texts.append(f"`{command}`, {len(found)} steps: about {cost_text(found)}")
-    return "; ".join(texts) + "."
 
 
 if __name__ == "__main__":

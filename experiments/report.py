@@ -12,9 +12,9 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from contextlib import AbstractContextManager
-from dataclasses import dataclass, field
+from dataclasses import replace
 from pathlib import Path
 
 import pandas as pd
@@ -26,40 +26,17 @@ from experiments.records.console import say
 from experiments.records.files import REFERENCE, results_dir
 from experiments.records.results import Results
 from experiments.reporting import compare, page
-from experiments.reporting.answers import MINE, OF_NO_STUDY, Answers
-from experiments.reporting.page import Part, Section
+from experiments.reporting.answers import MINE, Answers
 from experiments.reporting.study import Study, own_study
 from experiments.reporting.study import studies as studies_of
-from experiments.reporting.terminal import (
-    last_line,
-    show,
-    show_scenes,
-    show_table1,
-)
+from experiments.reporting.terminal import show, show_table1
 from experiments.reporting.text import counted
 from hdc.io import write_atomically
 
 WIDTH = 100  # columns of the terminal that Table I needs
 TITLES = {MINE: "Your results", "reference": "Reference results"}
-
-
-@dataclass(frozen=True)
-class Selection:
-    """The studies and rows of a report.
-
-    Attributes:
-        own: studies of the user.
-        only: by column, the names of the models and scenes whose rows tables keep; all of them
-            where there is none.
-        mine: without the reference.
-    """
-
-    own: Sequence[Study] = ()
-    only: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    mine: bool = False
-
-
-EVERYTHING = Selection()
+OF_SCENES = ("scene", "model", "seeds", "test_accuracy_final", "training_time_s")
+MOST_ROWS = 20  # of own models by scene
 
 
 def main(arguments: list[str] | None = None) -> None:
@@ -93,33 +70,52 @@ def main(arguments: list[str] | None = None) -> None:
     )
     chosen = parser.parse_args(arguments)
     console = Console(width=WIDTH, highlight=False)
+    folder = results_dir()
+    scenes = dict.fromkeys(("scene", "recording"), chosen.scene)
     try:
         own = list(map(own_study, chosen.study))
-        scenes = dict.fromkeys(("scene", "recording"), chosen.scene)
         only = {"model": chosen.model, **scenes}
-        selection = Selection(own, only, chosen.only_mine)
+        sets = sets_of(folder, own, only, chosen.only_mine)
         if chosen.tables:
-            show_tables(chosen.tables, results_dir(), console, selection)
+            show_tables(chosen.tables, sets, console)
         else:
-            write(results_dir(), console, tex=chosen.tex, selection=selection)
+            write(folder, console, sets, tex=chosen.tex)
     except (OSError, ValueError) as error:  # a full disk, a missing published.csv
         sys.exit(f"error: {error}")
 
 
-def show_tables(
-    names: Iterable[str],
+def sets_of(
     folder: Path,
-    console: Console,
-    selection: Selection = EVERYTHING,
+    own: Sequence[Study] = (),
+    only: Mapping[str, Sequence[str]] | None = None,
+    mine: bool = False,
+) -> list[Answers]:
+    """Own results and the reference, as far as they hold anything; one's own where neither does.
+
+    Args:
+        folder: of own results.
+        own: studies of the user.
+        only: by column, the names of the models and scenes whose rows tables keep.
+        mine: without the reference.
+    """
+    folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
+    questions = [*studies_of(studies), *own]
+    sets = [Answers(MINE, Results(folder), questions, only or {})]
+    if not mine:
+        sets.append(Answers("reference", Results(REFERENCE), questions, only or {}))
+    return [answers for answers in sets if answers.results] or sets[:1]
+
+
+def show_tables(
+    names: Iterable[str], sets: Sequence[Answers], console: Console
 ) -> None:
     """Show tables of own results, and of the reference where own results have none.
 
     Raises:
         ValueError: no study has a table of this name.
     """
-    sets = _sets(folder, selection)
-    of_studies = (study.tables for study in sets[0].studies)
-    known = [*(t.name for tables in of_studies for t in tables), *OF_NO_STUDY]
+    every = [study for answers in sets for study in answers.every_study]
+    known = dict.fromkeys(table.name for study in every for table in study.tables)
     for name in names:
         if name not in known:
             raise ValueError(f"expected one of {', '.join(known)}, found {name}")
@@ -134,17 +130,6 @@ def show_tables(
     print_problems(console, sets)
 
 
-def _sets(folder: Path, selection: Selection) -> list[Answers]:
-    """Own results and the reference, as far as they hold anything; one's own where neither does."""
-    folder.mkdir(parents=True, exist_ok=True)  # one that cannot be written fails first
-    questions = [*studies_of(studies), *selection.own]
-    mine = Answers(MINE, Results(folder), questions, selection.only)
-    if selection.mine:
-        return [mine]
-    reference = Answers("reference", Results(REFERENCE), questions, selection.only)
-    return [answers for answers in (mine, reference) if answers.results] or [mine]
-
-
 def _displays(sets: Sequence[Answers]) -> AbstractContextManager[None]:
     """Show models and scenes as their records say; own records take precedence."""
     every = [answers.results.displays for answers in reversed(sets)]
@@ -154,9 +139,9 @@ def _displays(sets: Sequence[Answers]) -> AbstractContextManager[None]:
 def write(
     folder: Path,
     console: Console,
+    sets: Sequence[Answers] = (),
     tex: bool = False,
     brief: bool = False,
-    selection: Selection = EVERYTHING,
 ) -> Path:
     """Write tables, figures and the page into a folder of own results; the page's file.
 
@@ -164,102 +149,61 @@ def write(
         folder: of own results.
         console: gets Table I, own models by scene, own numbers beside the reference, where the
             records are from, and what was left out.
+        sets: of results, of :func:`sets_of`; own results and the reference, if empty.
         tex: write tables as LaTeX, too.
         brief: show Table I, what of it differs from the reference, and what was left out.
-        selection: what the report is of.
     """
-    sets = _sets(folder, selection)
-    first = sets[0]
+    sets = sets or sets_of(folder)
+    first, *others = sets
+    about = [_about(answers.results) for answers in sets]
     with _displays(sets):
-        tables = [list(answers.every_table()) for answers in sets]
-        numbers = compare.compare_all(tables[0], tables[1] if len(sets) > 1 else ())
+        reference = [table for each in others for table in each.every_table()]
+        numbers = compare.compare(first.every_table(), reference)
         if first.name == MINE or tex:
             first.write(folder, tex)
         path = folder / "report.html"
         problems = [f"{a.name}: {text}" for a in sets for text in a.left_out]
-        parts = list(_parts(sets, folder))
-        write_atomically(path, page.render(parts, compare.differing(numbers), problems))
-        _show(console, sets, numbers, brief)
+        places = (folder if a.name == MINE else REFERENCE for a in sets)
+        heads = [
+            (TITLES[a.name], text, os.path.relpath(place, folder))
+            for a, text, place in zip(sets, about, places, strict=True)
+        ]
+        differing = numbers[numbers.differs].to_dict("records")
+        write_atomically(path, page.render(sets, heads, differing, problems))
+        _show(console, first, numbers, brief)
+    if not brief:
+        for answers, text in zip(sets, about, strict=True):
+            say(console, f"{answers.name}: {text}", "dim")
     print_problems(console, sets)
-    table1 = first.table("table1") if first.name == MINE else None
-    say(console, last_line(table1, os.path.relpath(path)))
+    say(console, f"page: {os.path.relpath(path)}")
     return path
 
 
 def _show(
-    console: Console, sets: Sequence[Answers], numbers: pd.DataFrame, brief: bool
+    console: Console, answers: Answers, numbers: pd.DataFrame, brief: bool
 ) -> None:
     """Table I, and what stands beside it: :func:`write` says what is brief."""
-    first, *others = (answers.table("table1") for answers in sets)
-    if first is not None:
-        show_table1(console, first, *filter(None, others))
+    table1, scenes = answers.table("table1"), answers.table("all_scenes")
+    if table1 is not None:
+        show_table1(console, table1)
     if brief:
-        differing = compare.differing(numbers)
-        for sentence in differing.sentence[differing.table == "table1"]:
+        for sentence in numbers.sentence[numbers.differs & (numbers.table == "table1")]:
             say(console, sentence, "yellow")
         return
-    scenes = sets[0].table("all_scenes")
-    if sets[0].name == MINE and scenes is not None:
-        show_scenes(console, scenes)
+    if answers.name == MINE and scenes is not None:
+        show(console, replace(scenes, shown=OF_SCENES), MOST_ROWS)
     for line in compare.lines(numbers) if len(numbers) else ():
         say(console, line)
-    for answers in sets:
-        say(console, f"{answers.name}: {_about(answers.results)}", "dim")
-
-
-def _parts(sets: Sequence[Answers], folder: Path) -> Iterator[Part]:
-    """The sets of results on the page: of the reference what one's own do not have."""
-    shown: set[str] = set()
-    for answers in sets:
-        sections = [
-            s for s in _sections(answers, shown) if s.tables or s.figures or s.failures
-        ]
-        if not sections and shown:
-            continue  # one's own have it all
-        shown |= {table.name for section in sections for table in section.tables}
-        shown |= {figure.name for section in sections for figure in section.figures}
-        own = answers.name == MINE
-        drawn = (REFERENCE / "figures").glob("*.svg") if own else ()
-        yield Part(
-            answers.name,
-            TITLES[answers.name],
-            _about(answers.results),
-            os.path.relpath(folder if own else REFERENCE, folder),
-            sections,
-            unfolded=own or len(sets) == 1,
-            of_reference={path.stem: os.path.relpath(path, folder) for path in drawn},
-        )
-
-
-def _sections(answers: Answers, shown: set[str]) -> Iterator[Section]:
-    """Tables and figures of each study that were not shown before, and tables of no study."""
-    for study in answers.studies:
-        tables = [t for t in answers.tables(study) if t.name not in shown]
-        figures = [f for f in answers.figures(study) if f.name not in shown]
-        failures = [one.text for one in answers.failures if one.study == study.name]
-        about = (study.name, study.title, study.question)
-        yield Section(*about, tables, figures, failures)
-    for table in answers.of_no_study:
-        if table.name not in shown:
-            yield Section(table.name, str(table.title), "", [table])
 
 
 def _about(results: Results) -> str:
-    """How many records there are, of which code, from which machine."""
+    """How many records there are, and from which machine."""
     environments = [record.environment for record in results.finished]
     machines = {(env.cpu, env.threads) for env in environments}
     where = [f"{cpu}, {counted(n, 'thread')}" for cpu, n in sorted(machines)]
     runs = counted(len(results.runs), "run")
     counts = f"{runs} and {counted(len(results.measurements), 'measurement')}"
-    if not where:
-        return counts
-    text = f"{counts} on {'; '.join(where)}"
-    old = [record for record in results.finished if record.outdated]
-    if not old:
-        return f"{text}, all by this code"
-    changed = sorted({name for record in old for name in record.outdated})
-    parts = counted(len(changed), "part")
-    return f"{text}; {len(old)} by other versions of {parts}, first {changed[0]}"
+    return f"{counts} on {'; '.join(where)}" if where else counts
 
 
 def print_problems(console: Console, sets: Sequence[Answers]) -> None:
@@ -267,8 +211,8 @@ def print_problems(console: Console, sets: Sequence[Answers]) -> None:
     for answers in sets:
         for text in answers.left_out:
             say(console, f"left out of {answers.name}: {text}", "yellow")
-        for failure in answers.failures:
-            say(console, f"{answers.name}: {failure}", "red")
+        for _, text in answers.failures:
+            say(console, f"{answers.name}: {text}", "red")
 
 
 if __name__ == "__main__":

@@ -3,8 +3,7 @@
 Each run is that of ``python -m experiments.run experiment=table1 model=NAME``; what is finished is
 found finished. A training that another process disturbed is repeated, for a minute in all; its row
 is marked if it is still disturbed. A row is shown when its run ends, and the whole table at the
-end, by the code of ``python -m experiments.report``; rows that this command does not measure are
-copied from the reference.
+end, by the code of ``python -m experiments.report``.
 """
 
 from __future__ import annotations

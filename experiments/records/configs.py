@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -44,36 +45,25 @@ def is_known(group: str, name: str) -> bool:
 @functools.cache
 def sweep(experiment: str) -> dict[str, list[str]]:
     """The values that an experiment sweeps over, by key: what its tables expect to find."""
-    found = {}
-    for key, text in _swept(experiment).items():
-        found[str(key)] = [value.strip() for value in str(text).split(",")]
-    return found
-
-
-def _swept(experiment: str) -> dict[str, Any]:
-    """``hydra.sweeper.params`` of an experiment, empty where it sweeps over nothing."""
-    found = _file("experiment", experiment)
+    params = _file("experiment", experiment)
     for key in ("hydra", "sweeper", "params"):
-        found = found.get(key, {})
-    return found
+        params = params.get(key, {})
+    return {key: re.split(r"\s*,\s*", str(text)) for key, text in params.items()}
 
 
 @functools.cache
 def swept_models() -> frozenset[str]:
     """Every model that an experiment sweeps over."""
-    found: set[str] = set()
-    for path in (CONFIGS / "experiment").glob("*.yaml"):
-        text = _swept(path.stem).get("model", "")
-        found.update(model.strip() for model in str(text).split(","))
-    return frozenset(found)
+    names = (path.stem for path in (CONFIGS / "experiment").glob("*.yaml"))
+    return frozenset(model for name in names for model in sweep(name).get("model", ()))
 
 
 @functools.cache
 def models(*groups: str) -> tuple[str, ...]:
     """Models of ``configs/model/`` whose ``display.group`` is one of these, HDC first."""
-    names = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
-    names.sort(key=lambda name: (name != "hdc", name))
-    return tuple(name for name in names if display(name)["group"] in groups)
+    names = (path.stem for path in (CONFIGS / "model").glob("*.yaml"))
+    shown = (name for name in names if display(name)["group"] in groups)
+    return tuple(sorted(shown, key=lambda name: (name != "hdc", name)))
 
 
 @functools.cache

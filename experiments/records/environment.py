@@ -30,7 +30,6 @@ COMMAND = "EXPERIMENTS_COMMAND"
 _CPUINFO = Path("/proc/cpuinfo")
 _NUMBERS = {"family": "cpu family", "model": "model", "stepping": "stepping"}
 _FLAGS = {*_NUMBERS.values(), "flags"}
-_COMPUTING = ("torch", "numpy")  # whose versions may move a number
 
 
 class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
@@ -84,16 +83,6 @@ class Environment(msgspec.Struct, kw_only=True, omit_defaults=True):
     def is_of_a_commit(self) -> bool:
         """Whether others can have the code that made it."""
         return self.commit is not None and self.dirty is False and self.changes is None
-
-    @property
-    def other_versions(self) -> list[str]:
-        """torch and numpy, where they are others here: ``numpy 2.3.0 (here 2.4.6)``."""
-        lines = []
-        for name in _COMPUTING:
-            before, here = self.packages.get(name), _version(name)
-            if before is not None and before != here:
-                lines.append(f"{name} {before} (here {here})")
-        return lines
 
 
 def environment(device: str, threads: int) -> Environment:

@@ -17,6 +17,8 @@ from experiments.records.rows import Row, unpack_labels
 
 RUNS = "runs"  # the name of single trainings among those of experiments
 CHECKPOINTS = "checkpoints"  # and of the reports that they made while they learned
+EVERY_RUN = "every run"  # and of every training, finished or not
+OF_TRAININGS = (RUNS, CHECKPOINTS, EVERY_RUN)
 ROW = ["scene", "model", "asked_n", "asked_d"]
 """Columns that name a row of a table of runs: how many training samples and how many pixels were
 asked for, 0 for all of them."""
@@ -24,8 +26,7 @@ asked for, 0 for all of them."""
 STOPS = ("paper", "long", "end", "quick", "reached")
 # Columns that tell the resamples of a measurement apart: the true classes are stored once in each.
 _RESAMPLE = ("seed", "split", "draw")
-# Keys of a config in which measurements side by side may differ.
-_OF_MODELS = ("models", "seeds")
+_UNREAD = ("labels", "predicted", "test_indices")
 _AGAIN = "measurement"  # key of which of several measurements of the same one is
 
 
@@ -39,7 +40,7 @@ class Results:
     """
 
     def __init__(self, folder: Path):
-        self.problems: list[str] = list(_of_version_2(folder))
+        self.problems: list[str] = []
         self.runs: list[Record] = []
         self.unfinished: list[Record] = []
         self.measurements: list[Record] = []
@@ -75,7 +76,8 @@ class Results:
 
         :data:`RUNS` stands for single trainings, a line each, with their results; a row
         (:data:`ROW`) has one of its configurations (:func:`_counting`). :data:`CHECKPOINTS` are the
-        reports of these trainings, a line each. An experiment has one measurement of each scene
+        reports of these trainings, a line each, and :data:`EVERY_RUN` are all trainings, finished
+        or not, without what their models predicted. An experiment has one measurement of each scene
         (:meth:`chosen`). Scenes are in their order.
         """
         if experiments not in self._frames:
@@ -83,16 +85,10 @@ class Results:
             self._frames[experiments] = _joined([part for part in parts if len(part)])
         return self._frames[experiments]
 
-    def trainings(self, finished: bool = True) -> pd.DataFrame:
-        """Every training, or every finished one, a line each with its settings and results."""
-        if finished:
-            lines = pd.DataFrame(map(_of_finished, self.runs))
-            return lines.drop(columns=["alike", "repetition"], errors="ignore")
-        ordered = sorted((*self.runs, *self.unfinished), key=lambda run: run.id)
-        return pd.DataFrame(
-            _of_run(run) | {"status": ": ".join(filter(None, [run.status, run.error]))}
-            for run in ordered
-        )
+    def trainings(self) -> pd.DataFrame:
+        """Every finished training, a line each with its settings and results."""
+        lines = pd.DataFrame(map(_of_finished, self.runs))
+        return lines.drop(columns=["alike", "repetition"], errors="ignore")
 
     def chosen(self, experiment: str) -> tuple[list[Record], list[Record]]:
         """The measurements of an experiment that count, and those that are left out.
@@ -129,6 +125,9 @@ class Results:
             return _counting(pd.DataFrame(map(_of_finished, self.runs)))
         if name == CHECKPOINTS:
             return self._checkpoints()
+        if name == EVERY_RUN:
+            every = sorted((*self.runs, *self.unfinished), key=lambda run: run.id)
+            return pd.DataFrame(map(_of_any, every))
         parts = [_of_measurement(measured) for measured in self.chosen(name)[0]]
         return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame()
 
@@ -152,49 +151,31 @@ class Results:
                 self.displays[group, named.name] = named.display
 
 
-def _of_version_2(folder: Path) -> Iterator[str]:
-    for name in ("runs.jsonl", "measured"):
-        if (folder / name).exists():
-            yield (
-                f"{folder / name}: records of version 2.0, which this version does not read; "
-                "set RESULTS_DIR to another folder, or report on them by version 2.0"
-            )
-
-
 def _label(record: Record) -> str:
     return record.scene.label if record.scene else ""
 
 
 def _is_beside(one: Record, other: Record) -> bool:
-    """Whether two measurements of a scene count side by side: of other models, or made again."""
+    """Whether two measurements of a scene with equal settings count side by side: the same one made
+    again, which may leave models out, or one of other models, with the same seeds or a part of
+    them."""
+    settings, seeds, models = zip(*map(_apart, (one, other)), strict=True)
+    if settings[0] != settings[1]:
+        return False
+    shared = models[0].keys() & models[1].keys()
     if one.config.get(_AGAIN) != other.config.get(_AGAIN):
-        return _is_again(one, other)
-    # Times of two calls do not compare.
-    return not one.timed and _is_of_others(one, other)
-
-
-def _is_again(one: Record, other: Record) -> bool:
-    """Whether two measurements have equal settings; one may leave models out."""
-    first, second = (
-        configs.without((_AGAIN, "models"), m.config) for m in (one, other)
-    )
-    models, others = (m.config.get("models") or {} for m in (one, other))
-    return bool(
-        first == second
-        and all(models[name] == others[name] for name in models.keys() & others.keys())
-    )
-
-
-def _is_of_others(one: Record, other: Record) -> bool:
-    """Whether two measurements have no model in common, the same seeds or a part of them, and all
-    other settings equal."""
-    first, second = (configs.without(_OF_MODELS, m.config) for m in (one, other))
-    models, seeds = (
-        [set(m.config.get(key) or ()) for m in (one, other)] for key in _OF_MODELS
-    )
-    apart = all(models) and models[0].isdisjoint(models[1])
+        same = all(models[0][name] == models[1][name] for name in shared)
+        return bool(seeds[0] == seeds[1] and same)
     within = seeds[0] <= seeds[1] or seeds[1] <= seeds[0]
-    return bool(first == second and apart and within)
+    # Times of two calls do not compare.
+    return bool(all(models) and not shared and within and not one.timed)
+
+
+def _apart(record: Record) -> tuple[Any, set[int], dict[str, Any]]:
+    """Settings in which measurements side by side agree, and seeds and models of this one."""
+    config = record.config
+    seeds, models = config.get("seeds") or (), config.get("models") or {}
+    return configs.without((_AGAIN, "seeds", "models"), config), set(seeds), models
 
 
 def of_experiment(frame: pd.DataFrame, experiment: str) -> pd.DataFrame:
@@ -264,6 +245,12 @@ def _of_run(run: Record) -> Row:
         "stop_rule": run.stop,
         **run.results,
     }
+
+
+def _of_any(run: Record) -> Row:
+    """The line of a training, finished or not, for a reader."""
+    line = _of_run(run) | {"status": ": ".join(filter(None, [run.status, run.error]))}
+    return {name: value for name, value in line.items() if name not in _UNREAD}
 
 
 def _of_finished(run: Record) -> Row:

@@ -7,7 +7,7 @@ which returns their classes, or dotted names of them. A package may have one ``R
 what all of its parts share; that of ``experiments`` is the protocol's. A test of golden numbers
 fails when a number moves and no revision does (``tests/experiments/golden_numbers.py``).
 
-A user's own module counts by its file, with the modules beside it that it imports.
+A user's own module counts by its file, with the files of the user's modules that it imports.
 """
 
 from __future__ import annotations
@@ -22,10 +22,11 @@ import os
 import pkgutil
 import sysconfig
 from collections.abc import Iterator
+from importlib.machinery import ModuleSpec
 from pathlib import Path
 from typing import Any
 
-from experiments.records import configs, sources
+from experiments.records import configs
 from experiments.records.sources import PACKAGES
 
 _INSTALLED = ("stdlib", "purelib", "platlib")
@@ -62,17 +63,15 @@ def outdated(made_by: Revisions, now: Revisions) -> list[str]:
 
 
 def of_today(made_by: Revisions) -> Revisions:
-    """Today's revisions of the parts that a record names, as far as they lie in our packages.
-
-    They are read from the source: whoever reads a record runs no code that the record names.
-    """
+    """Today's revisions of the parts that a record names, as far as they lie in our packages: of
+    others that a record names, none is imported."""
     found: Revisions = {}
     for name in made_by:
-        package = name.partition(".")[0]
-        if package in PACKAGES:
-            found |= _of_package(package)
-            now = None if name in PACKAGES else sources.revision_of(name)
-            found |= {} if now is None else {name: now}
+        if name.partition(".")[0] in PACKAGES:
+            try:
+                found |= _of_part(name, pkgutil.resolve_name(name))
+            except (ImportError, AttributeError):  # it left
+                continue
     return found
 
 
@@ -139,63 +138,60 @@ def _of_package(name: str) -> Revisions:
 
 @functools.cache
 def _own_files(name: str) -> Revisions:
-    """Digests of a user's module and of those beside it that it imports; of others, none."""
-    if is_installed(name.partition(".")[0]):
-        return {}
-    module = importlib.import_module(name)
-    file = Path(getattr(module, "__file__", None) or "").resolve()
-    if file.suffix != ".py":
-        return {}
+    """Digests of a user's module and of the user's modules that it imports; empty for other
+    modules."""
+    start = _file_of(name)
     found: Revisions = {}
-    waiting = [file]
-    while waiting:
-        path = waiting.pop()
-        relative = Path(os.path.relpath(path, file.parent)).as_posix()
+    waiting = [name]
+    while start is not None and waiting:
+        module = waiting.pop()
+        package, path = module.partition(".")[0], _file_of(module)
+        if path is None or package in PACKAGES or is_installed(package):
+            continue
+        relative = Path(os.path.relpath(path, start.parent)).as_posix()
         if relative not in found:
             found[relative] = _digest(path)
-            waiting += _imported_beside(path)
+            is_package = path.stem == "__init__"
+            within = module if is_package else module.rpartition(".")[0]
+            waiting += _imported(path, within)
     return found
 
 
-def _imported_beside(path: Path) -> Iterator[Path]:
-    """Files of the folder of a file, or below it, that it imports; of its package, also above."""
+def _imported(path: Path, package: str) -> Iterator[str]:
+    """Dotted names that a file of a package imports, some of which are no modules."""
     for node in ast.walk(ast.parse(path.read_bytes())):
-        folder, names = path.parent, []
         if isinstance(node, ast.Import):
-            names = [alias.name for alias in node.names]
+            yield from (alias.name for alias in node.names)
         elif isinstance(node, ast.ImportFrom):
-            folder = path.parents[max(0, node.level - 1)]
-            names = [f"{node.module or ''}.{alias.name}" for alias in node.names]
-        for name in names:
-            yield from _files_of(name.strip("."), folder)
+            relative = "." * node.level + (node.module or "")
+            module = importlib.util.resolve_name(relative, package)
+            yield module
+            yield from (f"{module}.{alias.name}" for alias in node.names)
 
 
-def _files_of(name: str, folder: Path) -> Iterator[Path]:
-    """Files behind a dotted name, from the folder, or from the package that it lies in."""
-    first, *rest = name.split(".")
-    packages = [above for above in (folder, *folder.parents) if above.name == first]
-    starts = [(package, rest) for package in packages]
-    if folder.name != first:
-        starts.append((folder, [first, *rest]))
-    for start, words in starts:
-        for n in range(1, len(words) + 1):
-            module = start.joinpath(*words[:n])
-            for path in (module.with_suffix(".py"), module / "__init__.py"):
-                if path.is_file():
-                    yield path
+def _file_of(module: str) -> Path | None:
+    """The Python file of a module; None where it has none."""
+    spec = _found(module)
+    origin = Path(spec.origin or "") if spec else Path()
+    return origin.resolve() if origin.suffix == ".py" else None
+
+
+def _found(module: str) -> ModuleSpec | None:
+    try:
+        return importlib.util.find_spec(module)
+    except (
+        ImportError,
+        ValueError,
+    ):  # what holds it is no package, or was not imported
+        return None
 
 
 @functools.cache
 def is_installed(package: str) -> bool:
     """Whether a package comes with Python, or was installed: it is looked for, not imported."""
-    try:
-        spec = importlib.util.find_spec(package)
-    except (ImportError, ValueError):  # of a module without one
-        return False
-    if spec is None:
-        return False
-    if spec.origin in ("built-in", "frozen"):
-        return True
+    spec = _found(package)
+    if spec is None or spec.origin in ("built-in", "frozen"):
+        return spec is not None
     folders = [Path(sysconfig.get_path(name)).resolve() for name in _INSTALLED]
     file = Path(spec.origin or "").resolve()
     return any(file.is_relative_to(folder) for folder in folders)

@@ -1,4 +1,4 @@
-"""Revisions and imports as the source states them: nothing of it is imported."""
+"""Imports as the source states them: nothing of it is imported."""
 
 from __future__ import annotations
 
@@ -6,18 +6,10 @@ import ast
 import functools
 import sys
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 from experiments.records.files import ROOT
 
 PACKAGES = ("hdc", "baselines", "scenes", "experiments")
-
-
-def revision_of(name: str) -> int | None:
-    """``revision`` of a class or function of the project by its dotted name, 1 where neither it nor
-    a base of it states one; None where the project has none of this name."""
-    found = _stand_in(name)
-    return None if found is None else getattr(found, "revision", 1)
 
 
 def packages_of(names: Iterable[str]) -> set[str]:
@@ -42,34 +34,6 @@ def _imported(module: str) -> Iterator[str]:
         elif isinstance(line, ast.ImportFrom) and line.module:
             yield line.module
             yield from (f"{line.module}.{alias.name}" for alias in line.names)
-
-
-@functools.cache
-def _stand_in(name: str) -> type | None:
-    """A class with the bases of the one of this name, and the revision that stands in it; that of
-    a function has neither."""
-    module, _, last = name.rpartition(".")
-    tree = _tree(module)
-    for node in tree.body:
-        if isinstance(node, ast.ClassDef) and node.name == last:
-            names = (ast.unparse(base).partition("[")[0] for base in node.bases)
-            bases = map(_stand_in, (f"{module}.{base}" for base in names))
-            return type(last, tuple(filter(None, bases)), _stated(node))
-        if isinstance(node, ast.FunctionDef) and node.name == last:
-            return type(last, (), {})
-    imports = (line for line in ast.walk(tree) if isinstance(line, ast.ImportFrom))
-    for line in imports:
-        if last in (alias.name for alias in line.names):
-            return _stand_in(f"{line.module}.{last}")
-    return None
-
-
-def _stated(node: ast.ClassDef) -> dict[str, Any]:
-    lines = (line for line in node.body if isinstance(line, ast.AnnAssign))
-    for line in lines:
-        if line.value is not None and ast.unparse(line.target) == "revision":
-            return {"revision": ast.literal_eval(line.value)}
-    return {}
 
 
 @functools.cache

@@ -13,7 +13,7 @@ from pathlib import Path
 import msgspec
 from rich.console import Console
 
-from experiments.records import locks, names
+from experiments.records import locks
 from experiments.records.console import say
 from experiments.records.record import SCHEMA, Record
 from experiments.records.revision import Revisions
@@ -69,7 +69,6 @@ def read(folder: Path, name: str = "") -> Iterator[Record | ValueError]:
             else:
                 yield ValueError(f"{path}, line {number}: {error}")
             continue
-        record.config = names.of_today(record.config)
         known = records.get(record.id)
         if known is None or record.is_finished or not known.is_finished:
             records.pop(record.id, None)  # in the order of the lines that count

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import functools
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
-from experiments.records.results import RUNS, Results
+import pandas as pd
+
+from experiments.records.results import EVERY_RUN, Results
 from experiments.reporting import comparison
 from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table, text_for
 from hdc.io import write_atomically
 
-MINE, RUNS_TABLE = "mine", "runs"
-OF_NO_STUDY = (comparison.NAME, RUNS_TABLE)
+MINE = "mine"
+RUNS_TABLE = Table(
+    "runs",
+    lambda runs: runs,
+    of=EVERY_RUN,
+    title="Every run",
+    note="tables/runs.csv has a column for every setting, processor and command.",
+    shown=(
+        *("record", "scene", "model", "seed", "status"),
+        *("test_accuracy_final", "total_time_s"),
+    ),
+)
 Made = TypeVar("Made")
-
-
-class Failure(NamedTuple):
-    """A table or figure of a study that could not be made, and why, in one line."""
-
-    study: str
-    text: str
-
-    def __str__(self) -> str:
-        return self.text
 
 
 @dataclass
@@ -34,23 +37,39 @@ class Answers:
     """Answers of some studies from one set of results, ``reference`` or ``mine``.
 
     Tables keep the rows whose columns have one of the values that ``only`` names, or begin with the
-    name. Errors are kept in ``failures``; everything else is made.
+    name. Errors are kept in ``failures``, each with the name of its study, in one line; everything
+    else is made.
     """
 
     name: str
     results: Results
     studies: Sequence[Study]
     only: Mapping[str, Sequence[str]] = field(default_factory=dict)
-    failures: list[Failure] = field(default_factory=list)
+    failures: list[tuple[str, str]] = field(default_factory=list)
     _made: dict[str, Table | None] = field(default_factory=dict)
+
+    @functools.cached_property
+    def every_study(self) -> list[Study]:
+        """The studies, and last the published numbers and ours, and every run of one's own."""
+        experiments = [
+            name
+            for study in self.studies
+            for numbers in study.numbers
+            for name in numbers.of
+        ]
+        tables = [comparison.table(self._compared, experiments)]
+        if self.name == MINE:
+            tables.append(RUNS_TABLE)
+        of_all = Study("numbers", "Every number", "", math.inf, tables=tables)
+        return [*self.studies, of_all]
 
     def table(self, name: str) -> Table | None:
         """The table of that name, if it has rows."""
-        for study in self.studies:
+        for study in self.every_study:
             for table in study.tables:
                 if table.name == name:
                     return self._of(study, table)
-        return next((table for table in self.of_no_study if table.name == name), None)
+        return None
 
     def tables(self, study: Study) -> list[Table]:
         """The tables of a study that have rows."""
@@ -67,68 +86,24 @@ class Answers:
         ]
 
     def every_table(self) -> Iterator[Table]:
-        """The tables of all studies, and of none."""
-        for study in self.studies:
+        """The tables of all studies."""
+        for study in self.every_study:
             yield from self.tables(study)
-        yield from self.of_no_study
 
-    @functools.cached_property
-    def of_no_study(self) -> list[Table]:
-        """The published numbers and ours, and every run of one's own, if they have rows."""
-        found = [self._comparison(), *([self._runs()] if self.name == MINE else [])]
-        return [table for table in found if len(table.data)]
-
-    def _comparison(self) -> Table:
+    def _compared(self, _: pd.DataFrame) -> pd.DataFrame:
         """Every published number that was measured, and ours."""
-        every = [
-            (study, numbers) for study in self.studies for numbers in study.numbers
-        ]
         quantities = []
-        for study, numbers in every:
-            make = functools.partial(numbers.made, self.results.frame(*numbers.of))
-            quantities += self._tried(study, "its numbers", make) or []
-        experiments = [name for _, numbers in every for name in numbers.of]
-        return comparison.compare(quantities, experiments)
+        for study in self.studies:
+            for numbers in study.numbers:
+                frame = self.results.frame(*numbers.of)
+                make = functools.partial(numbers.made, frame)
+                quantities += self._tried(study, "its numbers", make) or []
+        return comparison.compare(quantities)
 
-    def _runs(self) -> Table:
-        """A row per training, finished or not, with a column per setting."""
-        rows = self.results.trainings(finished=False)
-        unread = ["labels", "predicted", "test_indices"]
-        return Table(
-            RUNS_TABLE,
-            lambda _: None,
-            of=RUNS,
-            title="Every run",
-            note="tables/runs.csv has a column for every setting, processor and command.",
-            shown=(
-                *("record", "scene", "model", "seed", "status"),
-                *("test_accuracy_final", "total_time_s"),
-            ),
-            data=rows.drop(columns=unread, errors="ignore"),
-        )
-
-    @functools.cached_property
+    @property
     def left_out(self) -> list[str]:
         """Records that no table shows, and why, a line each."""
-        lines = [*self.results.problems, *self.results.left_out()]
-        tables = (table for study in self.studies for table in study.tables)
-        known = {name for table in tables for name in table.experiments}
-        for measured in self.results.measurements:
-            module = measured.task.rpartition(".")[0]
-            if measured.experiment not in known and not module.startswith(
-                "experiments."
-            ):
-                text = f"no table shows it; if {module} has a STUDY: --study {module}"
-                lines.append(f"{measured.id}: {text}")
-        return lines
-
-    def older_tables(self) -> list[str]:
-        """Names of the tables that take an experiment with records of older code."""
-        older = {one.experiment for one in self.results.measurements if one.outdated}
-        if any(run.outdated for run in self.results.runs):
-            older.add(RUNS)
-        found = self.every_table()
-        return sorted(t.name for t in found if not older.isdisjoint(t.experiments))
+        return [*self.results.problems, *self.results.left_out()]
 
     def write(self, folder: Path, tex: bool = False) -> list[Path]:
         """Write tables and figures as files, and remove files of an earlier report; the files."""
@@ -136,7 +111,6 @@ class Answers:
         for table in self.every_table():
             path = folder / "tables" / table.name
             contents[path.with_suffix(".csv")] = table.csv()
-            contents[path.with_suffix(".md")] = table.markdown()
             if tex:
                 contents[path.with_suffix(".tex")] = table.tex()
         for name, drawn in self._drawn():
@@ -185,5 +159,5 @@ class Answers:
         except Exception as error:
             why = f"{type(error).__name__}: {' '.join(str(error).split())}"
             text = f"study {study.name} failed at {what}: {why}"
-            self.failures.append(Failure(study.name, text))
+            self.failures.append((study.name, text))
             return None

@@ -14,101 +14,73 @@ from typing import Any
 import pandas as pd
 
 from experiments.reporting.table import ENDS, Table, records
-from experiments.reporting.text import counted, two_digits
+from experiments.reporting.text import counted
 
-EQUAL, WITHIN, OUTSIDE = "equal", "within its interval", "outside"
 SAME = 1e-5  # relative: tables have six digits
 MOST = 5  # differences that the terminal names; the page has all
 UNTIL_90 = "training_time_over_hdc"  # whatever ends the training later
 REFERENCE = "_reference"  # ends the names of the columns of the reference
-COLUMNS = ("table", "row", "column", "verdict", "bounds", "sentence")
-ONE_SEED = "; one seed on a busy machine often differs that much"
+COLUMNS = ("table", "differs", "sentence")
 
 
-def compare(own: Table, reference: Table) -> pd.DataFrame:
+def compare(own: Iterable[Table], reference: Iterable[Table]) -> pd.DataFrame:
     """A row for each number of one's own that the reference has with an interval, in the row with
-    the same key.
+    the same key of the table of the same name.
 
     Returns:
-        DataFrame: name of the ``table``, number of the ``row`` in it, name of the ``column``,
-        ``verdict``, ``bounds`` of the reference and a ``sentence``.
+        DataFrame: name of the ``table``, whether the number ``differs``, and a ``sentence``.
     """
+    known = {table.name: table for table in reference}
+    found = [
+        row
+        for table in own
+        if table.key and table.name in known
+        for row in _compared(table, known[table.name])
+    ]
+    return pd.DataFrame(found, columns=COLUMNS).astype({"differs": bool})
+
+
+def _compared(own: Table, reference: Table) -> Iterator[tuple[str, bool, str]]:
+    """The rows of one table."""
     ours, theirs = (each.data.astype(object) for each in (own, reference))
     names = [
         name
         for name in map(str, ours)
         if f"{name}{ENDS[1]}" in theirs and not own.column(name).of_machine
     ]
-    found: list[dict[str, Any]] = []
-    if own.key:
-        joined = ours.merge(theirs, "left", list(own.key), suffixes=("", REFERENCE))
-        for row, line in enumerate(records(joined)):
-            same_rule = line.get("stop_rule") == line.get(f"stop_rule{REFERENCE}")
-            for name in names:
-                if same_rule or name == UNTIL_90:
-                    place = {"table": own.name, "row": row, "column": name}
-                    found += (place | told for told in _compared(own, line, name))
-    return pd.DataFrame(found, columns=COLUMNS)
+    joined = ours.merge(theirs, on=list(own.key), suffixes=("", REFERENCE))
+    for line in records(joined):
+        same_rule = line.get("stop_rule") == line.get(f"stop_rule{REFERENCE}")
+        for name in names:
+            value, low, high = (line.get(f"{name}{end}") for end in ENDS)
+            bounds = [line.get(f"{name}{end}{REFERENCE}") for end in ENDS]
+            if value is None or None in bounds or not (same_rule or name == UNTIL_90):
+                continue
+            interval = (value, value) if low is None or high is None else (low, high)
+            yield own.name, _differs(value, interval, bounds), _told(own, line, name)
 
 
-def _compared(own: Table, line: dict[str, Any], name: str) -> Iterator[dict[str, str]]:
-    """A number, if both sides have it: its verdict, bounds and sentence."""
-    value, *ours = (line.get(f"{name}{end}") for end in ENDS)
-    theirs: list[Any] = [line.get(f"{name}{end}{REFERENCE}") for end in ENDS]
-    if value is None or None in theirs:
-        return
-    show = two_digits if name == UNTIL_90 else own.column(name).show
-    bounds = " to ".join(map(show, theirs[1:]))
-    text = f"{own.column(name).head}: {show(value)} (reference: {bounds})"
-    if name == UNTIL_90 and line.get("seeds") == 1:
-        text += ONE_SEED
-    bounded: list[Any] = [value, value] if None in ours else ours
-    yield {
-        "verdict": _verdict(value, bounded, theirs),
-        "bounds": bounds,
-        "sentence": f"{_who(own, line)}: {text}.",
-    }
+def _differs(value: float, ours: Sequence[float], theirs: Sequence[Any]) -> bool:
+    """Whether a number is not that of the reference, and its bounds lie outside the others."""
+    (low, high), (known, lowest, highest) = ours, theirs
+    same = math.isclose(value, known, rel_tol=SAME, abs_tol=1e-12)
+    return not same and (low > highest or high < lowest)
 
 
-def _verdict(value: float, ours: Sequence[float], theirs: Sequence[float]) -> str:
-    """Whether a number with its bounds is that of the reference, or overlaps its interval."""
-    known, lowest, highest = theirs
-    if math.isclose(value, known, rel_tol=SAME, abs_tol=1e-12):
-        return EQUAL
-    low, high = ours
-    return WITHIN if low <= highest and high >= lowest else OUTSIDE
-
-
-def _who(own: Table, line: dict[str, Any]) -> str:
-    """Cells that tell the row from the others of its table."""
-    telling = [name for name in own.key if own.data[name].nunique() > 1] or own.key
-    return ", ".join(own.column(name).text(name, line) for name in telling)
-
-
-def compare_all(own: Iterable[Table], reference: Iterable[Table]) -> pd.DataFrame:
-    """The numbers of all tables that both sides have."""
-    known = {table.name: table for table in reference}
-    parts = [compare(table, known[table.name]) for table in own if table.name in known]
-    filled = [part for part in parts if len(part)]
-    if not filled:
-        return pd.DataFrame(columns=COLUMNS)
-    return pd.concat(filled, ignore_index=True)
-
-
-def differing(numbers: pd.DataFrame) -> pd.DataFrame:
-    """Those that differ."""
-    return numbers[numbers.verdict == OUTSIDE]
+def _told(own: Table, line: dict[str, Any], name: str) -> str:
+    """The cells that tell the row from others, the number, and the bounds of the reference."""
+    telling = [key for key in own.key if own.data[key].nunique() > 1] or own.key
+    who = ", ".join(own.column(key).text(key, line) for key in telling)
+    show, head = own.column(name).show, own.column(name).head
+    bounds = " to ".join(show(line[f"{name}{end}{REFERENCE}"]) for end in ENDS[1:])
+    return f"{who}: {head}: {show(line[name])} (reference: {bounds})."
 
 
 def lines(numbers: pd.DataFrame) -> Iterator[str]:
-    """How many numbers are compared, what they are, and the first that differ."""
-    counts = numbers.verdict.value_counts()
-    words = [
-        f"{counts.get(verdict, 0)} {verdict}" for verdict in (EQUAL, WITHIN, OUTSIDE)
-    ]
+    """How many numbers are compared, and the first that differ."""
+    found = numbers[numbers.differs]
     many = counted(len(numbers), "number")
-    yield f"{many} of yours beside the reference: {', '.join(words)}"
-    found = differing(numbers)
+    yield f"{many} of yours beside the reference: {len(found)} outside its interval"
     for row in found[:MOST].itertuples():
         yield f"{row.table}: {row.sentence}"
     if len(found) > MOST:

@@ -6,9 +6,11 @@ How they are judged stands in :data:`HOW`, below the table.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import Any
+
+import pandas as pd
 
 from experiments.reporting import published
 from experiments.reporting.columns import Column
@@ -43,13 +45,23 @@ _MAKES = dict.fromkeys(("finger", "spatial", "tactile"), "all_scenes") | {
 }
 
 
-def compare(quantities: Iterable[Quantity], experiments: Sequence[str] = ()) -> Table:
-    """The table, in the order of published.csv.
+def table(
+    make: Callable[[pd.DataFrame], pd.DataFrame], experiments: Sequence[str]
+) -> Table:
+    """The table of the values of :func:`compare`, from frames of these experiments."""
+    return Table(
+        NAME,
+        make,
+        of=tuple(dict.fromkeys(experiments)),
+        title=TITLE,
+        note=HOW,
+        shown=tuple(SHOWN),
+        columns=SHOWN,
+    )
 
-    Args:
-        quantities: what was measured of it.
-        experiments: that measured it.
-    """
+
+def compare(quantities: Iterable[Quantity]) -> pd.DataFrame:
+    """A row for each quantity that was measured, in the order of published.csv."""
     measured = [one for one in quantities if one.value is not None]
     rows = [
         _row(known, ours)
@@ -57,17 +69,7 @@ def compare(quantities: Iterable[Quantity], experiments: Sequence[str] = ()) -> 
         for ours in measured
         if ours.name == name
     ]
-    data = frame(rows, COLUMNS)
-    return Table(
-        NAME,
-        lambda _: data,
-        of=tuple(dict.fromkeys(experiments)),
-        title=TITLE,
-        note=HOW,
-        data=data,
-        shown=tuple(SHOWN),
-        columns=SHOWN,
-    )
+    return frame(rows, COLUMNS)
 
 
 def verdict(known: Published, ours: Quantity) -> str:

@@ -5,70 +5,32 @@ It needs no network. Figures and tables lie as files beside it, and it links to 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Iterator, Sequence
 from pathlib import Path
+from typing import Any
 from urllib.parse import quote
 
 import jinja2
-import pandas as pd
 
-from experiments.reporting.study import Figure
-from experiments.reporting.table import Table
+from experiments.reporting.answers import Answers
 
 ROWS = 30  # of a table that is not folded away
 
 
-@dataclass(frozen=True)
-class Section:
-    """The answer to one question.
-
-    Attributes:
-        name: its anchor.
-        title, text: heading, and what is asked.
-        tables, figures: its answers.
-        failures: what could not be made of it, a line each.
-    """
-
-    name: str
-    title: str
-    text: str
-    tables: Sequence[Table]
-    figures: Sequence[Figure] = ()
-    failures: Sequence[str] = ()
-
-
-@dataclass(frozen=True)
-class Part:
-    """The sections of one set of results.
-
-    Attributes:
-        name: ``mine`` or ``reference``, begins the anchors.
-        title: heading.
-        about: where the results are from.
-        folder: of tables and figures, relative to the page.
-        sections: unfolded if `unfolded`.
-        of_reference: figures of the reference by name, relative to the page.
-    """
-
-    name: str
-    title: str
-    about: str
-    folder: str
-    sections: Sequence[Section]
-    unfolded: bool = False
-    of_reference: Mapping[str, str] = field(default_factory=dict)
-
-
 def render(
-    parts: Sequence[Part], differing: pd.DataFrame, problems: Sequence[str]
+    sets: Sequence[Answers],
+    about: Sequence[tuple[str, str, str]],
+    differing: Sequence[Any],
+    problems: Sequence[str],
 ) -> str:
     """The page's HTML.
 
     Args:
-        parts: sets of results, one's own first.
-        differing: numbers of one's own that differ from the reference, which is shown beside them
-            (:func:`experiments.reporting.compare.compare`).
+        sets: of results, one's own first.
+        about: of each set its heading, where its results are from, and the folder of its tables
+            and figures, relative to the page.
+        differing: numbers of one's own that differ from the reference, rows of
+            :func:`experiments.reporting.compare.compare`.
         problems: what was left out, a line each.
     """
     environment = jinja2.Environment(
@@ -79,11 +41,27 @@ def render(
         lstrip_blocks=True,
     )
     environment.filters["quote"] = quote
-    place = differing[["table", "row", "column"]].itertuples(index=False, name=None)
+    parts = zip(sets, about, sections(sets), strict=True)
     return environment.get_template("page.html").render(
-        parts=parts,
-        differing=differing.to_dict("records"),
+        parts=[part for part in parts if part[2]],
+        differing=differing,
         problems=problems,
-        beside=dict(zip(place, differing.bounds, strict=True)),
         most_rows=ROWS,
     )
+
+
+def sections(sets: Sequence[Answers]) -> Iterator[list[dict[str, Any]]]:
+    """The studies of each set, with the tables and figures that no set before it has."""
+    shown: set[str] = set()
+    for answers in sets:
+        found: list[dict[str, Any]] = []
+        for study in answers.every_study:
+            figures = [f for f in answers.figures(study) if f.name not in shown]
+            tables = [t for t in answers.tables(study) if t.name not in shown]
+            failures = [text for name, text in answers.failures if name == study.name]
+            if figures or tables or failures:
+                answer = {"tables": tables, "figures": figures, "failures": failures}
+                found.append({"study": study, **answer})
+        for each in found:
+            shown.update(made.name for made in (*each["tables"], *each["figures"]))
+        yield found

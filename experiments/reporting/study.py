@@ -36,13 +36,13 @@ from experiments.records.results import own_frames
 from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.plot import STYLE, head, literal, save
+from experiments.reporting.table import RUN as RUN
 from experiments.reporting.table import Table, Text, text_for
 from experiments.reporting.text import frames_of
 
 if TYPE_CHECKING:  # matplotlib is slow to load
     from matplotlib.figure import Figure as Canvas
 
-RUN = "python -m experiments.run experiment="
 WIDTH = 3.4  # in, one column of a journal
 MOST_NAMES = 2  # of scenes below a title; with more, each panel has its own
 

@@ -22,10 +22,8 @@ def _repeated(record: Record) -> str:
     name = record.experiment
     if record.is_training:
         name = f"{record.id}: {_accuracy(record)}"
-    text = f"{name}{',' if record.is_training else ':'} finished before"
-    versions = record.environment.other_versions
-    by = f", by {', '.join(versions)}" if versions else ""
-    return f"{text} (force=true runs it again){by}"
+    sign = "," if record.is_training else ":"
+    return f"{name}{sign} finished before (force=true runs it again)"
 
 
 def _accuracy(record: Record) -> str:

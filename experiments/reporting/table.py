@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -12,22 +11,23 @@ import pandas as pd
 
 from experiments.records import configs
 from experiments.records.console import printable
+from experiments.records.results import OF_TRAININGS
 from experiments.reporting.columns import COLUMNS, Column, display_name
 from experiments.reporting.text import (
+    TEX,
     counted,
     frames_of,
     markdown_table,
     markdown_text,
+    one_line,
     percent,
-    tex_text,
 )
 
+RUN = "python -m experiments.run experiment="
 MOST_COLUMNS = 8  # that are shown; a page has no room for more
 ENDS = ("", "_low", "_high")  # of the columns of a value and its bounds
-_NUMBER = re.compile(
-    r"[-+−±×>]? ?[\d,]*\.?\d+(e[-+]?\d+)?( [kM]?B)?( \[.*)?", re.IGNORECASE
-)
-_NOTHING = ("", "–")
+# A dash, or a number and what follows it: a unit, or bounds.
+_NUMBER = re.compile(r"–?|[-+−±×> ]*\d.*", re.DOTALL)
 Text = str | Callable[[pd.DataFrame], str]  # a text, or what gives it from the values
 
 
@@ -45,7 +45,7 @@ class Table:
         title, note: what it shows, and how to read it; may hold ``{frames}`` and ``{machine}``.
         columns: how columns are shown, before :data:`COLUMNS`.
         shown: names of the columns that are shown, in their order; all but bounds, if empty.
-        commands: make it again; the commands of its records if there are none here.
+        commands: make it again; if empty, the commands of its experiments.
         data: the values, as the CSV has them.
     """
 
@@ -70,13 +70,13 @@ class Table:
         data = self.make(frame) if len(frame) else None
         if data is None or not len(data):
             return None
+        own = [f"{RUN}{name}" for name in self.experiments if name not in OF_TRAININGS]
         return replace(
             self,
             data=data.reset_index(drop=True),
             title=_filled(self.title, data, frame),
             note=_filled(self.note, data, frame),
-            commands=tuple(self.commands)
-            or tuple(dict.fromkeys(frame.command.dropna())),
+            commands=self.commands or own,
         )
 
     @property
@@ -102,18 +102,14 @@ class Table:
 
     def cells(self) -> list[list[str]]:
         """Texts, a list a row."""
-        names = self.names
-        columns = [self.column(name) for name in names]
-        rows = []
-        for row in records(self.data):
-            texts = map(Column.text, columns, names, itertools.repeat(row))
-            rows.append(list(texts))
-        return rows
+        columns = {name: self.column(name) for name in self.names}
+        rows = records(self.data)
+        return [[c.text(name, row) for name, c in columns.items()] for row in rows]
 
     def numeric(self) -> list[bool]:
         """Whether each shown column holds numbers, which stand right."""
         columns = zip(*self.cells(), strict=True)
-        return [all(map(_is_number, texts)) for texts in columns]
+        return [all(map(_NUMBER.fullmatch, texts)) for texts in columns]
 
     @property
     def notes(self) -> str:
@@ -127,32 +123,15 @@ class Table:
 
     def tex(self) -> str:
         """The table as LaTeX, by pandas; it needs the package ``booktabs``."""
-        shown = pd.DataFrame(self.cells(), columns=self.heads)
-        escaped = shown.map(tex_text)
-        escaped.columns = [tex_text(head) for head in self.heads]
-        return escaped.to_latex(
-            index=False,
-            escape=False,
-            column_format="".join(
-                "r" if numbers else "l" for numbers in self.numeric()
-            ),
-            caption=tex_text(str(self.title)),
-            label=f"tab:{self.name}",
-        )
+        shown = pd.DataFrame(self.cells(), columns=self.heads).map(one_line)
+        sides = "".join("r" if numbers else "l" for numbers in self.numeric())
+        text = shown.to_latex(index=False, escape=True, column_format=sides)
+        return text.translate(TEX)
 
     def rows(self) -> str:
         """Heads and cells in Markdown."""
         rows = ([_lines(cell) for cell in row] for row in self.cells())
         return markdown_table(self.heads, *rows)
-
-    def markdown(self) -> str:
-        """The table with its title above and its note below."""
-        parts = [
-            f"**{markdown_text(str(self.title))}**",
-            self.rows(),
-            markdown_text(self.notes),
-        ]
-        return "\n\n".join(filter(None, parts)) + "\n"
 
 
 def text_for(text: Text, data: pd.DataFrame) -> str:
@@ -182,21 +161,13 @@ def frame(
 ) -> pd.DataFrame:
     """Rows as a data frame of objects, so that integers and texts stay what they are. It has the
     named columns, or all columns of the rows."""
-    rows = list(rows)
-    names = list(columns) or list(dict.fromkeys(itertools.chain(*rows)))
-    cells: dict[str, list[Any]] = {}
-    for name in names:
-        cells[name] = [row.get(name) for row in rows]
-    return pd.DataFrame(cells, columns=names, dtype=object)
+    names = list(columns) or None
+    return pd.DataFrame(list(rows), columns=names, dtype=object)
 
 
 def records(data: pd.DataFrame) -> list[dict[str, Any]]:
     """The rows of a data frame as mappings; a missing value is None."""
     return data.astype(object).where(data.notna(), None).to_dict("records")
-
-
-def _is_number(text: str) -> bool:
-    return text in _NOTHING or bool(_NUMBER.fullmatch(text))
 
 
 def _lines(cell: str) -> str:

@@ -86,12 +86,16 @@ def counted(count: int, name: str) -> str:
     return f"{count} {name}" if count == 1 else f"{count} {name}s"
 
 
+def one_line(text: str) -> str:
+    """Text without line feeds and control characters."""
+    return printable(" ".join(text.split()))
+
+
 def markdown_text(text: str) -> str:
     """Text in which Markdown finds no cell, tag, code or link."""
     # An underscore within a word is no markup.
     signs = r"([\\`*|~]|(?<=\])[(\[:]|(?<![^\W_])_|_(?![^\W_]))"
-    one_line = printable(" ".join(text.split()))
-    text = re.sub(signs, r"\\\1", one_line)
+    text = re.sub(signs, r"\\\1", one_line(text))
     return text.replace("&", "&amp;").replace("<", "&lt;")
 
 
@@ -101,19 +105,12 @@ def markdown_table(heads: Sequence[str], *rows: Sequence[str]) -> str:
     return "\n".join(f"| {' | '.join(line)} |" for line in lines)
 
 
-_TEX = {
-    "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_",
-    "{": r"\{", "}": r"\}", "~": r"\textasciitilde{}", "^": r"\textasciicircum{}",
+# Signs that the fonts of LaTeX lack.
+TEX = str.maketrans({
     "×": r"$\times$", "≥": r"$\geq$", "≤": r"$\leq$", "−": "$-$", "±": r"$\pm$", "∞": r"$\infty$",
     "→": r"$\rightarrow$", "√": r"$\surd$", "Δ": r"$\Delta$", "λ": r"$\lambda$", "μ": r"$\mu$",
     "µ": r"$\mu$", "σ": r"$\sigma$", "π": r"$\pi$", "φ": r"$\varphi$",
-}  # fmt: skip
-
-
-def tex_text(text: str) -> str:
-    """Text in which LaTeX finds no command; signs that its fonts lack are written as formulas."""
-    one_line = printable(" ".join(text.split()))
-    return "".join(_TEX.get(sign, sign) for sign in one_line)
+})  # fmt: skip
 
 
 CAPTURED, COMPUTED, SIMULATED = "captured", "computed", "simulated"

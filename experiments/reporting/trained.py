@@ -55,11 +55,11 @@ def of_runs(runs: pd.DataFrame) -> pd.DataFrame:
         return pd.DataFrame(columns=[*COLUMNS, *ROW[2:]])
     by_row = runs.groupby(ROW, sort=False)
     groups: dict[Any, pd.DataFrame] = dict(iter(by_row))
+    each: dict[str, Any] = dict.fromkeys(_FIRST, "first")
+    each |= dict.fromkeys(_MEDIANS, "median") | dict.fromkeys(_MEANS, "mean")
+    each |= dict.fromkeys(_SAME, same)
     parts = [
-        by_row[_FIRST].first(),
-        by_row[_MEDIANS].median(),
-        by_row[_MEANS].mean(),
-        by_row[_SAME].agg(same),
+        by_row.agg(each),
         by_row.agg(
             seeds=("record", "size"),
             alone=("exclusive", "sum"),

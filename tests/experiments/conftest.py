@@ -70,7 +70,7 @@ def answers(tmp_path):
 
     yield ask
     for each in asked:
-        assert [str(failure) for failure in each.failures] == []
+        assert each.failures == []
 
 
 @pytest.fixture

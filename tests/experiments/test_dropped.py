@@ -78,8 +78,8 @@ def made_whole(results, touched):
         names += [table.name for table in answers.tables(part) if table.csv()]
         for figure in answers.figures(part):
             figure.draw(figure.table.data)
-        assert all(table.csv() for table in answers.of_no_study)
-        assert [str(failure) for failure in answers.failures] == []
+        assert all(table.csv() for table in answers.every_table())
+        assert answers.failures == []
         plt.close("all")
     return names
 

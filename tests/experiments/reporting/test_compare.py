@@ -1,9 +1,9 @@
-"""Own results beside the reference: equal, within its interval, outside; what is not compared."""
+"""Own results beside the reference: which numbers differ, and what is not compared."""
 
 import pandas as pd
 import pytest
 
-from experiments.reporting.compare import EQUAL, OUTSIDE, WITHIN, compare
+from experiments.reporting.compare import compare
 from experiments.reporting.table import Table
 
 RATIO = "training_time_over_hdc"
@@ -16,18 +16,18 @@ def a_table(value, low=0.8, high=0.9, column="x", key=("model",), **more):
 
 
 @pytest.mark.parametrize(
-    ("own", "verdict"),
+    ("own", "differs"),
     [
-        ((0.85,), EQUAL),
-        ((0.81, None, None), WITHIN),
-        ((0.79, None, None), OUTSIDE),
-        ((0.79, 0.75, 0.81), WITHIN),  # the intervals meet
-        ((0.79, 0.75, 0.799), OUTSIDE),
-        ((0.95, 0.91, 0.99), OUTSIDE),
+        ((0.85,), False),
+        ((0.81, None, None), False),
+        ((0.79, None, None), True),
+        ((0.79, 0.75, 0.81), False),  # the intervals meet
+        ((0.79, 0.75, 0.799), True),
+        ((0.95, 0.91, 0.99), True),
     ],
 )
-def test_a_number_is_outside_if_its_interval_is(own, verdict):
-    assert compare(a_table(*own), a_table(0.85)).verdict.tolist() == [verdict]
+def test_a_number_differs_if_its_interval_lies_outside(own, differs):
+    assert compare([a_table(*own)], [a_table(0.85)]).differs.tolist() == [differs]
 
 
 PAPER, QUICK = {"stop_rule": "paper"}, {"stop_rule": "quick"}
@@ -51,5 +51,5 @@ PAPER, QUICK = {"stop_rule": "paper"}, {"stop_rule": "quick"}
 def test_what_another_machine_or_another_rule_makes_is_not_compared(
     own, reference, compared
 ):
-    found = compare(a_table(0.5, **own), a_table(0.85, **reference))
+    found = compare([a_table(0.5, **own)], [a_table(0.85, **reference)])
     assert len(found) == compared

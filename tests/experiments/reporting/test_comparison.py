@@ -52,7 +52,7 @@ def test_verdicts(known, ours, expected):
 
 def test_every_published_number_has_a_row_and_an_experiment_that_makes_it():
     measured = [Quantity(name, 1.0) for name in reversed(KNOWN)]
-    rows = records(compare(measured).data)
+    rows = records(compare(measured))
     assert [f"{row['experiment']}/{row['quantity']}" for row in rows] == list(KNOWN)
     for experiment in {row["made_by"].partition(" experiment=")[2] for row in rows}:
         assert (CONFIGS / "experiment" / f"{experiment}.yaml").is_file(), experiment

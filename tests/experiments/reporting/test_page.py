@@ -1,11 +1,11 @@
 """The page escapes what it is given, once."""
 
+from types import SimpleNamespace
+
 from markupsafe import escape
 
 from experiments.reporting import page
-from experiments.reporting.compare import compare, differing
-from experiments.reporting.page import Part, Section
-from experiments.reporting.study import Figure
+from experiments.reporting.study import Figure, Study
 from experiments.reporting.table import Table, frame
 
 HOSTILE = '</script><script>alert("1")</script>&<img src=x onerror=alert(2)>\\ `|`'
@@ -13,13 +13,19 @@ IN_ATTRIBUTE = 'x" onload="a()'
 
 
 def test_what_comes_from_outside_is_escaped():
-    text, data = HOSTILE, [{"model": HOSTILE, "x": 0.5, "x_low": 0.5, "x_high": 0.5}]
-    told = {"title": text, "note": text, "commands": [text], "key": ["model"]}
-    own = Table(text, lambda _: None, of="runs", data=frame(data), **told)
-    shown = Figure(IN_ATTRIBUTE, own, lambda *_: None, caption=text)
-    made = Section("question", text, text, [own], [shown], failures=[text])
-    part = Part("mine", text, text, "../mine", [made])
-    html = page.render([part], differing(compare(own, own)), [text])
+    text, data = HOSTILE, frame([{"model": HOSTILE, "x": 0.5}])
+    told = {"title": text, "note": text, "commands": [text]}
+    table = Table(text, lambda _: None, of="runs", data=data, **told)
+    figure = Figure(IN_ATTRIBUTE, table, lambda *_: None, caption=text)
+    answers = SimpleNamespace(
+        name="mine",
+        every_study=[Study("question", text, text, 0)],
+        tables=lambda _: [table],
+        figures=lambda _: [figure],
+        failures=[("question", text)],
+    )
+    differing = [{"table": text, "sentence": text}]
+    html = page.render([answers], [(text, text, "../mine")], differing, [text])
     for raw in (HOSTILE, IN_ATTRIBUTE, "<script>alert"):
         assert raw not in html
-    assert html.count(str(escape(HOSTILE))) >= 6
+    assert html.count(str(escape(HOSTILE))) >= 10
