@@ -69,8 +69,8 @@ class Bank:
     ) -> Hypervectors:
         """Hypervectors of some frames, or of all.
 
-        An encoder that learns nothing encodes each frame once. Of one that learns, the hypervectors
-        of the last training frames are kept.
+        An encoder that learns nothing encodes each frame once. An encoder that learns keeps the
+        hypervectors of its last training frames.
 
         Args:
             rows: indices of the frames; by default all.

@@ -96,8 +96,8 @@ class Estimator(Parametrised):
         other = theirs.state()
         if any(not torch.equal(x, other[name]) for name, x in mine.state().items()):
             raise ValueError(
-                f"hypervectors: expected those of an encoder {mine!r} that has learned the same, "
-                "found those of one that has learned of different frames; use this model's encode"
+                f"hypervectors: expected an encoder {mine!r} that learned from the same frames, "
+                "found one that learned from others; use this model's encode"
             )
 
     def _learned_encoder(

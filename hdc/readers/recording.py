@@ -286,7 +286,7 @@ class Batches:
 def in_any_order(
     index: np.ndarray, ordered: Callable[[np.ndarray], Iterator[np.ndarray]]
 ) -> Iterator[np.ndarray]:
-    """Frames of indices in any order, out of what gives those of increasing ones."""
+    """Frames of indices in any order; `ordered` gives the frames of increasing indices."""
     increasing = np.unique(index)
     frames = ordered(increasing)
     if np.array_equal(increasing, index):

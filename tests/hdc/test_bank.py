@@ -45,7 +45,7 @@ def test_words_of_another_encoder_are_refused():
     model = HDCClassifier("deviation").fit(FRAMES, LABELS)
     others = {
         "hypervectors: expected the encoder Dev": HDCClassifier("levels"),
-        "that has learned the same": HDCClassifier("deviation"),
+        "that learned from the same frames": HDCClassifier("deviation"),
         "hypervectors: expected D = 910, found 130": HDCClassifier(),
     }
     for message, other in others.items():
