@@ -50,6 +50,9 @@ from experiments.reporting.summary import summarise
 
 # What a user can mend: one line. Others are ours, and have a traceback.
 _USER_ERRORS = (ValueError, OSError, HydraException, OmegaConfBaseException)
+# What Hydra adds to its messages, which names nothing of the user's.
+_CHAINED = "set env var HYDRA_FULL_ERROR=1 to see chained exception."
+_OF_NO_USER = ("See https:", "object_type=")
 # Keys that say how any task is carried out.
 _OF_ANY = ("device", "threads", "exclusive", "cache", "force", "experiment")
 # What an experiment may set of its runs; and its default that says which frames there are.
@@ -151,10 +154,12 @@ def _in_one_line(error: Exception) -> str:
         text = f"{group}: expected one of {', '.join(error.options)}, found {name}"
         meant = difflib.get_close_matches(name, error.options, 1)
         return f"{text}; did you mean {meant[0]}?" if meant else text
-    lines = [line.strip() for line in str(error).splitlines()]
+    text = str(error).replace(_CHAINED, "")
+    lines = [line.strip(" .,") for line in text.splitlines()]
     if isinstance(error, OverrideParseException):
         lines.insert(0, error.override)
-    return printable(", ".join(filter(None, lines)))
+    shown = [line for line in lines if line and not line.startswith(_OF_NO_USER)]
+    return printable(", ".join(shown))
 
 
 class Launch(Callback):

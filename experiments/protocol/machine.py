@@ -20,13 +20,14 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import ExitStack, contextmanager, suppress
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from filelock import FileLock, Timeout
-from rich.console import Console
 
 from experiments.records import revision
-from experiments.records.console import say
+
+if TYPE_CHECKING:
+    from rich.console import Console
 
 _POLL_S = 0.2
 # Options of mallopt in glibc's malloc.h (M_MMAP_MAX, M_TRIM_THRESHOLD, M_TOP_PAD), and what they
@@ -111,6 +112,8 @@ def held(
         # All were given back, so that two runs that wait for each other's cores cannot lock up;
         # at random times, so that they do not go on meeting.
         if attempt == 0:
+            from experiments.records.console import say  # no model needs rich
+
             text = f"waiting for {n} free cores: another run is timed"
             say(console, f"{text} (exclusive=false runs beside it)", "yellow")
         time.sleep(_POLL_S * random.uniform(0.5, 1.5))
@@ -173,7 +176,8 @@ def peak_bytes() -> int:
     """
     status = Path("/proc/self/status")
     if status.exists():
-        (kilobytes,) = re.findall(r"^VmHWM:\s+(\d+)", status.read_text(), re.MULTILINE)
-        return 1024 * int(kilobytes)
+        found = re.search(r"^VmHWM:\s+(\d+)", status.read_text(), re.MULTILINE)
+        if found:  # not every kernel says it
+            return 1024 * int(found[1])
     unit = 1 if sys.platform == "darwin" else 1024
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * unit

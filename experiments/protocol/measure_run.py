@@ -19,7 +19,13 @@ from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.protocol.clock import Clock, timed
 from experiments.protocol.load import Limits, Watch
 from experiments.protocol.model import Model, check_model, instantiate
-from experiments.protocol.settings import Data, Seeds, Split, check_device
+from experiments.protocol.settings import (
+    Data,
+    Seeds,
+    Split,
+    check_arguments,
+    check_device,
+)
 from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, Row, Task
@@ -83,6 +89,8 @@ class Training(Task, frozen=True, kw_only=True, dict=True, forbid_unknown_fields
     disturbed: Limits | None = None
 
     def __post_init__(self) -> None:
+        check_arguments(self.scene, "scene")
+        check_arguments(self.model, "model")
         check_device("model.device", self.model.get("device", "cpu"))
 
     @functools.cached_property

@@ -159,7 +159,7 @@ def test_workers_of_a_launcher_run_a_sweep_and_name_its_failures(results, scene)
     )  # fmt: skip
     assert done.returncode == 1
     assert "Traceback" not in done.stderr
-    assert "seed.run: Expected `int` >= 0" in done.stderr
+    assert "seed.run: expected an integer >= 0, found -1" in done.stderr
     (entry,) = store.read(results)
     assert (entry.config["seed"]["run"], entry.status) == (0, "finished")
     assert entry.config["threads"] == entry.environment.threads == 1
