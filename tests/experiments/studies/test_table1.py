@@ -66,24 +66,3 @@ def test_a_disturbed_row_is_marked(cells, write_run):
         write_run("softmax_dual", curve=[{"training_s": 0.01}], **load, **beside)
     assert cells()["softmax_dual"][0] == "0.010 (disturbed: 1 of 2 seeds)"
     assert "disturbed" not in cells()["hdc"][0]
-
-
-def test_a_ratio_of_fits_stands_beside_that_of_the_runs(
-    answers, write_run, write_measurement
-):
-    write_run("softmax", curve=[{"training_s": 0.6}], **{"beside.hdc_s": 0.2})
-    about = {"threads": 1, "cold": False, "cpu_s": 1.0, "train_accuracy": 0.95}
-    about |= {"disturbed": "", "origin": "simulated"}
-    times = (("hdc", 1.0), ("softmax", 5.0), ("softmax", 5.0))
-    rows = [{"model": model, "fit_s": s, **about} for model, s in times]
-    write_measurement("times", rows, scene="touch")
-    results = answers(STUDY).results
-    found = {
-        one.condition: one
-        for numbers in STUDY.numbers
-        for one in numbers.made(results.frame(*numbers.of))
-        if one.name == "table1/softmax_time_over_hdc"
-    }
-    assert found["by default"].value == pytest.approx(3)
-    fits = found["fits, 1 thread"]
-    assert (fits.value, fits.low, fits.n) == (pytest.approx(5), None, 2)
