@@ -36,7 +36,6 @@ GOALS = (
     ("bundle", routes.TORCHHD_BUNDLE, OURS_COMPILED, "≥", 200),
     ("train", routes.TORCHHD_TRAIN, OURS_COMPILED, "≥", 80),
     ("train", OURS_COMPILED, routes.READ, "≤", 1.3),
-    ("train", OURS_COMPILED, routes.COPY, "≤", 1),
     ("hamming", OURS_COMPILED, routes.NUMKONG, "≤", 1.1),
     ("folder", routes.DECODE_IMAGES, OURS_COMPILED, "≥", 0.9),
 )

@@ -27,11 +27,11 @@ from tests.benchmark.cases import HELD_OUT, pack_bits, unpack_bits
 from tests.hdc import own
 
 OURS, OURS_COMPILED, OURS_GPU = "hdc", "hdc, compiled", "hdc, on the GPU"
-READ, COPY = "one read of the bytes", "one copy of the bytes"
+READ = "one read of the bytes"
 NUMKONG, TORCHHD_BUNDLE = "numkong.cdist", "torchhd.multiset"
 TORCHHD_TRAIN = "torch.median, torchhd.multiset"
 DECODE_IMAGES = "cv2.imread alone, as many threads"
-NO_RESULT = (READ, COPY, DECODE_IMAGES)
+NO_RESULT = (READ, DECODE_IMAGES)
 
 
 class Route(NamedTuple):
@@ -79,7 +79,6 @@ def train_routes(case):
     """Frames to prototypes."""
     frames = case.pixels
     pixels = frames.numpy()
-    copied = np.zeros(pixels.shape, np.uint8)
 
     def train(backend, device="cpu"):
         model = HDCClassifier(backend=backend, device=device)
@@ -91,7 +90,6 @@ def train_routes(case):
     yield from ours(lambda backend: partial(train, backend))
     yield from on_gpu(case, lambda gpu: partial(train, "auto", gpu))
     yield Route(READ, "numpy", read)
-    yield Route(COPY, "numpy", partial(np.copyto, copied, pixels))
     yield Route(
         TORCHHD_TRAIN, "torchhd", lambda: multisets(by_class(case, torch_bits(frames)))
     )

@@ -56,16 +56,3 @@ def test_a_changed_constant_fails_until_the_revision_is_raised(words, monkeypatc
     assert words().startswith("words: a revision is another: ")
     assert golden.write() == []
     assert words() == ""
-
-
-@pytest.mark.parametrize(
-    ("before", "now", "expected"),
-    [
-        ([1, None, 3, 100.0], [1, 2, None, 100.05], ""),
-        ({"a": [1, 2]}, {"a": [1, 3]}, "a[1] 3, was 2"),
-        ({"a": 100.0}, {"a": 100.2}, "a 100.2, was 100.0"),
-        ({"a": 1}, {"b": 1}, "has ['b'], had ['a']"),
-    ],
-)
-def test_what_moved_is_named(before, now, expected):
-    assert golden.moved(before, now, 1e-3) == expected

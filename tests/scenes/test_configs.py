@@ -19,18 +19,3 @@ def test_a_scene_says_how_it_is_split_and_shown(name):
     by_group = ("grouped", "leave_group_out")
     assert config.split.kind in (*KINDS, *by_group, "session")
     assert (config.split.kind in by_group) == (config.split.group is not None)
-
-
-def test_a_scene_of_ones_own_changes_another(tmp_path):
-    (tmp_path / "scene").mkdir()
-    (tmp_path / "scene" / "small.yaml").write_text(
-        "# @package _global_\n"
-        "defaults: [tactile@_here_, _self_]\n"
-        "scene: {samples_per_class: 12}\n"
-        "scene_display: {name: Small}\n"
-    )
-    config = tree(f"hydra.searchpath=[file://{tmp_path}]", "scene=small")
-    assert config.scene.samples_per_class == 12
-    assert config.split.test_fraction == pytest.approx(1 / 3)
-    display = config.scene_display
-    assert (display.name, display.kind) == ("Small", "simulated")

@@ -123,8 +123,6 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     assert set(np.round(scene.values[:, 0], 6)) <= {0, 2, 4, 6, 8, 10}
     matrix = matrices[round(scene.values[0, 0] / 2)]
     assert_is_the_measured_matrix_times_the_fields(scene.frames([0])[0], matrix, 1, 0)
-    with pytest.raises(ValueError, match="the 1 files of somebody/bent at abc"):
-        excerpt(source={**source, "sha256": "0"}, file="TMs.npy", **edges)
 
 
 def test_a_missing_repository_is_named(tmp_path, monkeypatch):

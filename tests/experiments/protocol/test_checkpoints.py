@@ -2,6 +2,8 @@
 
 from itertools import pairwise
 
+import pytest
+
 from experiments.protocol.checkpoints import Checkpoints, Due
 from experiments.studies.table1 import tables
 
@@ -26,17 +28,26 @@ def batches(*shares, step=20):
     ]
 
 
-def test_far_from_the_target_only_the_test_frames_are_asked_and_ever_less_often():
-    found = asked(batches(*[0.2] * 32))
-    assert Due.ALL not in found
-    seen = [k for k, due in enumerate(found, 1) if due is Due.TEST]
-    assert seen == [1, 2, 4, 8, 16, 32]
-
-
-def test_from_half_of_the_target_on_the_training_frames_are_asked_at_a_twentieth_more():
-    found = asked(batches(*[0.2] * 20, *[0.45] * 20))
-    seen = [k for k, due in enumerate(found, 1) if due is Due.ALL]
-    assert seen == [21, 23, 25, 27, 29, 31, 33, 35, 37, 39]
+@pytest.mark.parametrize(
+    ("reports", "tested", "all_asked"),
+    [
+        # Far from the target the test frames alone, and ever less often.
+        (batches(*[0.2] * 32), [1, 2, 4, 8, 16, 32], []),
+        # From half of the target on the training frames too, at a twentieth more.
+        (batches(*[0.2] * 20, *[0.45] * 20), [1, 2, 4, 8, 16], [*range(21, 40, 2)]),
+        # Without a batch accuracy every checkpoint is of all frames.
+        (
+            [{"samples_seen": 20 * k, "loss": 1.0} for k in range(1, 14)],
+            [],
+            [*range(1, 12), 13],
+        ),
+        ([{"samples_seen": 20 * k} for k in range(1, 9)], [], [1, 2, 4, 8]),
+    ],
+)
+def test_checkpoints_are_rarer_far_from_the_target(reports, tested, all_asked):
+    found = list(enumerate(asked(reports, n_train=160), 1))
+    assert [k for k, due in found if due is Due.TEST] == tested
+    assert [k for k, due in found if due is Due.ALL] == all_asked
 
 
 def test_the_papers_training_accuracies_are_met_at_a_twentieth_and_the_rest_at_a_fifth():
@@ -47,15 +58,6 @@ def test_the_papers_training_accuracies_are_met_at_a_twentieth_and_the_rest_at_a
     assert before.count(Due.ALL) > after.count(Due.ALL) > 0
     seen = [k for k, due in enumerate(after, 1) if due is not Due.NOTHING]
     assert all(b <= 1.2 * a + 1 for a, b in pairwise(seen))
-
-
-def test_without_a_batch_accuracy_every_checkpoint_is_of_all_frames():
-    found = asked([{"samples_seen": 20 * k, "loss": 1.0} for k in range(1, 14)])
-    seen = [k for k, due in enumerate(found, 1) if due is Due.ALL]
-    assert seen == [1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 13]
-    assert Due.TEST not in found
-    found = asked([{"samples_seen": 20 * k} for k in range(1, 9)], n_train=8 * 20)
-    assert [k for k, due in enumerate(found, 1) if due is Due.ALL] == [1, 2, 4, 8]
 
 
 def test_a_model_that_does_not_say_how_many_samples_it_saw_is_tested_each_time():

@@ -55,7 +55,6 @@ class ThreeReports:
     [
         ({"target": 0.7}, "finished", 3),  # that it is reached ends nothing by default
         ({"target": 0.7, "reached_after_s": 0}, "reached", 2),
-        ({"target": 0.75, "reached_after_s": 0}, "finished", 3),  # not above it
         ({"loss": 0.5, "least_steps": 15}, "trained", 2),
         ({"budget_s": 1e-12}, "budget", 1),
     ],

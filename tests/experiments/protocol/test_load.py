@@ -70,44 +70,24 @@ def test_a_disturbed_group_says_why(found, reason):
     assert Limits(others=0.02, yardstick=1.1).reason(found) == reason
 
 
-# Measuring again ----------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def attempts(monkeypatch):
-    """attempts(retries, reasons, took, …) → the numbers of those that are made, each of which
-    takes so long and is disturbed by the reason of its number."""
+def test_the_budget_is_one_for_all_and_is_not_spent_by_first_attempts(monkeypatch):
     now = [0.0]
     monkeypatch.setattr(load.time, "perf_counter", lambda: now[0])
 
-    def made(retries, reasons, took, **more):
+    def attempts(retries, reasons, took, **more):
+        """The numbers of those that are made, each of which takes so long."""
+
         def measure(attempt):
             now[0] += took
             return attempt
 
         return list(retries.attempts(measure, reasons.__getitem__, **more))
 
-    return made
-
-
-@pytest.mark.parametrize(
-    ("reasons", "took", "budget_s", "expected"),
-    [
-        (["x", "", "x"], 5, 60, [0, 1]),  # until nothing does
-        (["x", "x", "x", "x"], 5, 60, [0, 1, 2]),  # two more at most
-        (["x", "x", "x"], 25, 30, [0, 1]),  # the second more would exceed the budget
-        ([load.NOT_MEASURED, "x"], 5, 60, [0]),  # which another attempt does not mend
-    ],
-)
-def test_what_was_disturbed_is_measured_again_within_a_budget(
-    attempts, reasons, took, budget_s, expected
-):
-    assert attempts(Retries(2, budget_s), reasons, took) == expected
-
-
-def test_the_budget_is_one_for_all_and_is_not_spent_by_first_attempts(attempts):
     retries, busy = Retries(2, 60), ["busy"] * 3
     assert attempts(retries, busy, 100) == [0]
+    assert attempts(retries, [load.NOT_MEASURED, "x"], 0) == [
+        0
+    ]  # not mended by another
     # Found finished: another takes longer.
     assert attempts(retries, busy, 0, expected_s=61) == [0]
     assert attempts(retries, busy, 25) == [0, 1, 2]

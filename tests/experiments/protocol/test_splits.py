@@ -1,7 +1,5 @@
 """Which samples train and which test: what a split keeps apart, and what a user is warned of."""
 
-import warnings
-
 import numpy as np
 import pytest
 
@@ -56,13 +54,13 @@ def in_order_of_class(make_scene, origin, sessions):
     ],
 )
 def test_only_a_random_split_of_a_recording_warns_of_copies(
-    make_scene, origin, sessions, kind, warned
+    make_scene, recwarn, origin, sessions, kind, warned
 ):
     scene = in_order_of_class(make_scene, origin, sessions)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        choose(scene, split(kind), 0)
-    assert [str(each.message)[:19] for each in said] == ["split.kind=random: "] * warned
+    choose(scene, split(kind), 0)
+    assert [str(each.message)[:19] for each in recwarn] == [
+        "split.kind=random: "
+    ] * warned
 
 
 def test_a_class_that_only_test_frames_have_is_named(make_scene):
@@ -112,14 +110,14 @@ def sessions_named(make_scene, names):
         (("a", "b", "train"), "a", "train"),  # these names do not say
     ],
 )
-def test_sessions_named_by_their_use_are_used_so(make_scene, names, trains, tests):
+def test_sessions_named_by_their_use_are_used_so(
+    make_scene, recwarn, names, trains, tests
+):
     scene = sessions_named(make_scene, names)
-    with warnings.catch_warnings(record=True) as said:
-        warnings.simplefilter("always")
-        train, test = choose(scene, split("session"), 0)
+    train, test = choose(scene, split("session"), 0)
     assert set(scene.samples["session_name"][train]) == {trains}
     assert set(scene.samples["session_name"][test]) == {tests}
-    told = "".join(str(each.message) for each in said)
+    told = "".join(str(each.message) for each in recwarn)
     assert ("val (20 of 60 frames) is not used" in told) == ("val" in names)
 
 

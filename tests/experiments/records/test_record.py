@@ -1,11 +1,10 @@
 """Records: what is written is read again, and what is no record is named and skipped."""
 
-import hashlib
 import json
 
 import pytest
 
-from experiments.records import record, store
+from experiments.records import store
 from experiments.records.rows import pack_labels
 
 
@@ -69,24 +68,3 @@ def test_a_malformed_record_is_named_with_its_key_and_skipped(
     (error,) = store.read(tmp_path)
     assert str(error).startswith(f"{tmp_path / store.FILE}, line 1: ")
     assert expected in str(error)
-
-
-def test_the_name_of_a_record_is_made_of_the_parameters_names_of_version_3_0():
-    """With balance, seed and n_neighbours, which have other names now."""
-    names = []
-    for majority, neighbours in (
-        ({"class_weight": "balanced", "random_state": 3}, {"n_neighbors": 5}),
-        ({"balance": True, "seed": 3}, {"n_neighbours": 5}),
-    ):
-        parts = [
-            {"_target_": "hdc.readouts.Majority", **majority},
-            {"_target_": "hdc.readouts.Neighbours", **neighbours},
-            {"_target_": "hdc.readouts.Majority", "balance": False},
-        ]
-        config = {"seed": 1, "models": parts}
-        names.append(json.dumps([config, "f"], sort_keys=True))
-        if not majority.get("balance"):
-            parts[2] = {"_target_": "hdc.readouts.Majority", "class_weight": None}
-            made = record.name_of("x", config, "f")
-    expected = hashlib.sha256(names[1].encode()).hexdigest()[:12]
-    assert made == f"x-{expected}"

@@ -42,19 +42,6 @@ def test_of_several_configurations_of_one_row_one_counts(
     assert set(lines.others) == {others}
 
 
-@pytest.mark.parametrize("newest", ["quick", "paper"])
-def test_of_two_records_of_one_seed_that_which_was_alone_counts(
-    tmp_path, write_run, newest
-):
-    """A model that learns in one pass ends by itself, whatever the rule."""
-    for stop in sorted(("quick", "paper"), key=newest.__eq__):
-        alone = stop == "quick"
-        curve = [{"training_s": 0.063 if alone else 3.15}]
-        write_run("hdc", stop=stop, curve=curve, environment={"exclusive": alone})
-    lines = Results(tmp_path).frame(RUNS)
-    assert lines.training_time_s.tolist() == [0.063]
-
-
 @pytest.mark.parametrize(
     ("model", "key", "value", "row"),
     [

@@ -8,14 +8,6 @@ from experiments.records.files import ROOT
 from experiments.reporting import documents
 
 
-def test_marked_blocks_are_filled_and_all_else_stays():
-    blocks = [f"<!-- begin {n} -->\nold {n}\n<!-- end {n} -->" for n in ("one", "two")]
-    page = "a\n" + "\nb\n".join(blocks)
-    made = documents.fill(page, {"one": lambda: "new\nlines"})
-    assert made == page.replace("old one", "new\nlines")
-    assert documents.fill(made, {"one": lambda: "new\nlines"}) == made
-
-
 def test_readme_and_docs_say_what_the_committed_records_say(committed):
     """After a change: python -m experiments.reference --tables."""
     made = {name: part() for name, part in reference.parts(committed).items()}

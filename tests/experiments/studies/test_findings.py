@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import pandas as pd
 import pytest
 
-from experiments.reporting.text import two_digits
 from experiments.studies.claims import findings as module
 
 VALUES = pd.DataFrame(
@@ -69,9 +68,7 @@ def test_what_was_not_measured_has_no_sentence(filled, text):
 @pytest.mark.parametrize(
     ("text", "error"),
     [
-        (f"{HDC}  text: '{{hdc.loss}}'", "'loss'"),
         (f"{HDC}  text: '{{cnn.gain}}'", "'cnn'"),
-        ("- rows: {a: {table: nothing}}", "table: .*, found nothing"),
         ("- rows: {a: {table: values}}", "expected one row with .*, found 2"),
         (
             "- spreads: {a: {table: values, column: gain, of: {n: 5}}}",
@@ -82,16 +79,6 @@ def test_what_was_not_measured_has_no_sentence(filled, text):
 def test_a_name_that_the_tables_do_not_have_is_one_clear_error(filled, text, error):
     with pytest.raises(ValueError, match=f"findings.yaml, finding 1: {error}"):
         filled(text)
-
-
-def test_the_training_times_of_readme_are_those_of_its_table_of_costs(committed):
-    costs = committed.table("recording_costs").data
-    ratios = []
-    for _, of_recording in costs.groupby("recording"):
-        last = of_recording[of_recording.n == of_recording.n.max()].set_index("model")
-        ratios.append(last.fit_best_s["hdc_levels_lda"] / last.fit_best_s["hdc"])
-    said = f"seven bits {two_digits(min(ratios))} to {two_digits(max(ratios))} times"
-    assert said in module.findings(committed)[2]
 
 
 def test_most_accuracy_is_lost_by_the_majority_as_readme_says(committed):

@@ -1,7 +1,6 @@
 """Rejection where groups are held out: counts and areas by their definition, frame by frame."""
 
 import numpy as np
-import pandas as pd
 import pytest
 import torch
 
@@ -9,7 +8,6 @@ from experiments.protocol.settings import Split
 from experiments.protocol.splits import nested, resample_split
 from experiments.protocol.task import Context
 from experiments.studies.promises.rejection.measure import Rejection
-from experiments.studies.promises.rejection.view import rejection
 from hdc import HDCClassifier
 from scenes.frames import Frames
 from tests.experiments import composed
@@ -108,22 +106,6 @@ def test_counts_and_areas_are_those_of_the_definition(scene):
         sum(sum(row[name]) for row in rows) for name in ("known", "refused")
     )
     assert 0 < refused < known
-
-
-def test_the_table_has_means_over_groups_and_says_whether_the_share_holds(scene):
-    rows = [row | {"scene": "wedge"} for row in rows_of("hdc")]
-    lines = pd.DataFrame(rows).explode(["group", "known", "refused"])
-    lines = lines.astype({"known": int, "refused": int})
-    by_group = lines.groupby("group")[["refused", "known"]].sum()
-    shares = by_group.refused / by_group.known
-    assert len(shares) == 8  # a draw tests one object of each class
-    (line,) = rejection(lines).to_dict("records")
-    assert line["groups"] == 8
-    assert line["refused"] == pytest.approx(shares.mean())
-    assert line["area"] == pytest.approx(np.mean([row["area"] for row in rows]))
-    assert (line["alpha"], line["held"]) == (ALPHA, "yes")
-    (line,) = rejection(lines.assign(refused=lines.known)).to_dict("records")
-    assert (line["refused"], line["held"]) == (1, "no")
 
 
 def test_a_split_without_groups_is_refused(scene):

@@ -1,4 +1,7 @@
-"""Training times: HDC beside each model, enough fits in groups, what is disturbed, what counts."""
+"""Training times: HDC beside each model, enough fits in groups, what is disturbed.
+
+The table is that of the committed records, byte by byte (test_report.py).
+"""
 
 import types
 from contextlib import contextmanager
@@ -10,11 +13,9 @@ import torch
 from experiments.protocol.load import Load
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context
-from experiments.reporting.table import records
 from experiments.studies.table1 import measure
-from experiments.studies.table1.measure import COLD, NOT_REACHED, Samples, Times, fit
+from experiments.studies.table1.measure import NOT_REACHED, Samples, Times, fit
 from experiments.studies.table1.numpy_hdc import NumpyHDC
-from experiments.studies.table1.view import STUDY
 from hdc import HDCClassifier, bits
 from tests.experiments import composed
 from tests.experiments.golden_items import SMALL_SENSOR
@@ -161,38 +162,3 @@ def test_the_times_of_a_small_scene(one_thread, results):
     assert cold["disturbed"]
     found = {(row["busy"], row["origin"]) for row in (*fits, cold)}
     assert found == {(0.5, "simulated")}
-
-
-# The tables ---------------------------------------------------------------------------------------
-
-
-def line(model, fit_s, disturbed="", threads=1, **more):
-    return {
-        "origin": "simulated",
-        "model": model, "threads": threads, "fit_s": fit_s, "cpu_s": 2 * fit_s,
-        "disturbed": disturbed, "cold": False, "train_accuracy": 0.95, **more,
-    }  # fmt: skip
-
-
-def test_ratios_are_those_of_medians_of_what_nothing_disturbed_in_each_measurement(
-    answers, write_measurement
-):
-    for measurement, seconds in ((1, (8.0, 10.0, 30.0)), (2, (20.0,))):
-        rows = [line("hdc", s) for s in (1.0, 2.0, 3.0)]
-        rows += [line("hdc", 99.0, OTHERS), line("hdc", 7.0, COLD, cold=True)]
-        rows += [line("softmax_dual", s) for s in seconds]
-        rows += [line("hdc_compiled", 0.5), line("softmax_dual", 50.0, OTHERS)]
-        rows += [line("softmax_dual", 3.0, threads=2)]
-        config = {"measurement": measurement}
-        write_measurement("times", rows, config, scene="touch")
-    table = records(answers(STUDY).table("times").data)
-    found = {(row["model"], row["threads"]): row for row in table}
-    dual = found["softmax_dual", 1]
-    names = ("fit_s", "least_s", "cpu_s", "fits", "disturbed", "measurements")
-    assert [dual[name] for name in names] == [15, 8, 30, 6, 2, 2]
-    ratios = [dual[f"over_hdc{end}"] for end in ("", "_low", "_high")]
-    assert ratios == pytest.approx([50**0.5, 5, 10])
-    assert dual["least_over_hdc"] == pytest.approx((8 * 20) ** 0.5)
-    assert dual["over_compiled"] == pytest.approx((20 * 40) ** 0.5)
-    assert (found["hdc", 1]["cold_s"], found["hdc", 1]["fits"]) == (7, 8)
-    assert found["softmax_dual", 2]["over_hdc"] is None  # no HDC by two threads
