@@ -44,14 +44,6 @@ image_column = click.option(
     metavar="NAME",
     help="Column of the table that names the image.",
 )
-circular = click.option(
-    "--circular",
-    "period",
-    type=click.FloatRange(0, min_open=True),
-    metavar="PERIOD",
-    help="The numbers go round with this period, such as 360 for degrees. They are predicted by "
-    "sine and cosine, and errors are taken the shorter way round.",
-)
 
 
 class _Setting(click.ParamType):
@@ -106,6 +98,7 @@ def model(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.argument("model", type=FILE)(trusted(command))
 
 
+_CIRCULAR = "learn cosine and sine as two columns of the table"
 LEFT = {
     "compare --budget": "rows come cheapest first, and Ctrl-C keeps those that are done",
     "compare --all": "the list is short",
@@ -116,7 +109,8 @@ LEFT = {
     "compare -o": "there is no figure",
     "compare --test-fraction": "each frame is tested once, or --test names others",
     "compare --json": "hdc evaluate --json writes the accuracy of a model",
-    "compare --circular": "hdc train --circular learns them, and hdc evaluate tests them",
+    "compare --circular": _CIRCULAR,
+    "train --circular": _CIRCULAR,
     "train --choose": "hdc compare shows the options of the best form",
     "recalibrate --seed": "each recalibration of a model replaces other bits",
 }

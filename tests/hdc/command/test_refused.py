@@ -63,6 +63,7 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
         (["train", "x"], "Missing option '-o'"),
         ([*train, "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
         ([*train, "--choose"], "--choose: this option left; hdc compare shows the options of"),
+        ([*train, "--circular", 360], "--circular: this option left; learn cosine and sine as two"),
         (["evaluate", "--choose"], "No such option"),
         ([*train, "--set", "thresholds=15"],
          "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
