@@ -9,7 +9,6 @@ from math import prod
 from typing import Any, ClassVar, Self
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from hdc import backends, inputs
@@ -232,29 +231,27 @@ def _learned(
     together: Sequence[inputs.Label] | None,
 ) -> Head:
     """The head of a read-out that is trained on batches of hypervectors with N labels."""
-    index = {label: row for row, label in enumerate(classes.tolist())}
-    rows = torch.tensor([index[label] for label in labels])
-    n_classes = len(classes)
-    calibrated = training = None
+    head = Head(readout, None, Sample(), classes, dimension)
+    rows, n_classes = head.rows_of(labels), len(classes)
+    calibrated = None
     if together is not None:
         words = joined(batches)
         batches = [words]
         calibrated, single = by_groups(words, rows, together, readout, n_classes)
         _warn_of_single_groups(classes[single].tolist())
     if isinstance(readout, Updatable):
-        empty = readout.empty(n_classes, dimension, device)
-        head = Head(readout, empty, Sample(), classes, dimension)
-        return replace(head.extended(batches, labels), calibrated=calibrated)
+        empty = replace(head, state=readout.empty(n_classes, dimension, device))
+        return replace(empty.extended(batches, labels), calibrated=calibrated)
     words = joined(batches)
     state = readout.fit(words, rows, n_classes)
     sample = Sample(Counter(rows.tolist()))
     closed = type(readout).held_out is not Readout.held_out
-    if not closed and state.held_out is None:
-        training = words, rows
-    if calibrated is None:
-        calibrated = of_words(words, rows, n_classes)
-    return Head(
-        readout, state, sample, classes, dimension, calibrated, training=training
+    return replace(
+        head,
+        state=state,
+        sample=sample,
+        calibrated=calibrated or of_words(words, rows, n_classes),
+        training=None if closed or state.held_out is not None else (words, rows),
     )
 
 

@@ -57,7 +57,12 @@ class Head:
         if isinstance(self.readout, Counting):
             counts: Tensor = self.state.n
             return counts
-        return torch.tensor([self.sample.seen[row] for row in range(len(self.labels))])
+        return torch.tensor(self._seen)
+
+    @property
+    def _seen(self) -> list[int]:
+        """Training frames of each class."""
+        return [self.sample.seen[row] for row in range(len(self.labels))]
 
     def rows_of(self, labels: Iterable[Label]) -> Tensor:
         """Rows int64 [N] of N labels."""
@@ -226,7 +231,7 @@ class Head:
             tensors |= prefixed("known", self.calibrated.tensors())
         header = {
             "classes": self.labels.tolist(),
-            "seen": [self.sample.seen[row] for row in range(len(self.labels))],
+            "seen": self._seen,
             "recalibrated": self.recalibrated,
         }
         return header, tensors
