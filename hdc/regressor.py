@@ -205,10 +205,9 @@ class HDCRegressor(Saved):
     ) -> None:
         if header.get("period") is not None:  # an earlier version
             raise ValueError("one with a period; train again on cosine and sine")
-        packed, values = tensors.pop("words"), tensors.pop("values")
         kinds = {"words": "int64 N W", "values": "float64 N T"}
-        pairs = {"words": packed, "values": values}
-        values = checked(pairs, kinds, D=self.dimension_)["values"]
+        learnt = {name: tensors.pop(name) for name in kinds}
+        packed, values = checked(learnt, kinds, D=self.dimension_).values()
         self._one = bool(header["one"])
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)

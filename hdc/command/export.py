@@ -5,7 +5,6 @@ from __future__ import annotations
 import re
 import warnings
 from pathlib import Path
-from typing import Any
 
 import click
 
@@ -60,8 +59,14 @@ def export(
         plan = exporting.Plan.of(found, name, int(bits), reject, window)
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from error
-    messages.say(*_size_lines(plan))
-    if plan.sizes.constant_bytes > LARGE:
+    sizes = plan.sizes
+    messages.say(
+        f"classes: {sizes.classes}, frames of {messages.size(plan.frame_shape)} of "
+        f"{sizes.pixel_bits} bits, {sizes.dimension} bits compared",
+        f"tables: {sizes.constant_bytes} bytes",
+        f"memory: {sizes.scratch_bytes} bytes, and {sizes.frame_bytes} of the frame",
+    )
+    if sizes.constant_bytes > LARGE:
         warnings.warn(f"{model}: {TOO_LARGE}", stacklevel=2)
     origin = f"{model.name}, trained {found.metadata_.get('trained', 'in Python')}"
     write_atomically(output, exporting.header(plan, output.name, origin))
@@ -89,14 +94,3 @@ def _is_exported(path: Path) -> bool:
     from hdc.export.header import MARK
 
     return MARK.encode() in path.read_bytes()[:1000]
-
-
-def _size_lines(plan: Any) -> list[str]:
-    """Sizes of the header."""
-    sizes = plan.sizes
-    return [
-        f"classes: {sizes.classes}, frames of {messages.size(plan.frame_shape)} of "
-        f"{sizes.pixel_bits} bits, {sizes.dimension} bits compared",
-        f"tables: {sizes.constant_bytes} bytes",
-        f"memory: {sizes.scratch_bytes} bytes, and {sizes.frame_bytes} of the frame",
-    ]

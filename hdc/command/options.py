@@ -16,13 +16,9 @@ FILE = click.Path(path_type=Path)
 SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 
-class _Names(click.ParamType):
+def _names(text: str) -> tuple[str, ...]:
     """Words between commas."""
-
-    name = "names"
-
-    def convert(self, value: Any, *_: Any) -> tuple[str, ...]:
-        return tuple(value.replace(" ", "").split(","))
+    return tuple(text.replace(" ", "").split(","))
 
 
 template = click.option(
@@ -34,7 +30,7 @@ template = click.option(
 )
 axes = click.option(
     "--axes",
-    type=_Names(),
+    type=_names,
     metavar="NAMES",
     help="Axes of an array, such as height,width,frame.",
 )
@@ -46,26 +42,22 @@ image_column = click.option(
 )
 
 
-class _Setting(click.ParamType):
+def _setting(text: str) -> tuple[str, Any]:
     """``PART__NAME=VALUE`` as a name and a value: JSON, or else text."""
-
-    name = "setting"
-
-    def convert(self, value: Any, *_: Any) -> tuple[str, Any]:
-        name, equals, text = value.partition("=")
-        if not equals or "__" not in name:
-            wanted = "PART__NAME=VALUE such as encoder__thresholds=15"
-            self.fail(f"expected {wanted}, found {value}")
-        with suppress(ValueError):
-            return name, json_of(text)
-        return name, text
+    name, equals, value = text.partition("=")
+    if not equals or "__" not in name:
+        wanted = "PART__NAME=VALUE such as encoder__thresholds=15"
+        raise click.BadParameter(f"expected {wanted}, found {text}")
+    with suppress(ValueError):
+        return name, json_of(value)
+    return name, value
 
 
 parameters = click.option(
     "--set",
     "parameters",
     multiple=True,
-    type=_Setting(),
+    type=_setting,
     metavar="PART__NAME=VALUE",
     help="Set a parameter of the encoder or the readout, such as encoder__thresholds=15; may be "
     "repeated.",
