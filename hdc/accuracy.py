@@ -1,4 +1,4 @@
-"""Accuracy, its confidence interval, the confusion matrix, and R²."""
+"""Accuracy, its confidence interval, and R²."""
 
 from __future__ import annotations
 
@@ -33,13 +33,6 @@ def wilson(n_right: float, n: float) -> tuple[float, float]:
     if n_right >= n:
         high = 1.0
     return low, high
-
-
-def confusion(predicted: np.ndarray, labels: np.ndarray, n_classes: int) -> np.ndarray:
-    """Counts int64 [L, L]: row, true class; column, predicted class."""
-    rows, columns = np.asarray(labels, np.int64), np.asarray(predicted, np.int64)
-    counts = np.bincount(rows * n_classes + columns, minlength=n_classes**2)
-    return counts.reshape(n_classes, n_classes)
 
 
 def r_squared(truth: np.ndarray, predicted: np.ndarray) -> float:

@@ -34,7 +34,7 @@ class needs:
         if owner is None:
             return self._method
         part, name, expected = self._needed
-        found = owner._part(part)
+        found = owner.parts[part](getattr(owner, part))
         if getattr(found, name, None) is None:
             raise UnavailableError(
                 f"{self._method.__name__}: expected {expected}, found {found!r}"

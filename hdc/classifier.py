@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from dataclasses import replace
 from math import prod
 from typing import Any, ClassVar, Self
 
 import numpy as np
-import torch
 from torch import Tensor
 
 from hdc import backends, inputs
@@ -19,7 +20,7 @@ from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import READOUTS, Readout, Updatable, make_readout
 from hdc.rejection import by_groups, of_words
-from hdc.sample import Reservoir, Sample
+from hdc.sample import Sample
 from hdc.warning import warn
 
 KNOWN = "known"
@@ -195,7 +196,7 @@ class HDCClassifier(Adapting):
             self._learn(readout, frames, labels, inputs.classes_of(allowed))
             return self
         with self._computing():
-            words = joined(self._encoded(frames))
+            words = self._encoded(frames)
             self._head = head.with_classes(allowed).extended(words, labels)
         return self
 
@@ -230,32 +231,27 @@ def _learned(
     together: Sequence[inputs.Label] | None,
 ) -> Head:
     """The head of a read-out that is trained on batches of hypervectors with N labels."""
-    index = {label: row for row, label in enumerate(classes.tolist())}
-    rows = torch.tensor([index[label] for label in labels])
-    n_classes = len(classes)
-    calibrated = training = None
+    head = Head(readout, None, Sample(), classes, dimension)
+    rows, n_classes = head.rows_of(labels), len(classes)
+    calibrated = None
     if together is not None:
         words = joined(batches)
         batches = [words]
         calibrated, single = by_groups(words, rows, together, readout, n_classes)
         _warn_of_single_groups(classes[single].tolist())
     if isinstance(readout, Updatable):
-        reservoir = Reservoir()
-        drawn = _drawn(batches, rows, labels, reservoir)
-        state = readout.add(readout.empty(n_classes, dimension, device), drawn)
-        sample = reservoir.sample()
-    else:
-        words = joined(batches)
-        state = readout.fit(words, rows, n_classes)
-        counts = torch.bincount(rows, minlength=n_classes).tolist()
-        sample = Sample(dict(zip(index, counts, strict=True)))
-        closed = type(readout).held_out is not Readout.held_out
-        if not closed and state.held_out is None:
-            training = words, rows
-        if calibrated is None:
-            calibrated = of_words(words, rows, n_classes)
-    return Head(
-        readout, state, sample, classes, dimension, calibrated, training=training
+        empty = replace(head, state=readout.empty(n_classes, dimension, device))
+        return replace(empty.extended(batches, labels), calibrated=calibrated)
+    words = joined(batches)
+    state = readout.fit(words, rows, n_classes)
+    sample = Sample(Counter(rows.tolist()))
+    closed = type(readout).held_out is not Readout.held_out
+    return replace(
+        head,
+        state=state,
+        sample=sample,
+        calibrated=calibrated or of_words(words, rows, n_classes),
+        training=None if closed or state.held_out is not None else (words, rows),
     )
 
 
@@ -267,18 +263,3 @@ def _warn_of_single_groups(labels: Sequence[inputs.Label]) -> None:
             f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
             "not calibrated for another group of these",
         )
-
-
-def _drawn(
-    batches: Iterable[Hypervectors],
-    rows: Tensor,
-    labels: Sequence[inputs.Label],
-    reservoir: Reservoir,
-) -> Iterator[tuple[Hypervectors, Tensor]]:
-    """The batches and their classes int64 [n]; a sample is drawn as they pass."""
-    start = 0
-    for words in batches:
-        stop = start + len(words.packed)
-        reservoir.add(words.packed, labels[start:stop])
-        yield words, rows[start:stop]
-        start = stop

@@ -45,7 +45,6 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.inputs import Label
 from hdc.readouts.base import HeldOut
 from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
 from hdc.sample import Sample
@@ -66,17 +65,12 @@ class Conformal:
     """int64 [L, W], for distances to these prototypes instead of minus the scores."""
 
     @classmethod
-    def of_counting(
-        cls, readout: Counting, state: Counted, sample: Sample, labels: Sequence[Label]
-    ) -> Self:
+    def of_counting(cls, readout: Counting, state: Counted, sample: Sample) -> Self:
         """P-values by exchanging a stored frame for the new one in the counters of a read-out."""
         deciding = readout.deciding(state)
-        peers: list[Peers | None] = []
-        for row, label in enumerate(labels):
-            own = None
-            if sample.seen.get(label):
-                own = Peers.of(sample.kept[label], deciding[row])
-            peers.append(own)
+        peers: list[Peers | None] = [None] * len(deciding)
+        for row, words in sample.kept.items():
+            peers[row] = Peers.of(words, deciding[row])
         whole = deciding[:, EXTRAS.index(0)]
         # For classes of unequal size, the prototypes of the scores may be thinned.
         same = isinstance(readout, Majority) and torch.equal(whole, state.prototypes)

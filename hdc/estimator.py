@@ -142,11 +142,6 @@ class Estimator(Parametrised):
         self.n_features_in_ = prod(shape)
         self.dimension_ = dimension
 
-    def _part(self, name: str) -> Any:
-        """The part, such as the encoder, that a parameter gives as a name or an object."""
-        given = getattr(self, name)
-        return self.parts[name](given)
-
     def _check_is_trained(self) -> None:
         """Raise for an untrained model."""
         if not hasattr(self, "dimension_"):

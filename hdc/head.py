@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import functools
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -21,7 +20,7 @@ from hdc.probability import cross_validated, of_several, sharpness
 from hdc.readouts.base import HeldOut, Readout, Updatable
 from hdc.readouts.majority import Counting
 from hdc.rejection import Rejection, by_frames, of_words
-from hdc.sample import Reservoir, Sample
+from hdc.sample import Sample
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
 from hdc.warning import warn
 
@@ -58,7 +57,12 @@ class Head:
         if isinstance(self.readout, Counting):
             counts: Tensor = self.state.n
             return counts
-        return torch.tensor([self.sample.seen.get(label, 0) for label in self.index])
+        return torch.tensor(self._seen)
+
+    @property
+    def _seen(self) -> list[int]:
+        """Training frames of each class."""
+        return [self.sample.seen[row] for row in range(len(self.labels))]
 
     def rows_of(self, labels: Iterable[Label]) -> Tensor:
         """Rows int64 [N] of N labels."""
@@ -66,13 +70,22 @@ class Head:
 
     # Learning ------------------------------------------------------------------------------------
 
-    def extended(self, words: Hypervectors, labels: Sequence[Label]) -> Head:
-        """A head that has also learned N hypervectors with some of its labels."""
+    def extended(
+        self, batches: Iterable[Hypervectors], labels: Sequence[Label]
+    ) -> Head:
+        """A head that has also learned batches of N hypervectors with some of its labels."""
         readout: Any = self.readout
-        reservoir = Reservoir(self.sample)
-        reservoir.add(words.packed, labels)
-        state = readout.add(self.state, [(words, self.rows_of(labels))])
-        return replace(self, state=state, sample=reservoir.sample(), calibrated=None)
+        rows, sample = self.rows_of(labels), self.sample
+
+        def sampled() -> Iterator[tuple[Hypervectors, Tensor]]:
+            nonlocal rows, sample
+            for words in batches:
+                own, rows = rows[: len(words)], rows[len(words) :]
+                sample = sample.with_frames(words.packed, own.tolist())
+                yield words, own
+
+        state = readout.add(self.state, sampled())
+        return replace(self, state=state, sample=sample, calibrated=None)
 
     def with_classes(self, labels: Iterable[Label]) -> Head:
         """A head with rows for these labels, too; some of them may be new."""
@@ -86,7 +99,8 @@ class Head:
         readout: Any = self.readout
         places = [rows[label] for label in self.index]
         state = readout.arrange(self.state, places, len(found))
-        return replace(self, state=state, labels=found)
+        sample = self.sample.arranged(places)
+        return replace(self, state=state, sample=sample, labels=found)
 
     def adapted(
         self, words: Hypervectors, labels: Sequence[Label], options: Mapping[str, Any]
@@ -103,10 +117,9 @@ class Head:
             # The old and the new scores have different units.
             state = replace(state, held_out=None)
         calibrated = None
-        if isinstance(readout, Updatable):
-            sample = self.sample.replaced(words.packed, labels)
-        else:
-            sample = Sample({**self.sample.seen, **Counter(labels)})
+        sample = self.sample.replaced(words.packed, rows.tolist())
+        if not isinstance(readout, Updatable):
+            sample = Sample(sample.seen)
             if not missing:
                 calibrated = of_words(words, rows, len(self.index))
         return replace(
@@ -155,13 +168,8 @@ class Head:
 
     def _kept(self) -> tuple[Hypervectors, Tensor]:
         """The hypervectors of the sample, and their rows."""
-        words, rows = [], []
-        for label, row in self.index.items():
-            if self.sample.seen.get(label):
-                kept = self.sample.kept[label]
-                words.append(kept)
-                rows += [row] * len(kept)
-        return Hypervectors(torch.cat(words), self.dimension), torch.tensor(rows)
+        words, rows = self.sample.listed()
+        return Hypervectors(words, self.dimension), rows
 
     @functools.cached_property
     def rejection(self) -> Rejection:
@@ -179,8 +187,8 @@ class Head:
                 "fit anew, or recalibrate by frames of all classes"
             )
         if isinstance(self.readout, Counting):
-            kept = {self.index[label]: own for label, own in self.sample.kept.items()}
-            return by_frames(self.readout.deciding(self.state)[:, 1:4], kept)
+            near = self.readout.deciding(self.state)[:, 1:4]
+            return by_frames(near, self.sample.kept)
         words, rows = self._kept()
         return of_words(words, rows, len(self.index))
 
@@ -192,8 +200,7 @@ class Head:
             ValueError: if the model has no scores of left-out frames.
         """
         if isinstance(self.readout, Counting):
-            labels = self.labels.tolist()
-            return Conformal.of_counting(self.readout, self.state, self.sample, labels)
+            return Conformal.of_counting(self.readout, self.state, self.sample)
         return Conformal.of_scores(self._needed("predict_set"), self.counts)
 
     @functools.cached_property
@@ -213,12 +220,9 @@ class Head:
 
     def stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         """Header and tensors for a file."""
-        classes = self.labels.tolist()
-        seen = self.sample.seen
         tensors = {}
         if self.sample.kept:
-            kept = [self.sample.kept[label] for label in classes if label in seen]
-            tensors["sample"] = torch.cat(kept)
+            tensors["sample"], _ = self.sample.listed()
         tensors |= prefixed("readout", self.state.tensors())
         # Those of other read-outs follow from the state and the sample.
         if not isinstance(self.readout, Updatable) and self.held_out is not None:
@@ -226,8 +230,8 @@ class Head:
         if self.calibrated is not None:
             tensors |= prefixed("known", self.calibrated.tensors())
         header = {
-            "classes": classes,
-            "seen": [seen.get(label, 0) for label in classes],
+            "classes": self.labels.tolist(),
+            "seen": self._seen,
             "recalibrated": self.recalibrated,
         }
         return header, tensors
@@ -262,7 +266,7 @@ class Head:
         if isinstance(readout, Updatable) and "sample" not in tensors:
             raise ValueError("no tensor 'sample'")
         words = tensors.get("sample")
-        sample = Sample.restored(classes, header["seen"], words, dimension)
+        sample = Sample.restored(n_classes, header["seen"], words, dimension)
         labels = inputs.label_array(classes, n_classes)
         recalibrated = bool(header["recalibrated"])
         own = without_prefix("known", tensors)

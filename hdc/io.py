@@ -13,7 +13,7 @@ import json
 import os
 import secrets
 import shutil
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -48,13 +48,31 @@ def write_atomically(path: Path, content: str | bytes) -> None:
         temporary.unlink(missing_ok=True)
 
 
-def check_replaceable(path: Path) -> None:
-    """Check that a model may be written here: in an existing folder, over no other file.
+def _is_model(path: Path) -> bool:
+    """Whether a file claims to be a saved model."""
+    try:
+        header, _ = _read(path, tensors=False)
+    except ValueError:
+        return False
+    return header.get("format") == FORMAT
+
+
+def check_replaceable(
+    path: Path,
+    what: str = "a saved model",
+    is_own: Callable[[Path], bool] = _is_model,
+) -> None:
+    """Check that a file may be written here: in an existing folder, over no file of another kind.
+
+    Args:
+        path: the file.
+        what: files that are replaced, in words.
+        is_own: whether an existing file is one of them.
 
     Raises:
         ValueError: for a name that is not UTF-8.
         FileNotFoundError: if the folder does not exist.
-        FileExistsError: for anything but a saved model; it is never replaced.
+        FileExistsError: for any other file; it is never replaced.
     """
     if not path.parent.is_dir():
         raise FileNotFoundError(
@@ -69,18 +87,9 @@ def check_replaceable(path: Path) -> None:
     if path.is_symlink() or (path.exists() and not path.is_file()):
         expected = "expected a regular file or none"
         raise FileExistsError(f"{path}: {expected}, found another kind; not replaced")
-    if path.exists() and not _is_model(path):
-        expected = "expected a saved model or no file"
+    if path.exists() and not is_own(path):
+        expected = f"expected {what} or no file"
         raise FileExistsError(f"{path}: {expected}, found another; not replaced")
-
-
-def _is_model(path: Path) -> bool:
-    """Whether a file claims to be a saved model."""
-    try:
-        header, _ = _read(path, tensors=False)
-    except ValueError:
-        return False
-    return header.get("format") == FORMAT
 
 
 def write_model(

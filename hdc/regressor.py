@@ -10,12 +10,12 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import backends, circular, inputs
+from hdc import backends, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, Encoder, make_encoder
 from hdc.estimator import joined
 from hdc.hypervectors import Hypervectors
-from hdc.parameters import check_share, is_number
+from hdc.parameters import check_share
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.values import ValueReadout, ValueState
 from hdc.saved import Saved
@@ -33,16 +33,12 @@ class HDCRegressor(Saved):
             :class:`hdc.readouts.ValueReadout`; or the dotted name of such a class.
         device: the device that computes and holds the model.
         backend: as in :class:`hdc.HDCClassifier`.
-        period: period of circular numbers, such as 360 for degrees. They are predicted by their
-            cosine and sine, between 0 and the period, and have no intervals. None for other
-            numbers.
 
     Attributes:
         encoder_: the encoder, trained.
         readout_, state_: the read-out, and what it has learned.
         prediction_bytes_: bytes of memory that a prediction with intervals needs.
-        residuals_: exact leave-one-out errors of the training frames, float64 [N, T]; with a
-            period, of the cosines followed by the sines.
+        residuals_: exact leave-one-out errors of the training frames, float64 [N, T].
         mean_: mean of the training numbers, float64 [T].
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
@@ -71,20 +67,11 @@ class HDCRegressor(Saved):
         readout: ValueReadout | str = "ridge",
         device: str = "cpu",
         backend: str = "auto",
-        period: float | None = None,
     ):
         self.encoder = encoder
         self.readout = readout
         self.device = device
         self.backend = backend
-        self.period = period
-
-    def _check_period(self) -> None:
-        given = self.period
-        if given is not None and (not is_number(given) or given <= 0):
-            raise ValueError(
-                f"period: expected a number above zero or None, found {given!r}"
-            )
 
     def fit(self, frames: Any, y: Any) -> Self:
         """Learn from frames [N, H, W] or [N, D] and numbers y [N] or [N, T].
@@ -95,17 +82,15 @@ class HDCRegressor(Saved):
             ValueError: for fewer than two frames, different lengths, or pixels or numbers that are
                 not finite.
         """
-        self._check_period()
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
         frames = inputs.source(frames)
         values = _numbers(y, len(frames))
         _check_enough(frames)
-        table = self._targets(values)
         backend = self._decided(frames)
         with backends.computing(backend):
             encoder, shape = self._learned_encoder(encoder, frames)
             words = joined(self._batches(frames, encoder, shape))
-            state = readout.fit(words, table)
+            state = readout.fit(words, _table(values))
         self._begin(encoder, shape, words.dimension, backend)
         self._one = values.ndim == 1
         self.readout_, self.state_ = readout, state
@@ -133,8 +118,8 @@ class HDCRegressor(Saved):
         return self
 
     def _more_targets(self, values: np.ndarray) -> Tensor:
-        """:meth:`_targets` of further numbers; ValueError unless as many a frame as in training."""
-        table = self._targets(values)
+        """:func:`_table` of further numbers; ValueError unless as many a frame as in training."""
+        table = _table(values)
         if table.shape[1] != self.state_.targets.shape[1]:
             raise ValueError(
                 f"targets: expected as many a frame as before, found {values.shape}"
@@ -150,10 +135,7 @@ class HDCRegressor(Saved):
 
     @property
     def mean_(self) -> np.ndarray:
-        mean = self.state_.targets.mean(dim=0, keepdim=True).numpy()
-        if self.period is not None:
-            mean = circular.from_plane(mean, self.period)
-        return mean[0]
+        return self.state_.targets.mean(dim=0).numpy()
 
     def predict(
         self, frames: Any, return_interval: bool = False, alpha: float = 0.1
@@ -176,8 +158,6 @@ class HDCRegressor(Saved):
         """
         self._check_is_trained()
         share = check_share("alpha", alpha, "(0, 1)")
-        if return_interval and self.period is not None:
-            raise ValueError("return_interval: expected numbers without a period")
         readout, state = self.readout_, self.state_
         with self._computing():
             batches = self._encoded(frames)
@@ -192,16 +172,7 @@ class HDCRegressor(Saved):
     def _shaped(self, parts: Sequence[Tensor]) -> np.ndarray:
         """Predictions [Q, T] in parts, as one array in the shape of the training numbers."""
         answers = torch.cat(list(parts)).numpy()
-        if self.period is not None:
-            answers = circular.from_plane(answers, self.period)
         return answers[:, 0] if self._one else answers
-
-    def _targets(self, values: np.ndarray) -> Tensor:
-        """Targets from numbers [N] or [N, T], float64 [N, T]; with a period [N, 2·T]."""
-        table = torch.from_numpy(values.reshape(len(values), -1))
-        if self.period is None:
-            return table
-        return torch.from_numpy(circular.to_plane(table.numpy(), self.period))
 
     def score(self, frames: Any, y: Any) -> float:
         """R², the share of the variance that is predicted, averaged over the targets.
@@ -213,7 +184,7 @@ class HDCRegressor(Saved):
         found = self.predict(frames)
         inputs.check_any(found)
         truth = self._more_targets(_numbers(y, len(found))).numpy()
-        answers = self._targets(found).numpy()
+        answers = _table(found).numpy()
         pairs = zip(truth.T, answers.T, strict=True)
         return float(np.mean([r_squared(*pair) for pair in pairs]))
 
@@ -227,21 +198,17 @@ class HDCRegressor(Saved):
         state = self.state_
         tensors = {"words": state.words.packed, "values": state.targets}
         tensors |= prefixed("readout", state.tensors())
-        header: dict[str, Any] = {"recalibrated": self._recalibrated, "one": self._one}
-        if self.period is not None:
-            header["period"] = float(self.period)
-        return header, tensors
+        return {"recalibrated": self._recalibrated, "one": self._one}, tensors
 
     def _restore(
         self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
     ) -> None:
-        packed, values = tensors.pop("words"), tensors.pop("values")
+        if header.get("period") is not None:  # an earlier version
+            raise ValueError("one with a period; train again on cosine and sine")
         kinds = {"words": "int64 N W", "values": "float64 N T"}
-        pairs = {"words": packed, "values": values}
-        values = checked(pairs, kinds, D=self.dimension_)["values"]
+        learnt = {name: tensors.pop(name) for name in kinds}
+        packed, values = checked(learnt, kinds, D=self.dimension_).values()
         self._one = bool(header["one"])
-        self.period = header.get("period")
-        self._check_period()
         check_parts(tensors, ("readout",))
         own = without_prefix("readout", tensors)
         words = Hypervectors(packed, self.dimension_, self.encoder_, self.frame_shape_)
@@ -266,6 +233,11 @@ def _numbers(values: Any, n: int) -> np.ndarray:
     if not np.isfinite(array).all():
         raise ValueError("targets: expected finite numbers, found NaN or infinity in y")
     return array
+
+
+def _table(values: np.ndarray) -> Tensor:
+    """Numbers [N] or [N, T] as targets, float64 [N, T]."""
+    return torch.from_numpy(values.reshape(len(values), -1))
 
 
 def _check_enough(frames: Any) -> None:

@@ -34,7 +34,7 @@ from hdc.hypervectors import Hypervectors
 from hdc.inputs import Label
 from hdc.readouts.base import Readout
 from hdc.readouts.majority import Counting
-from hdc.sample import Reservoir
+from hdc.sample import Sample
 from hdc.tensors import checked
 from hdc.warning import warn
 
@@ -125,9 +125,7 @@ def by_frames(near: Tensor, kept: Mapping[int, Tensor]) -> Rejection:
 
 def of_words(words: Hypervectors, rows: Tensor, n_classes: int) -> Rejection:
     """The rule from N hypervectors and their classes int64 [N], left out one by one."""
-    reservoir = Reservoir(size=MOST)
-    reservoir.add(words.packed, rows.tolist())
-    kept = {int(row): frames for row, frames in reservoir.sample().kept.items()}
+    kept = Sample().with_frames(words.packed, rows.tolist(), MOST).kept
     counts, n = _counted(words, rows, n_classes)
     near = counts.new_zeros(n_classes, 3, counts.shape[2])
     for row in kept:
@@ -170,9 +168,9 @@ def by_groups(
     """
     number = {group: k for k, group in enumerate(dict.fromkeys(groups))}
     of_group = torch.tensor([number[group] for group in groups])
-    reservoir = Reservoir(size=MOST)
-    reservoir.add(torch.arange(len(rows))[:, None], rows.tolist())
-    chosen = torch.cat([*reservoir.sample().kept.values()]).flatten()
+    places = torch.arange(len(rows))[:, None]
+    chosen, _ = Sample().with_frames(places, rows.tolist(), MOST).listed()
+    chosen = chosen.flatten()
     ties = readout.ties if isinstance(readout, Counting) else "zero"
     whole = planes.majorities(*_counted(words, rows, n_classes), ties)
     found, single = [], set()

@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
 import torch
 from torch import Tensor
 
-from hdc.inputs import Label
 from hdc.tensors import checked
 
 KEPT = 19
@@ -18,81 +18,77 @@ _SEED = 0  # of the random choice
 _WORD = 2**64 - 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sample:
     """The number of training frames of each class, and hypervectors of up to 19 of them.
 
-    Read-outs that learn all frames at once do not need the hypervectors, and store none.
+    Classes are rows 0 … L − 1. Read-outs that learn all frames at once do not need the
+    hypervectors, and store none.
     """
 
-    seen: Mapping[Label, int] = field(default_factory=dict)
-    kept: Mapping[Label, Tensor] = field(default_factory=dict)
-    """int64 [m, W] of each class, in the order of their places."""
+    seen: Counter[int] = field(default_factory=Counter)
+    kept: dict[int, Tensor] = field(default_factory=dict)
+    """int64 [m, W] of each class with frames, in the order of their places; never changed."""
 
-    def replaced(self, words: Tensor, labels: Sequence[Label]) -> Sample:
+    def with_frames(
+        self, words: Tensor, rows: Sequence[int], size: int = KEPT
+    ) -> Sample:
+        """A sample of hypervectors int64 [N, W] of N classes, too, in any batches.
+
+        This is reservoir sampling by algorithm R (Vitter, ACM Trans. Math. Softw. 11, 37 (1985)):
+        frame k draws one of k + 1 places, and is stored if that is one of the first `size`. Random
+        numbers depend only on the seed and on k, so the result does not depend on batches, files or
+        machines.
+        """
+        seen, chosen = self.seen.copy(), {}
+        for i, row in enumerate(rows):
+            k = seen[row]
+            seen[row] += 1
+            place = k if k < size else random_place(_SEED, k)
+            if place < size:
+                chosen[row, place] = i
+        found = {row: list(self.kept.get(row, ())) for row, _ in chosen}
+        for (row, place), i in chosen.items():
+            found[row][place : place + 1] = [words[i]]
+        stored = {row: torch.stack(own) for row, own in found.items()}
+        return Sample(seen, self.kept | stored)
+
+    def replaced(self, words: Tensor, rows: Sequence[int]) -> Sample:
         """A sample in which the classes of N new hypervectors [N, W] have new ones only."""
-        fresh = Reservoir()
-        fresh.add(words, labels)
-        found = fresh.sample()
-        return Sample({**self.seen, **found.seen}, {**self.kept, **found.kept})
+        new = Sample().with_frames(words, rows)
+        seen = Counter({**self.seen, **new.seen})
+        return Sample(seen, {**self.kept, **new.kept})
+
+    def arranged(self, places: Sequence[int]) -> Sample:
+        """The sample in which class k becomes class places[k]."""
+        seen = Counter({places[row]: n for row, n in self.seen.items()})
+        return Sample(seen, {places[row]: own for row, own in self.kept.items()})
+
+    def listed(self) -> tuple[Tensor, Tensor]:
+        """The stored hypervectors int64 [M, W], class by class, and their classes int64 [M]."""
+        rows = [row for row in sorted(self.kept) for _ in self.kept[row]]
+        words = [self.kept[row] for row in sorted(self.kept)]
+        return torch.cat(words), torch.tensor(rows)
 
     @classmethod
     def restored(
-        cls, classes: Sequence[Label], seen: Any, words: Tensor | None, dimension: int
+        cls, n_classes: int, seen: Any, words: Tensor | None, dimension: int
     ) -> Self:
         """The sample from a file: numbers of frames, and the hypervectors if there are any.
 
         Raises:
             ValueError: if they do not fit together.
         """
-        kept = [min(count, KEPT) for count in seen]
-        if min(kept) < 0 or len(kept) != len(classes):
+        sizes = [min(count, KEPT) for count in seen]
+        if min(sizes) < 0 or len(sizes) != n_classes:
             raise ValueError(f"seen {seen!r}")
-        counts = {label: n for label, n in zip(classes, seen, strict=True) if n}
-        if words is None:
-            return cls(counts)
-        n = sum(kept)
-        checked({"sample": words}, {"sample": "int64 N W"}, N=n, D=dimension)
-        parts = zip(classes, words.split(kept), strict=True)
-        found = {label: part.clone() for label, part in parts if len(part)}
-        return cls(counts, found)
-
-
-class Reservoir:
-    """Reservoir sampling of up to 19 hypervectors of each class, in any batches.
-
-    Algorithm R (Vitter, ACM Trans. Math. Softw. 11, 37 (1985)): frame k draws one of k + 1 places,
-    and is stored if that is one of the first 19. Random numbers depend only on the seed and on k,
-    so the result does not depend on batches, files or machines.
-
-    Args:
-        start: sample to go on from.
-        size: hypervectors to store per class, instead of 19.
-    """
-
-    def __init__(self, start: Sample | None = None, size: int = KEPT) -> None:
-        start = start or Sample()
-        self._size = size
-        self._seen = dict(start.seen)
-        self._kept = {label: list(words) for label, words in start.kept.items()}
-
-    def add(self, words: Tensor, labels: Sequence[Label]) -> None:
-        """Go on with hypervectors int64 [N, W] of N labels; the stored ones are copied."""
-        chosen: dict[tuple[Label, int], int] = {}
-        for i, label in enumerate(labels):
-            k = self._seen.get(label, 0)
-            self._seen[label] = k + 1
-            place = k if k < self._size else random_place(_SEED, k)
-            if place < self._size:
-                chosen[label, place] = i
-        for (label, place), i in chosen.items():
-            kept = self._kept.setdefault(label, [])
-            kept[place : place + 1] = [words[i].clone()]
-
-    def sample(self) -> Sample:
-        """The sample drawn so far."""
-        kept = {label: torch.stack(rows) for label, rows in self._kept.items()}
-        return Sample(dict(self._seen), kept)
+        kept = {}
+        if words is not None:
+            kinds = {"sample": "int64 N W"}
+            checked({"sample": words}, kinds, N=sum(sizes), D=dimension)
+            parts = enumerate(words.split(sizes))
+            kept = {row: part.clone() for row, part in parts if len(part)}
+        return cls(Counter(dict(enumerate(seen))), kept)
 
 
 def random_place(seed: int, k: int) -> int:

@@ -138,7 +138,12 @@ class Saved(Estimator):
                 raise ValueError(f"a saved {kind}; load it with {kind}.load")
             parameters = header["parameters"]
             parameters["device"] = device or _available(parameters["device"], path)
-            model = cls._rebuilt(header, tensors, trusted)
+            for name in cls.parts:
+                known = cls._known[name]
+                parameters[name] = rebuild(parameters[name], name, known, trusted)
+            model = cls(**parameters)
+            parts = {name: model.fresh(name) for name in cls.parts}
+            model._fill(header, tensors, parts)
         except FileNotFoundError:
             raise
         # A hostile header reaches numpy and torch in many ways.
@@ -147,26 +152,6 @@ class Saved(Estimator):
                 f"{path}: expected a saved {cls.__name__}, found {error}"
             ) from error
         model._warn_of_revisions(header.get("revisions"), path)
-        return model
-
-    @classmethod
-    def _rebuilt(
-        cls,
-        header: Mapping[str, Any],
-        tensors: dict[str, Tensor],
-        trusted: Collection[str] | None,
-    ) -> Self:
-        """The model from a header and tensors that may be anything; raises errors of any kind.
-
-        For `trusted`, see :func:`hdc.described.rebuild`.
-        """
-        parameters = dict(header["parameters"])
-        for name in cls.parts:
-            part = rebuild(parameters[name], name, cls._known[name], trusted)
-            parameters[name] = part
-        model = cls(**parameters)
-        parts = {name: model.fresh(name) for name in cls.parts}
-        model._fill(header, tensors, parts)
         return model
 
     def _fill(

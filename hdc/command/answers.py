@@ -75,10 +75,6 @@ def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
             raise ValueError(f"{option}: expected a model of classes, found {found}")
     if wanted.interval is None:
         return {"values": model.predict(words).reshape(len(words), -1)}
-    if model.period is not None:
-        raise ValueError(
-            "--interval: expected a model of numbers without a period; leave it out"
-        )
     alpha = outside(wanted.interval)
     parts = model.predict(words, return_interval=True, alpha=alpha)
     values, *ends = (part.reshape(len(words), -1) for part in parts)

@@ -5,12 +5,11 @@ from __future__ import annotations
 import re
 import warnings
 from pathlib import Path
-from typing import Any
 
 import click
 
 from hdc.command import messages, options, work
-from hdc.io import write_atomically
+from hdc.io import check_replaceable, write_atomically
 
 LARGE = 2**18
 """Bytes of tables that a small board seldom has."""
@@ -53,16 +52,21 @@ def export(
 
     name = _name(output)
     program = output.with_name(f"{output.stem}_test.c")
-    _check_replaceable(output)
-    if test_vectors:
-        _check_replaceable(program)
+    for written in (output, program) if test_vectors else (output,):
+        check_replaceable(written, "a file that hdc export wrote", _is_exported)
     found, window = work.load(model)
     try:
         plan = exporting.Plan.of(found, name, int(bits), reject, window)
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from error
-    messages.say(*_size_lines(plan))
-    if plan.sizes.constant_bytes > LARGE:
+    sizes = plan.sizes
+    messages.say(
+        f"classes: {sizes.classes}, frames of {messages.size(plan.frame_shape)} of "
+        f"{sizes.pixel_bits} bits, {sizes.dimension} bits compared",
+        f"tables: {sizes.constant_bytes} bytes",
+        f"memory: {sizes.scratch_bytes} bytes, and {sizes.frame_bytes} of the frame",
+    )
+    if sizes.constant_bytes > LARGE:
         warnings.warn(f"{model}: {TOO_LARGE}", stacklevel=2)
     origin = f"{model.name}, trained {found.metadata_.get('trained', 'in Python')}"
     write_atomically(output, exporting.header(plan, output.name, origin))
@@ -85,31 +89,8 @@ def _name(output: Path) -> str:
     return name
 
 
-def _check_replaceable(path: Path) -> None:
-    """Raise an OSError where there is no folder, or a file that no export wrote."""
+def _is_exported(path: Path) -> bool:
+    """Whether an export wrote a file."""
     from hdc.export.header import MARK
 
-    if not path.parent.is_dir():
-        raise FileNotFoundError(
-            f"{path.parent}: expected a folder to write {path.name} in"
-        )
-    if not path.exists():
-        return
-    if not path.is_file() or MARK.encode() not in path.read_bytes()[:1000]:
-        raise FileExistsError(
-            f"{path}: expected a header that hdc export wrote, or no file; found another file, "
-            "which stays as it is"
-        )
-
-
-def _size_lines(plan: Any) -> list[str]:
-    """Sizes of the header."""
-    sizes = plan.sizes
-    return [
-        f"classes: {sizes.classes}, frames of {messages.size(plan.frame_shape)} of "
-        f"{sizes.pixel_bits} bits, {sizes.dimension} bits compared",
-        f"tables: {sizes.constant_bytes} bytes",
-        f"memory: {sizes.scratch_bytes} bytes, and {sizes.frame_bytes} of the frame",
-        f"operations a frame: {sizes.pixel_steps} of a pixel, {sizes.word_steps} of a word of 64 "
-        "bits",
-    ]
+    return MARK.encode() in path.read_bytes()[:1000]

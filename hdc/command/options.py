@@ -16,13 +16,9 @@ FILE = click.Path(path_type=Path)
 SHARE = click.FloatRange(0, 1, min_open=True, max_open=True)
 
 
-class _Names(click.ParamType):
+def _names(text: str) -> tuple[str, ...]:
     """Words between commas."""
-
-    name = "names"
-
-    def convert(self, value: Any, *_: Any) -> tuple[str, ...]:
-        return tuple(value.replace(" ", "").split(","))
+    return tuple(text.replace(" ", "").split(","))
 
 
 template = click.option(
@@ -34,7 +30,7 @@ template = click.option(
 )
 axes = click.option(
     "--axes",
-    type=_Names(),
+    type=_names,
     metavar="NAMES",
     help="Axes of an array, such as height,width,frame.",
 )
@@ -44,36 +40,24 @@ image_column = click.option(
     metavar="NAME",
     help="Column of the table that names the image.",
 )
-circular = click.option(
-    "--circular",
-    "period",
-    type=click.FloatRange(0, min_open=True),
-    metavar="PERIOD",
-    help="The numbers go round with this period, such as 360 for degrees. They are predicted by "
-    "sine and cosine, and errors are taken the shorter way round.",
-)
 
 
-class _Setting(click.ParamType):
+def _setting(text: str) -> tuple[str, Any]:
     """``PART__NAME=VALUE`` as a name and a value: JSON, or else text."""
-
-    name = "setting"
-
-    def convert(self, value: Any, *_: Any) -> tuple[str, Any]:
-        name, equals, text = value.partition("=")
-        if not equals or "__" not in name:
-            wanted = "PART__NAME=VALUE such as encoder__thresholds=15"
-            self.fail(f"expected {wanted}, found {value}")
-        with suppress(ValueError):
-            return name, json_of(text)
-        return name, text
+    name, equals, value = text.partition("=")
+    if not equals or "__" not in name:
+        wanted = "PART__NAME=VALUE such as encoder__thresholds=15"
+        raise click.BadParameter(f"expected {wanted}, found {text}")
+    with suppress(ValueError):
+        return name, json_of(value)
+    return name, value
 
 
 parameters = click.option(
     "--set",
     "parameters",
     multiple=True,
-    type=_Setting(),
+    type=_setting,
     metavar="PART__NAME=VALUE",
     help="Set a parameter of the encoder or the readout, such as encoder__thresholds=15; may be "
     "repeated.",
@@ -106,6 +90,7 @@ def model(command: Callable[..., Any]) -> Callable[..., Any]:
     return click.argument("model", type=FILE)(trusted(command))
 
 
+_CIRCULAR = "learn cosine and sine as two columns of the table"
 LEFT = {
     "compare --budget": "rows come cheapest first, and Ctrl-C keeps those that are done",
     "compare --all": "the list is short",
@@ -116,7 +101,8 @@ LEFT = {
     "compare -o": "there is no figure",
     "compare --test-fraction": "each frame is tested once, or --test names others",
     "compare --json": "hdc evaluate --json writes the accuracy of a model",
-    "compare --circular": "hdc train --circular learns them, and hdc evaluate tests them",
+    "compare --circular": _CIRCULAR,
+    "train --circular": _CIRCULAR,
     "train --choose": "hdc compare shows the options of the best form",
     "recalibrate --seed": "each recalibration of a model replaces other bits",
 }

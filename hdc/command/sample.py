@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 import click
 
 from hdc.command import messages, options
+from hdc.io import write_atomically
 
 FRAMES = Path(__file__).with_name("recording")
 """Frames of the simulated sensor, 63 × 63 pixels: docs/sensor.md says how they were made."""
@@ -21,16 +21,10 @@ def sample(folder: Path) -> None:
     The folder touches was recorded first; the sensor had drifted before tomorrow and later were.
     """
     for part in sorted(FRAMES.iterdir(), reverse=True):
-        _copy(part, folder / part.name)
-        classes = ", ".join(sorted(path.name for path in part.iterdir()))
-        frames = len(list(part.rglob("*.png")))
-        messages.say(f"{folder / part.name}: {frames} frames of {classes}")
-
-
-def _copy(source: Path, target: Path) -> None:
-    """Copy a folder; one error names the first file that cannot be written."""
-    try:
-        shutil.copytree(source, target)
-    except shutil.Error as error:  # of all files
-        _, path, why = error.args[0][0]
-        raise OSError(f"{path}: {why}") from error
+        files = sorted(part.rglob("*.png"))
+        (folder / part.name).mkdir(parents=True)
+        for file in files:
+            target = folder / file.relative_to(FRAMES)
+            write_atomically(target, file.read_bytes())
+        classes = ", ".join(sorted({file.parent.name for file in files}))
+        messages.say(f"{folder / part.name}: {len(files)} frames of {classes}")

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 
-from hdc import circular
 from hdc.accuracy import r_squared, wilson
 from hdc.command.answers import Wanted, batched, columns
 from hdc.command.source import truth_of
@@ -78,30 +77,22 @@ def _errors(
     interval: float | None,
     unit: np.ndarray,
 ) -> dict[str, Any]:
-    """Errors and R² of each value, its coverage and width of intervals, if asked for; by name.
-
-    R² of a circular value is the mean of the R² of its cosine and of its sine.
-    """
-    names, units, period = recording.value_names, recording.value_units, model.period
+    """Errors and R² of each value, its coverage and width of intervals, if asked for; by name."""
+    names, units = recording.value_names, recording.value_units
     truth, answers = truth_of(recording)[index], np.array(found["values"])
-    planes = [truth, answers]
-    if period is not None:
-        planes = [circular.to_plane(values, period) for values in planes]
-    pairs = zip(planes[0].T, planes[1].T, strict=True)
-    explained = np.reshape([r_squared(*pair) for pair in pairs], (-1, len(names)))
-    columns_of = {
-        "mean_absolute_error": circular.errors(answers, truth, period),
-        "guess": circular.errors(truth, model.mean_, period),
-        "r_squared": explained,
-    }
     rows: dict[str, Any] = {}
     for k, name in enumerate(names):
-        rows[name] = {key: float(c[:, k].mean()) for key, c in columns_of.items()}
+        right, answered = truth[:, k], answers[:, k]
+        rows[name] = {
+            "mean_absolute_error": float(np.abs(answered - right).mean()),
+            "guess": float(np.abs(right - model.mean_[k]).mean()),
+            "r_squared": r_squared(right, answered),
+        }
         if any(units[k : k + 1]):
             rows[name]["unit"] = units[k]
         if interval is not None:
             low, high = np.array(found["intervals"])[:, k].T
-            inside = (low <= truth[:, k]) & (truth[:, k] <= high)
+            inside = (low <= right) & (right <= high)
             width = float((high - low).mean())
             coverage = _coverage(inside, interval, unit)
             width_or_none = width if np.isfinite(width) else None

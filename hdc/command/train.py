@@ -46,7 +46,6 @@ PUBLISHED = ("median", "majority")
     "ridge]",
 )
 @options.parameters
-@options.circular
 def train(
     source: Source,
     window: Window,
@@ -55,7 +54,6 @@ def train(
     encoder: str | None,
     readout: str | None,
     parameters: tuple[tuple[str, Any], ...],
-    period: float | None,
 ) -> None:
     """Learn the classes of a RECORDING, or its numbers with --values.
 
@@ -64,13 +62,11 @@ def train(
     frames unlike them (hdc predict --reject), and more frames than lda can learn.
     """
     frames = source.open(window, fewest_classes=1)
-    if period is not None and frames.values is None:
-        raise ValueError("--circular: expected a table of numbers, found classes")
     check_replaceable(output)
     rows, tested, unit = np.arange(len(frames)), None, None
     if test_fraction is not None:
         (rows, tested), unit = splits.hold_out(frames, test_fraction)
-    model, lines = _untrained(frames, len(rows), encoder, readout, period)
+    model, lines = _untrained(frames, len(rows), encoder, readout)
     model.set_params(**dict(parameters))
     given = _learnable(model, frames, rows)
     model.fit(given, truth_of(frames)[rows], **_together(frames, rows))
@@ -94,15 +90,13 @@ def _untrained(
     n: int,
     encoder: str | None,
     readout: str | None,
-    period: float | None,
 ) -> tuple[Any, list[str]]:
     """A model of these parts that learns n frames of a recording, and a line on why its read-out is
     not the default one."""
     from hdc.readouts.discriminant import MOST_FRAMES
 
     if frames.values is not None:
-        parts = encoder or "median", readout or "ridge"
-        return hdc.HDCRegressor(*parts, period=period), []
+        return hdc.HDCRegressor(encoder or "median", readout or "ridge"), []
     if len(frames.classes) == 1:  # nothing to tell apart
         return hdc.HDCClassifier(encoder or PUBLISHED[0], readout or PUBLISHED[1]), []
     model = hdc.HDCClassifier(encoder or DEFAULT[0], readout or DEFAULT[1])

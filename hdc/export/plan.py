@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from typing import Any, Self
 
@@ -14,12 +13,9 @@ from hdc.classifier import HDCClassifier
 from hdc.encoders import Deviation, Levels, Median, Quantile
 from hdc.encoders.ranks import RankEncoder
 from hdc.export.sizes import Sizes
-from hdc.parameters import check_choice, check_share
 from hdc.readers import Window
 from hdc.readouts import LDA, Majority, Trained
 
-PIXEL_BITS = (8, 16)
-"""Bits of a pixel that a header can be made for."""
 ENCODERS = (Median, Quantile, Levels, Deviation)
 READOUTS = (Majority, Trained, LDA)
 PLANES = 4
@@ -83,18 +79,15 @@ class Plan:
         Args:
             model: an :class:`hdc.HDCClassifier`.
             name: beginning of all names in the header, an identifier of C.
-            pixel_bits: of the frames, one of :data:`PIXEL_BITS`.
+            pixel_bits: of the frames, 8 or 16.
             alpha: share of frames of known classes that may be refused, in (0, 1); None exports
                 no rejection.
             window: how training frames were cut out of images.
 
         Raises:
-            ValueError: for a model, an encoder or a read-out that is not exported, or an argument
-                that is not allowed.
+            ValueError: for a model, an encoder or a read-out that is not exported.
         """
         _check_exportable(model)
-        check_name(name)
-        check_choice("bits", pixel_bits, PIXEL_BITS)
         encoder, readout = model.encoder_, model.readout_
         known = model.counts_ > 0
         rows = np.flatnonzero(known).tolist()
@@ -106,9 +99,8 @@ class Plan:
         tables = _encoding(encoder, model.n_features_in_)
         tables |= _classes(readout, model.state_, rows, model.dimension_)
         if alpha is not None:
-            share = check_share("alpha", alpha, "(0, 1)")
             rejection = model._head.rejection
-            farthest, unit = rejection.threshold(share), rejection.unit
+            farthest, unit = rejection.threshold(alpha), rejection.unit
             tables |= _majorities(model, rows, rejection.prototypes)
         sizes = Sizes(
             pixels=model.n_features_in_,
@@ -135,14 +127,6 @@ class Plan:
             farthest=farthest,
             left_out=unit,
             sizes=sizes,
-        )
-
-
-def check_name(name: str) -> None:
-    """Raise ValueError for what cannot begin a name in C."""
-    if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name):
-        raise ValueError(
-            f"name: expected letters, digits and _, a letter first, found {name!r}"
         )
 
 

@@ -1,4 +1,4 @@
-"""Cost of an exported model: bytes of constants and of memory, and operations per frame."""
+"""Cost of an exported model: bytes of constants and of memory."""
 
 from __future__ import annotations
 
@@ -80,22 +80,3 @@ class Sizes:
         if self.has_lit:
             total += self.ranked * self.pixel_bits // 8
         return -(-total // 8) * 8  # a structure ends where its widest member may begin
-
-    @property
-    def pixel_steps(self) -> int:
-        """Times that a pixel is read and counted or compared, for one frame, at most."""
-        if self.relative:
-            return self.pixels * (2 + self.thresholds)
-        passes = 2  # of a threshold, its bits and the turns of its ties
-        if self.pixel_bits == 16:
-            passes += 1  # the counts of low bytes
-        steps = self.ranked * (1 + self.thresholds * passes)
-        return steps + self.pixels if self.has_lit else steps
-
-    @property
-    def word_steps(self) -> int:
-        """Words of 64 bits combined with a table and counted, for one frame."""
-        steps = self.words * self.classes * (self.planes + self.extra)
-        if self.planes > 1:
-            steps += self.words  # the ones of the hypervector
-        return steps

@@ -126,8 +126,6 @@ UNFIT = [
           *((Trained(margin), f"margin: {SHARE}") for margin in (1, "x")),
           *((Trained(passes=n), "passes: expected an integer ≥ 0, found") for n in (-1, 1.0)),
       )),
-    *((HDCRegressor(period=period), "period: expected a number above zero or")
-      for period in (0, "a", True)),
     *((kind(device=device), r"^device: expected 'cpu'[^\n]*, found[^\n]*$")
       for kind in (HDCClassifier, HDCRegressor) for device in ("gpu", "cuda:99", "meta", 1.5)),
 ]  # fmt: skip

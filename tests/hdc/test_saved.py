@@ -102,7 +102,7 @@ def test_flipped_bits_are_refused_or_harmless(tmp_path):
             assert (tmp_path / "again").read_bytes() == whole
 
 
-def refused(path, model, header, tensors):
+def refused(path, model, header, tensors, why=""):
     """A model saved with some of its header and tensors replaced is not loaded; as it is, it is."""
     model.fit(X, Y).save(path)
     old, old_tensors = io.read_model(path)
@@ -111,7 +111,7 @@ def refused(path, model, header, tensors):
     parts = {name: header[name] for name in old["parameters"] if name in header}
     changed = old | {"parameters": old["parameters"] | parts} | header
     path.write_bytes(file_of(changed, old_tensors | tensors))
-    message = f"m: expected a saved {type(model).__name__}, found"
+    message = f"m: expected a saved {type(model).__name__}, found {why}"
     with pytest.raises(ValueError, match=message):
         type(model).load(path)
 
@@ -138,6 +138,11 @@ HEADERS = [
 @pytest.mark.parametrize("header", HEADERS, ids=repr)
 def test_headers_that_do_not_fit_are_refused(tmp_path, header):
     refused(tmp_path / "m", HDCClassifier(), header, {})
+
+
+def test_a_model_of_numbers_with_a_period_is_trained_again(tmp_path):
+    why = "one with a period; train again on cosine and sine"
+    refused(tmp_path / "m", HDCRegressor(), {"period": 360.0}, {}, why)
 
 
 def long(*shape):

@@ -45,7 +45,6 @@ class Read:
     The ends of an interval are farther for a smaller share outside; 255 is an infinite one.
     """
 
-    period = None
     mean_ = np.array([4.0, 8.0])
     frame_shape_ = (1, 3)
 

@@ -2,7 +2,6 @@
 
 import os
 import re
-import shutil
 import subprocess
 import sys
 import warnings
@@ -63,6 +62,7 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
         (["train", "x"], "Missing option '-o'"),
         ([*train, "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
         ([*train, "--choose"], "--choose: this option left; hdc compare shows the options of"),
+        ([*train, "--circular", 360], "--circular: this option left; learn cosine and sine as two"),
         (["evaluate", "--choose"], "No such option"),
         ([*train, "--set", "thresholds=15"],
          "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
@@ -178,11 +178,11 @@ def test_a_full_disk_is_a_short_line(hdc, tmp_path, monkeypatch):
     def full(*_, **__):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(shutil, "copyfile", full)
+    monkeypatch.setattr(os, "fsync", full)
     status, _, (line,) = hdc("sample", tmp_path / "s")
     assert status == 1
-    assert line.startswith(f"error: {tmp_path}/s/touches/")
-    assert line.endswith(".png: [Errno 28] No space left on device")
+    full_disk = "error: [Errno 28] No space left on device"
+    assert line.startswith(f"{full_disk}: '{tmp_path}/s/touches/")
 
 
 @pytest.fixture

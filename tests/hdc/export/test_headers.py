@@ -92,8 +92,6 @@ def test_the_table_of_the_page_is_computed():
             sizes.constant_bytes,
             sizes.scratch_bytes,
             sizes.frame_bytes,
-            sizes.pixel_steps,
-            sizes.word_steps,
         )
         row = " | ".join([what, *(f"{number:,}" for number in numbers)])
         assert f"| {row} |\n" in page, f"| {row} |"
@@ -156,23 +154,19 @@ IMAGES = np.random.default_rng(0).integers(0, 256, (8, 8, 9), np.uint8)
 CLASSES = np.arange(8) % 2
 ENCODER = "expected the encoder median, quantile, levels or deviation, found"
 REFUSED = [
-    (HDCClassifier("reference"), {}, ENCODER),
-    (HDCClassifier(Smoothed("deviation", 1), "lda"), {}, f"{ENCODER} Smoothed"),
-    (HDCClassifier(readout="counts"), {}, "expected the read-out majority, .* Counts"),
-    (HDCClassifier(readout=Shifted()), {}, "expected the read-out majority, .* Shifted"),
-    (HDCRegressor(), {}, "expected a classifier, found HDCRegressor"),
-    (HDCClassifier(), {"name": "1"}, "name: expected letters"),
-    (HDCClassifier(), {"pixel_bits": 12}, "bits: expected one of 8, 16, found 12"),
-    (HDCClassifier(), {"alpha": 1.0}, r"alpha: expected a share in \(0, 1\), found 1.0"),
-    (HDCClassifier(), {"alpha": 0.0}, r"alpha: expected a share in \(0, 1\), found 0.0"),
+    (HDCClassifier("reference"), ENCODER),
+    (HDCClassifier(Smoothed("deviation", 1), "lda"), f"{ENCODER} Smoothed"),
+    (HDCClassifier(readout="counts"), "expected the read-out majority, .* Counts"),
+    (HDCClassifier(readout=Shifted()), "expected the read-out majority, .* Shifted"),
+    (HDCRegressor(), "expected a classifier, found HDCRegressor"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("model", "settings", "message"), REFUSED, ids=repr)
-def test_what_is_not_exported_is_refused_with_the_reason(model, settings, message):
+@pytest.mark.parametrize(("model", "message"), REFUSED, ids=repr)
+def test_what_is_not_exported_is_refused_with_the_reason(model, message):
     model.fit(IMAGES, CLASSES)
     with pytest.raises(ValueError, match=message):
-        Plan.of(model, **{"name": "touch", **settings})
+        Plan.of(model, "touch")
 
 
 def test_frames_too_large_and_untrained_models_are_refused():
