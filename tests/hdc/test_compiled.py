@@ -1,7 +1,5 @@
 """The compiled backend: the same bits as numpy's, on request only, and clear where it is not."""
 
-from __future__ import annotations
-
 import importlib
 import pickle
 import sys
@@ -25,7 +23,7 @@ def numba():
     return found
 
 
-def frames_of(n: int, d: int) -> torch.Tensor:
+def frames_of(n, d):
     return torch.from_numpy(np.random.default_rng(n).integers(0, 256, (n, d), np.uint8))
 
 

@@ -1,7 +1,5 @@
 """What read-outs know: sets, refusal, and models of one class."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 

@@ -1,7 +1,5 @@
 """Numbers from frames: predicted, adapted, saved, and their intervals."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np
@@ -13,7 +11,7 @@ from hdc.readouts import NeighbourValues
 from hdc.regressor import _ends
 
 
-def presses(n: int, seed: int, move: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+def presses(n, seed, move=0.0):
     """Frames that depend smoothly on two numbers."""
     basis = np.random.default_rng(5).normal(0, 1, (4, 500))
     rng = np.random.default_rng(seed)

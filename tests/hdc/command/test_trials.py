@@ -159,15 +159,6 @@ def test_a_model_is_asked_about_them_as_it_was_trained(
     assert [json.loads(line)["label"] for line in out.splitlines()] == expected.tolist()
 
 
-def test_a_folder_without_frames_is_named(typed, tmp_path):
-    (tmp_path / "r").mkdir()
-    arrays(tmp_path / "a", None)
-    typed("train", "a", "--template", "{label}_run{group}.npy", "-o", "m")
-    err = typed("predict", "m", "r")[2]
-    assert "error: r: expected images (.png" in err
-    assert "arrays or videos, found none" in err
-
-
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -1,7 +1,5 @@
 """Thresholds by rank: exactly ⌊(1 − q)·D⌋ ones, whatever the frame and whatever came before."""
 
-from __future__ import annotations
-
 import warnings
 from fractions import Fraction
 
