@@ -1,4 +1,7 @@
-"""Every command end to end: what it writes and prints is what the library computes."""
+"""Every command end to end: what it writes is what the library computes.
+
+What each prints is shown in docs/tutorial.md, whose sessions are run.
+"""
 
 import json
 
@@ -75,18 +78,10 @@ def test_any_parameter_of_a_part_is_set(hdc, folder, tmp_path):
 
 def test_a_model_is_that_of_all_frames(hdc, folder, frames, tmp_path):
     path = tmp_path / "m.safetensors"
-    status, out, err = hdc("train", folder, "-o", path)
+    status, _, err = hdc("train", folder, "-o", path)
+    assert (status, err) == (0, [])
     expected = HDCClassifier("levels", "lda").fit(whole(frames), NAMES)
     model = HDCClassifier.load(path)
-    assert (status, err) == (0, [])
-    assert out == [
-        f"{path}: 36 frames, 3 classes, 24 × 24 pixels",
-        "classes: a (12), b (12), c (12)",
-        "sessions: none known",
-        f"form: levels, lda; {expected.prediction_bytes_:,} bytes to predict, "
-        f"{path.stat().st_size:,} in the file; --encoder median --readout majority is the "
-        "published form",
-    ]
     for name, tensor in expected.state_.tensors().items():
         assert (getattr(model.state_, name) == tensor).all()
 
@@ -115,12 +110,7 @@ def test_majority_learns_more_frames_than_lda_can(
 def test_held_out_frames_are_not_learnt(hdc, folder, frames, tmp_path):
     path = tmp_path / "m"
     words = ("train", folder, "-o", path, "--test-fraction", "0.25")
-    out = hdc(*words, "--encoder", "reference", "--readout", "majority")[1]
-    assert out[3:5] == [
-        "held out at random: accuracy 100.0 % (95 % interval 70.1 % to 100.0 %), 9 of 9 frames",
-        "majority-class baseline (always a): accuracy 33.3 %",
-    ]
-    assert out[5].startswith("held out at random because no sessions are known")
+    hdc(*words, "--encoder", "reference", "--readout", "majority")
     (learnt, _), _ = splits.hold_out(open_recording(folder), 0.25)
     expected = HDCClassifier("reference").fit(whole(frames)[learnt], NAMES[learnt])
     found = HDCClassifier.load(path)
@@ -173,8 +163,7 @@ def test_recalibration_is_that_of_the_classifier(
     new, path = write(tmp_path / "new", changed), tmp_path / "new.safetensors"
     before = model.read_bytes()
     words = ("recalibrate", model, new, "-o", path)
-    _, out, err = hdc(*words, "--p", "0.7", "--method", method)
-    assert out == [f"{path}: 36 new frames of 3 classes, at least 12 of each"]
+    err = hdc(*words, "--p", "0.7", "--method", method)[2]
     # Published recalibration lowered accuracies that lda raised.
     assert ["replacing bits, as published" in line for line in err] == [True][
         : method == "replace"
@@ -275,21 +264,3 @@ def test_info_shows_what_a_model_was_trained_on(hdc, folder, tmp_path):
     assert found["classes"] == {"a": 12, "b": 12, "c": 12}
     assert found["bytes to predict"] == model.prediction_bytes_
     assert found["bytes of the file"] == path.stat().st_size
-
-
-def test_another_day_that_is_much_worse_is_told_to_be_of_the_sensor(
-    hdc, folder, frames, write, tmp_path
-):
-    """100 % at random and 37 % on another day ended in a recommended command."""
-    path = tmp_path / "m"
-    words = ("--test-fraction", 0.3, *PUBLISHED)
-    assert hdc("train", folder, "-o", path, *words)[0] == 0
-    assert json.loads("".join(hdc("info", path)[1]))["held_out"] == 1.0
-    said = (
-        "Your sensor differs between the recordings: record five frames of each class"
-    )
-    assert not any(said in line for line in hdc("evaluate", path, folder)[1])
-    other = write(tmp_path / "other", 255 - frames)
-    out = hdc("evaluate", path, other)[1]
-    assert out[0].startswith("accuracy 0.0 %")
-    assert out[-1] == f"{said} and hdc recalibrate the model."
