@@ -70,7 +70,6 @@ SHARE = r"alpha: expected a share in \(0, 1\), found"
         (lambda: trained("x"), f"encoder: expected one of {ENCODERS}, or"),
         (lambda: trained(readout="x"), f"readout: expected one of {READOUTS}, or"),
         (lambda: HDCClassifier().partial_fit(FRAMES, None), "expected 60, one a .* None"),
-        (lambda: HDCClassifier().predict(FRAMES), "HDCClassifier: expected a trained model"),
         (lambda: trained().is_known(FRAMES, 0), SHARE),
         (lambda: trained().predict_set(FRAMES, 1.0), SHARE),
         (lambda: trained().p_values(FRAMES, "x"), SHARE),

@@ -3,9 +3,12 @@
 import cv2
 import numpy as np
 import pytest
+from sklearn.compose import TransformedTargetRegressor
 from sklearn.linear_model import RidgeClassifierCV, RidgeCV
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor, NearestCentroid
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC, SVR
 
 from hdc import HDCClassifier, HDCRegressor
@@ -15,17 +18,28 @@ from hdc.readers import open_recording
 
 SIDE = 16
 NAMES = ("left", "<b>middle</b>", "right $x$")
-PLAIN = {
-    "mean image of grey values": NearestCentroid(),
-    "1-NN of grey values": KNeighborsClassifier(1),
-    "ridge of grey values": RidgeClassifierCV(np.logspace(0, 6, 7)),
-    "SVM of grey values": SVC(C=10),
+
+
+def of_greys(model):
+    return make_pipeline(StandardScaler(), model)
+
+
+def of_values_of_greys(model):
+    return TransformedTargetRegressor(of_greys(model), transformer=StandardScaler())
+
+
+CLASSES = {
+    "mean image of grey values": of_greys(NearestCentroid()),
+    "1-NN of grey values": of_greys(KNeighborsClassifier(1)),
+    "ridge of grey values": of_greys(RidgeClassifierCV(np.logspace(0, 6, 7))),
+    "SVM of grey values": of_greys(SVC(C=10)),
 }
-PLAIN_VALUES = {
-    "1-NN of grey values": KNeighborsRegressor(1),
-    "3-NN of grey values": KNeighborsRegressor(3),
-    "ridge of grey values": RidgeCV(np.logspace(0, 6, 7)),
-    "SVM of grey values": MultiOutputRegressor(SVR(C=10, epsilon=0.01)),
+SVM = MultiOutputRegressor(SVR(C=10, epsilon=0.01))
+VALUES = {
+    "1-NN of grey values": of_values_of_greys(KNeighborsRegressor(1)),
+    "3-NN of grey values": of_values_of_greys(KNeighborsRegressor(3)),
+    "ridge of grey values": of_values_of_greys(RidgeCV(np.logspace(0, 6, 7))),
+    "SVM of grey values": of_values_of_greys(SVM),
 }
 
 
@@ -58,13 +72,6 @@ def of_values(tmp_path):
     return path
 
 
-def errors_of(name, path, learns_values=False):
-    """Errors of a model in folds of a recording."""
-    data, (test,) = judge.prepared(open_recording(path))
-    models = candidates.cheapest_first(learns_values)
-    return judge.errors(models[name], data, test)
-
-
 def rows_of(out):
     """Cells of each row by the name of its model."""
     start = next(k for k, line in enumerate(out) if line.startswith("model "))
@@ -75,47 +82,30 @@ def rows_of(out):
 # Rows --------------------------------------------------------------------------------------------
 
 
-def greys(frames, train):
-    flat = frames.reshape(len(frames), -1).astype(float)
-    deviations = flat[train].std(0)
-    return (flat - flat[train].mean(0)) / np.where(deviations > 0, deviations, 1)
-
-
-def test_a_row_of_classes_is_the_plain_computation(archive):
+@pytest.mark.parametrize(
+    ("plain", "library"), [(CLASSES, HDCClassifier), (VALUES, HDCRegressor)]
+)
+def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
     """Of each form and of each baseline, in folds."""
-    recording = open_recording(archive)
-    frames, names = recording[:], np.array(recording.names)
-    listed = candidates.cheapest_first(False)
-    forms = dict(zip(map(", ".join, candidates.FORMS), candidates.FORMS, strict=True))
-    assert {*listed} == {*PLAIN, *forms}
-    for name in listed:
-        wrong = np.empty(36)
+    of_classes = plain is CLASSES
+    recording = open_recording(archive if of_classes else of_values)
+    frames = recording[:]
+    truth = np.array(recording.names) if of_classes else recording.values
+    data, (own,) = judge.prepared(recording)
+    listed = candidates.cheapest_first(not of_classes)
+    assert plain.keys() <= listed.keys()
+    for name, model in listed.items():
+        given, other = frames.reshape(len(frames), -1), plain.get(name)
+        if other is None:
+            given, other = frames, library(*name.split(", "))
+        answers = np.empty_like(truth)
         for train, test in folds(recording)[0]:
-            given, model = greys(frames, train), PLAIN.get(name)
-            if model is None:
-                given, model = frames, HDCClassifier(*forms[name])
-            model.fit(given[train], names[train])
-            wrong[test] = model.predict(given[test]) != names[test]
-        assert errors_of(name, archive)[:, 0].tolist() == wrong.tolist(), name
-
-
-def test_a_row_of_values_is_the_plain_computation(of_values):
-    recording = open_recording(of_values)
-    frames, values = recording[:], recording.values
-    for name in candidates.cheapest_first(True):
-        expected = np.empty((60, 2))
-        for session in range(3):
-            is_test = np.arange(60) // 20 == session
-            train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
-            middle, scale = values[train].mean(0), values[train].std(0)
-            given, model = greys(frames, train), PLAIN_VALUES.get(name)
-            if model is None:
-                middle, scale = 0, 1
-                given, model = frames, HDCRegressor(*name.split(", "))
-            model.fit(given[train], (values[train] - middle) / scale)
-            answers = model.predict(given[test]) * scale + middle
-            expected[test] = np.abs(answers - values[test])
-        assert errors_of(name, of_values, True) == pytest.approx(expected, abs=0.02)
+            answers[test] = other.fit(given[train], truth[train]).predict(given[test])
+        found = judge.errors(model, data, own)
+        if of_classes:
+            assert found[:, 0].tolist() == (answers != truth).tolist(), name
+        else:
+            assert found == pytest.approx(np.abs(answers - truth), abs=0.02), name
 
 
 def test_errors_of_values_are_weighed_by_those_of_the_constant_baseline():
