@@ -7,6 +7,12 @@ import pytest
 SIDE = 24
 
 
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    """Each command is typed in an empty folder."""
+    monkeypatch.chdir(tmp_path)
+
+
 @pytest.fixture
 def frames():
     """uint8 [3, 12, 24, 24]: twelve noisy frames of each of three patterns."""

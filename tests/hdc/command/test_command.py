@@ -192,7 +192,6 @@ def test_a_regressor_is_recalibrated_by_numbers(hdc, frames, tmp_path):
     [
         ("counts", (), 0, "at least 12 of each"),
         ("lda", ("--p", 0.2), 0, "at least 12 of each"),
-        ("neighbours", (), 0, "36 new frames of 3 classes, at least 12 of each"),
         ("ridge", ("--p", 0.2), 1, "which does not use it, found 0.2"),
         ("kernel", (), 1, "hdc train on the frames of both days"),
     ],

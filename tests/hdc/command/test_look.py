@@ -16,11 +16,6 @@ FRAMES = (BASE[LABELS] + RNG.integers(0, 90, (12, 6, 8))).astype(np.uint8)
 CUBE = np.moveaxis(FRAMES, 0, -1)
 
 
-@pytest.fixture(autouse=True)
-def _here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-
-
 def archive(path):
     np.savez(path, cube=CUBE, kind=NAMES, force=np.arange(12.0), rows=np.arange(7))
 

@@ -16,13 +16,6 @@ RNG = np.random.default_rng(0)
 BASE = RNG.integers(0, 150, (3, 16, 18))
 
 
-@pytest.fixture
-def hdc(hdc, tmp_path, monkeypatch):
-    """A command line in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    return hdc
-
-
 def image(c, shift=0):
     """A noisy frame of class c."""
     noise = RNG.integers(0, 60, BASE[c].shape)

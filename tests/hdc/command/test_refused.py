@@ -100,15 +100,6 @@ def test_a_missing_package_names_its_extra(folder, tmp_path, name, words, extra)
     )
 
 
-def test_help_does_without_torch():
-    code = (
-        "import sys; from hdc.command import main\n"
-        "try: main(['train', '--help'])\n"
-        "except SystemExit: sys.exit('torch' in sys.modules)"
-    )
-    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)
-
-
 def test_no_code_of_a_name_reaches_the_terminal(hdc, tmp_path):
     odd = tmp_path / "a\x1b[31m\u202eb"
     status, _, (line,) = hdc("train", odd, "-o", "m")

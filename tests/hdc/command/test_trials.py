@@ -38,12 +38,6 @@ def films(path, write_film):
         write_film(path / f"{name}__t={trial}.avi", frames, "FFV1")
 
 
-def arrays(path, _):
-    path.mkdir()
-    for name, trial, frames in each_trial():
-        np.save(path / f"{name}_run{trial}.npy", frames)
-
-
 def one_frame_each(path, _):
     for name, trial, frames in each_trial():
         (path / name).mkdir(parents=True, exist_ok=True)
@@ -79,25 +73,14 @@ def named_groups(path, _):
             file[f"{name}_{trial}/times"] = np.arange(N) / 30
 
 
-def archive(path, _):
-    np.savez(path, **{f"{name}_{trial}": found for name, trial, found in each_trial()})
-
-
 LAYOUTS = [
     ("r", films, "--template {label}__t={group}.avi", TRIAL),
-    ("r", arrays, "--template {label}_run{group}.npy", TRIAL),
     ("r", one_frame_each, "--template {label}/t{group}_*.npy --axes height,width", TRIAL),
     ("x.mat", field, "--groups runNo", TRIAL),
     ("x.mat", structs, "--template trials/{group}/frames", EACH),
     ("x.h5", groups, "--template data/{group}/frames", EACH),
     ("x.h5", named_groups, "--template {label}_{group}/frames", TRIAL),
-    ("x.npz", archive, "--template {label}_{group}", TRIAL),
 ]  # fmt: skip
-
-
-@pytest.fixture(autouse=True)
-def _here(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
 
 
 @pytest.mark.parametrize(("name", "write", "options", "unit"), LAYOUTS)

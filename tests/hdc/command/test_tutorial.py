@@ -32,8 +32,7 @@ def save(path, image):
     assert cv2.imwrite(str(path), image.astype(np.uint8))
 
 
-def test_nested_folders_by_a_template(tmp_path, monkeypatch, typed):
-    monkeypatch.chdir(tmp_path)
+def test_nested_folders_by_a_template(typed):
     rng = np.random.default_rng(0)
     base = {
         name: rng.integers(0, 150, (30, 40, 3)) for name in ("wood", "felt", "glass")
@@ -54,9 +53,8 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, typed):
     assert predicted.splitlines()[1].split("\t")[1] == "wood"
 
 
-def test_levels_and_lda_in_python(tmp_path, monkeypatch):
+def test_levels_and_lda_in_python():
     """The classes differ by a faint touch on a scene that is common to all."""
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
     common = rng.integers(0, 200, (48, 64))
     for day, n in (("touches", 20), ("tomorrow", 10)):
