@@ -34,7 +34,7 @@ def test_other_devices_are_refused():
 
 
 @pytest.fixture
-def fresh(monkeypatch):
+def fresh():
     """A process that has neither loaded the kernels nor encoded anything."""
     for function in (backends._load, backends._loads):
         function.cache_clear()

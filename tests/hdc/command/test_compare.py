@@ -1,5 +1,7 @@
 """``hdc compare``: its numbers are those of the plain computation."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -52,21 +54,21 @@ def frames_of(classes, n, seed=0, noise=90):
 
 
 @pytest.fixture
-def archive(tmp_path):
-    path = tmp_path / "own [1].npz"
+def archive():
+    path = "own [1].npz"
     np.savez(path, frames=frames_of(3, 12, noise=40), labels=np.repeat(NAMES, 12))
     return path
 
 
 @pytest.fixture
-def of_values(tmp_path):
+def of_values():
     """A square that moves: its place as depth in mm and what follows of it; three sessions."""
     depth = np.random.default_rng(0).uniform(2, 14, 60)
     bump = 150 * np.exp(-((np.arange(SIDE) - depth[:, None]) ** 2) / 8)
     noise = np.random.default_rng(1).integers(0, 20, (60, SIDE, SIDE))
     kept = {"values": np.stack([depth, (depth - 8) ** 2], axis=1)}
     kept |= {"value_names": ["depth", "force"], "value_units": ["mm", "N"]}
-    path = tmp_path / "moves.npz"
+    path = "moves.npz"
     frames = (bump[:, None, :] + noise).astype(np.uint8)
     np.savez(path, frames=frames, session=np.arange(60) // 20, **kept)
     return path
@@ -187,9 +189,9 @@ def test_a_gain_is_clear_only_over_what_was_recorded_together(hdc):
     assert ", a clear gain (p = " in out[-1]
 
 
-def test_another_recording_is_tested_and_chooses_nothing(hdc, archive, tmp_path):
+def test_another_recording_is_tested_and_chooses_nothing(hdc, archive):
     """Its classes are patterns of another sensor: all forms fail, and that is said."""
-    other = tmp_path / "tomorrow.npz"
+    other = "tomorrow.npz"
     frames = 255 - frames_of(3, 5, 1, 40)
     np.savez(other, frames=frames, labels=np.repeat(NAMES, 5))
     out = hdc("compare", archive, "--test", other)[1]
@@ -224,26 +226,26 @@ def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
     assert (status, "expected median, majority to learn" in line) == (1, True)
 
 
-def test_the_other_recording_has_a_table_of_its_own(hdc, tmp_path):
+def test_the_other_recording_has_a_table_of_its_own(hdc):
     """It was tested with that of the first, on the frames of training."""
     for name, n in (("pins", 8), ("pins2", 5)):
-        (tmp_path / name).mkdir()
+        Path(name).mkdir()
         rows = [f"{name}_{k}.png,{k % 4}" for k in range(n)]
         for k, frame in enumerate(frames_of(1, n)):
             assert cv2.imwrite(f"{name}/{name}_{k}.png", frame)
-        (tmp_path / name / "t.csv").write_text("\n".join(["image,z", *rows]))
+        Path(name, "t.csv").write_text("\n".join(["image,z", *rows]))
     words = ("compare", "pins", "--test", "pins2")
     assert "tested on pins2: 5 frames" in hdc(*words, "--values", "t.csv")[1]
     (line,) = hdc(*words, "--values", "pins/t.csv")[2]
     assert "--test: expected labels and numbers in pins2, found pins/t.csv" in line
 
 
-def test_errors_are_one_line(hdc, archive, of_values, tmp_path):
-    np.savez(tmp_path / "others.npz", frames=frames_of(2, 3), labels=[0, 1] * 3)
-    np.savez(tmp_path / "small.npz", frames=np.zeros((6, 3, 3)), labels=[0, 1] * 3)
+def test_errors_are_one_line(hdc, archive, of_values):
+    np.savez("others.npz", frames=frames_of(2, 3), labels=[0, 1] * 3)
+    np.savez("small.npz", frames=np.zeros((6, 3, 3)), labels=[0, 1] * 3)
     for recording, other, message in (
-        (archive, tmp_path / "others.npz", "--test: expected classes among "),
-        (archive, tmp_path / "small.npz", "--test: expected frames (16, 16)"),
+        (archive, "others.npz", "--test: expected classes among "),
+        (archive, "small.npz", "--test: expected frames (16, 16)"),
         (of_values, archive, "and values depth, force as "),
     ):
         status, out, (line,) = hdc("compare", recording, "--test", other)

@@ -1,6 +1,7 @@
 """hdc look: what a file holds, and lines that train what they say."""
 
 import shlex
+from pathlib import Path
 
 import cv2
 import h5py
@@ -47,10 +48,10 @@ def spectra(path):
     ],
 )  # fmt: skip
 def test_each_reading_has_a_line_that_trains_what_it_says(
-    typed, tmp_path, name, write, holds, options, first
+    typed, name, write, holds, options, first
 ):
     """More of them are sessions of docs/api.md."""
-    write(tmp_path / name)
+    write(Path(name))
     status, out, _ = typed("look", name)
     assert status == 0
     blocks = [block.splitlines() for block in out.split("\n\n")]
@@ -95,10 +96,10 @@ def trials(path):
     ],
 )  # fmt: skip
 def test_what_seems_to_be_recorded_apart_raises_a_question(
-    typed, tmp_path, name, write, asked, option, held_out
+    typed, name, write, asked, option, held_out
 ):
     """A trial was offered as something to learn, and each of several runs as a class."""
-    write(tmp_path / name)
+    write(Path(name))
     out = typed("look", name)[1]
     assert asked in out.splitlines()
     words = ("train", name, *option.split(), "--test-fraction", 0.4, "-o", "m")
@@ -106,8 +107,8 @@ def test_what_seems_to_be_recorded_apart_raises_a_question(
     assert f"\nheld out {held_out}" in out
 
 
-def test_of_many_arrays_the_first_are_shown(typed, tmp_path):
-    with h5py.File(tmp_path / "many.h5", "w") as file:
+def test_of_many_arrays_the_first_are_shown(typed):
+    with h5py.File("many.h5", "w") as file:
         for k in range(20):
             file[f"t{k}/frames"], file[f"t{k}/labels"] = FRAMES, NAMES.tolist()
     err = typed("train", "many.h5", "-o", "m")[2]

@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -38,11 +39,11 @@ def test_a_recording_is_opened_as_a_model_was_trained(tmp_path):
     assert frames_for(model, Window(), other).value_names == ("3",)
 
 
-def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_path):
+def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc):
     """The command ended with an error of zip()."""
     frames = RNG.integers(0, 256, (12, 4, 5), np.uint8)
     values = RNG.normal(size=(12, 2))
-    HDCRegressor().fit(frames, values).save(tmp_path / "m")
+    HDCRegressor().fit(frames, values).save("m")
     np.savez("two.npz", frames=frames, values=values)
     np.savez("one.npz", frames=frames, values=values[:, 0])
     out = hdc("predict", "m", "two.npz")[1]
@@ -52,14 +53,14 @@ def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_pat
     assert "expected 2 numbers per frame as in training, found value" in line
 
 
-def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc, tmp_path):
+def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc):
     """Columns in another order were compared crosswise; those of a manifest were not found."""
-    (tmp_path / "r").mkdir()
+    os.mkdir("r")
     rows = ["image,label,x,y"]
     for k in range(8):
         assert cv2.imwrite(f"r/{k}.png", image(k % 2, k))
         rows.append(f"{k}.png,{'ab'[k % 2]},{k},{100 * (k % 3)}")
-    table = tmp_path / "r" / "t.csv"
+    table = Path("r/t.csv")
     table.write_text("\n".join(rows))
     given = ("r", "--values", "r/t.csv")
     named = ("--column", "x", "--column", "y")
@@ -85,11 +86,9 @@ def test_what_is_no_model_of_frames_says_what_is_expected(tmp_path):
 # Names -------------------------------------------------------------------------------------------
 
 
-def test_classes_named_like_columns_have_columns_of_their_own(
-    hdc, tmp_path, frames, write
-):
+def test_classes_named_like_columns_have_columns_of_their_own(hdc, frames, write):
     """A class named label, file or margin overwrote that column."""
-    write(tmp_path / "r", frames, ("label", "file", "margin"))
+    write("r", frames, ("label", "file", "margin"))
     assert hdc("train", "r", "-o", "m", "--readout", "majority")[0] == 0
     header, row = (line.split("\t") for line in hdc("predict", "m", "r/label/0.png")[1])
     distances = HDCClassifier.load("m").distances(cv2.imread("r/label/0.png", 0)[None])
@@ -99,10 +98,8 @@ def test_classes_named_like_columns_have_columns_of_their_own(
     assert row[-3:] == shares
 
 
-def test_tabs_and_line_feeds_in_names_leave_the_table_whole(
-    hdc, tmp_path, frames, write
-):
-    write(tmp_path / "r", frames[:2], ("a\tb", "c\nd"))
+def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, frames, write):
+    write("r", frames[:2], ("a\tb", "c\nd"))
     words = ("train", "r", "-o", "m", "--readout", "majority")
     assert hdc(*words)[1][1] == r"classes: a\tb (12), c\nd (12)"
     rows = [line.split("\t") for line in hdc("predict", "m", "r")[1]]
@@ -110,12 +107,12 @@ def test_tabs_and_line_feeds_in_names_leave_the_table_whole(
     assert rows[13][:2] == [r"r/c\nd/0.png", r"c\nd"]
 
 
-def test_a_name_that_is_no_text_is_shown_by_its_bytes(hdc, tmp_path, frames, write):
+def test_a_name_that_is_no_text_is_shown_by_its_bytes(hdc, frames, write):
     """An encoding error ended the command after some of its lines."""
-    write(tmp_path / "r", frames[:2], "ab")
+    write("r", frames[:2], "ab")
     odd = os.fsdecode(b"r/a/\xff.png")
-    (tmp_path / "r" / "a" / "0.png").rename(tmp_path / odd)
-    (tmp_path / os.fsdecode(b"r/\xff.txt")).touch()
+    os.rename("r/a/0.png", odd)
+    Path(os.fsdecode(b"r/\xff.txt")).touch()
     assert hdc("train", "r", "-o", "m")[0] == 0
     status, out, _ = hdc("predict", "m", "r", "--json")
     assert status == 0
@@ -146,7 +143,7 @@ def test_labels_that_are_named_are_learnt_anew(hdc):
     assert "12 new frames of 2 classes" in out[0]
 
 
-def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path):
+def test_columns_of_vectors_are_those_of_training_in_its_order(hdc):
     """Columns that were permuted, or had other names, were taken as they came."""
     frames = RNG.integers(0, 200, (2, 1, 30)) + RNG.integers(0, 90, (2, 12, 30))
     names = [f"{k}nm" for k in range(400, 430)]
@@ -155,7 +152,7 @@ def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path):
         rows = [["label", *columns]]
         for label, few in zip(("oil", "water"), frames.tolist(), strict=True):
             rows += [[label, *map(str, row[: len(columns)])] for row in few]
-        (tmp_path / name).write_text("\n".join(map(",".join, rows)))
+        Path(name).write_text("\n".join(map(",".join, rows)))
 
     save("r.csv", names)
     hdc("train", "r.csv", "-o", "m", "--subsample", 2)
