@@ -124,8 +124,6 @@ def test_what_cannot_be_zeroed_is_named_and_changes_nothing():
     broken = NEW_FRAMES.copy()
     broken[17, 3] = np.nan
     for frames, message in (
-        (NEW_FRAMES[:0], "frames: expected at least one frame, found none"),
-        (NEW_FRAMES[:, :5], "expected D = 1500 pixels"),
         (broken, r"frames\[17\]: expected finite pixels"),
         (model.encode(OLD_FRAMES), "rezero: expected frames, found hypervectors"),
     ):

@@ -1,10 +1,12 @@
 """What can be wrong with what a command is given: one line each, and nothing is written."""
 
 import os
+import shlex
 import shutil
 import subprocess
 import sys
 import warnings
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -12,62 +14,62 @@ import pytest
 from hdc import HDCRegressor, command
 
 
-def contents(root):
-    return {str(p): p.read_bytes() for p in root.rglob("*") if p.is_file()}
+def contents():
+    return {path: path.read_bytes() for path in Path().rglob("*") if path.is_file()}
 
 
-def test_what_is_read_is_named_in_one_line(hdc, model, folder, frames, write, tmp_path):
-    out = tmp_path / "out"
-    (tmp_path / "empty").mkdir()
-    few = write(tmp_path / "few", [frames[0], frames[2, :1]], "ab")
-    other = write(tmp_path / "other", frames[:1], "x")
-    broken = write(tmp_path / "broken", frames) / "a" / "7.png"
+def test_what_is_read_is_named_in_one_line(hdc, model, frames, write):
+    write("r", frames)
+    write("few", [frames[0], frames[2, :1]], "ab")
+    write("other", frames[:1], "x")
+    write("broken", frames)
+    broken = Path("broken/a/7.png")
     broken.write_bytes(broken.read_bytes()[:-20])
-    HDCRegressor().fit(frames[0], np.arange(12.0)).save(tmp_path / "n")
-    unknown = f"{other}: expected classes among a, b, c, found 'x' (to add a class: hdc train "
-    before = contents(tmp_path)
-    for words, message in (
-        (("train", tmp_path / "no", "-o", out), f"found nothing: {tmp_path}/no"),
-        (("train", folder, "-o", tmp_path / "no" / "m"), "expected a folder to save m in"),
-        (("train", broken.parents[1], "-o", out), f"{broken}: expected a whole image"),
-        (("train", few, "-o", out, "--test-fraction", 0.5),
+    os.mkdir("empty")
+    model.rename("m")
+    HDCRegressor().fit(frames[0], np.arange(12.0)).save("n")
+    before = contents()
+    for typed, message in (
+        ("train no -o out", "found nothing: no"),
+        ("train r -o no/m", "expected a folder to save m in"),
+        ("train broken -o out", "broken/a/7.png: expected a whole image"),
+        ("train few -o out --test-fraction 0.5",
          "--test-fraction: expected two frames or more of each class, found one"),
-        (("train", folder, "-o", out, "--set", "encoder__tie=spread"), "found 'encoder__tie'"),
-        (("predict", folder / "a" / "0.png", model), f"{folder}/a/0.png: expected"),
-        (("predict", model, "no\n.png"), "no .png: expected a readable file, found none"),
-        (("predict", model, tmp_path / "empty"), f"{tmp_path}/empty: expected images (.png"),
-        (("predict", model, folder / "a" / "0.png", "--template", "{label}/*.png"),
-         f"--template: expected a folder or a file of arrays, found {folder}/a/0.png"),
-        (("predict", tmp_path / "n", folder, "--reject"),
-         "--reject: expected a model of classes, found HDCRegressor"),
-        (("evaluate", folder, model), "expected a saved model, found what is not a regular file"),
-        (("recalibrate", model, other, "-o", out), unknown),
+        ("train r -o out --set encoder__tie=spread", "found 'encoder__tie'"),
+        ("predict r/a/0.png m", "r/a/0.png: expected"),
+        ("predict m 'no\n.png'", "no .png: expected a readable file, found none"),
+        ("predict m empty", "empty: expected images (.png"),
+        ("predict m r/a/0.png --template {label}/*.png",
+         "--template: expected a folder or a file of arrays, found r/a/0.png"),
+        ("predict n r --reject", "--reject: expected a model of classes, found HDCRegressor"),
+        ("evaluate r m", "expected a saved model, found what is not a regular file"),
+        ("recalibrate m other -o out",
+         "other: expected classes among a, b, c, found 'x' (to add a class: hdc train "),
         # An image of the recording and a device were replaced.
-        (("train", folder, "-o", folder / "a" / "0.png"), "expected a saved model or no file"),
-        (("recalibrate", model, folder, "-o", "/dev/null"), "expected a regular file or none"),
+        ("train r -o r/a/0.png", "expected a saved model or no file"),
+        ("recalibrate m r -o /dev/null", "expected a regular file or none"),
     ):  # fmt: skip
-        status, shown, (line,) = hdc(*words)
-        assert (status, shown) == (1, []), words
+        status, out, (line,) = hdc(*shlex.split(typed))
+        assert (status, out) == (1, []), typed
         assert line.startswith("error: ")
         assert message in line
-    assert contents(tmp_path) == before
+    assert contents() == before
 
 
 def test_a_wrong_command_line_is_one_line_and_2(hdc):
-    train = ("train", "x", "-o", "m")
-    for words, said in (
-        (["trian"], "Did you mean 'train'?"),
-        (["train", "x"], "Missing option '-o'"),
-        ([*train, "--test-fraction", 1], "'--test-fraction': 1.0 is not in"),
-        ([*train, "--choose"], "--choose: this option left; hdc compare shows the options of"),
-        (["evaluate", "--choose"], "No such option"),
-        ([*train, "--set", "thresholds=15"],
+    for typed, message in (
+        ("trian", "Did you mean 'train'?"),
+        ("train x", "Missing option '-o'"),
+        ("train x -o m --test-fraction 1", "'--test-fraction': 1.0 is not in"),
+        ("train x -o m --choose", "--choose: this option left; hdc compare shows the options of"),
+        ("evaluate --choose", "No such option"),
+        ("train x -o m --set thresholds=15",
          "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
     ):  # fmt: skip
-        status, out, (line,) = hdc(*words)
+        status, out, (line,) = hdc(*typed.split())
         assert (status, out) == (2, [])
         assert line.startswith("error: ")
-        assert said in line
+        assert message in line
     for words in ([], ["train"], ["predict"], ["evaluate"], ["recalibrate"], ["info"]):
         status, out, err = hdc(*words, "--help")
         assert (status, err, out[0][:10]) == (0, [], "Usage: hdc")

@@ -4,6 +4,7 @@ The accuracy is that of scikit-learn's leave-one-group-out over frames that the 
 """
 
 import json
+from pathlib import Path
 
 import h5py
 import numpy as np
@@ -85,10 +86,10 @@ LAYOUTS = [
 
 @pytest.mark.parametrize(("name", "write", "options", "unit"), LAYOUTS)
 def test_files_of_trials_are_read_alike_by_every_command(
-    typed, tmp_path, write_film, name, write, options, unit
+    typed, write_film, name, write, options, unit
 ):
     """hdc predict found no images in a folder that hdc train had read."""
-    write(tmp_path / name, write_film)
+    write(Path(name), write_film)
     shown = typed("look", name)[1].replace("'", "")
     is_typed_by_hand = write is one_frame_each
     assert f" {options}" in shown or is_typed_by_hand
@@ -103,7 +104,7 @@ def test_files_of_trials_are_read_alike_by_every_command(
     expected = HDCClassifier().fit(flat, NAMES).predict(flat)
     score = json.loads(typed("evaluate", "m", name, *words, "--json")[1])
     assert score["accuracy"] == pytest.approx((expected == NAMES).mean())
-    if write is field or (tmp_path / name).is_dir():
+    if write is field or Path(name).is_dir():
         words = words[2:]  # nothing is split, and a folder is read file by file
     out = typed("predict", "m", name, *words, "--json")[1]
     assert [json.loads(line)["label"] for line in out.splitlines()] == expected.tolist()
@@ -119,11 +120,11 @@ def test_files_of_trials_are_read_alike_by_every_command(
          "--axes height,width; or --axes frame,feature"),
     ],
 )  # fmt: skip
-def test_what_is_no_trial_is_named(typed, tmp_path, words, said):
-    named_groups(tmp_path / "x.h5", None)
-    (tmp_path / "flat").mkdir()
+def test_what_is_no_trial_is_named(typed, words, said):
+    named_groups("x.h5", None)
+    Path("flat").mkdir()
     for name in CLASSES[:2]:
-        np.save(tmp_path / "flat" / f"{name}.npy", FRAMES[0, 0, 0])
+        np.save(f"flat/{name}.npy", FRAMES[0, 0, 0])
     status, _, err = typed("train", *words, "-o", "m")
     assert (status, err.count("\n")) == (1, 1)
     assert said in err
