@@ -62,13 +62,11 @@ def test_frames_of_one_kind_tell_what_is_unlike_them(hdc, frames, write):
 
 
 def test_any_parameter_of_a_part_is_set(hdc, folder):
-    words = ("train", folder, "-o", "m", "--readout", "majority")
     sets = (
-        "encoder__thresholds=3",
-        "encoder__lit=0.5",
-        "readout__class_weight=balanced",
+        "--readout majority --set encoder__thresholds=3 --set encoder__lit=0.5 "
+        "--set readout__class_weight=balanced"
     )
-    assert hdc(*words, *(w for text in sets for w in ("--set", text)))[0] == 0
+    assert hdc("train", folder, "-o", "m", *sets.split())[0] == 0
     model = HDCClassifier.load("m")
     assert (model.encoder_.thresholds, model.encoder_.lit) == (3, 0.5)
     assert model.readout_.class_weight == "balanced"

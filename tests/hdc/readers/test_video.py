@@ -155,7 +155,6 @@ def test_a_table_of_frames_gives_labels_values_and_sessions(film, tmp_path):
         ("start_s,end_s,label", "0,1,a 0.9,2,b", "line 3: expected 1 ≤ start_s < end_s"),
         ("start_s,end_s,label", "0,1,a 2,1,b", "line 3: expected 1 ≤ start_s < end_s"),
         ("start_s,end_s,label", "-1,1,a", "line 2: expected 0 ≤ start_s < end_s"),
-        ("start_s,end_s,label", "0,1,a 2,3,a", "two classes or more, found only 'a'"),
         ("frame,x", "5,2 60,1", "line 3: expected a frame of x.avi, found none"),
         ("frame,x", "0.5,2", "line 2: expected a number of a frame from 0"),
         ("frame,x", "1,1 1,2", "line 3: expected a number of a frame .*, each once"),
