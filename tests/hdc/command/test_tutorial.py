@@ -17,16 +17,6 @@ def shown(language, word):
     return next(block for block in blocks if word in block)
 
 
-def run(word, typed):
-    """What each line of a block prints."""
-    outputs = []
-    for line in shown("sh", word).splitlines():
-        status, out, err = typed(*shlex.split(line)[1:])
-        assert status == 0, line
-        outputs.append(out + err)
-    return outputs
-
-
 def save(path, image):
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), image.astype(np.uint8))
@@ -44,7 +34,12 @@ def test_nested_folders_by_a_template(typed):
                 image = pattern + rng.integers(0, 60, pattern.shape)
                 save(folder / "frame.png", image)
                 (folder / "settings.json").write_text("{}")
-    trained, predicted = run("press/", typed)
+    printed = []
+    for line in shown("sh", "press/").splitlines():
+        status, out, err = typed(*shlex.split(line)[1:])
+        assert status == 0, line
+        printed.append(out + err)
+    trained, predicted = printed
     assert "12 frames, 3 classes" in trained
     assert "held out in the last sessions: accuracy 100.0 %" in trained
     assert (
