@@ -70,8 +70,8 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
         assert (status, out) == (2, [])
         assert line.startswith("error: ")
         assert message in line
-    for words in ([], ["train"], ["predict"], ["evaluate"], ["recalibrate"], ["info"]):
-        status, out, err = hdc(*words, "--help")
+    for typed in ("", "train", "predict", "evaluate", "recalibrate", "info"):
+        status, out, err = hdc(*typed.split(), "--help")
         assert (status, err, out[0][:10]) == (0, [], "Usage: hdc")
 
 
