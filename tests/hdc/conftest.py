@@ -1,6 +1,4 @@
-"""Frames like those of a camera, and a plain reference for their hypervectors."""
-
-from fractions import Fraction
+"""Frames like those of a camera, and typed commands."""
 
 import numpy as np
 import pytest
@@ -42,43 +40,9 @@ def kinds_of_frames(d, dtype="uint8", seed=0):
     return rng.permutation(np.concatenate(frames).clip(low, high)).astype(dtype)
 
 
-def order_of_pixels(d):
-    """The place of each pixel [D] among equal ones: that of place 0 is the first to be a one."""
-    keys = []
-    for j in range(d):
-        word, bit = divmod(j, 64)
-        rotation = (word * 0x9E3779B1 % 2**32) >> 26
-        keys.append(((bit + rotation) % 64, word))
-    places = np.empty(d, int)
-    for place, j in enumerate(sorted(range(d), key=keys.__getitem__)):
-        places[j] = place
-    return places
-
-
-def brightest(frames, quantile="1/2"):
-    """Mask [N, D] of the ⌊(1 − q)·D⌋ largest pixels of each frame, by sorting all of them.
-
-    Of equal pixels the first in the order of ties comes first.
-    """
-    frames = frames.reshape(len(frames), -1)
-    d = frames.shape[1]
-    n_ones = int((1 - Fraction(quantile)) * d)
-    places = order_of_pixels(d)
-    mask = np.zeros(frames.shape, bool)
-    for row, frame in zip(mask, frames, strict=True):
-        falling = np.lexsort((-places, frame))[::-1]
-        row[falling[:n_ones]] = True
-    return mask
-
-
 @pytest.fixture(name="kinds_of_frames")
 def _kinds_of_frames():
     return kinds_of_frames
-
-
-@pytest.fixture(name="brightest")
-def _brightest():
-    return brightest
 
 
 @pytest.fixture

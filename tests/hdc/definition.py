@@ -1,16 +1,12 @@
 """For tests: bits of classes, and discriminant analysis as it is defined, in coordinates."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 
 from hdc import bits
 
 
-def bits_of_classes(
-    n: int, d: int, n_classes: int, seed: int
-) -> tuple[np.ndarray, torch.Tensor, np.ndarray]:
+def bits_of_classes(n, d, n_classes, seed):
     """Bits in ±1 [n, d], packed ones, and classes of unequal size, the last of one frame."""
     rng = np.random.default_rng(seed)
     others = rng.integers(0, n_classes - 1, n - n_classes)
@@ -21,9 +17,7 @@ def bits_of_classes(
     return x, bits.pack(torch.from_numpy(x > 0)), rows
 
 
-def discriminants(
-    x: np.ndarray, rows: np.ndarray, queries: np.ndarray, penalty: float | None
-) -> np.ndarray:
+def discriminants(x, rows, queries, penalty):
     """ℓ·(q − ½(μ_c + μ))ᵀ·(S + ℓ·I)⁻¹·(μ_c − μ), [Q, L], of frames [N, D]; ℓ is endless if None."""
     classes = np.unique(rows)
     means = np.stack([x[rows == c].mean(0) for c in classes])
@@ -37,6 +31,6 @@ def discriminants(
     return queries @ away - (halfway * away.T).sum(1)
 
 
-def inside(x: np.ndarray, rows: np.ndarray) -> np.ndarray:
+def inside(x, rows):
     """Frames minus the mean of their class."""
     return x - np.stack([x[rows == c].mean(0) for c in rows])

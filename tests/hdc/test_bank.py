@@ -1,7 +1,5 @@
 """A bank encodes once what is the same for all subsets."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

@@ -126,7 +126,7 @@ def test_majority_is_the_count_compared_with_half(n, ties):
     bits.check_padding(found, d)  # bits beyond the last stay zero
 
 
-def counters(values: Tensor, n_planes: int) -> Tensor:
+def counters(values, n_planes):
     """Planes of given integers [D]."""
     return torch.stack([bits.pack((values >> p & 1).bool()) for p in range(n_planes)])
 

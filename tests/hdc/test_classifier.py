@@ -1,7 +1,5 @@
 """The classifier: batches, errors half way, merging, and parameters that change after training."""
 
-from __future__ import annotations
-
 import functools
 from concurrent.futures import ThreadPoolExecutor
 
@@ -18,7 +16,7 @@ touches = functools.partial(frames_of, "uint8")
 FRAMES, LABELS = touches(60)
 
 
-def trained(*parts, **parameters) -> HDCClassifier:
+def trained(*parts, **parameters):
     return HDCClassifier(*parts, **parameters).fit(FRAMES, LABELS)
 
 
@@ -71,9 +69,7 @@ SHARE = r"alpha: expected a share in \(0, 1\), found"
     [
         (lambda: trained("x"), f"encoder: expected one of {ENCODERS}, or"),
         (lambda: trained(readout="x"), f"readout: expected one of {READOUTS}, or"),
-        (lambda: HDCClassifier().partial_fit([], []), "expected at least one frame"),
         (lambda: HDCClassifier().partial_fit(FRAMES, None), "expected 60, one a .* None"),
-        (lambda: HDCClassifier().predict(FRAMES), "HDCClassifier: expected a trained model"),
         (lambda: trained().is_known(FRAMES, 0), SHARE),
         (lambda: trained().predict_set(FRAMES, 1.0), SHARE),
         (lambda: trained().p_values(FRAMES, "x"), SHARE),

@@ -1,7 +1,5 @@
 """The compiled backend: the same bits as numpy's, on request only, and clear where it is not."""
 
-from __future__ import annotations
-
 import importlib
 import pickle
 import sys
@@ -25,7 +23,7 @@ def numba():
     return found
 
 
-def frames_of(n: int, d: int) -> torch.Tensor:
+def frames_of(n, d):
     return torch.from_numpy(np.random.default_rng(n).integers(0, 256, (n, d), np.uint8))
 
 
@@ -36,7 +34,7 @@ def test_other_devices_are_refused():
 
 
 @pytest.fixture
-def fresh(monkeypatch):
+def fresh():
     """A process that has neither loaded the kernels nor encoded anything."""
     for function in (backends._load, backends._loads):
         function.cache_clear()

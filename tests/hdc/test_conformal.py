@@ -1,7 +1,5 @@
 """Conformal sets and rejection: exact distances, and coverage on fresh frames."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -16,7 +14,7 @@ from tests.hdc.own import fitted
 from tests.hdc.speckle import Speckle
 
 
-def learned(words: list[torch.Tensor], ties: str = "zero", d: int = 14):
+def learned(words, ties="zero", d=14):
     """A majority of each class, and the peers of its frames."""
     rows = torch.cat([torch.full((len(w),), c) for c, w in enumerate(words)])
     part = Majority(ties)
@@ -25,13 +23,13 @@ def learned(words: list[torch.Tensor], ties: str = "zero", d: int = 14):
     return model, [Peers.of(w, deciding[c]) for c, w in enumerate(words)]
 
 
-def p_values(peers, prototypes, words: torch.Tensor, alpha: float) -> np.ndarray:
+def p_values(peers, prototypes, words, alpha):
     """Those of hypervectors, whatever their scores."""
     scores = torch.zeros(len(words), len(peers))
     return Conformal(peers, prototypes).p_values(words, scores, alpha)
 
 
-def plain_p(peers, prototypes, words: torch.Tensor, alpha: float) -> np.ndarray:
+def plain_p(peers, prototypes, words, alpha):
     """p-values by their definition, frame by frame."""
     p = np.zeros((len(words), len(peers)))
     for c, own in enumerate(peers):

@@ -1,7 +1,5 @@
 """What every encoder with every read-out promises, over one list of pairs."""
 
-from __future__ import annotations
-
 import copy
 import pickle
 
@@ -38,7 +36,7 @@ PAIRS = [
 ]
 
 
-def touches(n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def touches(n, seed=0):
     fields = np.random.default_rng(7).integers(0, 200, (4, 40, 50))
     rng = np.random.default_rng(seed)
     labels = np.arange(n) % 4
@@ -55,7 +53,7 @@ def model(request):
     return HDCClassifier(*request.param).fit(FRAMES, LABELS)
 
 
-def answers(model: HDCClassifier, asked=QUERIES) -> list:
+def answers(model, asked=QUERIES):
     mask = model.predict_set(asked, 0.1, mask=True)
     sets = model.predict_set(asked, 0.1)
     assert [found.tolist() for found in sets] == [

@@ -1,7 +1,5 @@
 """scikit-learn's conventions, by scikit-learn's own checks."""
 
-from __future__ import annotations
-
 import warnings
 from pathlib import Path
 

@@ -71,3 +71,12 @@ def test_a_form_loads_its_own():
     found = loaded_by("encoder='reference', readout='lda'")
     assert {"hdc.encoders.reference", "hdc.readouts.lda"} <= found
     assert "hdc.readouts.kernel" not in found
+
+
+def test_help_does_without_torch():
+    code = (
+        "import sys; from hdc.command import main\n"
+        "try: main(['train', '--help'])\n"
+        "except SystemExit: sys.exit('torch' in sys.modules)"
+    )
+    subprocess.run([sys.executable, "-c", code], check=True, stdout=subprocess.DEVNULL)

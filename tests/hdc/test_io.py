@@ -9,9 +9,10 @@ import numpy as np
 import pytest
 import torch
 
-from hdc import HDCClassifier, HDCRegressor, bits
-from hdc.encoders import Encoder, Median
+from hdc import HDCClassifier, HDCRegressor
+from hdc.encoders import Median
 from hdc.readouts import Majority
+from tests.hdc.own import Nearest
 
 safetensors = pytest.importorskip("safetensors.torch")
 posix = pytest.mark.skipif(os.name != "posix", reason="permissions and pipes of POSIX")
@@ -111,13 +112,6 @@ def test_names_that_no_model_can_have_are_refused_before_writing(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
-class Above(Encoder):
-    """Pixels above a hundred."""
-
-    def encode(self, frames):
-        return bits.pack(frames.flatten(1) > 100)
-
-
 def test_a_model_that_would_not_load_replaces_none(tmp_path, monkeypatch):
     class Mine(Median):
         pass
@@ -125,13 +119,11 @@ def test_a_model_that_would_not_load_replaces_none(tmp_path, monkeypatch):
     trained().save(tmp_path / "m")
     before = (tmp_path / "m").read_bytes()
     # Another process has another ``__main__``.
-    monkeypatch.setattr(Above, "__module__", "__main__")
-    monkeypatch.setattr(sys.modules["__main__"], "Above", Above, raising=False)
-    for encoder in (Mine(), Above()):
-        message = (
-            r"m: a HDCClassifier that could not be loaded again: encoder: expected"
-        )
+    monkeypatch.setattr(Nearest, "__module__", "__main__")
+    monkeypatch.setattr(sys.modules["__main__"], "Nearest", Nearest, raising=False)
+    for name, part in (("encoder", Mine()), ("readout", Nearest())):
+        message = f"m: a HDCClassifier that could not be loaded again: {name}: expected"
         with pytest.raises(ValueError, match=message):
-            trained(encoder=encoder).save(tmp_path / "m")
+            trained(**{name: part}).save(tmp_path / "m")
     assert (tmp_path / "m").read_bytes() == before
     assert len(list(tmp_path.iterdir())) == 1

@@ -1,20 +1,15 @@
 """What read-outs know: sets, refusal, and models of one class."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 
 from hdc import HDCClassifier
+from hdc.readouts import READOUTS
 from tests.hdc.own import Nearest
 from tests.hdc.speckle import Speckle, junk, share_of_right
 
-FORMS = [
-    "majority", "counts", "ridge", "lda", "kernel", "trained", "neighbours", Nearest(),
-]  # fmt: skip
 
-
-@pytest.mark.parametrize("readout", FORMS, ids=str)
+@pytest.mark.parametrize("readout", [*READOUTS, Nearest()], ids=str)
 @pytest.mark.parametrize("per_class", [8, 25])
 def test_sets_and_rejection_hold_about_what_is_asked(readout, per_class):
     covered, refused, unknown = [], [], []

@@ -4,11 +4,8 @@ The files of an earlier version were written once, by the program tests/hdc/net/
 here until commit bdb6476d.
 """
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -52,7 +49,7 @@ def test_no_bit_moves(encoder, backend):
 # Earlier versions --------------------------------------------------------------------------------
 
 
-def answers(model: Any) -> dict[str, Any]:
+def answers(model):
     """What a model says of frames that it has not seen; None of what it cannot say."""
     asked, _ = frames_of("uint8", 12, seed=1)
     found = {"predict": model.predict(asked).tolist()}

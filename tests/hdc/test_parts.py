@@ -1,7 +1,5 @@
 """Encoders and read-outs of one's own, from a folder outside the checkout."""
 
-from __future__ import annotations
-
 import subprocess
 import sys
 from pathlib import Path

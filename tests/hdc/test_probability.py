@@ -1,11 +1,8 @@
 """Probabilities: held-out scores by definition, calibration, and what has none."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
-from torch import Tensor
 
 from hdc import HDCClassifier, bits
 from hdc.hypervectors import Hypervectors
@@ -15,7 +12,6 @@ from hdc.readouts import (
     Counts,
     Majority,
     Neighbours,
-    Readout,
     discriminant,
 )
 from hdc.readouts.base import HeldOut
@@ -33,7 +29,7 @@ CLOSED = [
 ]
 
 
-def drawn(sizes: list[int], seed: int = 0, flips: float = 0.4) -> tuple[Tensor, Tensor]:
+def drawn(sizes, seed=0, flips=0.4):
     """Hypervectors int64 [N, W] around one of each class, in random order, and their classes."""
     rng = np.random.default_rng(seed)
     rows = rng.permutation(np.repeat(np.arange(len(sizes)), sizes))
@@ -43,7 +39,7 @@ def drawn(sizes: list[int], seed: int = 0, flips: float = 0.4) -> tuple[Tensor, 
     return words, torch.from_numpy(rows)
 
 
-def without_each(readout: Readout, words: Tensor, rows: Tensor) -> Tensor:
+def without_each(readout, words, rows):
     """Scores of each frame by a read-out that is trained on all others."""
     found = []
     for i in range(len(rows)):

@@ -1,7 +1,5 @@
 """Changed environments: bits replaced as published, or votes of old and new frames."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -15,7 +13,7 @@ from hdc.readouts import Majority
 from tests.hdc.own import fitted
 
 
-def counters_of(counts: list[list[int]], n: list[int]) -> Counters:
+def counters_of(counts, n):
     """Counters of given counts [L, D] of n [L] hypervectors."""
     empty = Counters(len(n), len(counts[0]))
     return empty._of_counts(torch.tensor(counts), torch.tensor(n))
@@ -89,7 +87,7 @@ def test_balanced_votes_are_of_as_many_as_the_smallest_class(ties, weight):
 # Models -------------------------------------------------------------------------------------------
 
 
-def drifted() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def drifted():
     """Frames of two sessions, the second under a strong pattern that all frames have in common."""
     rng = np.random.default_rng(0)
     labels = np.arange(90) % 6
@@ -102,7 +100,7 @@ def drifted() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 OLD_FRAMES, NEW_FRAMES, LABELS = drifted()
 
 
-def trained(*parts: str) -> HDCClassifier:
+def trained(*parts: str):
     return HDCClassifier(*parts).fit(OLD_FRAMES, LABELS)
 
 
@@ -126,8 +124,6 @@ def test_what_cannot_be_zeroed_is_named_and_changes_nothing():
     broken = NEW_FRAMES.copy()
     broken[17, 3] = np.nan
     for frames, message in (
-        (NEW_FRAMES[:0], "frames: expected at least one frame, found none"),
-        (NEW_FRAMES[:, :5], "expected D = 1500 pixels"),
         (broken, r"frames\[17\]: expected finite pixels"),
         (model.encode(OLD_FRAMES), "rezero: expected frames, found hypervectors"),
     ):

@@ -1,7 +1,5 @@
 """What is known: distances of left-out frames by their definition, and where they are kept."""
 
-from __future__ import annotations
-
 import pickle
 
 import numpy as np
@@ -17,7 +15,7 @@ LABELS = np.repeat([0, 1, 2], [11, 8, 7])
 GROUPS = np.array([*"aaabbbbcccc", *"aabbbbdd", *"ccccccc"])  # the last is in one
 
 
-def frames(seed: int = 0) -> np.ndarray:
+def frames(seed=0):
     """Those of the first and the last class share a field."""
     rng = np.random.default_rng(seed)
     base = rng.integers(0, 60, (3, 100))
@@ -25,7 +23,7 @@ def frames(seed: int = 0) -> np.ndarray:
     return (base[LABELS] + rng.integers(0, 90, (26, 100))).astype(np.uint8)
 
 
-def left_out(model: HDCClassifier, words: torch.Tensor, together) -> list[int]:
+def left_out(model, words, together):
     """Distances of the frames to the nearest majority of all that are not left out with them."""
     found = []
     for i in range(len(words)):

@@ -1,7 +1,5 @@
 """Up to 19 frames of each class: which ones does not depend on batches, and chance is even."""
 
-from __future__ import annotations
-
 import numpy as np
 import torch
 

@@ -149,7 +149,6 @@ def long(*shape):
     return torch.zeros(shape, dtype=torch.int64)
 
 
-INFINITE = torch.full((3,), torch.inf).double()
 OF_NUMBERS = [
     {"words": long(12, 1) - 1},
     {"values": torch.zeros(11, 1).double()},
@@ -176,7 +175,7 @@ TENSORS = {  # of a model → tensors of which none fits it; those of -1 have on
     ],
     HDCClassifier(readout="lda"): [{"known.frame": torch.tensor([3, 1])}],
     HDCClassifier(readout="kernel"): [{"readout.reach": torch.tensor(0.0).double()}],
-    HDCClassifier(readout="ridge"): [{"readout.scales": INFINITE}],
+    HDCClassifier(readout="ridge"): [{"readout.scales": torch.ones(3).double() / 0}],
     HDCClassifier("reference"): [
         {"encoder.reference": long(35) - 2**62},
         {"encoder.reference": torch.zeros(35)},

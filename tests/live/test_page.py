@@ -206,7 +206,6 @@ def test_a_page_of_a_model_is_made_without_a_browser(film, frames):
         ("m --video v.mkv --subsample 2", 1, "expected 32 × 32 pixels as in training, found 16"),
         ("n --video v.mkv", 1, "n: expected a model of classes, found numbers"),
         ("--camera 97", 1, "expected a camera that can be opened at index 97, found"),
-        ("x --video v.mkv", 1, "expected a saved model, found"),
         ("m --folder r.npz", 1, "r.npz: expected 32 × 32 pixels as in training"),
     ],
 )  # fmt: skip
@@ -217,7 +216,6 @@ def test_what_does_not_fit_is_one_line(
     HDCClassifier().fit(frames, LABELS).save("m")
     HDCClassifier().fit(frames, LABELS).save("own", {"subsample": 3})
     HDCRegressor().fit(frames, np.arange(2.0 * N)).save("n")
-    (tmp_path / "x").write_text("no model")
     np.savez("r.npz", frames=frames[:, :20], labels=LABELS)
     with pytest.raises(SystemExit) as caught:
         main(["live", *words.split()])

@@ -1,10 +1,18 @@
 """A folder of images of three patterns, and a model of it."""
 
+import os
+
 import cv2
 import numpy as np
 import pytest
 
 SIDE = 24
+
+
+@pytest.fixture(autouse=True)
+def _here(tmp_path, monkeypatch):
+    """Each command is typed in an empty folder."""
+    monkeypatch.chdir(tmp_path)
 
 
 @pytest.fixture
@@ -21,9 +29,9 @@ def write():
 
     def make(root, frames, classes="abc"):
         for name, images in zip(classes, frames, strict=True):
-            (root / name).mkdir(parents=True, exist_ok=True)
+            os.makedirs(f"{root}/{name}", exist_ok=True)
             for i, image in enumerate(images):
-                assert cv2.imwrite(str(root / name / f"{i}.png"), image)
+                assert cv2.imwrite(f"{root}/{name}/{i}.png", image)
         return root
 
     return make

@@ -1,5 +1,7 @@
 """Answers, tables and scores of models whose answers can be read off the frames."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
@@ -64,14 +66,14 @@ def saved(path, frames, **arrays):
     """Frames of a row of pixels each, as an .npz."""
     frames = np.array(frames, np.uint8)[:, None]
     np.savez(path, frames=frames, **arrays)
-    return path
+    return Path(path)
 
 
 @pytest.fixture
-def classes(tmp_path):
+def classes():
     """Four frames of the classes a, a, b, c, of which the second is read as b."""
     frames = [[10, 60, 90], [30, 20, 90], [80, 5, 15], [95, 75, 70]]
-    return saved(tmp_path / "c.npz", frames, labels=[*"aabc"])
+    return saved("c.npz", frames, labels=[*"aabc"])
 
 
 def table(found):
@@ -109,8 +111,8 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
     assert first == {"file": f"{classes}, frame 0", "label": "a"}
 
 
-def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals(tmp_path):
-    path = saved(tmp_path / "v.npz", [[5, 7, 4], [6, 8, 255]])
+def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals():
+    path = saved("v.npz", [[5, 7, 4], [6, 8, 255]])
     model = Read()
     plain = list(answers.ask(model, Window(), [path], PLAIN))
     assert plain[0] == {"file": f"{path}, frame 0", "values": {"force": 5.0, "x": 7.0}}
@@ -186,7 +188,7 @@ def test_a_score_of_classes_is_complete(classes):
     )
 
 
-def test_an_interval_is_of_recordings_where_they_are_known(tmp_path):
+def test_an_interval_is_of_recordings_where_they_are_known():
     """By frame it was 72 to 81 % where the videos gave 44 to 99."""
     rng = np.random.default_rng(0)
     for k in (3, 5, 10):
@@ -206,21 +208,21 @@ def test_an_interval_is_of_recordings_where_they_are_known(tmp_path):
     assert scores.interval_of(same, np.arange(40) // 4)[0] > scores.wilson(5, 10)[0]
     frames = [[0, 0, 4], [9, 9, 4], [0, 0, 4], [9, 9, 4]]
     kept = {"labels": [*"acac"], "group": [0, 0, 1, 1], "session": [5, 5, 5, 5]}
-    recording = open_recording(saved(tmp_path / "g.npz", frames, **kept))
+    recording = open_recording(saved("g.npz", frames, **kept))
     found = scores.score(Nearest(), recording, np.arange(4))
     assert found["interval_by"] == "2 groups"
     kept |= {"session": [0, 1, 2, 3], "group": [0, 0, 0, 0]}
-    alone = open_recording(saved(tmp_path / "s.npz", frames, **kept))
+    alone = open_recording(saved("s.npz", frames, **kept))
     by = scores.score(Nearest(), alone, np.arange(4))["interval_by"]
     assert by == "4 frames"
     assert "% by 2 groups), 4 of 4 frames" in messages.score_lines(found)[0]
 
 
-def test_a_score_of_values_is_complete(tmp_path):
+def test_a_score_of_values_is_complete():
     frames = [[5, 7, 4], [6, 8, 4], [0, 0, 4], [1, 1, 4], [1, 1, 255]]
     truth = [[6, 7], [3, 8], [9, 9], [1, 1.5], [1, 1]]
     about = {"value_names": ["force", "x"], "value_units": ["N", ""]}
-    recording = open_recording(saved(tmp_path / "v.npz", frames, values=truth, **about))
+    recording = open_recording(saved("v.npz", frames, values=truth, **about))
     found = scores.score(Read(), recording, np.array([0, 1, 3]), interval=0.8)
     assert found["frames"] == 3
     assert found["errors"]["force"] == {

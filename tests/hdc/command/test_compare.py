@@ -1,11 +1,16 @@
 """``hdc compare``: its numbers are those of the plain computation."""
 
+from pathlib import Path
+
 import cv2
 import numpy as np
 import pytest
+from sklearn.compose import TransformedTargetRegressor
 from sklearn.linear_model import RidgeClassifierCV, RidgeCV
 from sklearn.multioutput import MultiOutputRegressor
 from sklearn.neighbors import KNeighborsClassifier, KNeighborsRegressor, NearestCentroid
+from sklearn.pipeline import make_pipeline
+from sklearn.preprocessing import StandardScaler
 from sklearn.svm import SVC, SVR
 
 from hdc import HDCClassifier, HDCRegressor
@@ -15,17 +20,28 @@ from hdc.readers import open_recording
 
 SIDE = 16
 NAMES = ("left", "<b>middle</b>", "right $x$")
-PLAIN = {
-    "mean image of grey values": NearestCentroid(),
-    "1-NN of grey values": KNeighborsClassifier(1),
-    "ridge of grey values": RidgeClassifierCV(np.logspace(0, 6, 7)),
-    "SVM of grey values": SVC(C=10),
+
+
+def of_greys(model):
+    return make_pipeline(StandardScaler(), model)
+
+
+def of_values_of_greys(model):
+    return TransformedTargetRegressor(of_greys(model), transformer=StandardScaler())
+
+
+CLASSES = {
+    "mean image of grey values": of_greys(NearestCentroid()),
+    "1-NN of grey values": of_greys(KNeighborsClassifier(1)),
+    "ridge of grey values": of_greys(RidgeClassifierCV(np.logspace(0, 6, 7))),
+    "SVM of grey values": of_greys(SVC(C=10)),
 }
-PLAIN_VALUES = {
-    "1-NN of grey values": KNeighborsRegressor(1),
-    "3-NN of grey values": KNeighborsRegressor(3),
-    "ridge of grey values": RidgeCV(np.logspace(0, 6, 7)),
-    "SVM of grey values": MultiOutputRegressor(SVR(C=10, epsilon=0.01)),
+SVM = MultiOutputRegressor(SVR(C=10, epsilon=0.01))
+VALUES = {
+    "1-NN of grey values": of_values_of_greys(KNeighborsRegressor(1)),
+    "3-NN of grey values": of_values_of_greys(KNeighborsRegressor(3)),
+    "ridge of grey values": of_values_of_greys(RidgeCV(np.logspace(0, 6, 7))),
+    "SVM of grey values": of_values_of_greys(SVM),
 }
 
 
@@ -38,31 +54,24 @@ def frames_of(classes, n, seed=0, noise=90):
 
 
 @pytest.fixture
-def archive(tmp_path):
-    path = tmp_path / "own [1].npz"
+def archive():
+    path = "own [1].npz"
     np.savez(path, frames=frames_of(3, 12, noise=40), labels=np.repeat(NAMES, 12))
     return path
 
 
 @pytest.fixture
-def of_values(tmp_path):
+def of_values():
     """A square that moves: its place as depth in mm and what follows of it; three sessions."""
     depth = np.random.default_rng(0).uniform(2, 14, 60)
     bump = 150 * np.exp(-((np.arange(SIDE) - depth[:, None]) ** 2) / 8)
     noise = np.random.default_rng(1).integers(0, 20, (60, SIDE, SIDE))
     kept = {"values": np.stack([depth, (depth - 8) ** 2], axis=1)}
     kept |= {"value_names": ["depth", "force"], "value_units": ["mm", "N"]}
-    path = tmp_path / "moves.npz"
+    path = "moves.npz"
     frames = (bump[:, None, :] + noise).astype(np.uint8)
     np.savez(path, frames=frames, session=np.arange(60) // 20, **kept)
     return path
-
-
-def errors_of(name, path, learns_values=False):
-    """Errors of a model in folds of a recording."""
-    data, (test,) = judge.prepared(open_recording(path))
-    models = candidates.cheapest_first(learns_values)
-    return judge.errors(models[name], data, test)
 
 
 def rows_of(out):
@@ -75,47 +84,30 @@ def rows_of(out):
 # Rows --------------------------------------------------------------------------------------------
 
 
-def greys(frames, train):
-    flat = frames.reshape(len(frames), -1).astype(float)
-    deviations = flat[train].std(0)
-    return (flat - flat[train].mean(0)) / np.where(deviations > 0, deviations, 1)
-
-
-def test_a_row_of_classes_is_the_plain_computation(archive):
+@pytest.mark.parametrize(
+    ("plain", "library"), [(CLASSES, HDCClassifier), (VALUES, HDCRegressor)]
+)
+def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
     """Of each form and of each baseline, in folds."""
-    recording = open_recording(archive)
-    frames, names = recording[:], np.array(recording.names)
-    listed = candidates.cheapest_first(False)
-    forms = dict(zip(map(", ".join, candidates.FORMS), candidates.FORMS, strict=True))
-    assert {*listed} == {*PLAIN, *forms}
-    for name in listed:
-        wrong = np.empty(36)
+    of_classes = plain is CLASSES
+    recording = open_recording(archive if of_classes else of_values)
+    frames = recording[:]
+    truth = np.array(recording.names) if of_classes else recording.values
+    data, (own,) = judge.prepared(recording)
+    listed = candidates.cheapest_first(not of_classes)
+    assert plain.keys() <= listed.keys()
+    for name, model in listed.items():
+        given, other = frames.reshape(len(frames), -1), plain.get(name)
+        if other is None:
+            given, other = frames, library(*name.split(", "))
+        answers = np.empty_like(truth)
         for train, test in folds(recording)[0]:
-            given, model = greys(frames, train), PLAIN.get(name)
-            if model is None:
-                given, model = frames, HDCClassifier(*forms[name])
-            model.fit(given[train], names[train])
-            wrong[test] = model.predict(given[test]) != names[test]
-        assert errors_of(name, archive)[:, 0].tolist() == wrong.tolist(), name
-
-
-def test_a_row_of_values_is_the_plain_computation(of_values):
-    recording = open_recording(of_values)
-    frames, values = recording[:], recording.values
-    for name in candidates.cheapest_first(True):
-        expected = np.empty((60, 2))
-        for session in range(3):
-            is_test = np.arange(60) // 20 == session
-            train, test = np.flatnonzero(~is_test), np.flatnonzero(is_test)
-            middle, scale = values[train].mean(0), values[train].std(0)
-            given, model = greys(frames, train), PLAIN_VALUES.get(name)
-            if model is None:
-                middle, scale = 0, 1
-                given, model = frames, HDCRegressor(*name.split(", "))
-            model.fit(given[train], (values[train] - middle) / scale)
-            answers = model.predict(given[test]) * scale + middle
-            expected[test] = np.abs(answers - values[test])
-        assert errors_of(name, of_values, True) == pytest.approx(expected, abs=0.02)
+            answers[test] = other.fit(given[train], truth[train]).predict(given[test])
+        found = judge.errors(model, data, own)
+        if of_classes:
+            assert found[:, 0].tolist() == (answers != truth).tolist(), name
+        else:
+            assert found == pytest.approx(np.abs(answers - truth), abs=0.02), name
 
 
 def test_errors_of_values_are_weighed_by_those_of_the_constant_baseline():
@@ -175,13 +167,12 @@ def corner(path, n=60):
     return frames, labels.astype(str)
 
 
-def test_a_gain_is_clear_only_over_what_was_recorded_together(
-    hdc, tmp_path, monkeypatch
-):
-    monkeypatch.chdir(tmp_path)
+def test_a_gain_is_clear_only_over_what_was_recorded_together(hdc):
     corner("c.npz")
     words = ("--crop", 0, 0, 16, 8)
     out = hdc("compare", "c.npz", *words)[1]
+    why = "chosen by 5 folds at random, for no sessions are known ("
+    assert any(line.startswith(why) for line in out)
     right = {name: float(cells[0]) for name, cells in rows_of(out).items()}
     best = max(right, key=lambda name: ("grey" not in name, right[name]))
     won = right[best] - right["median, majority"]
@@ -193,12 +184,14 @@ def test_a_gain_is_clear_only_over_what_was_recorded_together(
     )
     kept = dict(np.load("c.npz")) | {"session": np.arange(60) // 6}
     np.savez("sessions.npz", **kept)
-    assert ", a clear gain (p = " in hdc("compare", "sessions.npz", *words)[1][-1]
+    out = hdc("compare", "sessions.npz", *words)[1]
+    assert "chosen by 10 folds by session" in out
+    assert ", a clear gain (p = " in out[-1]
 
 
-def test_another_recording_is_tested_and_chooses_nothing(hdc, archive, tmp_path):
+def test_another_recording_is_tested_and_chooses_nothing(hdc, archive):
     """Its classes are patterns of another sensor: all forms fail, and that is said."""
-    other = tmp_path / "tomorrow.npz"
+    other = "tomorrow.npz"
     frames = 255 - frames_of(3, 5, 1, 40)
     np.savez(other, frames=frames, labels=np.repeat(NAMES, 5))
     out = hdc("compare", archive, "--test", other)[1]
@@ -233,67 +226,30 @@ def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
     assert (status, "expected median, majority to learn" in line) == (1, True)
 
 
-def test_a_warning_of_a_form_is_seen_once_and_none_of_a_baseline(hdc, tmp_path):
-    frames = frames_of(3, 12, noise=40)
-    frames[:, 3:] = 0
-    np.savez(tmp_path / "dark.npz", frames=frames, labels=np.repeat(NAMES, 12))
-    err = hdc("compare", tmp_path / "dark.npz")[2]
-    assert (
-        sum("% of the pixels of a frame equal its threshold" in line for line in err)
-        == 1
-    )
-    assert len(err) <= 4
-
-
-@pytest.mark.parametrize(
-    ("known", "how", "why"),
-    [
-        ({"group": np.arange(24) // 4}, "6 folds by group", ""),
-        ({"group": np.arange(24) // 4, "session": np.zeros(24, int)}, "6 folds by group",
-         "a class has frames from one session only"),
-        ({"session": np.arange(24) // 12}, "5 folds at random",
-         "a class has frames from one session only"),
-        ({"session": np.arange(24) % 4}, "4 folds by session", ""),
-    ],
-)  # fmt: skip
-def test_folds_are_of_what_was_recorded_together_or_it_is_said_why(
-    hdc, tmp_path, known, how, why
-):
-    """Of 24 videos with groups nothing was chosen; folds were at random without a reason."""
-    path = tmp_path / "r.npz"
-    labels = np.arange(24) // 12
-    np.savez(path, frames=frames_of(2, 12, noise=40), labels=labels, **known)
-    (line,) = [row for row in hdc("compare", path)[1] if row.startswith("chosen by")]
-    assert line == f"chosen by {how}" + (f", for {why}" if why else "")
-
-
-def test_the_other_recording_has_a_table_of_its_own(hdc, tmp_path, monkeypatch):
+def test_the_other_recording_has_a_table_of_its_own(hdc):
     """It was tested with that of the first, on the frames of training."""
-    monkeypatch.chdir(tmp_path)
     for name, n in (("pins", 8), ("pins2", 5)):
-        (tmp_path / name).mkdir()
+        Path(name).mkdir()
         rows = [f"{name}_{k}.png,{k % 4}" for k in range(n)]
         for k, frame in enumerate(frames_of(1, n)):
             assert cv2.imwrite(f"{name}/{name}_{k}.png", frame)
-        (tmp_path / name / "t.csv").write_text("\n".join(["image,z", *rows]))
+        Path(name, "t.csv").write_text("\n".join(["image,z", *rows]))
     words = ("compare", "pins", "--test", "pins2")
     assert "tested on pins2: 5 frames" in hdc(*words, "--values", "t.csv")[1]
     (line,) = hdc(*words, "--values", "pins/t.csv")[2]
     assert "--test: expected labels and numbers in pins2, found pins/t.csv" in line
 
 
-def test_errors_are_one_line(hdc, archive, of_values, tmp_path):
-    np.savez(tmp_path / "others.npz", frames=frames_of(2, 3), labels=[0, 1] * 3)
-    np.savez(tmp_path / "small.npz", frames=np.zeros((6, 3, 3)), labels=[0, 1] * 3)
-    for words, status, message in (
-        ((archive, "--test", tmp_path / "others.npz"), 1, "--test: expected classes among "),
-        ((archive, "--test", tmp_path / "small.npz"), 1, "--test: expected frames (16, 16)"),
-        ((of_values, "--test", archive), 1, "and values depth, force as "),
-        ((archive, "--budget", 5), 2, "--budget: this option left; rows come cheapest first"),
-        ((archive, "--json"), 2, "--json: this option left; hdc evaluate --json writes"),
-    ):  # fmt: skip
-        found, out, (line,) = hdc("compare", *words)
-        assert (found, out) == (status, []), words
+def test_errors_are_one_line(hdc, archive, of_values):
+    np.savez("others.npz", frames=frames_of(2, 3), labels=[0, 1] * 3)
+    np.savez("small.npz", frames=np.zeros((6, 3, 3)), labels=[0, 1] * 3)
+    for recording, other, message in (
+        (archive, "others.npz", "--test: expected classes among "),
+        (archive, "small.npz", "--test: expected frames (16, 16)"),
+        (of_values, archive, "and values depth, force as "),
+    ):
+        status, out, (line,) = hdc("compare", recording, "--test", other)
+        assert (status, out) == (1, []), message
         assert message in line
 
 

@@ -2,6 +2,7 @@
 
 import json
 import os
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -16,37 +17,10 @@ RNG = np.random.default_rng(0)
 BASE = RNG.integers(0, 150, (3, 16, 18))
 
 
-@pytest.fixture
-def hdc(hdc, tmp_path, monkeypatch):
-    """A command line in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    return hdc
-
-
 def image(c, shift=0):
     """A noisy frame of class c."""
     noise = RNG.integers(0, 60, BASE[c].shape)
     return np.roll((BASE[c] + noise).astype(np.uint8), shift, axis=1)
-
-
-def write(path, frame):
-    path.parent.mkdir(parents=True, exist_ok=True)
-    assert cv2.imwrite(str(path), frame)
-
-
-def write_classes(root, names, n=4):
-    """A folder of n frames for each name of a class."""
-    for c, name in enumerate(names):
-        for k in range(n):
-            write(root / name / f"{k}.png", image(c))
-
-
-def table_of(root, n, columns, row):
-    """A folder of n images, and a table with a row for each."""
-    for k in range(n):
-        write(root / f"{k}.png", image(k % 2, k))
-    rows = [columns, *(f"{k}.png,{row(k)}" for k in range(n))]
-    (root / "t.csv").write_text("\n".join(rows))
 
 
 # What the commands share -------------------------------------------------------------------------
@@ -65,11 +39,11 @@ def test_a_recording_is_opened_as_a_model_was_trained(tmp_path):
     assert frames_for(model, Window(), other).value_names == ("3",)
 
 
-def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_path):
+def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc):
     """The command ended with an error of zip()."""
     frames = RNG.integers(0, 256, (12, 4, 5), np.uint8)
     values = RNG.normal(size=(12, 2))
-    HDCRegressor().fit(frames, values).save(tmp_path / "m")
+    HDCRegressor().fit(frames, values).save("m")
     np.savez("two.npz", frames=frames, values=values)
     np.savez("one.npz", frames=frames, values=values[:, 0])
     out = hdc("predict", "m", "two.npz")[1]
@@ -79,17 +53,21 @@ def test_numbers_of_a_model_made_in_python_are_named_by_their_place(hdc, tmp_pat
     assert "expected 2 numbers per frame as in training, found value" in line
 
 
-def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc, tmp_path):
+def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc):
     """Columns in another order were compared crosswise; those of a manifest were not found."""
-    row = lambda k: f"{'ab'[k % 2]},{k},{100 * (k % 3)}"  # noqa: E731
-    table_of(tmp_path / "r", 8, "image,label,x,y", row)
+    os.mkdir("r")
+    rows = ["image,label,x,y"]
+    for k in range(8):
+        assert cv2.imwrite(f"r/{k}.png", image(k % 2, k))
+        rows.append(f"{k}.png,{'ab'[k % 2]},{k},{100 * (k % 3)}")
+    table = Path("r/t.csv")
+    table.write_text("\n".join(rows))
     given = ("r", "--values", "r/t.csv")
     named = ("--column", "x", "--column", "y")
     assert hdc("train", *given, *named, "-o", "m")[0] == 0
     expected = hdc("evaluate", "m", *given)
     assert expected[0] == 0
     assert hdc("evaluate", "m", *given, *named[2:], *named[:2]) == expected
-    table = tmp_path / "r" / "t.csv"
     manifest = table.read_text().replace("image", "file")
     table.with_name("manifest.csv").write_text(manifest)
     assert hdc("evaluate", "m", "r") == expected
@@ -108,33 +86,33 @@ def test_what_is_no_model_of_frames_says_what_is_expected(tmp_path):
 # Names -------------------------------------------------------------------------------------------
 
 
-def test_classes_named_like_columns_have_columns_of_their_own(hdc, tmp_path):
+def test_classes_named_like_columns_have_columns_of_their_own(hdc, frames, write):
     """A class named label, file or margin overwrote that column."""
-    write_classes(tmp_path / "r", ("label", "file", "margin"))
+    write("r", frames, ("label", "file", "margin"))
     assert hdc("train", "r", "-o", "m", "--readout", "majority")[0] == 0
     header, row = (line.split("\t") for line in hdc("predict", "m", "r/label/0.png")[1])
     distances = HDCClassifier.load("m").distances(cv2.imread("r/label/0.png", 0)[None])
-    shares = [f"{share:.4f}" for share in distances[0] / BASE[0].size / 7]
+    shares = [f"{share:.4f}" for share in distances[0] / frames[0, 0].size / 7]
     assert row[:2] == ["r/label/0.png", "label"]
     assert header[-3:] == ["distances file", "distances label", "distances margin"]
     assert row[-3:] == shares
 
 
-def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, tmp_path):
-    write_classes(tmp_path / "r", ("a\tb", "c\nd"))
+def test_tabs_and_line_feeds_in_names_leave_the_table_whole(hdc, frames, write):
+    write("r", frames[:2], ("a\tb", "c\nd"))
     words = ("train", "r", "-o", "m", "--readout", "majority")
-    assert hdc(*words)[1][1] == r"classes: a\tb (4), c\nd (4)"
+    assert hdc(*words)[1][1] == r"classes: a\tb (12), c\nd (12)"
     rows = [line.split("\t") for line in hdc("predict", "m", "r")[1]]
     assert {len(row) for row in rows} == {4}
-    assert rows[5][:2] == [r"r/c\nd/0.png", r"c\nd"]
+    assert rows[13][:2] == [r"r/c\nd/0.png", r"c\nd"]
 
 
-def test_a_name_that_is_no_text_is_shown_by_its_bytes(hdc, tmp_path):
+def test_a_name_that_is_no_text_is_shown_by_its_bytes(hdc, frames, write):
     """An encoding error ended the command after some of its lines."""
-    write_classes(tmp_path / "r", "ab")
+    write("r", frames[:2], "ab")
     odd = os.fsdecode(b"r/a/\xff.png")
-    (tmp_path / "r" / "a" / "0.png").rename(tmp_path / odd)
-    (tmp_path / os.fsdecode(b"r/\xff.txt")).touch()
+    os.rename("r/a/0.png", odd)
+    Path(os.fsdecode(b"r/\xff.txt")).touch()
     assert hdc("train", "r", "-o", "m")[0] == 0
     status, out, _ = hdc("predict", "m", "r", "--json")
     assert status == 0
@@ -165,7 +143,7 @@ def test_labels_that_are_named_are_learnt_anew(hdc):
     assert "12 new frames of 2 classes" in out[0]
 
 
-def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path):
+def test_columns_of_vectors_are_those_of_training_in_its_order(hdc):
     """Columns that were permuted, or had other names, were taken as they came."""
     frames = RNG.integers(0, 200, (2, 1, 30)) + RNG.integers(0, 90, (2, 12, 30))
     names = [f"{k}nm" for k in range(400, 430)]
@@ -174,7 +152,7 @@ def test_columns_of_vectors_are_those_of_training_in_its_order(hdc, tmp_path):
         rows = [["label", *columns]]
         for label, few in zip(("oil", "water"), frames.tolist(), strict=True):
             rows += [[label, *map(str, row[: len(columns)])] for row in few]
-        (tmp_path / name).write_text("\n".join(map(",".join, rows)))
+        Path(name).write_text("\n".join(map(",".join, rows)))
 
     save("r.csv", names)
     hdc("train", "r.csv", "-o", "m", "--subsample", 2)

@@ -17,23 +17,12 @@ def shown(language, word):
     return next(block for block in blocks if word in block)
 
 
-def run(word, typed):
-    """What each line of a block prints."""
-    outputs = []
-    for line in shown("sh", word).splitlines():
-        status, out, err = typed(*shlex.split(line)[1:])
-        assert status == 0, line
-        outputs.append(out + err)
-    return outputs
-
-
 def save(path, image):
     path.parent.mkdir(parents=True, exist_ok=True)
     assert cv2.imwrite(str(path), image.astype(np.uint8))
 
 
-def test_nested_folders_by_a_template(tmp_path, monkeypatch, typed):
-    monkeypatch.chdir(tmp_path)
+def test_nested_folders_by_a_template(typed):
     rng = np.random.default_rng(0)
     base = {
         name: rng.integers(0, 150, (30, 40, 3)) for name in ("wood", "felt", "glass")
@@ -45,7 +34,12 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, typed):
                 image = pattern + rng.integers(0, 60, pattern.shape)
                 save(folder / "frame.png", image)
                 (folder / "settings.json").write_text("{}")
-    trained, predicted = run("press/", typed)
+    printed = []
+    for line in shown("sh", "press/").splitlines():
+        status, out, err = typed(*shlex.split(line)[1:])
+        assert status == 0, line
+        printed.append(out + err)
+    trained, predicted = printed
     assert "12 frames, 3 classes" in trained
     assert "held out in the last sessions: accuracy 100.0 %" in trained
     assert (
@@ -54,9 +48,8 @@ def test_nested_folders_by_a_template(tmp_path, monkeypatch, typed):
     assert predicted.splitlines()[1].split("\t")[1] == "wood"
 
 
-def test_levels_and_lda_in_python(tmp_path, monkeypatch):
+def test_levels_and_lda_in_python():
     """The classes differ by a faint touch on a scene that is common to all."""
-    monkeypatch.chdir(tmp_path)
     rng = np.random.default_rng(0)
     common = rng.integers(0, 200, (48, 64))
     for day, n in (("touches", 20), ("tomorrow", 10)):

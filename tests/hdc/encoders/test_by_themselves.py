@@ -1,7 +1,5 @@
 """Every encoder encodes a frame by itself, by numpy and by the kernels."""
 
-from __future__ import annotations
-
 import pytest
 import torch
 

@@ -1,7 +1,5 @@
 """Levels in deviations from a reference: against fractions."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import isqrt
 
@@ -20,7 +18,7 @@ DEFAULT = [-1.5, -1, -0.5, 0, 0.5, 1, 1.5]
 ODD = [-2.25, "-1/3", 0.1, 3]
 
 
-def plainly(frames: np.ndarray, thresholds: list) -> np.ndarray:
+def plainly(frames, thresholds):
     """Bits [N, T·D] by their definition, of standardised frames, in Python's integers."""
     steps = np.array(standardised(torch.from_numpy(frames)).tolist())
     n, size = steps.shape

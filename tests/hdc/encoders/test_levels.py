@@ -1,7 +1,5 @@
 """Levels of the pixels that are lit in training."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch

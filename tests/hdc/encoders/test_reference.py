@@ -1,7 +1,5 @@
 """Frames relative to a reference: against Python's integers and fractions."""
 
-from __future__ import annotations
-
 from fractions import Fraction
 from math import floor, isqrt
 
@@ -15,7 +13,7 @@ from hdc.encoders.relative import standardised
 from tests.hdc.own import BACKENDS, by
 
 
-def as_integers(frame: np.ndarray) -> list[int]:
+def as_integers(frame):
     """Pixels as integers; those of floats less the middle, scaled to 18 bits by the largest."""
     if frame.dtype.kind in "iu" and frame.dtype.itemsize <= 2:
         return frame.ravel().tolist()
@@ -28,7 +26,7 @@ def as_integers(frame: np.ndarray) -> list[int]:
     return [round(Fraction(value) * scale) for value in values]
 
 
-def plainly(frame: np.ndarray) -> list[int]:
+def plainly(frame):
     """(x − mean)/std in steps of 2⁻¹⁶, rounded down."""
     pixels = as_integers(frame)
     n, total = len(pixels), sum(pixels)
@@ -36,7 +34,7 @@ def plainly(frame: np.ndarray) -> list[int]:
     return [floor(Fraction((n * x - total) << 16, deviation)) for x in pixels]
 
 
-def mean_of(frames: np.ndarray) -> list[int]:
+def mean_of(frames):
     """The mean of standardised frames, rounded down."""
     rows = [plainly(frame) for frame in frames]
     return [sum(column) // len(rows) for column in zip(*rows, strict=True)]

@@ -1,7 +1,5 @@
 """Smoothing in integers: against the double sum."""
 
-from __future__ import annotations
-
 from math import exp
 
 import numpy as np
@@ -15,7 +13,7 @@ pytestmark = pytest.mark.filterwarnings("ignore:.*order of pixels")
 BASES = [Median(), Levels(3), Levels(2, lit=0.5), Reference("levels"), Deviation()]
 
 
-def weights_of(deviation: int) -> list[int]:
+def weights_of(deviation):
     """Of the pixels up to three deviations away, in 1/4096; the middle one takes the rest."""
     reach = 3 * deviation
     heights = [exp(-0.5 * (k / deviation) ** 2) for k in range(-reach, reach + 1)]
@@ -24,7 +22,7 @@ def weights_of(deviation: int) -> list[int]:
     return found
 
 
-def plainly(image: np.ndarray, deviation: int) -> list[list[int]]:
+def plainly(image, deviation):
     """The double sum over an image of integers, rounded to 1/1024."""
     height, width = image.shape
     weights = weights_of(deviation)

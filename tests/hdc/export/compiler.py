@@ -1,7 +1,5 @@
 """For tests: models, and programs of C that include their headers."""
 
-from __future__ import annotations
-
 import subprocess
 
 import numpy as np

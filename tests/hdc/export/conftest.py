@@ -1,7 +1,5 @@
 """The compiler of this machine."""
 
-from __future__ import annotations
-
 import shutil
 
 import pytest

@@ -1,7 +1,5 @@
 """The exported header: compiled, it answers as Python does, bit for bit."""
 
-from __future__ import annotations
-
 import subprocess
 
 import numpy as np

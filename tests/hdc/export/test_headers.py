@@ -1,7 +1,5 @@
 """An exported header: its contents and sizes, what is refused, and the command."""
 
-from __future__ import annotations
-
 import re
 import shutil
 import subprocess

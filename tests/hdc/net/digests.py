@@ -5,14 +5,11 @@ purpose. Words, prototypes and whole numbers are the same on every machine; sets
 files of read-outs that are solved in floating point, only on processors like the one named there.
 """
 
-from __future__ import annotations
-
 import hashlib
 import json
 import tempfile
 import warnings
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import torch
@@ -31,7 +28,7 @@ COUNTING = ("majority", "counts")
 ALPHA = 0.2
 
 
-def processor() -> str:
+def processor():
     """What floating-point sums depend on."""
     names = [torch.backends.cpu.get_cpu_capability()]
     info = Path("/proc/cpuinfo")
@@ -41,7 +38,7 @@ def processor() -> str:
     return ", ".join(names)
 
 
-def digest(*values: Any) -> str:
+def digest(*values):
     """Eight digits of the SHA-256 of arrays, tensors and bytes."""
     found = hashlib.sha256()
     for value in values:
@@ -54,7 +51,7 @@ def digest(*values: Any) -> str:
     return found.hexdigest()[:8]
 
 
-def file_of(model: Any) -> bytes:
+def file_of(model):
     """The bytes of a saved model."""
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "model"
@@ -62,7 +59,7 @@ def file_of(model: Any) -> bytes:
         return path.read_bytes()
 
 
-def of_classes(encoder: str, readout: str, backend: str, kind: str) -> dict[str, str]:
+def of_classes(encoder, readout, backend, kind):
     """What a classifier says of frames that it has not seen."""
     frames, labels = frames_of(kind, 36)
     asked, _ = frames_of(kind, 12, seed=1)
@@ -83,7 +80,7 @@ def of_classes(encoder: str, readout: str, backend: str, kind: str) -> dict[str,
     }
 
 
-def of_numbers(encoder: str, readout: str, backend: str, kind: str) -> dict[str, str]:
+def of_numbers(encoder, readout, backend, kind):
     """What a regressor says of frames that it has not seen."""
     frames, labels = frames_of(kind, 36)
     asked, _ = frames_of(kind, 12, seed=1)
@@ -95,7 +92,7 @@ def of_numbers(encoder: str, readout: str, backend: str, kind: str) -> dict[str,
     }
 
 
-def everything() -> dict[str, dict[str, str]]:
+def everything():
     """Digests of each case by its name: encoder, read-out, backend and type of pixels."""
     found = {}
     for encoder in ENCODERS:
@@ -110,7 +107,7 @@ def everything() -> dict[str, dict[str, str]]:
     return found
 
 
-def read() -> tuple[str, dict[str, dict[str, str]]]:
+def read():
     """The processor of the file, and its digests."""
     content = json.loads(FILE.read_text())
     cases = {}
@@ -120,7 +117,7 @@ def read() -> tuple[str, dict[str, dict[str, str]]]:
     return content["processor"], cases
 
 
-def write() -> None:
+def write():
     """Write the file anew."""
     torch.set_num_threads(1)
     warnings.simplefilter("ignore")

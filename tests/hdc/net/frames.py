@@ -1,11 +1,9 @@
 """Frames of three classes, small, of every type of pixels; without an import of the library."""
 
-from __future__ import annotations
-
 import numpy as np
 
 
-def frames_of(kind: str, n: int, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def frames_of(kind, n, seed=0):
     """n frames [n, 13, 10] of three classes in turn, and their labels."""
     rng = np.random.default_rng(seed)
     patterns = np.random.default_rng(7).uniform(0, 200, (3, 13, 10))

@@ -11,7 +11,7 @@ from PIL import Image
 
 from hdc.readers import BadFrame, open_recording
 from hdc.readers.images import decode
-from tests.hdc.readers.writers import png, said, write_image
+from tests.hdc.readers.writers import said, write_image
 
 NOISE = np.random.default_rng(0).integers(0, 256, (20, 30), dtype=np.uint8)
 COLOUR = np.random.default_rng(1).integers(0, 256, (20, 30, 4), dtype=np.uint8)
@@ -100,6 +100,7 @@ def test_fingerprints_are_of_contents_and_order_not_of_places(folder, tmp_path, 
 
 
 WHOLE = (".png", ".jpg", ".bmp", ".tif")
+PNG = encoded(NOISE, ".png")
 SIZES = struct.pack(">II", 40_000, 40_000)
 MASKS = (0xFF, 0xFF00, 0xFF0000, 0)
 MASKED = struct.pack("<2sIHHI", b"BM", 138, 0, 0, 122)
@@ -113,11 +114,11 @@ MASKED += struct.pack("<IiiHHI20x4I68x", 108, 2, 2, 1, 32, 3, *MASKS)
         (saved("PNG", NOISE, NOISE), ".png", "a single image, found an animation"),
         (saved("TIFF", NOISE, NOISE), ".tif", "expected a single image, found 2"),
         *((encoded(NOISE, suffix)[:-30], suffix, "whole") for suffix in WHOLE),
-        (png(NOISE)[:16] + SIZES + png(NOISE)[24:], ".png", "whole image"),  # too large
+        (PNG[:16] + SIZES + PNG[24:], ".png", "whole image"),  # too large
         # OpenCV ignores masks.
         (MASKED, ".bmp", "without masks of its own"),
-        (png(NOISE[1:]), ".png", r"30 × 20 pixels uint8 as in the other .* 30 × 19"),
-        (png(NOISE.astype(np.uint16)), ".png", "as in the other frames, found 30 × 20"),
+        (encoded(NOISE[1:], ".png"), ".png", r"30 × 20 pixels uint8 as in the other .* 30 × 19"),
+        (encoded(NOISE.astype(np.uint16), ".png"), ".png", "as in the other frames, found 30 × 20"),
     ],
 )  # fmt: skip
 def test_images_that_would_be_learnt_wrongly_are_refused(

@@ -155,13 +155,6 @@ def test_a_filter_of_hdf5_that_is_not_installed_is_named(tmp_path, monkeypatch):
         open_recording(tmp_path / "x.h5")
 
 
-def test_a_link_to_the_root_of_hdf5_renames_nothing(tmp_path):
-    with h5py.File(tmp_path / "x.h5", "w") as file:
-        file["again"] = file["/"]
-        file["frames"], file["labels"] = FRAMES, LABELS
-    assert len(open_recording(tmp_path / "x.h5").classes) == len(set(LABELS.tolist()))
-
-
 def test_what_is_no_array_of_an_archive_is_left_out_and_said(tmp_path):
     """An object that nobody needs, and files beside the arrays, made all of it unreadable."""
     path = tmp_path / "x.npz"

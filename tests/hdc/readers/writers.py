@@ -49,11 +49,6 @@ def write_image(path, frame):
     assert cv2.imwrite(str(path), frame)
 
 
-def png(frame):
-    """The bytes of a file."""
-    return cv2.imencode(".png", frame)[1].tobytes()
-
-
 def beside(path, *rows):
     path.with_suffix(".csv").write_text("\n".join(rows))
 

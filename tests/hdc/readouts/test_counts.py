@@ -1,7 +1,5 @@
 """Integer prototypes against floats."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

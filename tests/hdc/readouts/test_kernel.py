@@ -1,7 +1,5 @@
 """Discriminant analysis with a kernel of Hamming distances: against its definition, in floats."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np
@@ -15,7 +13,7 @@ from tests.hdc import own
 from tests.hdc.definition import discriminants, inside
 
 
-def problem(n: int, d: int, n_classes: int, seed: int = 0):
+def problem(n, d, n_classes, seed=0):
     """Bits bool [n, d] of classes of unequal size, and the classes [n]."""
     rng = np.random.default_rng(seed)
     others = rng.integers(0, n_classes, n - n_classes)
@@ -24,22 +22,22 @@ def problem(n: int, d: int, n_classes: int, seed: int = 0):
     return rng.random((n, d)) < share[rows], rows
 
 
-def packed(masks: np.ndarray) -> torch.Tensor:
+def packed(masks):
     return bits.pack(torch.from_numpy(masks))
 
 
-def likeness(a: np.ndarray, b: np.ndarray, reach: float) -> np.ndarray:
+def likeness(a, b, reach):
     return np.exp(-(a[:, None] != b).sum(2) / reach)
 
 
-def median(masks: np.ndarray) -> int:
+def median(masks):
     """The lower median of the distances of pairs."""
     pairs = itertools.combinations(masks, 2)
     distances = sorted(int((a != b).sum()) for a, b in pairs)
     return distances[(len(distances) - 1) // 2]
 
 
-def scores_of(masks, rows, asked, reach, penalty) -> np.ndarray:
+def scores_of(masks, rows, asked, reach, penalty):
     """In coordinates of which the kernel is the product."""
     whole = likeness(np.concatenate([masks, asked]), masks, reach)
     values, vectors = np.linalg.eigh(whole[: len(masks)])
@@ -48,7 +46,7 @@ def scores_of(masks, rows, asked, reach, penalty) -> np.ndarray:
     return discriminants(found[: len(masks)], rows, found[len(masks) :], penalty)
 
 
-def strength(masks, rows, reach, factor) -> float:
+def strength(masks, rows, reach, factor):
     """ℓ = λ·tr(K)/N: a share of the mean square distance from the mean of a class.
 
     Of frames of one class the squares are those of the kernel minus its mean.

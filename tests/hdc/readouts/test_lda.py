@@ -1,7 +1,5 @@
 """Shrinkage discriminant analysis: against the primal form, in floats, and scikit-learn."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Majority and counts with classes of unequal size: as published, and as if all had as many."""
 
-from __future__ import annotations
-
 import warnings
 
 import numpy as np
@@ -13,7 +11,7 @@ from hdc.prototypes import Counters
 from hdc.readouts import Majority
 
 
-def frames_of(*numbers: int) -> tuple[np.ndarray, np.ndarray]:
+def frames_of(*numbers):
     """Noise in classes of these numbers."""
     labels = np.repeat(np.arange(len(numbers)), numbers)
     return np.random.default_rng(0).random((len(labels), 30)), labels

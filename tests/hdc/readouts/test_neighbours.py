@@ -1,7 +1,5 @@
 """Nearest training frames, against plain loops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -12,7 +10,7 @@ from tests.hdc.net.frames import frames_of
 from tests.hdc.own import BACKENDS, by, fitted
 
 
-def plain_winner(distances: list[int], rows: list[int], k: int) -> int:
+def plain_winner(distances, rows, k):
     """The class of most of the k nearest frames; equal distances go by class, equal votes by
     distance."""
     nearest = sorted(zip(distances, rows, strict=True))[:k]

@@ -1,7 +1,5 @@
 """Ridge regression on packed bits, against plain floats and scikit-learn."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -13,7 +11,6 @@ from hdc import bits
 from hdc.hypervectors import Hypervectors
 from hdc.readouts import RidgeValues, among_bits, linear
 from hdc.readouts.least_squares import PENALTIES, smoother_of, solve
-from hdc.readouts.linear import Linear
 from tests.hdc.own import fitted
 
 
@@ -26,13 +23,11 @@ def small_parts():
         yield
 
 
-def plain(x: np.ndarray, y: np.ndarray, penalty: float) -> PlainRidge:
+def plain(x, y, penalty):
     return PlainRidge(penalty, solver="svd").fit(x, y)
 
 
-def problem(
-    n: int, d: int, t: int, seed: int
-) -> tuple[np.ndarray, torch.Tensor, torch.Tensor]:
+def problem(n, d, t, seed):
     """Bits in ±1 [n, d], packed ones, and targets [n, t]."""
     rng = np.random.default_rng(seed)
     x = np.where(rng.random((n, d)) < rng.random(d), 1.0, -1.0)
@@ -78,9 +73,7 @@ def test_ridge_is_that_of_floats_and_its_left_out_errors_are_exact(n, d, t, seed
     np.testing.assert_allclose(residuals, errors, atol=1e-6)
 
 
-def adapted_without(
-    old: Linear, x: np.ndarray, words: torch.Tensor, y: np.ndarray, left_out: int
-) -> np.ndarray:
+def adapted_without(old, x, words, y, left_out):
     """What the old weights give [N, T] and scikit-learn's fit, without a frame, of what they
     leave."""
     rest = np.arange(len(x)) != left_out

@@ -1,7 +1,5 @@
 """Prototypes corrected by their mistakes, against plain loops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -11,9 +9,7 @@ from hdc.readouts import Trained
 from tests.hdc.own import BACKENDS, by, fitted
 
 
-def plain_prototypes(
-    x: np.ndarray, rows: np.ndarray, n_classes: int, margin: float, passes: int
-) -> np.ndarray:
+def plain_prototypes(x, rows, n_classes, margin, passes):
     """Signs of counters of ±1 hypervectors, corrected by 1/p after pass p, frame by frame."""
     counters = np.stack([x[rows == c].sum(0) for c in range(n_classes)]).astype(float)
     for number in range(1, passes + 1):

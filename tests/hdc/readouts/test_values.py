@@ -1,7 +1,5 @@
 """Numbers of the nearest frames, against plain loops."""
 
-from __future__ import annotations
-
 import numpy as np
 import pytest
 import torch
@@ -12,7 +10,7 @@ from hdc.readouts import NeighbourValues
 from tests.hdc.own import fitted
 
 
-def plain_means(distances: np.ndarray, values: np.ndarray, k: int) -> np.ndarray:
+def plain_means(distances, values, k):
     """The mean of the k nearest rows for each query; of equal ones the first."""
     means = []
     for row in distances.tolist():
