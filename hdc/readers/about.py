@@ -312,8 +312,7 @@ def grouped(about: About, parts: np.ndarray) -> tuple[About, list[str]]:
     """
     own = about.samples.get("group")
     if own is not None:
-        pairs = np.stack([parts, own])
-        parts = np.unique(pairs, axis=1, return_inverse=True)[1]
+        parts = np.unique(np.stack([parts, own]), axis=1, return_inverse=True)[1]
     found = "each class"
     labels = np.zeros(len(parts), int) if about.labels is None else about.labels
     pairs = np.unique(np.stack([labels, parts]), axis=1)
