@@ -9,6 +9,7 @@ change with ``mutmut show NAME``.
 
 import json
 import random
+import re
 import subprocess
 import sys
 from collections import Counter
@@ -16,8 +17,12 @@ from pathlib import Path
 
 SEED = 2024
 SIZE = 150
-PARTS = {"library": "hdc.", "harness": "experiments."}
-FIRST = "hdc.planes.*"
+PARTS = {
+    "library": re.compile(r"hdc\.((encoders|readouts)\.)?\w+\.[^.]+"),
+    "harness": re.compile(r"experiments\..*"),
+}
+"""Which names are of a part: those of the library without readers, commands and kernels."""
+FIRST = "hdc.encoders.base.*"
 """A small module: its run makes all mutants, and finds which tests reach them."""
 NOTICED = {
     **dict.fromkeys((1, 3), "noticed"),
@@ -47,8 +52,8 @@ def main() -> None:
     names = sorted(results())
     draw = random.Random(SEED)
     chosen = {
-        part: draw.sample([name for name in names if name.startswith(start)], SIZE)
-        for part, start in PARTS.items()
+        part: draw.sample([name for name in names if of.fullmatch(name)], SIZE)
+        for part, of in PARTS.items()
     }
     run(*(name for part in chosen.values() for name in part))
     found = results()

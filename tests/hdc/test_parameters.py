@@ -128,7 +128,7 @@ UNFIT = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("model", "message"), UNFIT, ids=repr)
+@pytest.mark.parametrize(("model", "message"), UNFIT)
 def test_values_of_parameters_that_do_not_fit_are_named(model, message):
     with pytest.raises(ValueError, match=message):
         model.fit(FRAMES, LABELS)

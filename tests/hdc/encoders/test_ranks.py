@@ -167,7 +167,7 @@ REFUSED = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize(("frames", "message"), REFUSED, ids=repr)
+@pytest.mark.parametrize(("frames", "message"), REFUSED)
 def test_what_has_no_ranks_is_refused(frames, message):
     with pytest.raises((ValueError, TypeError), match=message):
         Median().encode(frames, 10)
