@@ -187,3 +187,17 @@ def test_each_recalibration_replaces_bits_of_its_own(tmp_path):
         away.append(int(bits.count_ones(model.prototypes_ ^ aim).sum()))
     shares = np.array(away) / away[0]
     assert shares == pytest.approx([1, 1 / 2, 1 / 4, 1 / 8], abs=0.06)
+
+
+def test_a_recalibrated_ridge_starts_from_its_weights():
+    """The penalty is on their change: few new frames move it less than a fit to them alone."""
+    model = HDCClassifier(readout="ridge").fit(OLD_FRAMES, LABELS)
+    few = np.unique(LABELS, return_index=True)[1]
+    fresh = HDCClassifier(readout="ridge").fit(NEW_FRAMES[few], LABELS[few])
+    before = model.decision_function(OLD_FRAMES)
+    after = model.recalibrate(NEW_FRAMES[few], LABELS[few])
+    changes = [
+        np.abs(other.decision_function(OLD_FRAMES) - before).sum()
+        for other in (after, fresh)
+    ]
+    assert 0 < changes[0] < 0.9 * changes[1]
