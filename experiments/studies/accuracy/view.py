@@ -14,15 +14,15 @@ import pandas as pd
 from experiments.records import configs
 from experiments.records.results import ROW, RUNS
 from experiments.reporting import estimates, published
-from experiments.reporting.columns import scene_name
+from experiments.reporting.columns import display_name, scene_name
 from experiments.reporting.estimates import ONE_SENSOR
 from experiments.reporting.facets import facets
 from experiments.reporting.plot import (
     DASHED,
-    PAPER,
     entry,
     handle,
     legend_below,
+    published_look,
     published_point,
     wrapped,
 )
@@ -111,7 +111,11 @@ def draw_accuracies(figure: Canvas, data: pd.DataFrame) -> None:
     axes.set_ylim(min(15, lowest - 2), 102)
     sizes = [N_PUBLISHED, *data.n_train]
     axes.set_xlim(min(sizes) / 1.35, max(sizes) * 1.35)
-    legend_below(figure, [*map(handle, models), entry("paper", **PAPER)])
+    stars = [
+        entry(f"paper: {display_name(model)}", **published_look(model))
+        for model in published.models_of_table1()
+    ]
+    legend_below(figure, [*map(handle, models), *stars])
 
 
 def _draw_lines(
