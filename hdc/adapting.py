@@ -60,7 +60,7 @@ class Adapting(Answering):
             )
         options = {"p": p, "random_state": random_state, "method": method}
         self._check_used(options)
-        frames = inputs.source(frames, self.frame_shape_)
+        frames = self._further(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
         inputs.check_among(labels, self._head.index)
         with self._computing():
@@ -101,7 +101,7 @@ class Adapting(Answering):
             raise TypeError(
                 "rezero: expected frames, found hypervectors, which hold no grey values"
             )
-        frames = inputs.source(frames, self.frame_shape_)
+        frames = self._further(frames)
         inputs.check_shape(frames.shape[1:], self.frame_shape_, type(self).__name__)
         encoder: Any = self.encoder_.unlearned()
         with self._computing():

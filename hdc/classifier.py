@@ -118,7 +118,7 @@ class HDCClassifier(Adapting):
                 parameter value.
         """
         readout = self.fresh("readout")
-        frames = inputs.source(frames)
+        columns, frames = inputs.columns_of(frames), inputs.source(frames)
         if y is None and isinstance(readout, Updatable):
             y = [KNOWN] * len(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
@@ -129,6 +129,7 @@ class HDCClassifier(Adapting):
         classes = inputs.classes_of(labels)
         _check_several(readout, classes.tolist())
         self._learn(readout, frames, labels, classes, together)
+        self.columns_ = columns
         self._warn_of_unequal(self._head.sample.seen.values())
         return self
 
@@ -184,7 +185,7 @@ class HDCClassifier(Adapting):
             raise ValueError(
                 "partial_fit: expected a model that was not recalibrated; fit anew"
             )
-        frames = inputs.source(frames, getattr(self, "frame_shape_", None))
+        frames = self._further(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
         allowed = labels
         if classes is not None:

@@ -40,7 +40,7 @@ class Estimator(Parametrised):
     n_features_in_: int
     dimension_: int
     columns_: list[str] | None = None
-    """Names of the columns of a table of training, where the command knows them."""
+    """Names of the columns of a table or a data frame of training, where they are known."""
 
     # Encoding ------------------------------------------------------------------------------------
 
@@ -59,6 +59,7 @@ class Estimator(Parametrised):
 
     def _encoded(self, frames: Any) -> Iterator[Hypervectors]:
         """Hypervectors of frames by the trained encoder, a chunk at a time."""
+        self._check_columns(frames)
         if not isinstance(frames, Hypervectors):
             frames = inputs.indexable(frames, self.frame_shape_)
         elif frames.encoder is not self.encoder_:
@@ -79,6 +80,19 @@ class Estimator(Parametrised):
                 inputs.check_shape(part.shape[1:], shape, type(self).__name__)
             given = (part, start) if encoder.numbered else (part,)
             yield Hypervectors(encoder.encode(*given), dimension, encoder, shape)
+
+    def _further(self, frames: Any) -> Any:
+        """More training frames, of the same columns; see :func:`hdc.inputs.source`."""
+        self._check_columns(frames)
+        return inputs.source(frames, getattr(self, "frame_shape_", None))
+
+    def _check_columns(self, frames: Any) -> None:
+        """Raise ValueError for a data frame of other columns, or in another order."""
+        columns = inputs.columns_of(frames)
+        if None not in (columns, self.columns_) and columns != self.columns_:
+            raise ValueError(
+                "frames: expected the columns of training in its order, found others"
+            )
 
     def _check_words(self, words: Hypervectors) -> None:
         """Raise ValueError for hypervectors of another encoder."""

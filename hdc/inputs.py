@@ -77,6 +77,12 @@ def source(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     return frames
 
 
+def columns_of(frames: Any) -> list[str] | None:
+    """Names of the columns of a data frame; None for other frames."""
+    names = getattr(frames, "columns", None)
+    return None if names is None else [*map(str, names)]
+
+
 def check_any(frames: Any) -> None:
     """Raise ValueError for no frames."""
     if len(frames) == 0:

@@ -83,7 +83,7 @@ class HDCRegressor(Saved):
                 not finite.
         """
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
-        frames = inputs.source(frames)
+        columns, frames = inputs.columns_of(frames), inputs.source(frames)
         values = _numbers(y, len(frames))
         _check_enough(frames)
         backend = self._decided(frames)
@@ -92,6 +92,7 @@ class HDCRegressor(Saved):
             words = joined(self._batches(frames, encoder, shape))
             state = readout.fit(words, _table(values))
         self._begin(encoder, shape, words.dimension, backend)
+        self.columns_ = columns
         self._one = values.ndim == 1
         self.readout_, self.state_ = readout, state
         self._recalibrated = False
@@ -107,7 +108,7 @@ class HDCRegressor(Saved):
             ValueError: as :meth:`fit`.
         """
         self._check_is_trained()
-        frames = inputs.source(frames, self.frame_shape_)
+        frames = self._further(frames)
         _check_enough(frames)
         values = _numbers(y, len(frames))
         table = self._more_targets(values)

@@ -206,6 +206,26 @@ def test_images_of_another_shape_are_refused_and_flat_ones_taken():
     assert (HDCClassifier().fit(flat, LABELS).predict(FRAMES) == LABELS).all()
 
 
+# Data frames --------------------------------------------------------------------------------------
+
+
+def test_columns_of_a_data_frame_are_pixels_in_their_order(tmp_path):
+    table = pandas.DataFrame(FRAMES.reshape(60, -1), index=np.linspace(0, 1, 60))
+    other = table[table.columns[::-1]]
+    model = HDCClassifier().fit(table, LABELS)
+    assert (model.p_values(FRAMES) == model.p_values(table)).all()
+    model.save(tmp_path / "m")
+    regressor = HDCRegressor().fit(table, LABELS)
+    for some in (model, HDCClassifier.load(tmp_path / "m"), regressor):
+        more = () if some is regressor else (some.partial_fit,)
+        for call in (some.score, some.recalibrate, *more):
+            with pytest.raises(
+                ValueError, match="the columns of training in its order"
+            ):
+                call(other, LABELS)
+    assert model.fit(other, LABELS).score(other, LABELS) == 1
+
+
 # More than memory holds ---------------------------------------------------------------------------
 
 
