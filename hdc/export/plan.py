@@ -130,9 +130,13 @@ class Plan:
         )
 
 
-def exports(encoder: object, readout: object) -> bool:
-    """Whether a model of these parts can be written as a header."""
-    return type(encoder) in ENCODERS and type(readout) in READOUTS
+def exports(model: object) -> bool:
+    """Whether a model of these parts, trained or not, can be written as a header."""
+    return (
+        isinstance(model, HDCClassifier)
+        and type(model.fresh("encoder")) in ENCODERS
+        and type(model.fresh("readout")) in READOUTS
+    )
 
 
 def _check_exportable(model: Any) -> None:

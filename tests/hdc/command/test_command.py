@@ -24,7 +24,7 @@ def whole(frames):
 
 
 def test_a_frame_is_encoded_once(hdc, folder, monkeypatch):
-    """Whatever is asked of it, by however many folds and read-outs."""
+    """Whatever is asked of it."""
     encoded, plain = [], Median.encode
 
     def encode(self, frames, *rest):
@@ -38,8 +38,6 @@ def test_a_frame_is_encoded_once(hdc, folder, monkeypatch):
         (("predict", "m", folder / "a", *asked, "--proba"), 12),
         (("evaluate", "m", folder, *asked), 36),
         (("recalibrate", "m", folder, "-o", "n"), 36),
-        # Once for all, and anew for the times of the two forms with this encoder.
-        (("compare", folder, "--test", folder), 72 + 2 * 36),
     ):
         encoded.clear()
         assert hdc(*words)[0] == 0
