@@ -10,7 +10,6 @@ import jinja2
 import numpy as np
 
 from hdc.export.plan import Plan
-from hdc.readouts import LDA
 from hdc.rejection import VERSION
 
 MARK = "Made by hdc export"
@@ -37,10 +36,9 @@ def filled(template: str, plan: Plan, **words: object) -> str:
         .get_template(template)
         .render(
             vars(plan),
+            plan=plan,
             N=plan.name.upper(),
             mark=MARK,
-            is_weighted=isinstance(plan.readout, LDA),
-            is_cut=plan.is_cut,
             rejection=VERSION,
             **words,
         )

@@ -34,10 +34,9 @@ PENALTIES = np.logspace(0, 6, 7)
 def cheapest_first(learns_values: bool) -> dict[str, Any]:
     """Untrained models by name: the form without a choice, the baselines, the other forms, and last
     support vectors."""
-    forms = [(", ".join(parts), hdc.HDCClassifier(*parts)) for parts in FORMS]
-    if learns_values:
-        forms = [(", ".join(parts), hdc.HDCRegressor(*parts)) for parts in VALUE_FORMS]
-    first, *others = forms
+    kind: type = hdc.HDCRegressor if learns_values else hdc.HDCClassifier
+    listed = VALUE_FORMS if learns_values else FORMS
+    first, *others = ((", ".join(parts), kind(*parts)) for parts in listed)
     *cheap, machine = baselines(learns_values).items()
     return dict([first, *cheap, *others, machine])
 
