@@ -71,8 +71,13 @@ def paragraph(text: str, start: str = " *") -> str:
     """Lines of a comment, with text that ends none and begins none."""
     printable = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
     safe = printable.replace("*/", "* /").replace("/*", "/ *")
-    lines = textwrap.wrap(safe, WIDTH - 3, break_long_words=False)
-    return f"{start} " + "\n * ".join(lines)
+    return textwrap.fill(
+        safe,
+        WIDTH,
+        initial_indent=f"{start} ",
+        subsequent_indent=" * ",
+        break_long_words=False,
+    )
 
 
 def aligned(text: str, width: int = 0) -> str:

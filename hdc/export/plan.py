@@ -111,16 +111,6 @@ class Plan:
         return cut and len(self.frame_shape) == 2
 
     @property
-    def is_relative(self) -> bool:
-        """Whether pixels are compared with a reference, and not ranked."""
-        return "reference" in self.tables
-
-    @property
-    def is_weighted(self) -> bool:
-        """Whether bits have weights."""
-        return "weights" in self.tables
-
-    @property
     def pixels(self) -> int:
         """Pixels of a frame."""
         return prod(self.frame_shape)
@@ -128,7 +118,8 @@ class Plan:
     @property
     def thresholds(self) -> int:
         """Bits per pixel."""
-        return len(self.tables["numerators" if self.is_relative else "ones"])
+        key = "ones" if "ones" in self.tables else "numerators"
+        return len(self.tables[key])
 
     @property
     def ranked(self) -> int:
@@ -154,7 +145,7 @@ class Plan:
     def scratch_bytes(self) -> int:
         """Bytes of the structure that a prediction works with."""
         total = 8 * (self.words + len(self.classes))
-        if self.is_relative:
+        if "reference" in self.tables:
             return total + 8 * self.thresholds
         total += _COUNTS * self.pixel_bits // 8 + _TURNS
         if "lit" in self.tables:
