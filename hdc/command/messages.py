@@ -33,14 +33,9 @@ def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
 
 def form_line(model: Any, path: Path) -> str:
     """The form and both sizes of a model that was saved."""
-    used, stored = sizes(model, path)
+    used, stored = model.prediction_bytes_, path.stat().st_size
     form = f"{model.encoder}, {model.readout}"
     return f"form: {form}; {used:,} bytes to predict, {stored:,} in the file"
-
-
-def sizes(model: Any, path: Path) -> tuple[int, int]:
-    """Bytes that a prediction needs, and bytes of the file."""
-    return model.prediction_bytes_, path.stat().st_size
 
 
 def whole(recording: Recording) -> str:
@@ -96,27 +91,24 @@ def size(shape: Sequence[int]) -> str:
 
 def with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
     """Names of values, with the unit in brackets where there is one."""
-    if not any(units):
-        return list(names)
     pairs = zip(names, units, strict=True)
     return [f"{name} [{unit}]" if unit else name for name, unit in pairs]
 
 
 def described(model: Any, path: Path) -> dict[str, Any]:
     """Description of a saved model; the last rows say what was trained."""
-    n_used, n_file = sizes(model, path)
     rows: dict[str, Any] = {
         "kind": type(model).__name__,
         "encoder": repr(model.encoder_),
         "readout": repr(model.readout_),
         "frames": size(model.frame_shape_),
-        "bytes to predict": n_used,
-        "bytes of the file": n_file,
+        "bytes to predict": model.prediction_bytes_,
+        "bytes of the file": path.stat().st_size,
         **model.metadata_,
     }
     if hasattr(model, "classes_"):
-        counts = zip(model.classes_, model.counts_, strict=True)
-        rows["classes"] = {str(c): int(n) for c, n in counts}
+        names = map(str, model.classes_.tolist())
+        rows["classes"] = dict(zip(names, model.counts_.tolist(), strict=True))
     return rows
 
 
@@ -176,12 +168,13 @@ def confusions(result: Mapping[str, Any]) -> list[str]:
     """Lines of the table of a score's confusions, a row a true class; none of values."""
     if "classes" not in result:
         return []
-    counts = np.array(result["confusion"])
     names = result["classes"]
-    width = max(len(text) for text in [*names, str(counts.max())])
+    rows = [["", *names]]
+    for name, counts in zip(names, result["confusion"], strict=True):
+        rows.append([name, *map(str, counts)])
+    width = max(len(cell) for row in rows for cell in row)
     found = ["rows are the true classes, columns the predicted ones"]
-    for name, row in [("", names), *zip(names, counts.tolist(), strict=True)]:
-        found.append(
-            " ".join([f"{name:{width}}", *(f"{cell:>{width}}" for cell in row)])
-        )
+    for name, *cells in rows:
+        padded = (cell.rjust(width) for cell in cells)
+        found.append(" ".join([name.ljust(width), *padded]))
     return found

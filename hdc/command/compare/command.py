@@ -63,18 +63,16 @@ def compare(
     published, *_ = models
     if published not in losses:
         raise ValueError(f"{source.path}: expected {published} to learn the frames")
-    forms = {
-        name: own for name, own in losses.items() if hasattr(models[name], "encoder")
-    }
-    chosen = min(forms, key=lambda name: forms[name][0].mean())
+    forms = [name for name in losses if hasattr(models[name], "encoder")]
+    means = {name: [loss.mean() for loss in own] for name, own in losses.items()}
+    chosen = min(forms, key=lambda name: means[name][0])
     form = models[chosen]
     messages.say(
-        *_best_lines(chosen, losses),
+        *_best_lines(chosen, {name: own[-1] for name, own in means.items()}),
         f"Use: hdc train with --encoder {form.encoder} --readout {form.readout}",
-        _gain_line(chosen, published, forms, units, bool(values)),
+        _gain_line(chosen, forms, losses, units, bool(values)),
     )
-    first, *later = (1 - loss.mean() for loss in losses[chosen])
-    if not values and later and first - later[0] > messages.FALL:
+    if not values and means[chosen][-1] - means[chosen][0] > messages.FALL:
         messages.say(messages.DIFFERS)
 
 
@@ -155,28 +153,28 @@ def _about(frames: Recording, n_folds: int, units: splits.Units) -> list[str]:
     ]
 
 
-def _best_lines(chosen: str, losses: judge.Losses) -> list[str]:
-    """The best models of the last test, where they are not the chosen one alone."""
-    last = {name: of_tests[-1].mean() for name, of_tests in losses.items()}
-    best = [name for name, loss in last.items() if loss == min(last.values())]
+def _best_lines(chosen: str, means: Mapping[str, float]) -> list[str]:
+    """The models of the least mean loss, where they are not the chosen one alone."""
+    best = [name for name, loss in means.items() if loss == min(means.values())]
     said = f"Best of the table: {', '.join(best)}. Cross-validation chose {chosen}."
     return [] if best == [chosen] else [said]
 
 
 def _gain_line(
     chosen: str,
-    published: str,
-    forms: judge.Losses,
+    forms: Sequence[str],
+    losses: judge.Losses,
     units: splits.Units,
     is_of_values: bool,
 ) -> str:
-    """The gain of the choice over the published form in the last test, and whether it is clear:
-    over recordings that are known, for frames of one are alike."""
+    """The gain of the choice over the first form in the last test, and whether it is clear: over
+    recordings that are known, for frames of one are alike."""
+    published = forms[0]
     if chosen == published:
         return f"No other form was better than {published} in the folds."
-    # No choice has seen another recording.
-    compared = forms if len(forms[chosen]) == 1 else (published, chosen)
-    last = {name: forms[name][-1] for name in compared}
+    if len(losses[chosen]) > 1:  # no choice has seen another recording
+        forms = [published, chosen]
+    last = {name: losses[name][-1] for name in forms}
     gain = 100 * (last[published].mean() - last[chosen].mean())
     won = f"{gain:+.1f} points of accuracy"
     if is_of_values:
