@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from pathlib import Path, PurePath
 
 import click
@@ -74,12 +75,11 @@ def _table(path: Path) -> list[str]:
 
 def _files(folder: Path) -> list[str]:
     """How many files of each suffix there are, and the first of them."""
-    found: dict[str, list[str]] = {}
-    for file in all_files(folder):
-        found.setdefault(PurePath(file).suffix.lower(), []).append(file)
+    files = all_files(folder)
+    suffixes = [PurePath(file).suffix.lower() for file in files]
     return [
-        f"{len(files)} {suffix or 'other'} files, such as {files[0]}"
-        for suffix, files in sorted(found.items(), key=lambda pair: -len(pair[1]))
+        f"{n} {suffix or 'other'} files, such as {files[suffixes.index(suffix)]}"
+        for suffix, n in Counter(suffixes).most_common()
     ]
 
 

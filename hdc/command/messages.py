@@ -10,6 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
+from hdc.command import printable
 from hdc.readers import Recording, natural_key
 
 FALL = 0.1
@@ -77,11 +78,6 @@ def say(*lines: str) -> None:
     """Print lines, of which a name of a file or a class can hold no code of a terminal."""
     for line in lines:
         click.echo(printable(line))
-
-
-def printable(text: str) -> str:
-    """A name on one line of a table: tabs, line feeds and the like are written as escapes."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def size(shape: Sequence[int]) -> str:

@@ -123,17 +123,14 @@ def _held_out(
     model: Any, frames: Recording, tested: np.ndarray, unit: splits.Units
 ) -> tuple[list[str], dict[str, Any]]:
     """Lines on the frames that were held out, and why they were these; and the accuracy, which is
-    kept with the model. A model of one class is asked how many of them it refuses."""
+    kept with the model. Of one class they say how many are refused."""
     is_of_one = frames.values is None and len(frames.classes) == 1
-    rate = options.RATE if is_of_one else None
-    result = scores.score(model, frames, tested, rate)
+    result = scores.score(model, frames, tested, options.RATE if is_of_one else None)
     first, *others = messages.score_lines(result)
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
     if unit.why:
         lines.append(f"held out {splits.HOW[unit.kind]} because {unit.why}")
-    if is_of_one or frames.values is not None:
-        return lines, {}
-    return lines, {"held_out": result["accuracy"]}
+    return lines, {"held_out": result.get("accuracy")}
 
 
 def _metadata(frames: Recording, window: Window) -> dict[str, Any]:
