@@ -78,8 +78,9 @@ def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
         return {"values": model.predict(words).reshape(len(words), -1)}
     parts = model.predict(words, return_interval=True, alpha=wanted.alpha)
     values, *ends = (part.reshape(len(words), -1) for part in parts)
-    intervals = np.stack(ends, axis=2).astype(object)
-    intervals[np.isinf(ends).transpose(1, 2, 0)] = None
+    found = np.stack(ends, axis=2)
+    intervals = found.astype(object)
+    intervals[np.isinf(found)] = None
     return {"values": values, "intervals": intervals}
 
 

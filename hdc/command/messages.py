@@ -20,7 +20,7 @@ DIFFERS = (
     "recalibrate the model."
 )
 LISTED = 12
-"""Names of classes or sessions that one line shows."""
+"""Classes, sessions, arrays, columns or readings that are shown."""
 
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
@@ -68,10 +68,13 @@ def session_line(recording: Recording, rows: np.ndarray) -> str:
 
 def _counted(names: Sequence[str], different: Sequence[str]) -> str:
     counts = Counter(names)
-    shown = [f"{name} ({counts[name]})" for name in different[:LISTED]]
-    if len(different) > LISTED:
-        shown.append(f"… {len(different)} in all")
-    return ", ".join(shown)
+    return ", ".join(shortened([f"{name} ({counts[name]})" for name in different]))
+
+
+def shortened(items: list[str]) -> list[str]:
+    """The first items of a long list, and how many more there are."""
+    rest = len(items) - LISTED
+    return [*items[:LISTED], f"… {rest} more"] if rest > 0 else items
 
 
 def say(*lines: str) -> None:
