@@ -180,7 +180,7 @@ def _rows(
 
 
 def _own(item: Any, names: Sequence[str]) -> Any:
-    """What a row has of a column, as JSON: by name where there is one for each class or value."""
+    """An item of a column as JSON, by name where there is one for each class or value."""
     if isinstance(item, list):
         return item
     own = item.tolist()

@@ -123,7 +123,7 @@ def _held_out(
     model: Any, frames: Recording, tested: np.ndarray, unit: splits.Units
 ) -> tuple[list[str], dict[str, Any]]:
     """Lines on the frames that were held out, and why they were these; and the accuracy, which is
-    kept with the model. Of one class they say how many are refused."""
+    kept with the model. A model of one class is asked how many of them it refuses."""
     is_of_one = frames.values is None and len(frames.classes) == 1
     result = scores.score(model, frames, tested, options.RATE if is_of_one else None)
     first, *others = messages.score_lines(result)
