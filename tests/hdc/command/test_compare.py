@@ -1,5 +1,6 @@
 """``hdc compare``: its numbers are those of the plain computation."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -190,6 +191,22 @@ def test_a_gain_is_clear_only_over_what_was_recorded_together(hdc):
     out = hdc("compare", "sessions.npz", *words)[1]
     assert "chosen by 10 folds by session" in out
     assert ", a clear gain (p = " in out[-1]
+
+
+def test_a_gain_of_values_is_in_the_error_of_the_constant_baseline(hdc, of_values):
+    out = hdc("compare", of_values, "--column", "depth")[1]
+    errors = {name: float(cells[0]) for name, cells in rows_of(out).items()}
+    depth = np.load(of_values)["values"][:, 0]
+    constant = np.abs(depth - np.median(depth)).mean()
+    best = min(errors, key=lambda name: ("grey" in name, errors[name]))
+    change = 100 * (errors[best] - errors["median, ridge"]) / constant
+    said = re.fullmatch(
+        rf"{best} over median, ridge: (\S+) % of the constant baseline's error, no clear gain "
+        r"\(p = 0\.\d+ of sessions\)\.",
+        out[-1],
+    )
+    assert float(said[1]) == pytest.approx(change, abs=0.1)
+    assert change < 0
 
 
 def test_another_recording_is_tested_and_chooses_nothing(hdc, archive):
