@@ -78,9 +78,9 @@ def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
         return {"values": model.predict(words).reshape(len(words), -1)}
     parts = model.predict(words, return_interval=True, alpha=wanted.alpha)
     values, *ends = (part.reshape(len(words), -1) for part in parts)
-    found = np.stack(ends, axis=2)
-    intervals = found.astype(object)
-    intervals[np.isinf(found)] = None
+    both = np.stack(ends, axis=2)
+    intervals = both.astype(object)
+    intervals[np.isinf(both)] = None
     return {"values": values, "intervals": intervals}
 
 
