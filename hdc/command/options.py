@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from json import loads as json_of
 from pathlib import Path
@@ -69,27 +68,13 @@ output = click.option(
     required=True,
     help="File to write.",
 )
-TRUSTED = "hdc.trusted"
-"""Where the names of ``--trusted`` are kept in the context of a command."""
-
-
-def _keep_trusted(context: click.Context, _: object, names: tuple[str, ...]) -> None:
-    context.meta[TRUSTED] = names
-
-
-def model(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The argument MODEL, and the classes that it may import."""
-    trusted = click.option(
-        "--trusted",
-        multiple=True,
-        expose_value=False,
-        callback=_keep_trusted,
-        metavar="MODULE.CLASS",
-        help="Import this class of your own, which the model names; may be repeated.",
-    )
-    return click.argument("model", type=FILE)(trusted(command))
-
-
+model = click.argument("model", type=FILE)
+trusted = click.option(
+    "--trusted",
+    multiple=True,
+    metavar="MODULE.CLASS",
+    help="Import this class of your own, which the model names; may be repeated.",
+)
 _CIRCULAR = "learn cosine and sine as two columns of the table"
 LEFT = {
     "compare --budget": "rows come cheapest first, and Ctrl-C keeps those that are done",
@@ -102,6 +87,7 @@ LEFT = {
     "compare --test-fraction": "each frame is tested once, or --test names others",
     "compare --json": "hdc evaluate --json writes the accuracy of a model",
     "compare --circular": _CIRCULAR,
+    "evaluate --interval": "hdc predict --interval 0.9 --json shows the sets or intervals",
     "train --circular": _CIRCULAR,
     "train --choose": "hdc compare shows the options of the best form",
     "recalibrate --seed": "each recalibration of a model replaces other bits",

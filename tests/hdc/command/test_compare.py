@@ -1,5 +1,6 @@
 """``hdc compare``: its numbers are those of the plain computation."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -93,17 +94,18 @@ def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
     recording = open_recording(archive if of_classes else of_values)
     frames = recording[:]
     truth = np.array(recording.names) if of_classes else recording.values
-    data, (own,) = judge.prepared(recording)
+    splits, _ = folds(recording)
     listed = candidates.cheapest_first(not of_classes)
     assert plain.keys() <= listed.keys()
     for name, model in listed.items():
-        given, other = frames.reshape(len(frames), -1), plain.get(name)
+        flat, other = frames.reshape(len(frames), -1), plain.get(name)
+        given = flat
         if other is None:
             given, other = frames, library(*name.split(", "))
         answers = np.empty_like(truth)
-        for train, test in folds(recording)[0]:
+        for train, test in splits:
             answers[test] = other.fit(given[train], truth[train]).predict(given[test])
-        found = judge.errors(model, data, own)
+        found = judge.tested(model, flat, truth, splits).errors
         if of_classes:
             assert found[:, 0].tolist() == (answers != truth).tolist(), name
         else:
@@ -112,7 +114,7 @@ def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
 
 def test_errors_of_values_are_weighed_by_those_of_the_constant_baseline():
     values = np.array([[0.0, 5], [1, 5], [9, 5], [2, 5]])
-    assert judge.constant_errors(values).tolist() == [2.5, 1]  # one of equal values
+    assert judge.scale(values).tolist() == [2.5, 1]  # one of equal values
 
 
 def test_a_gain_is_tested_by_whole_units():
@@ -120,7 +122,7 @@ def test_a_gain_is_tested_by_whole_units():
     for units, expected in (
         (np.arange(8), 2**-6),
         (np.arange(8) // 2, 2**-3),
-        (np.zeros(8), 0.5),
+        (np.zeros(8, int), 0.5),
     ):
         p = judge.p_value("new", "old", losses, units)
         assert p == pytest.approx(expected, rel=0.3)
@@ -189,6 +191,22 @@ def test_a_gain_is_clear_only_over_what_was_recorded_together(hdc):
     assert ", a clear gain (p = " in out[-1]
 
 
+def test_a_gain_of_values_is_in_the_error_of_the_constant_baseline(hdc, of_values):
+    out = hdc("compare", of_values, "--column", "depth")[1]
+    errors = {name: float(cells[0]) for name, cells in rows_of(out).items()}
+    depth = np.load(of_values)["values"][:, 0]
+    constant = np.abs(depth - np.median(depth)).mean()
+    best = min(errors, key=lambda name: ("grey" in name, errors[name]))
+    change = 100 * (errors[best] - errors["median, ridge"]) / constant
+    said = re.fullmatch(
+        rf"{best} over median, ridge: (\S+) % of the constant baseline's error, no clear gain "
+        r"\(p = 0\.\d+ of sessions\)\.",
+        out[-1],
+    )
+    assert float(said[1]) == pytest.approx(change, abs=0.1)
+    assert change < 0
+
+
 def test_another_recording_is_tested_and_chooses_nothing(hdc, archive):
     """Its classes are patterns of another sensor: all forms fail, and that is said."""
     other = "tomorrow.npz"
@@ -209,14 +227,14 @@ def test_another_recording_is_tested_and_chooses_nothing(hdc, archive):
 
 
 def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
-    plain = judge.errors
+    plain = judge.tested
 
     def interrupted(model, *rest):
         if getattr(model, "readout", "") == stop:
             raise KeyboardInterrupt
         return plain(model, *rest)
 
-    monkeypatch.setattr(judge, "errors", interrupted)
+    monkeypatch.setattr(judge, "tested", interrupted)
     stop = "neighbours"
     status, out, _ = hdc("compare", archive)
     assert (status, out[-4]) == (0, "interrupted: the rows above are whole")
