@@ -111,8 +111,13 @@ def ask(
     ``axes`` and ``image_column`` of :func:`hdc.readers.open_recording`.
 
     Raises:
-        ValueError: a file cannot be read, or its frames do not fit the model.
+        ValueError: a template or axes where all files are images and videos, a file cannot be read,
+            or its frames do not fit the model.
     """
+    for name in ("template", "axes"):
+        if settings.get(name) and all(_kind(file) in ("", VIDEO) for file in files):
+            expected = "expected a folder or a file of arrays"
+            raise ValueError(f"--{name}: {expected}, found {files[0]}")
     for kind, alike in itertools.groupby(files, _kind):
         for placed in _sources(model, kind, [*alike], window, settings):
             yield from _rows(model, placed, wanted)

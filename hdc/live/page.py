@@ -127,6 +127,7 @@ class Page:
         self.controls()
         ui.label("The model says").classes("heading")
         self._answer = ui.label().classes("answer")
+        self._time = small()
 
     def controls(self) -> None:
         """Controls of the source, of which these have none."""
@@ -196,6 +197,7 @@ class Page:
             text = "none of these" if label is None else label
             for name, distance in view.answer.distances.items():
                 self._show_distance(name, distance)
+            self._time.set_text(f"answered in {1e3 * view.seconds:.1f} ms")
         self._answer.set_text(view.error or text)
         self._answer.style(f"color: {colour(list(counts), label)}")
 

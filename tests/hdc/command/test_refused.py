@@ -38,6 +38,8 @@ def test_what_is_read_is_named_in_one_line(hdc, model, frames, write):
         ("predict r/a/0.png m", "r/a/0.png: expected"),
         ("predict m 'no\n.png'", "no .png: expected a readable file, found none"),
         ("predict m empty", "empty: expected images (.png"),
+        ("predict m r/a/0.png --template {label}/*.png",
+         "--template: expected a folder or a file of arrays, found r/a/0.png"),
         ("predict n r --reject", "--reject: expected a model of classes, found HDCRegressor"),
         ("evaluate r m", "expected a saved model, found what is not a regular file"),
         ("recalibrate m other -o out",
