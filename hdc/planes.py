@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -105,18 +106,12 @@ def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
             total, row = _full_adder(*held)
             waiting[p] = [total]
             p += 1
+    nothing = np.zeros_like(counts[0])
     for p, plane in enumerate(counts):
         # At most three rows wait here: two, and a carry from the plane below.
-        held = waiting[p]
-        if len(held) == 3:
-            plane[:], carry = _full_adder(*held)
-            waiting[p + 1].append(carry)
-        elif len(held) == 2:
-            carry = held[0] & held[1]
-            plane[:] = held[0] ^ held[1]
-            waiting[p + 1].append(carry)
-        elif held:
-            plane[:] = held[0]
+        held = waiting[p] + [nothing] * (3 - len(waiting[p]))
+        plane[:], carry = _full_adder(*held)
+        waiting[p + 1].append(carry)
 
 
 def _sum_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:

@@ -3,14 +3,15 @@
 The paper thresholds a speckle pattern so that 0 and 1 appear with the same probability: q = ½.
 The ones are the pixels above the threshold m, and the first of the pixels equal to m, by one order
 of pixels (:mod:`hdc.encoders.ties`). The bits of several thresholds follow one another: bit t·D + j
-is pixel j at threshold t. Small frames and floats are ordered here. Large frames of integers are
-searched by :mod:`hdc.encoders.thresholds`. :mod:`hdc.compiled` gives equal results.
+is pixel j at threshold t. Small frames are thresholded many at once, and large ones on the CPU one
+after another. :mod:`hdc.compiled` gives equal results.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from fractions import Fraction
 from typing import Any, NamedTuple
@@ -21,15 +22,13 @@ from torch import Tensor
 
 from hdc import backends, bits, inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.thresholds import one_by_one
-from hdc.encoders.ties import in_order
+from hdc.encoders.ties import first_of, in_order
 from hdc.warning import warn
 
 # Pixels of several frames ordered at once, at up to 30 bytes each; a GPU needs more to be busy.
 _STEP, _STEP_ON_GPU = 2**20, 2**25
 _SMALL = 4096
 """Pixels per frame up to which several frames are ordered at once."""
-_BLOCK = 16  # frames that are counted one after another, the bits of each being kept
 _COMPILED = (torch.uint8, torch.uint16, torch.int32)  # types that the kernels take
 Route = Callable[[Tensor, Sequence[int]], tuple[Any, Any, Any]]
 
@@ -161,8 +160,8 @@ def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
     The function takes pixels [B, D] and numbers of ones.
     """
     on_cpu = frames.device.type == "cpu"
-    if on_cpu and n_pixels > _SMALL and not frames.is_floating_point():
-        return _BLOCK, one_by_one
+    if on_cpu and n_pixels > _SMALL:
+        return max(1, len(frames)), one_by_one
     step = _STEP if on_cpu else _STEP_ON_GPU
     return max(1, step // n_pixels), at_once
 
@@ -214,7 +213,7 @@ def at_once(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     elif not pixels.is_floating_point():
         pixels = pixels.long()  # torch does not compare all unsigned types
     n_pixels = pixels.shape[1]
-    places = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
+    places = [n_pixels - 1 - wanted for wanted in ones]
     thresholds = _values_at(pixels, places)
     found = []
     for t, wanted in enumerate(ones):
@@ -244,11 +243,9 @@ def _ones_of(
     equal = pixels == threshold
     n_equal = equal.sum(1)
     missing = wanted - above.sum(1)
-    split = (missing > 0) & (missing < n_equal)
-    if wanted == 0:
-        return above, n_equal, split
+    split = missing > 0
     if not split.any():
-        return above | equal, n_equal, split
+        return above, n_equal, split
     in_order, places = _order_on(pixels.device, pixels.shape[1])
     ties = equal[:, in_order]
     ties &= ties.cumsum(1, dtype=torch.int32) <= missing[:, None]
@@ -259,3 +256,44 @@ def _ones_of(
 def _order_on(device: torch.device, n_pixels: int) -> tuple[Tensor, ...]:
     """:func:`hdc.encoders.ties.in_order` in the memory of a device."""
     return tuple(torch.from_numpy(array).to(device) for array in in_order(n_pixels))
+
+
+# Large frames one after another ------------------------------------------------------------------
+
+
+def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
+    """:func:`at_once` for large frames on the CPU."""
+    n, n_pixels = pixels.shape
+    mask = np.empty((len(ones), n_pixels), np.bool_)
+    words = []
+    n_equal = np.empty((n, len(ones)), np.int64)
+    missing = np.empty_like(n_equal)
+    for i, image in enumerate(pixels.numpy()):
+        for t, threshold in enumerate(_thresholds(image, ones)):
+            np.greater(image, threshold, out=mask[t])
+            equal = np.flatnonzero(image == threshold)
+            n_equal[i, t] = len(equal)
+            missing[i, t] = ones[t] - np.count_nonzero(mask[t])
+            if missing[i, t]:
+                mask[t, first_of(equal, missing[i, t], n_pixels)] = True
+        words.append(bits.pack(torch.from_numpy(mask).flatten()))
+    return torch.stack(words), n_equal, missing > 0
+
+
+def _thresholds(image: np.ndarray, ones: Sequence[int]) -> Sequence[Any]:
+    """For each number of ones, the least pixel of an image [D] with at most as many above it."""
+    if image.itemsize > 2:
+        places = [len(image) - 1 - wanted for wanted in ones]
+        return np.partition(image, places)[places]  # type: ignore[no-any-return]
+
+    @functools.cache
+    def n_above(value: int) -> int:
+        return np.count_nonzero(image > value)
+
+    # Counting a few times takes less time than ordering the pixels.
+    least, most = int(image.min()), int(image.max())
+    found = []
+    for wanted in ones:
+        place = bisect_left(range(least, most), -wanted, key=lambda x: -n_above(x))
+        found.append(least + place)
+    return found

@@ -23,8 +23,6 @@ from hdc.tensors import checked
 FRACTION = 16  # bits after the point of a standardised pixel
 _STEPS = 2.0**FRACTION
 LARGEST = 18  # bits that floating-point pixels are scaled to
-# Smaller pixels are rounded to 0.
-_POWERS = [2.0**k for k in range(-2, LARGEST + 1)]
 EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
 GIVEN = "given"
 """Stands in a file for a reference frame that the user gave."""
@@ -200,10 +198,8 @@ def integers(pixels: Tensor, first: int) -> Tensor:
     values = values - (halves[0] + halves[1])
     mantissas, exponents = torch.frexp(values)
     _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
-    # Powers of two from a table, since torch computes them in 32 bits, up to 2¹²⁷.
-    powers = torch.tensor(_POWERS, dtype=torch.float64, device=values.device)
-    last = len(_POWERS) - 1
-    # A zero has the exponent 0, whatever the other pixels are.
-    places = (exponents - largest + last).clamp(min=0, max=last).long()
-    scaled = mantissas * powers[places]
+    # A zero has the exponent 0, whatever the other pixels are; pixels below 1/4 are rounded to 0.
+    exponents = (exponents - largest + LARGEST).clamp(-2, LARGEST)
+    # By shifts, since torch computes powers of two in 32 bits.
+    scaled = mantissas * (1 << (exponents.long() + 2)) / 4
     return scaled.round().to(torch.int64)

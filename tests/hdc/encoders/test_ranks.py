@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from hdc import bits
-from hdc.encoders import Levels, Median, Quantile, ranks, thresholds
+from hdc.encoders import Levels, Median, Quantile, ranks
 from tests.hdc.own import KERNELS, by
 
 pytestmark = [
@@ -61,19 +61,13 @@ def brightest(frames, quantile="1/2"):
 
 
 def by_every_route(monkeypatch, frames, encoder):
-    """Words and ties: by kernels, many frames at once, one after another by samples as wrong as can
-    be."""
+    """Words and ties: by kernels, many frames at once, one after another."""
     images = torch.from_numpy(frames)
-    d = images.shape[1:].numel()
     if KERNELS and images.dtype in ranks._COMPILED:
         yield by("compiled", ranks.encode_ranks, images, encoder.quantiles)
-    for places in (thresholds._sampled(d), np.zeros(1, int), np.full(5, d - 1)):
-        monkeypatch.setattr(thresholds, "_sampled", lambda _, places=places: places)
-        for route in ((5, ranks.at_once), (16, ranks.one_by_one)):
-            if route[1] is ranks.one_by_one and images.is_floating_point():
-                continue
-            monkeypatch.setattr(ranks, "route_of", lambda *_, route=route: route)
-            yield ranks.encode_ranks(images, encoder.quantiles)
+    for route in ((5, ranks.at_once), (16, ranks.one_by_one)):
+        monkeypatch.setattr(ranks, "route_of", lambda *_, route=route: route)
+        yield ranks.encode_ranks(images, encoder.quantiles)
 
 
 def assert_brightest(encoder, frames, monkeypatch):
