@@ -172,6 +172,12 @@ def dot(counts: Tensor, n: Tensor, words: Tensor, dimension: int) -> Tensor:
     return 2 * ((largest - n) * ones - distances) + n * dimension
 
 
+def shifted_dot(weights: Tensor, shift: int, words: Tensor, dimension: int) -> Tensor:
+    """(2v − 1)·q of queries v and whole weights q, bit-sliced as q + shift: int64 [Q, L]."""
+    n = torch.full((len(weights),), 2 * shift)
+    return dot(weights, n, words, dimension) // 2
+
+
 def _weighted_hamming(words: Tensor, counts: Tensor) -> Tensor:
     """Σ_p 2^p Ham(v, b_p) of queries [Q, W] and planes [L, P, W]: int64 [Q, L]."""
     n_classes, n_planes, width = counts.shape

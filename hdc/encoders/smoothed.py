@@ -148,7 +148,7 @@ def _along(images: Tensor, weights: tuple[int, ...], axis: int) -> Tensor:
     """Weighted sums along an axis of images int64 [N, H, W]."""
     n = images.shape[axis]
     reach = len(weights) // 2
-    around = np.pad(np.arange(n), reach, mode="reflect")
+    around = np.pad(np.arange(n), reach, "reflect")
     padded = images.index_select(axis, torch.from_numpy(around).to(images.device))
     total = torch.zeros_like(images)
     for k, weight in enumerate(weights):

@@ -91,7 +91,7 @@ MUTANTS = {
     "a level less": (Levels, "quantiles", fewer_levels, "Levels, a rising frame of 65"),
     "without the sign": (relative, "standardised", after(abs), "Reference, 65 pixels"),
     "edges repeated, not mirrored": (
-        smoothed, "_mirrored", after(lambda places: places.roll(1)),
+        smoothed.np, "pad", before(lambda places, reach, _: (places, reach, "symmetric")),
         "Smoothed image of 5 × 13 pixels"),
     "a word left out": (
         bits, "hamming", before(lambda a, b, *rest: (a[..., 1:], b[..., 1:], *rest)),
