@@ -117,7 +117,7 @@ def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
     known = prototypes.contiguous().numpy()
     kernels = backends.in_use.get()
     if kernels:
-        return torch.from_numpy(kernels.hamming(asked, known))
+        return torch.from_numpy(kernels.weighted_hamming(asked, known[:, None]))
     return torch.from_numpy(_hamming_by_numpy(asked, known))
 
 
@@ -274,8 +274,8 @@ def majority(words: Tensor, ties: str = "zero") -> Tensor:
     _check_words("majority", words)
     if len(words) == 0:
         raise ValueError("majority: expected at least one hypervector, found none")
-    counts = planes.vertical_sum(words)
-    return planes.majority(counts, len(words), ties)
+    of_one_class = torch.zeros(len(words), dtype=torch.int64)
+    return planes.majorities(*planes.counted(words, of_one_class, 1), ties)[0]
 
 
 def random_hypervector(

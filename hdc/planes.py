@@ -24,14 +24,6 @@ TIES = ("zero", "one")
 _UNPACKED = 2**25  # bits at a time, at 8 bytes each, that a GPU adds up
 
 
-def vertical_sum(words: Tensor) -> Tensor:
-    """Count the ones of each bit position: int64 [N, W] → planes [P, W], P = bit length of N."""
-    n, width = words.shape
-    counts = words.new_zeros(max(1, n.bit_length()), width)
-    count_into(counts, words, range(n))
-    return counts
-
-
 def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
     """Add the ones of some rows of words [N, W] to counters [P, W], in place.
 
@@ -75,6 +67,12 @@ def count_classes(
             count_into(counts[c], words, order[start : start + n_c].tolist())
             start += n_c
     return counts, n
+
+
+def counted(words: Tensor, rows: Tensor, n_classes: int) -> tuple[Tensor, Tensor]:
+    """:func:`count_classes` into counters of L classes that begin with zero."""
+    none = words.new_zeros(n_classes, 1, words.shape[1])
+    return count_classes(none, torch.zeros(n_classes, dtype=torch.int64), words, rows)
 
 
 def with_room(counts: Tensor, n: int) -> Tensor:

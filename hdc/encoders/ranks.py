@@ -14,7 +14,7 @@ import math
 from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -29,7 +29,8 @@ from hdc.warning import warn
 _STEP, _STEP_ON_GPU = 2**20, 2**25
 _SMALL = 4096
 """Pixels per frame up to which several frames are ordered at once."""
-_COMPILED = (torch.uint8, torch.uint16, torch.int32)  # types that the kernels take
+COMPILED = (torch.uint8, torch.uint16, torch.int32)
+"""Types that the kernels take."""
 Route = Callable[[Tensor, Sequence[int]], tuple[Any, Any, Any]]
 
 
@@ -71,19 +72,25 @@ class RankEncoder(Encoder):
             ValueError: for another shape, no pixels, or pixels that are not finite.
             TypeError: for a dtype that has no order (bool, complex).
         """
-        words, ties = encode_ranks(frames, self.quantiles, first)
-        self._warn_of(ties, frames.shape[1:].numel(), first)
+        inputs.check_frames(frames)
+        n_pixels = frames.shape[1:].numel()
+        words, n_equal, split = encode_ranks(frames, self.ones(n_pixels), first)
+        constant = n_equal[:, 0] == n_pixels
+        if constant.any():
+            warn_of_constant(np.flatnonzero(constant).tolist(), first)
+        tied = n_equal[split & ~constant[:, None]]
+        self._warn_of_ties(tied.max(initial=0) / n_pixels)
         return words
 
     def ones(self, n_pixels: int) -> list[int]:
-        """How many of n_pixels become ones, for each quantile."""
-        return numbers_of_ones(self.quantiles, n_pixels)
+        """How many of n_pixels become ones, ⌊(1 − q)·D⌋ for each quantile q."""
+        return [
+            (q.denominator - q.numerator) * n_pixels // q.denominator
+            for q in self.quantiles
+        ]
 
-    def _warn_of(self, ties: Ties, n_pixels: int, first: int) -> None:
-        """Warn of constant frames, by index, and once of frames with many ties."""
-        if ties.constant:
-            warn_of_constant(ties.constant, first)
-        share = ties.most / n_pixels
+    def _warn_of_ties(self, share: float) -> None:
+        """Warn once of a frame that has this share of its pixels on both sides of a cut."""
         if share <= self.tied_share or self._warned:
             return
         self._warned = True
@@ -93,54 +100,32 @@ class RankEncoder(Encoder):
         )
 
 
-class Ties(NamedTuple):
-    """Ties and constant frames found by a call of :func:`encode_ranks`.
-
-    Attributes:
-        constant: indices of frames whose pixels are all equal.
-        most: largest number of pixels of a frame that equal a threshold of which only some became
-            ones; constant frames are not counted.
-    """
-
-    constant: list[int]
-    most: int
-
-
 def encode_ranks(
-    frames: Tensor, quantiles: Sequence[Fraction], first: int = 0
-) -> tuple[Tensor, Ties]:
-    """Hypervectors of frames, int64 [N, ⌈T·D/64⌉] for T quantiles, and their ties.
+    frames: Tensor, ones: Sequence[int], first: int = 0
+) -> tuple[Tensor, np.ndarray, np.ndarray]:
+    """Hypervectors of frames, for T numbers of pixels that become ones.
 
     Arguments and errors as in :meth:`RankEncoder.encode`.
+
+    Returns:
+        Words int64 [N, ⌈T·D/64⌉], how many pixels equal each threshold, int64 [N, T], and whether
+        only some of them became ones.
     """
-    inputs.check_frames(frames)
     n = len(frames)
     n_pixels = frames.shape[1:].numel()
-    ones = numbers_of_ones(quantiles, n_pixels)
-    width = bits.words_for(len(ones) * n_pixels)
-    if n == 0:
-        return frames.new_empty((0, width), dtype=torch.int64), Ties([], 0)
     kernels = backends.in_use.get()
-    if kernels and frames.dtype in _COMPILED:
-        words = torch.empty(n, width, dtype=torch.int64)
+    if kernels and frames.dtype in COMPILED:
+        width = bits.words_for(len(ones) * n_pixels)
+        packed = torch.empty(n, width, dtype=torch.int64)
         images = frames.reshape(n, n_pixels).numpy()
-        equal, split = kernels.encode(images, words.numpy(), ones)
-        return words, ties_of(equal, split, n_pixels)
+        return packed, *kernels.encode(images, packed.numpy(), ones)
     step, route = route_of(frames, n_pixels)
     found = []
-    for start in range(0, n, step):
+    for start in range(0, max(1, n), step):
         pixels = _pixels(frames[start : start + step], first + start)
         found.append(map(torch.as_tensor, route(pixels, ones)))
-    words, equal, split = (torch.cat(part) for part in zip(*found, strict=True))
-    counts = equal.numpy(force=True), split.numpy(force=True)
-    return words, ties_of(*counts, n_pixels)
-
-
-def numbers_of_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
-    """⌊(1 − q)·D⌋ for each quantile q."""
-    return [
-        (q.denominator - q.numerator) * n_pixels // q.denominator for q in quantiles
-    ]
+    words, n_equal, split = (torch.cat(part) for part in zip(*found, strict=True))
+    return words, n_equal.numpy(force=True), split.numpy(force=True)
 
 
 def warn_of_constant(constant: Sequence[int], first: int) -> None:
@@ -166,17 +151,9 @@ def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
     return max(1, step // n_pixels), at_once
 
 
-def ties_of(equal: np.ndarray, split: np.ndarray, n_pixels: int) -> Ties:
-    """Ties, from the counts and flags [N, T] of :func:`at_once`."""
-    constant = equal[:, 0] == n_pixels
-    counted = equal[split & ~constant[:, None]]
-    most = int(counted.max(initial=0))
-    return Ties(np.flatnonzero(constant).tolist(), most)
-
-
 def _pixels(frames: Tensor, first: int) -> Tensor:
     """Pixels [B, D] of some frames, checked to be finite, in a type that numpy can compare."""
-    pixels = frames.detach().reshape(len(frames), -1)
+    pixels = frames.detach().flatten(1)
     if not pixels.is_floating_point():
         return pixels
     if pixels.dtype not in (torch.float32, torch.float64):
@@ -187,6 +164,8 @@ def _pixels(frames: Tensor, first: int) -> Tensor:
 
 def check_finite(pixels: Tensor, first: int) -> None:
     """Raise ValueError, naming the frame, for floats [B, D] that are not finite."""
+    if len(pixels) == 0:
+        return
     # On the CPU by numpy: waking torch's threads may take longer than the frame.
     values = pixels.detach().numpy() if pixels.device.type == "cpu" else pixels
     if math.isfinite(values.min()) and math.isfinite(values.max()):  # NaN is found, too
@@ -205,8 +184,7 @@ def at_once(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     """Threshold pixels [B, D] on any device, so that T numbers of pixels become ones.
 
     Returns:
-        Words int64 [B, ⌈T·D/64⌉], how many pixels equal each threshold, [B, T], and whether only
-        some of them became ones.
+        As :func:`encode_ranks`.
     """
     if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
         pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
@@ -233,7 +211,7 @@ def _values_at(pixels: Tensor, places: list[int]) -> Tensor:
 def _ones_of(
     pixels: Tensor, threshold: Tensor, wanted: int
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Mask [B, D] of the pixels that become ones, and the two results of :func:`at_once`, [B].
+    """Mask [B, D] of the pixels that become ones, and the two other results, [B].
 
     Args:
         pixels, threshold: [B, D] and [B, 1].
@@ -265,7 +243,7 @@ def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     """:func:`at_once` for large frames on the CPU."""
     n, n_pixels = pixels.shape
     mask = np.empty((len(ones), n_pixels), np.bool_)
-    words = []
+    words = torch.empty(n, bits.words_for(mask.size), dtype=torch.int64)
     n_equal = np.empty((n, len(ones)), np.int64)
     missing = np.empty_like(n_equal)
     for i, image in enumerate(pixels.numpy()):
@@ -276,8 +254,8 @@ def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
             missing[i, t] = ones[t] - np.count_nonzero(mask[t])
             if missing[i, t]:
                 mask[t, first_of(equal, missing[i, t], n_pixels)] = True
-        words.append(bits.pack(torch.from_numpy(mask).flatten()))
-    return torch.stack(words), n_equal, missing > 0
+        words[i] = bits.pack(torch.from_numpy(mask).flatten())
+    return words, n_equal, missing > 0
 
 
 def _thresholds(image: np.ndarray, ones: Sequence[int]) -> Sequence[Any]:
