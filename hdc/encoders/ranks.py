@@ -258,15 +258,15 @@ def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     return words, n_equal, missing > 0
 
 
-def _thresholds(image: np.ndarray, ones: Sequence[int]) -> Sequence[Any]:
+def _thresholds(image: np.ndarray, ones: Sequence[int]) -> list[Any]:
     """For each number of ones, the least pixel of an image [D] with at most as many above it."""
     if image.itemsize > 2:
         places = [len(image) - 1 - wanted for wanted in ones]
-        return np.partition(image, places)[places]  # type: ignore[no-any-return]
+        return np.partition(image, places)[places].tolist()
 
     @functools.cache
     def n_above(value: int) -> int:
-        return np.count_nonzero(image > value)
+        return int(np.count_nonzero(image > value))
 
     # Counting a few times takes less time than ordering the pixels.
     least, most = int(image.min()), int(image.max())
