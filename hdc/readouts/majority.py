@@ -280,7 +280,7 @@ class Majority(Counting):
 
 
 def _where(mask: Tensor, ones: Tensor, zeros: Tensor) -> Tensor:
-    """The bits of `ones` where those of a mask are one, and of `zeros` elsewhere."""
+    """Bits of `ones` at the ones of a mask, and of `zeros` at its zeros."""
     return zeros ^ ((zeros ^ ones) & mask)
 
 
