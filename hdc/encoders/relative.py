@@ -8,23 +8,21 @@ from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import Any, ClassVar, Self
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import backends, inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.ranks import check_finite, warn_of_constant
+from hdc.encoders.ranks import COMPILED, check_finite, warn_of_constant
 from hdc.tensors import checked
 
 FRACTION = 16  # bits after the point of a standardised pixel
 _STEPS = 2.0**FRACTION
 LARGEST = 18  # bits that floating-point pixels are scaled to
-# Smaller pixels are rounded to 0.
-_POWERS = [2.0**k for k in range(-2, LARGEST + 1)]
+_GREYS = (torch.uint8, torch.uint16)
 EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
 GIVEN = "given"
 """Stands in a file for a reference frame that the user gave."""
@@ -90,22 +88,18 @@ class RelativeEncoder(Encoder):
         """
         inputs.check_any(frames)
         total: Any = 0
-        step = _frames_at_a_time(frames)
-        for start in range(0, len(frames), step):
-            part = inputs.tensor(frames[start : start + step])
-            values = standardised(part, start)
+        for start, part in _in_parts(frames):
+            values = standardised(inputs.tensor(part), start)
             total = total + values.sum(0, dtype=torch.int64)
         self.reference_ = (total // len(frames)).to(torch.int32)
         return self
 
     def encode(self, frames: Tensor, first: int = 0) -> Tensor:
         """Hypervectors of the differences; see :meth:`hdc.encoders.ranks.RankEncoder.encode`."""
-        reference = self._in_range(frames[:1].numel()).to(frames.device)
+        reference = self._in_range(frames.shape[1:].numel()).to(frames.device)
         constant: list[int] = []
         words = []
-        step = _frames_at_a_time(frames)
-        for start in range(0, max(1, len(frames)), step):
-            part = frames[start : start + step]
+        for start, part in _in_parts(frames):
             values = standardised(part, first + start)
             flat = (values[:, 0] == 0).nonzero().flatten()  # of few frames
             flat = flat[~values[flat].any(1)]
@@ -121,8 +115,6 @@ class RelativeEncoder(Encoder):
         Flipped bits of a damaged memory cause such values.
         """
         values = self.reference_
-        if len(values) == 0:
-            return values
         most = _largest(n_pixels)
         return torch.where((values >= -most) & (values <= most), values, 0)
 
@@ -146,10 +138,13 @@ def _largest(n_pixels: int) -> int:
     return 2**FRACTION * (math.isqrt(n_pixels) + 1)
 
 
-def _frames_at_a_time(frames: Any) -> int:
+def _in_parts(frames: Any) -> Iterator[tuple[int, Any]]:
+    """Frames, some at a time, each part with the index of its first; once for no frame."""
     many = backends.in_use.get() or getattr(frames, "is_cuda", False)
     n_pixels = math.prod(frames.shape[1:])
-    return max(1, (_STEP_OF_MANY if many else _STEP) // max(1, n_pixels))
+    step = max(1, (_STEP_OF_MANY if many else _STEP) // max(1, n_pixels))
+    for start in range(0, max(1, len(frames)), step):
+        yield start, frames[start : start + step]
 
 
 # Standardised frames ------------------------------------------------------------------------------
@@ -166,20 +161,26 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
     inputs.check_frames(frames)
     flat = frames.flatten(1)
     n_pixels = flat.shape[1]
-    kernels = backends.in_use.get()
-    if kernels and flat.dtype in (torch.uint8, torch.uint16):
-        images = flat.numpy()
-        totals, squares = kernels.sums(images).T
-        deviations = _deviations(totals, squares, n_pixels)
-        divisors = np.array(deviations, np.float64)
-        steps = kernels.in_steps(images, totals.astype(float), divisors, _STEPS)
-        return torch.from_numpy(steps)
-    pixels = integers(flat, first)
-    sums = pixels.sum(1)
-    deviations = _deviations(sums, (pixels * pixels).sum(1), n_pixels)
+    pixels = flat if flat.dtype in _GREYS else integers(flat, first)
+    sums, squares = moments(pixels)
+    deviations = _deviations(sums, squares, n_pixels)
     deviation = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
+    kernels = backends.in_use.get()
+    if kernels and pixels.dtype in _GREYS:
+        given = pixels.numpy(), sums.double().numpy(), deviation.numpy()
+        return torch.from_numpy(kernels.in_steps(*given, _STEPS))
     values = pixels.double().mul_(n_pixels).sub_(sums[:, None])  # in place, still whole
     return values.mul_(_STEPS).div_(deviation[:, None]).floor_().to(torch.int32)
+
+
+def moments(values: Tensor) -> tuple[Tensor, Tensor]:
+    """Sums of integers [N, D] and of their squares: int64 [N] each."""
+    kernels = backends.in_use.get()
+    if kernels and values.dtype in COMPILED:
+        sums, squares = torch.from_numpy(kernels.sums(values.numpy())).T
+        return sums, squares
+    values = values.long()
+    return values.sum(1), (values * values).sum(1)
 
 
 def _deviations(sums: Any, squares: Any, n_pixels: int) -> list[int]:
@@ -193,17 +194,14 @@ def integers(pixels: Tensor, first: int) -> Tensor:
     if pixels.dtype in EXACT:
         return pixels.to(torch.int64)
     values = pixels.double()
-    if len(values):
-        check_finite(values, first)
+    check_finite(values, first)
     # The middle, not the mean: machines round sums of floats differently.
     halves = values.amin(1, keepdim=True) / 2, values.amax(1, keepdim=True) / 2
     values = values - (halves[0] + halves[1])
     mantissas, exponents = torch.frexp(values)
     _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
-    # Powers of two from a table, since torch computes them in 32 bits, up to 2¹²⁷.
-    powers = torch.tensor(_POWERS, dtype=torch.float64, device=values.device)
-    last = len(_POWERS) - 1
-    # A zero has the exponent 0, whatever the other pixels are.
-    places = (exponents - largest + last).clamp(min=0, max=last).long()
-    scaled = mantissas * powers[places]
+    # A zero has the exponent 0, whatever the other pixels are; pixels below 1/4 are rounded to 0.
+    exponents = (exponents - largest + LARGEST).clamp(-2, LARGEST)
+    # By shifts, since torch computes powers of two in 32 bits.
+    scaled = mantissas * (1 << (exponents.long() + 2)) / 4
     return scaled.round().to(torch.int64)
