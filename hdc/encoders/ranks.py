@@ -22,7 +22,7 @@ from torch import Tensor
 
 from hdc import backends, bits, inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.ties import first_of, in_order
+from hdc.encoders.ties import count_ones, first_ties, in_order
 from hdc.warning import warn
 
 # Pixels of several frames ordered at once, at up to 30 bytes each; a GPU needs more to be busy.
@@ -247,23 +247,39 @@ def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     """
     images = pixels.numpy()
     n, n_pixels = images.shape
-    mask = np.empty((len(ones), n_pixels), np.bool_)
-    words = np.zeros((n, bits.words_for(mask.size)), np.int64)
+    words = np.zeros((n, bits.words_for(len(ones) * n_pixels)), np.int64)
     n_equal = np.empty((n, len(ones)), np.int64)
     missing = np.empty_like(n_equal)
+    above, equal = np.zeros((2, bits.words_for(n_pixels)), np.int64)
     thresholds: list[Any] = [0] * len(ones)
     for i, image in enumerate(images):
         thresholds = _thresholds(image, ones, thresholds)
         for t, threshold in enumerate(thresholds):
-            np.greater(image, threshold, out=mask[t])
-            equal = np.flatnonzero(image == threshold)
-            n_equal[i, t] = len(equal)
-            missing[i, t] = ones[t] - np.count_nonzero(mask[t])
-            if missing[i, t]:
-                mask[t, first_of(equal, missing[i, t], n_pixels)] = True
-        packed = np.packbits(mask, bitorder="little")
-        words.view(np.uint8)[i, : len(packed)] = packed
-    return words, n_equal, missing > 0
+            _pack(image > threshold, above)
+            _pack(image == threshold, equal)
+            n_equal[i, t] = count_ones(equal)
+            missing[i, t] = ones[t] - count_ones(above)
+            first = first_ties(equal, n_equal[i, t], missing[i, t])
+            _put(above | first, words[i], t * n_pixels)
+    return words, n_equal, (missing > 0) & (missing < n_equal)
+
+
+def _pack(mask: np.ndarray, words: np.ndarray) -> None:
+    """Write the bits of a mask to words int64 [W]; the bits beyond it stay zero."""
+    packed = np.packbits(mask, bitorder="little")
+    words.view(np.uint8)[: len(packed)] = packed
+
+
+def _put(words: np.ndarray, row: np.ndarray, start: int) -> None:
+    """Write the bits of words [W] into a row [W′] of zeros, from bit `start` on."""
+    place, shift = divmod(start, bits.WORD)
+    row = row[place:].view(np.uint64)
+    given = words.view(np.uint64)
+    row[: len(given)] |= given << np.uint64(shift)
+    if shift:
+        above = given >> np.uint64(bits.WORD - shift)
+        room = row[1 : len(given) + 1]
+        room |= above[: len(room)]
 
 
 def _thresholds(
