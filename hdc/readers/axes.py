@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from hdc.readers.files import Ambiguous, SettingError, wrong
-from hdc.readers.recording import Window, check_finite
+from hdc.readers.recording import check_finite
+from hdc.readers.settings import Window
 
 INSIDE = ("height", "width", "channel", "feature")
 """Axes of one frame; channels are grey, or red, green and blue."""

@@ -108,7 +108,7 @@ def test_what_names_do_not_say_is_said_by_the_files(tmp_path, write_film):
     ],
 )  # fmt: skip
 def test_templates_are_suggested_by_names(files, expected):
-    assert suggested(files) == expected
+    assert suggested(files, ("{label}", "{session}")) == expected
 
 
 def test_files_without_a_template_and_one_of_other_frames_are_named(gathered):
