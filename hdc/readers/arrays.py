@@ -34,7 +34,7 @@ def open_frames(path: Path, asked: Asked) -> Recording:
     store = load(path)
     name = _frames_name(path, store, asked)
     array = store.arrays[name]
-    _check_pixels(path, name, array, asked.axes)
+    _check_pixels(f"{path}[{name}]", array)
     arrays = beside(path, store, asked, name)
     columns, notes = _table(path, arrays, asked)
     axes = asked.axes or store.axes.get(name)
@@ -55,15 +55,14 @@ def open_frames(path: Path, asked: Asked) -> Recording:
             check_learnt(path, store, columns, array.shape)
     else:
         _check_rows(columns, n)
-    read = asked.dataset, tuple(axes)
     as_read = f"{path.name}[{name}] {tuple(array.shape)} as {', '.join(axes)}"
     return Recording.of(
         columns,
         frames,
         asked,
-        lambda: _digest(path, *read),
+        lambda: repr((file_digest(path), asked.dataset, tuple(axes))),
         values=asked.values,
-        notes=(as_read, *store.note(), *notes),
+        notes=(as_read, *store.notes(), *notes),
         image_shape=frames.size,
     )
 
@@ -97,13 +96,6 @@ def _check_rows(columns: Columns, n: int) -> None:
         )
 
 
-def _digest(path: Path, dataset: str, axes: tuple[str, ...]) -> str:
-    """That of the file, and of how it was read where that is not as usual."""
-    own = file_digest(path)
-    usual = axes[-2:] == ("height", "width") or axes[-1] == "feature"
-    return own if usual and not dataset else repr((own, (dataset, axes)))
-
-
 def _frames_name(path: Path, store: Store, asked: Asked) -> str:
     """The array that holds the frames."""
     dataset = asked.dataset
@@ -129,9 +121,9 @@ def _no_frames(path: Path, store: Store, dataset: str) -> ValueError:
     listed = ", ".join(f"{name} {tuple(array.shape)}" for name, array in arrays)
     if dataset:
         return SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
+    found = "; ".join([listed or "none", *store.notes()])
     return ValueError(
-        f"{path}: expected an array of frames [N, H, W] or [N, D], found "
-        f"{listed or 'none'}{store.advice()}"
+        f"{path}: expected an array of frames [N, H, W] or [N, D], found {found}"
     )
 
 
@@ -146,13 +138,9 @@ def _stacks(store: Store, axes: Sequence[str] | None) -> list[str]:
     return stacks or tables
 
 
-def _check_pixels(
-    path: Path, name: str, array: Any, axes: Sequence[str] | None
-) -> None:
-    shape, kind = tuple(array.shape), array.dtype
-    if 0 in shape or len(shape) < (2 if axes is None else 1):
-        text = f"{path}[{name}]: expected shape [N, H, W] or [N, D], found {shape}"
-        one = len(shape) == 1 and shape[0] > 1
-        raise ValueError(f"{text}; --axes feature reads one frame" if one else text)
-    if kind.kind not in "uif" or kind.itemsize > 8:
-        raise ValueError(f"{path}[{name}]: expected integers or floats, found {kind}")
+def _check_pixels(place: str, array: Any) -> None:
+    kind, shape = array.dtype, tuple(array.shape)
+    if kind.kind not in "uif" or kind.itemsize > 8 or 0 in shape:
+        raise ValueError(
+            f"{place}: expected frames of integers or floats, found {kind} {shape}"
+        )

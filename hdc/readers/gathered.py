@@ -114,11 +114,9 @@ def _joined(
     """The frames of files or arrays of one kind, with what their names and files say."""
     for (where, _), part in zip(rows, parts, strict=True):
         _check_part(where, part, parts[0], asked)
-    frames, sizes = _Frames(parts), {*map(len, parts)}
-    each = " to ".join(f"{size}" for size in sorted({min(sizes), max(sizes)}))
-    unit = "frame" if each == "1" else "frames"
+    frames = _Frames(parts)
     columns, notes = _columns(root, rows, parts, frames.file)
-    has_groups = "group" in rows[0][1] or sizes == {1}
+    has_groups = "group" in rows[0][1] or len(frames.file) == len(parts)
     return Recording.of(
         columns,
         frames,
@@ -126,15 +124,15 @@ def _joined(
         lambda: repr([part.digest() for part in parts]),
         values=asked.values or (),
         parts=None if has_groups else frames.file,
-        notes=(f"{len(parts)} {kind} of {each} {unit}", *notes, *parts[0].notes),
+        notes=(f"{len(parts)} {kind}", *notes, *parts[0].notes),
         image_shape=parts[0].image_shape,
         **settings,
     )
 
 
 def _check_part(where: str, part: Recording, first: Recording, asked: Asked) -> None:
-    """Raise a BadFrame for other frames than those of the first file or array, and an Ambiguous for
-    a table of numbers of which nothing says whether it is one frame."""
+    """Raise a BadFrame for frames unlike the frames of the first part, and an Ambiguous for a table
+    of numbers of which nothing says whether it is one frame."""
     wanted, found = (f"frames {one.frame_shape} {one.dtype}" for one in (first, part))
     if found != wanted:
         raise BadFrame(f"{where}: expected {wanted} as in the first, found {found}")

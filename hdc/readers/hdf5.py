@@ -95,12 +95,8 @@ def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
     """Rows of characters, or a cell array of them; None of other cells."""
     rows: Any = np.atleast_2d(item[()].T)
     if kind == b"cell":
-        found = (h5py.h5r.dereference(cell, item.id) for cell in rows.flat)
-        cells = [
-            h5py.Dataset(one) for one in found if isinstance(one, h5py.h5d.DatasetID)
-        ]
-        if len(cells) < rows.size:
-            return None
+        file = item.file
+        cells = [file[reference] for reference in rows.flat]
         if any(cell.attrs.get("MATLAB_class") != b"char" for cell in cells):
             return None
         rows = [cell[()].ravel() for cell in cells]

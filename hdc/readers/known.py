@@ -48,7 +48,7 @@ def beside(path: Path, store: Store, asked: Asked, frames: str) -> dict[str, Any
 
 
 def _of_group(found: Mapping[str, Any], group: str, frames: str) -> dict[str, Any]:
-    """What is in the same group as the frames, by names in it, and what is in none."""
+    """Arrays in the group of the frames, by their names in it, and arrays in no group."""
     return {
         name.removeprefix(group): item
         for name, item in found.items()
@@ -164,7 +164,7 @@ def check_learnt(
         raise Ambiguous(f"{path}: {n} frames and no array labels", choices)
     raise ValueError(
         f"{path}: expected arrays frames and labels, found no labels "
-        f"(or {path.stem}.csv with a row for each of {n} frames){store.advice()}"
+        f"(or {path.stem}.csv with a row for each of {n} frames)"
     )
 
 

@@ -85,8 +85,8 @@ def _check_header(path: Path, names: Sequence[str]) -> None:
     """Raise a ValueError for a column without a name, such as the index that pandas writes, or
     where the first line is a frame: numbers that neither rise nor fall."""
     numbers = [number for name in names if (number := parse_number(name)) is not None]
-    in_order = sorted(numbers, reverse=numbers[:1] > numbers[-1:])
-    is_frame = len(numbers) == len(names) and numbers != in_order
+    rises_or_falls = sorted(numbers) in (numbers, numbers[::-1])
+    is_frame = len(numbers) == len(names) and not rises_or_falls
     unnamed = [name for name in names if is_unnamed(name)]
     if is_frame or unnamed:
         found = ", ".join(unnamed or names[:3])

@@ -133,7 +133,7 @@ def test_a_vector_in_each_file_is_one_frame(tmp_path, suffix):
     template = f"{{label}}_{{group}}.{suffix}"
     if suffix == "npy":
         with pytest.raises(
-            ValueError, match=r"\(30,\); --axes feature reads one frame"
+            ValueError, match=r"\(30,\) .*--axes feature a vector that is one"
         ):
             open_recording(tmp_path, template=template)
     recording = open_recording(tmp_path, template=template, axes=["feature"])
