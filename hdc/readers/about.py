@@ -64,7 +64,7 @@ class Columns:
         place: of a row, for errors.
         columns: numbers or text [N] by name; that of labels is text.
         units: of numbers, by name.
-        learnt: names that are learnt where none is named; None means all numbers.
+        learnt: names that are learnt where none is asked for; None means all numbers.
     """
 
     where: object
@@ -99,57 +99,53 @@ class Columns:
         )
 
     def known_as(self, asked: Asked) -> Columns:
-        """These, of which those that are asked for are ``session`` and ``group``.
+        """These, of which those that are asked for are ``label``, ``session`` and ``group``.
 
         Raises:
             SettingError: there is no such column.
         """
         columns = dict(self.columns)
-        for known, name in (("session", asked.sessions), ("group", asked.groups)):
+        wanted = {
+            "label": asked.labels,
+            "session": asked.sessions,
+            "group": asked.groups,
+        }
+        for known, name in wanted.items():
             if name is not None and name not in self.columns:
-                raise wrong(f"{known}s", name, f"one of {', '.join(self.columns)}")
+                names = ", ".join(self.columns) or "no array"
+                raise wrong(
+                    f"{known}s", name, f"one of {names} (--values names a table)"
+                )
             if name is not None:
                 columns.pop(name, None)
                 columns[known] = self.columns[name]
         return replace(self, columns=columns)
 
-    def about(self, value_columns: Sequence[str] | None, fewest_classes: int) -> About:
+    def about(self, asked: Asked) -> About:
         """The labels, values and samples that the columns are.
-
-        Args:
-            value_columns: names of the columns to learn; where it is None, or where it is empty
-                and there are no labels, the columns in :attr:`learnt`.
-            fewest_classes: fewer are refused; with 0 neither labels nor values are needed.
 
         Raises:
             ValueError: there is nothing to learn, or a column is not as it has to be.
         """
-        samples, names = self._samples(), self._learnt(value_columns)
-        values = self.values(names)
+        names = asked.values or (self.numeric() if self.learnt is None else self.learnt)
+        samples, values = self._samples(), self.values(names)
         units = tuple(self.units.get(name, "") for name in names)
         if "label" in self.columns:
-            stated = normalised(self.columns["label"])
-            classes, labels = self._classes(stated, samples, fewest_classes)
+            classes, labels = self._classes(samples, asked.fewest_classes)
             return About(samples, classes, labels, values, tuple(names), units)
-        if fewest_classes > 0 and values is None:
+        if asked.fewest_classes > 0 and values is None:
             raise ValueError(
                 f"{self.where}: expected a label of each frame, or numbers to learn, found "
                 f"{', '.join(self.columns) or 'neither'} (--labels or --column names them)"
             )
         return About(samples, (), None, values, tuple(names), units)
 
-    def _learnt(self, value_columns: Sequence[str] | None) -> Sequence[str]:
-        """Names of the columns that are learnt; see :meth:`about`."""
-        has_labels = "label" in self.columns
-        if value_columns or (has_labels and value_columns is not None):
-            return value_columns
-        return self.numeric() if self.learnt is None else self.learnt
-
     def _classes(
-        self, names: list[str], samples: dict[str, np.ndarray], fewest: int
+        self, samples: dict[str, np.ndarray], fewest: int
     ) -> tuple[tuple[str, ...], np.ndarray]:
         """Names of the classes, by a column class_index or in natural order; and the index of each
         label [N]."""
+        names = self._names()
         if "" in names:
             found = f"none of frame {names.index('')}"
             raise ValueError(
@@ -170,6 +166,19 @@ class Columns:
                 f"{self.where}: expected two classes or more, found only {found!r}"
             )
         return tuple(classes), _places(names, classes)
+
+    def _names(self) -> list[str]:
+        """Name of the class of each frame [N]."""
+        labels = self.columns["label"]
+        # MATLAB's numbers are floats, which tell whole numbers below 2**53 apart.
+        if labels.dtype.kind == "f" and (np.abs(labels) < 2**53).all():
+            whole = labels.astype(np.int64)
+            labels = whole if np.array_equal(whole, labels) else labels
+        if labels.shape != (self.n,) or labels.dtype.kind not in "iuU":
+            wanted = f"labels that are integers or strings ({self.n},)"
+            found = f"{labels.dtype} {labels.shape}"
+            raise ValueError(f"{self.where}: expected {wanted}, found {found}")
+        return normalised(labels)
 
     def _samples(self) -> dict[str, np.ndarray]:
         """All columns, and an order; sessions and groups of other names than numbers by rank.

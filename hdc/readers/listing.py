@@ -10,7 +10,6 @@ import hashlib
 import os
 from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
-from typing import Any
 
 from hdc.readers import ARRAY, VIDEO, kind_of
 from hdc.readers.about import Columns, natural_key
@@ -42,8 +41,8 @@ def open_frames(root: Path, asked: Asked) -> Recording:
     rows = _said(named, _reader(root, files, asked))
     images = [row for row in rows if is_image(row[1]["file"])]
     if images:
-        values, others = asked.values or None, _others(files, images)
-        return _of_images(root, images, asked, values=values, other_files=others)
+        columns = Columns.of_rows(root, images)
+        return _of_images(root, columns, _others(files, images), asked)
     recorded = [row for row in rows if _is_recorded(root / row[1]["file"])]
     if asked.template is None or not recorded:
         raise _unread(root, files, asked)
@@ -67,24 +66,35 @@ def _unread(root: Path, files: Sequence[str], asked: Asked) -> ValueError:
 
 
 def _of_images(
-    root: Path, rows: Rows, asked: Asked, where: Path | None = None, **settings: Any
+    root: Path,
+    columns: Columns,
+    others: tuple[str, ...],
+    asked: Asked,
+    notes: Sequence[str] = (),
 ) -> Recording:
-    """The images in rows of a folder; ``where`` names a table."""
+    """The images of a folder, of which a column is the ``file``."""
     from hdc.readers.images import Images  # OpenCV
 
-    if asked.axes or asked.labels:
-        name, found = ("axes", asked.axes) if asked.axes else ("labels", asked.labels)
-        raise wrong(name, found, f"null unless {root} is a folder of arrays or videos")
-    columns = Columns.of_rows(where or root, rows)
-    files = [root / row["file"] for _, row in rows]
+    if asked.axes:
+        wanted = f"null unless {root} is a folder of arrays or videos"
+        raise wrong("axes", asked.axes, wanted)
+    files = [root / name for name in columns.columns["file"].tolist()]
     images = Images(files, asked.window)
 
     def digest() -> str:
         contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
         return hashlib.sha256(b"".join(contents)).hexdigest()
 
-    settings |= {"image_shape": images.size, "is_decoded": True}
-    return Recording.of(columns, images, asked, digest, **settings)
+    return Recording.of(
+        columns,
+        images,
+        asked,
+        digest,
+        notes=notes,
+        other_files=others,
+        image_shape=images.size,
+        is_decoded=True,
+    )
 
 
 # Tables ------------------------------------------------------------------------------------------
@@ -104,18 +114,17 @@ def _of_table(root: Path, table: Path, asked: Asked) -> Recording:
     Raises:
         ValueError: an image is missing, or there twice.
     """
-    values = asked.values
     if asked.table is None:
-        values = values or ()
-        rows = _table_rows(table, "file", ("file", "label", *values))
+        rows = _table_rows(table, "file", ("file", "label", *asked.values))
     else:
-        rows = _table_rows(table, asked.image_column, values or ())
+        rows = _table_rows(table, asked.image_column, asked.values)
     names = [row["file"] for _, row in rows]
     if asked.template is not None:
         rows = _said(rows, Template(asked.template).read)
     others, notes = _others(names, rows), _locate(root, table, rows)
-    settings = {"values": values, "other_files": others, "notes": notes}
-    return _of_images(root, rows, asked, table, **settings)
+    columns = Columns.of_rows(table, rows)
+    columns.learnt = () if asked.table is None else None
+    return _of_images(root, columns, others, asked, notes)
 
 
 def _table_rows(table: Path, column: str, required: Sequence[str]) -> Rows:

@@ -62,7 +62,6 @@ class Recording(About):
         asked: Asked,
         digest: Callable[[], str],
         *,
-        values: Sequence[str] | None = (),
         parts: np.ndarray | None = None,
         notes: Sequence[str] = (),
         **settings: Any,
@@ -72,14 +71,13 @@ class Recording(About):
         Args:
             columns: of the frames.
             frames: have ``shape``, ``dtype``, ``each`` and ``place``.
-            asked: names sessions and groups, and how many classes there have to be.
+            asked: names labels, values, sessions and groups, and how many classes there have to be.
             digest: see the class.
-            values: what is learnt; see :meth:`hdc.readers.about.Columns.about`, which may raise.
             parts: the file or the interval of each frame [N], where frames of one belong together.
             notes: how the file was read.
             settings: other attributes.
         """
-        about = columns.known_as(asked).about(values, asked.fewest_classes)
+        about = columns.known_as(asked).about(asked)
         if parts is not None:
             about, split = grouped(about, parts)
             notes = (*notes, *split)

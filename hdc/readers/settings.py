@@ -69,17 +69,16 @@ class Asked(NamedTuple):
 
     Attributes:
         window: pixels that are kept.
-        labels: name of the array of labels.
         table: a CSV.
-        values: columns or arrays that are values; None means all numbers.
-        sessions, groups: names of the columns or arrays that are these.
+        values: names of the columns or arrays that are values.
+        labels, sessions, groups: names of the columns or arrays that are these.
         dataset: name of the array of frames; "" where the file has one that can be.
     """
 
     window: Window
     labels: str | None = None
     table: Path | None = None
-    values: Sequence[str] | None = ()
+    values: Sequence[str] = ()
     sessions: str | None = None
     groups: str | None = None
     fewest_classes: int = 2

@@ -58,7 +58,6 @@ def open_frames(path: Path, asked: Asked) -> Recording:
         film,
         asked,
         digest,
-        values=asked.values if is_of_frames else (),
         parts=None if has_groups else rows[numbers],
         is_decoded=True,
     )
@@ -69,10 +68,13 @@ def _read(
 ) -> tuple[Columns, np.ndarray]:
     """The columns of a table, and the row of each frame of a film; -1 of those without a row."""
     if "frame" in names:
-        columns = Columns.read(table, ("frame", *(asked.values or ())))
+        columns = Columns.read(table, ("frame", *asked.values))
+        if asked.table is None and "label" in names:
+            columns.learnt = ()
         return columns, _rows_by_number(columns, len(film.read()))
     if "start_s" in names:
         columns = Columns.read(table, ("start_s", "end_s", "label"))
+        columns.learnt = ()
         return columns, _rows_by_time(columns, film.read())
     wanted = "a table with start_s, end_s and label, or with a row per frame"
     found = ", ".join(names) or "none"
