@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.files import SHOWN, SettingError, wrong
+from hdc.readers.files import SettingError, wrong
 from hdc.readers.settings import Asked
 from hdc.readers.table import Rows, parse_number, read_csv
 
@@ -296,8 +296,7 @@ def grouped(about: About, parts: np.ndarray) -> tuple[About, list[str]]:
     if not alone.all():
         apart = parts.max() + 1 + np.arange(len(parts))
         samples["group"] = np.where(alone, apart, parts)
-        names = [about.classes[c] for c in np.unique(labels[alone])]
-        found = ", ".join(names[:SHOWN])
+        found = ", ".join(about.classes[c] for c in np.unique(labels[alone]))
     note = f"{found}: recorded once, so its frames are split"
     return replace(about, samples=samples), [note] if alone.any() else []
 
@@ -310,12 +309,10 @@ def _places(names: Sequence[str], different: Sequence[str]) -> np.ndarray:
 
 def typed(texts: Sequence[str]) -> np.ndarray:
     """Integers if all are, else finite numbers if all are, else text."""
-    if all(_INTEGER.fullmatch(text) for text in texts):
-        whole = [int(text) for text in texts]
+    if all(map(_INTEGER.fullmatch, texts)):
+        whole = np.array([*map(int, texts)])
         # Larger ones than 64 bits hold would be floats, of which many are equal.
-        if all(-(2**63) <= number < 2**63 for number in whole):
-            return np.array(whole, dtype=np.int64)
-        return np.array(texts)
+        return whole if whole.dtype == np.int64 else np.array(texts)
     numbers = [parse_number(text) for text in texts]
     return np.array(texts if None in numbers else numbers)
 

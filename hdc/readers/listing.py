@@ -114,33 +114,20 @@ def _of_table(root: Path, table: Path, asked: Asked) -> Recording:
     Raises:
         ValueError: an image is missing, or there twice.
     """
+    column, labels = asked.image_column, []
     if asked.table is None:
-        rows = _table_rows(table, "file", ("file", "label", *asked.values))
-    else:
-        rows = _table_rows(table, asked.image_column, asked.values)
+        column, labels = "file", ["label"]
+    rows = read_csv(table, (column, *labels, *asked.values))
+    for _, row in rows:
+        row["file"] = PurePosixPath(row.pop(column)).as_posix()
     names = [row["file"] for _, row in rows]
     if asked.template is not None:
         rows = _said(rows, Template(asked.template).read)
     others, notes = _others(names, rows), _locate(root, table, rows)
     columns = Columns.of_rows(table, rows)
-    columns.learnt = () if asked.table is None else None
+    if asked.table is None:
+        columns.learnt = ()
     return _of_images(root, columns, others, asked, notes)
-
-
-def _table_rows(table: Path, column: str, required: Sequence[str]) -> Rows:
-    """Rows of a table, of which the `column` that names images is the ``file``."""
-    rows = read_csv(table, required)
-    for place, row in rows:
-        if column not in row:
-            raise ValueError(
-                f"{table}: expected different columns, with {column}, found {[*row]} "
-                "(--image-column names the column of images)"
-            )
-        name = row.pop(column)
-        if not name:
-            raise ValueError(f"{place}: expected a {column}, found none")
-        row["file"] = PurePosixPath(name).as_posix()
-    return rows
 
 
 def _locate(root: Path, table: Path, rows: Rows) -> list[str]:

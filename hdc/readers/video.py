@@ -71,11 +71,13 @@ def _read(
         columns = Columns.read(table, ("frame", *asked.values))
         if asked.table is None and "label" in names:
             columns.learnt = ()
-        return columns, _rows_by_number(columns, len(film.read()))
+        film.read()
+        return columns, _rows_by_number(columns, len(film.times))
     if "start_s" in names:
         columns = Columns.read(table, ("start_s", "end_s", "label"))
         columns.learnt = ()
-        return columns, _rows_by_time(columns, film.read())
+        film.read()
+        return columns, _rows_by_time(columns, film.times)
     wanted = "a table with start_s, end_s and label, or with a row per frame"
     found = ", ".join(names) or "none"
     raise ValueError(f"{table}: expected {wanted}, found {found} (--values names it)")
