@@ -23,8 +23,7 @@ from hdc.readers.files import (
     missing,
     wrong,
 )
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked, Window
+from hdc.readers.recording import Asked, Recording, Window
 
 __all__ = [
     "Ambiguous",

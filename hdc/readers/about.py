@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from hdc.readers.files import SettingError, wrong
-from hdc.readers.settings import Asked
 from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
@@ -98,18 +97,13 @@ class Columns:
             self, n=len(rows), place=lambda i: self.place(int(rows[i])), columns=kept
         )
 
-    def known_as(self, asked: Asked) -> Columns:
-        """These, of which those that are asked for are ``label``, ``session`` and ``group``.
+    def known_as(self, **wanted: str | None) -> Columns:
+        """These, of which those that are wanted are ``label``, ``session`` and ``group``.
 
         Raises:
             SettingError: there is no such column.
         """
         columns = dict(self.columns)
-        wanted = {
-            "label": asked.labels,
-            "session": asked.sessions,
-            "group": asked.groups,
-        }
         for known, name in wanted.items():
             if name is not None and name not in self.columns:
                 names = ", ".join(self.columns) or "no array"
@@ -121,24 +115,28 @@ class Columns:
                 columns[known] = self.columns[name]
         return replace(self, columns=columns)
 
-    def about(self, asked: Asked) -> About:
+    def about(self, values: Sequence[str], fewest_classes: int) -> About:
         """The labels, values and samples that the columns are.
+
+        Args:
+            values: names of the columns to learn; by default the columns in :attr:`learnt`.
+            fewest_classes: fewer are refused; with 0 neither labels nor values are needed.
 
         Raises:
             ValueError: there is nothing to learn, or a column is not as it has to be.
         """
-        names = asked.values or (self.numeric() if self.learnt is None else self.learnt)
-        samples, values = self._samples(), self.values(names)
+        names = values or (self.numeric() if self.learnt is None else self.learnt)
+        samples, numbers = self._samples(), self.values(names)
         units = tuple(self.units.get(name, "") for name in names)
         if "label" in self.columns:
-            classes, labels = self._classes(samples, asked.fewest_classes)
-            return About(samples, classes, labels, values, tuple(names), units)
-        if asked.fewest_classes > 0 and values is None:
+            classes, labels = self._classes(samples, fewest_classes)
+            return About(samples, classes, labels, numbers, tuple(names), units)
+        if fewest_classes > 0 and numbers is None:
             raise ValueError(
                 f"{self.where}: expected a label of each frame, or numbers to learn, found "
                 f"{', '.join(self.columns) or 'neither'} (--labels or --column names them)"
             )
-        return About(samples, (), None, values, tuple(names), units)
+        return About(samples, (), None, numbers, tuple(names), units)
 
     def _classes(
         self, samples: dict[str, np.ndarray], fewest: int

@@ -13,8 +13,7 @@ from hdc.readers.about import Columns
 from hdc.readers.axes import Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording
 from hdc.readers.store import Store
 from hdc.readers.stores import load
 from hdc.readers.table import columns_in

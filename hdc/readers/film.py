@@ -19,8 +19,7 @@ from av.sidedata.sidedata import Type
 
 from hdc.readers.files import BadFrame, check_file
 from hdc.readers.images import grey
-from hdc.readers.recording import in_any_order
-from hdc.readers.settings import Window
+from hdc.readers.recording import Window, in_any_order
 
 
 class Film:

@@ -19,8 +19,7 @@ from hdc.readers import ARRAY, arrays, kind_of
 from hdc.readers.about import Columns
 from hdc.readers.axes import readings
 from hdc.readers.files import Ambiguous, BadFrame, wrong
-from hdc.readers.recording import Recording, in_any_order
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording, in_any_order
 from hdc.readers.stores import load
 from hdc.readers.table import Rows
 from hdc.readers.template import Template

@@ -12,7 +12,7 @@ import numpy as np
 
 from hdc.readers.about import KNOWN, Columns, is_of_units, numbered
 from hdc.readers.files import Ambiguous, BadFrame
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked
 from hdc.readers.store import Store
 
 _OF_FILE = ("values", "value_names", "value_units")

@@ -14,8 +14,7 @@ from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 from hdc.readers import ARRAY, VIDEO, kind_of
 from hdc.readers.about import Columns, natural_key
 from hdc.readers.files import Ambiguous, wrong
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording
 from hdc.readers.table import Rows, read_csv
 from hdc.readers.template import Template, suggested
 

@@ -18,8 +18,7 @@ import numpy as np
 from hdc.readers.about import KNOWN, Columns, is_unnamed
 from hdc.readers.axes import Frames
 from hdc.readers.files import file_digest
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording
 from hdc.readers.table import parse_number
 
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")

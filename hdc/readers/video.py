@@ -16,8 +16,7 @@ import numpy as np
 from hdc.readers.about import Columns
 from hdc.readers.files import file_digest
 from hdc.readers.film import Film
-from hdc.readers.recording import Recording
-from hdc.readers.settings import Asked
+from hdc.readers.recording import Asked, Recording
 from hdc.readers.table import columns_in
 
 EARLY_S = 5.1e-4
