@@ -277,6 +277,11 @@ def natural_key(name: str) -> tuple[tuple[int, int, str], ...]:
     return (*key, (2, 0, name))  # Frame1 and frame1 in a fixed order
 
 
+def path_key(file: str) -> list[tuple[tuple[int, int, str], ...]]:
+    """Sort key of paths, part by part."""
+    return [*map(natural_key, file.split("/"))]
+
+
 def grouped(about: About, parts: np.ndarray) -> tuple[About, list[str]]:
     """Frames whose `parts` [N], such as files, are groups, or the groups in each part; and a note.
 

@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path, PurePath, PurePosixPath, PureWindowsPath
 
 from hdc.readers import ARRAY, VIDEO, kind_of
-from hdc.readers.about import Columns, natural_key
+from hdc.readers.about import Columns, path_key
 from hdc.readers.files import Ambiguous, wrong
 from hdc.readers.recording import Asked, Recording
 from hdc.readers.table import Rows, read_csv
@@ -236,7 +236,7 @@ def all_files(root: Path) -> list[str]:
                 )
         shown = (Path(parent, name) for name in names if not name.startswith("."))
         files += [file.relative_to(root).as_posix() for file in shown]
-    return sorted(files, key=lambda file: [*map(natural_key, file.split("/"))])
+    return sorted(files, key=path_key)
 
 
 def _raise(error: OSError) -> None:

@@ -54,24 +54,21 @@ class Window:
         return self.of(np.broadcast_to(np.uint8(0), sides)).shape
 
     def of(self, image: np.ndarray) -> np.ndarray:
-        """A view [H, W], [H, W, channels] or [D] of the pixels that are kept."""
-        return image[self._slices(image.shape[:2])]
-
-    def _slices(self, sides: tuple[int, ...]) -> tuple[slice, ...]:
+        """A view [H, W], [H, W, channels] or [D] of the pixels that are kept; raises as above."""
         step = self.subsample
-        if len(sides) == 1:
+        if image.ndim == 1:
             if self.crop is not None:
                 raise wrong("crop", self.crop, "null for frames that are vectors")
-            return (slice(None, None, step),)
-        height, width = sides
-        if self.image is not None and self.image != sides:
+            return image[::step]
+        height, width = image.shape[:2]
+        if self.image is not None and self.image != (height, width):
             wanted = f"images {self.image[1]} px wide and {self.image[0]} px high as in training"
             raise SettingError(f"crop: expected {wanted}, found {width} × {height}")
         x, y, w, h = self.crop or (0, 0, width, height)
         if x + w > width or y + h > height:
             wanted = f"a window inside frames {width} px wide and {height} px high"
             raise wrong("crop", [x, y, w, h], wanted)
-        return slice(y, y + h, step), slice(x, x + w, step)
+        return image[y : y + h : step, x : x + w : step]
 
 
 class Asked(NamedTuple):
