@@ -126,17 +126,18 @@ class Columns:
             ValueError: there is nothing to learn, or a column is not as it has to be.
         """
         names = values or (self.numeric() if self.learnt is None else self.learnt)
-        samples, numbers = self._samples(), self.values(names)
-        units = tuple(self.units.get(name, "") for name in names)
+        samples, units = self._samples(), [self.units.get(name, "") for name in names]
+        classes: tuple[str, ...] = ()
+        labels = None
         if "label" in self.columns:
             classes, labels = self._classes(samples, fewest_classes)
-            return About(samples, classes, labels, numbers, tuple(names), units)
-        if fewest_classes > 0 and numbers is None:
+        elif fewest_classes > 0 and not names:
             raise ValueError(
                 f"{self.where}: expected a label of each frame, or numbers to learn, found "
                 f"{', '.join(self.columns) or 'neither'} (--labels or --column names them)"
             )
-        return About(samples, (), None, numbers, tuple(names), units)
+        numbers = self.values(names)
+        return About(samples, classes, labels, numbers, tuple(names), tuple(units))
 
     def _classes(
         self, samples: dict[str, np.ndarray], fewest: int
@@ -237,7 +238,8 @@ class Columns:
         if not all(fits):
             first = fits.index(False)
             found = f"expected a number in {name}, found {column.tolist()[first]!r}"
-            raise ValueError(f"{self.place(first)}: {found}")
+            hint = "--labels names the labels, --column what is learnt"
+            raise ValueError(f"{self.place(first)}: {found} ({hint})")
         return column.astype(float)
 
     def values(self, names: Sequence[str]) -> np.ndarray | None:

@@ -15,7 +15,7 @@ from hdc.readers import ARRAY, VIDEO, kind_of
 from hdc.readers.about import Columns, path_key
 from hdc.readers.files import Ambiguous, wrong
 from hdc.readers.recording import Asked, Recording
-from hdc.readers.table import Rows, read_csv
+from hdc.readers.table import Rows, columns_in, read_csv
 from hdc.readers.template import Template, suggested
 
 MANIFEST = "manifest.csv"
@@ -116,6 +116,9 @@ def _of_table(root: Path, table: Path, asked: Asked) -> Recording:
     column, labels = asked.image_column, []
     if asked.table is None:
         column, labels = "file", ["label"]
+    elif (found := columns_in(table)) and column not in found:
+        wanted = f"one of {', '.join(found)} ({table}; --image-column names it)"
+        raise wrong("image_column", column, wanted)
     rows = read_csv(table, (column, *labels, *asked.values))
     for _, row in rows:
         row["file"] = PurePosixPath(row.pop(column)).as_posix()
