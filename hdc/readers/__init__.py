@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from hdc.readers.about import natural_key
-from hdc.readers.asked import Asked
 from hdc.readers.files import (
     Ambiguous,
     BadFrame,
@@ -24,7 +23,7 @@ from hdc.readers.files import (
     missing,
     wrong,
 )
-from hdc.readers.recording import Recording, Window
+from hdc.readers.recording import Asked, Recording, Window
 
 __all__ = [
     "Ambiguous",
@@ -57,7 +56,6 @@ _SETTINGS = {
     "template": (FOLDER, ARRAYS),
     "table": (FOLDER, ARRAY, VIDEO),
     "axes": (ARRAY, ARRAYS, FOLDER),
-    "labels": (ARRAY, ARRAYS, FOLDER),
 }
 """Settings that only some kinds of recordings have."""
 
@@ -92,7 +90,7 @@ def open_recording(
         memory_bytes: with ``check``, images and frames of a video are kept in memory if all fit in
             this size, else decoded again when asked for.
         axes: of an array, such as ``("height", "width", "frame")``.
-        labels: name of the array of labels.
+        labels: name of the array, or the column, of labels.
         template: path of an image inside the folder, such as ``{session}/{label}/*_{order}.png``;
             or of a file of arrays or a video, such as ``{session}/{label}_{group}.avi``; or of an
             array in a file that has one per trial, such as ``{label}_{group}/frames``.
@@ -117,12 +115,12 @@ def open_recording(
         ValueError: a label, a table or a folder is not as described.
         ModuleNotFoundError: a library of the extra ``files`` is missing.
     """
-    window = window or Window(crop, subsample)
     path, dataset = split_name(Path(path).expanduser())
     asked = Asked(
+        window or Window(crop, subsample),
         labels=labels,
         table=None if table is None else Path(table).expanduser(),
-        values=value_columns if table is None or value_columns else None,
+        values=value_columns,
         sessions=sessions,
         groups=groups,
         fewest_classes=fewest_classes,
@@ -133,7 +131,7 @@ def open_recording(
     )
     reader = f"hdc.readers.{_READERS[_checked_kind(path, asked)]}"
     try:  # libraries are imported where their files are read
-        opened: Recording = import_module(reader).open_frames(path, window, asked)
+        opened: Recording = import_module(reader).open_frames(path, asked)
     except ModuleNotFoundError as error:
         raise missing(error) from error
     return opened.kept(memory_bytes) if check and opened.is_decoded else opened

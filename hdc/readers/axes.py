@@ -46,7 +46,7 @@ def reading(
         labels = "" if n is None else f" with N = {n}, as there are labels or values"
         raise SettingError(
             f"{where}: expected shape [N, H, W] or [N, D]{labels}, found {shape} (--axes names "
-            "them)"
+            "them, as --axes feature a vector that is one frame)"
         )
     if len(possible) > 1:
         choices = [f"--axes {','.join(axes)}" for axes in readings(len(shape))]

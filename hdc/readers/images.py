@@ -48,7 +48,7 @@ def decode(file: Path) -> np.ndarray:
     if data.startswith(TIFF):
         from hdc.readers import tiff
 
-        image = tiff.image(place, data)
+        image = tiff.image(file)
         return image if image.ndim == 2 else image[..., ::-1]
     if data.startswith(PNG):
         if b"acTL" in data[: data.find(b"IDAT")]:  # the mark of an animation
