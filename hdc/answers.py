@@ -57,7 +57,12 @@ class Answering(Saved):
             ValueError: for a share outside (0, 1), or a model that keeps nothing to compare with.
         """
         share = check_share("alpha", alpha, "(0, 1)")
-        parts = self._each(frames, lambda words: self._head.possible(words, share))
+        parts = self._each(
+            frames,
+            lambda words: self._head.conformal.possible(
+                words.packed, self._head.scores(words), share
+            ),
+        )
         possible = np.concatenate(parts)
         if mask:
             return possible
@@ -108,7 +113,12 @@ class Answering(Saved):
             ValueError: as :meth:`predict_set`.
         """
         share = check_share("alpha", alpha, "(0, 1)")
-        parts = self._each(frames, lambda words: self._head.p_values(words, share))
+        parts = self._each(
+            frames,
+            lambda words: self._head.conformal.p_values(
+                words.packed, self._head.scores(words), share
+            ),
+        )
         return np.concatenate(parts)
 
     def score(self, frames: Any, y: Any) -> float:

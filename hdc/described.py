@@ -78,13 +78,10 @@ def rebuild(
     if not issubclass(kind, Parametrised):
         raise ValueError(f"{what}: expected a part of a model, found {name!r}")
     parameters = kind.of_today(description["parameters"])
-    for key, value in parameters.items():
-        if isinstance(value, Mapping):
-            parameters[key] = rebuild(value, key, known, trusted)
-    part = kind(**parameters)
-    for key in part.parts:
-        found = getattr(part, key)
+    for key in kind.parts:
+        inner = parameters[key]
         # A name would be imported, trusted or not.
-        if not isinstance(found, Parametrised):
-            raise ValueError(f"{key}: expected a part of a model, found {found!r}")
-    return part
+        if not isinstance(inner, Mapping):
+            raise ValueError(f"{key}: expected a part of a model, found {inner!r}")
+        parameters[key] = rebuild(inner, key, known, trusted)
+    return kind(**parameters)

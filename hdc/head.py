@@ -137,14 +137,6 @@ class Head:
         """Scores [Q, L] of the read-out."""
         return self.readout.scores(self.state, words)
 
-    def p_values(self, words: Hypervectors, alpha: float) -> np.ndarray:
-        """p-values [Q, L] of :meth:`hdc.conformal.Conformal.p_values`."""
-        return self.conformal.p_values(words.packed, self.scores(words), alpha)
-
-    def possible(self, words: Hypervectors, alpha: float) -> np.ndarray:
-        """Which classes each frame may be of, bool [Q, L]."""
-        return self.conformal.possible(words.packed, self.scores(words), alpha)
-
     def probabilities(self, words: Hypervectors) -> Tensor:
         """Probabilities float64 [Q, L]; 0 for a class without training frames."""
         exponents = self.sharpness * self.scores(words).double().cpu()
@@ -258,25 +250,24 @@ class Head:
             parts.append("majority")
         check_parts(tensors, parts)
         n_classes = len(classes)
-        own = without_prefix("readout", tensors)
-        state = readout.restored(own, n_classes, dimension)
-        held_out = _held_out_of(without_prefix("held_out", tensors), n_classes)
-        if held_out is not None:
-            state = replace(state, held_out=held_out)
         if isinstance(readout, Updatable) and "sample" not in tensors:
             raise ValueError("no tensor 'sample'")
         words = tensors.get("sample")
-        sample = Sample.restored(n_classes, header["seen"], words, dimension)
-        labels = inputs.label_array(classes, n_classes)
-        recalibrated = bool(header["recalibrated"])
-        own = without_prefix("known", tensors)
-        calibrated = Rejection.restored(own, dimension) if own else None
-        head = cls(readout, state, sample, labels, dimension, calibrated, recalibrated)
-        found = header.get("sharpness")
-        if found is not None:  # version 2.0 kept it in place of the scores
-            if not is_number(found) or found <= 0:
-                raise ValueError(f"sharpness {found!r}")
-            vars(head)["sharpness"] = found
+        own = {name: without_prefix(name, tensors) for name in parts}
+        state = readout.restored(own["readout"], n_classes, dimension)
+        head = cls(
+            readout,
+            replace(state, held_out=_held_out_of(own["held_out"], n_classes)),
+            Sample.restored(n_classes, header["seen"], words, dimension),
+            inputs.label_array(classes, n_classes),
+            dimension,
+            Rejection.restored(own["known"], dimension),
+            bool(header["recalibrated"]),
+        )
+        sharpness = header.get("sharpness")
+        if sharpness is not None:  # version 2.0 kept it in place of the scores
+            _check_sharpness(sharpness)
+            vars(head)["sharpness"] = sharpness
         return head
 
 
@@ -289,6 +280,12 @@ def _warn_of_missing(missing: Sequence[Label]) -> None:
         f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
         "alike, frames of these classes will be taken for the others",
     )
+
+
+def _check_sharpness(found: Any) -> None:
+    """Raise ValueError for a sharpness in a file that is none."""
+    if not is_number(found) or found <= 0:
+        raise ValueError(f"sharpness {found!r}")
 
 
 def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | None:

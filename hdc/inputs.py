@@ -173,14 +173,14 @@ def check_frames(frames: Any) -> None:
 
 
 def _check_dense(name: str, values: Tensor) -> None:
-    """Raise TypeError for a meta, sparse or quantised tensor."""
-    for wrong, found in (
-        (values.is_meta, "a meta tensor, which holds none"),
-        (values.layout != torch.strided, "a sparse tensor; use its to_dense()"),
-        (values.is_quantized, "a quantised tensor; use its dequantize()"),
-    ):
-        if wrong:
-            raise TypeError(f"{name}: expected plain numbers, found {found}")
+    """Raise TypeError for a meta or sparse tensor."""
+    found = ""
+    if values.is_meta:
+        found = "a meta tensor, which holds none"
+    elif values.layout != torch.strided:
+        found = "a sparse tensor; use its to_dense()"
+    if found:
+        raise TypeError(f"{name}: expected plain numbers, found {found}")
 
 
 def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> None:
@@ -215,19 +215,17 @@ def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
     if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
         labels = labels.tolist()  # Python's numbers of the same value
     items = [_as_python(label) for label in labels]
+    kinds = [type(label) for label in items]
     for i, label in enumerate(items):
-        if type(label) not in _LABELS or label != label:
+        if kinds[i] not in _LABELS or label != label:
             raise ValueError(
                 f"{name}[{i}]: expected a str, int, float or bool, found {label!r}"
             )
-    array = np.array(items, object)
-    if len(set(map(type, items))) == 1:
-        # numpy turns some integers into floats, and drops null characters at the end of a string.
-        plain = np.array(items)
-        found = plain.tolist()
-        if found == items and type(found[0]) is type(items[0]):
-            return plain
-    return array
+    # numpy turns some integers into floats, and drops null characters at the end of a string.
+    array = np.array(items)
+    found = array.tolist()
+    exact = found == items and [type(label) for label in found] == kinds
+    return array if exact else np.array(items, object)
 
 
 def _as_python(label: Any) -> Any:

@@ -86,8 +86,10 @@ class Rejection:
         return {"prototypes": self.prototypes, self.unit: self.distances}
 
     @classmethod
-    def restored(cls, tensors: Mapping[str, Tensor], dimension: int) -> Self:
-        """The rule from the tensors of a file; ValueError if they do not fit."""
+    def restored(cls, tensors: Mapping[str, Tensor], dimension: int) -> Self | None:
+        """The rule from the tensors of a file, if there are any; ValueError if they do not fit."""
+        if not tensors:
+            return None
         (unit,) = [name for name in UNITS if name in tensors] or UNITS[:1]
         m = len(tensors.get(unit, ()))  # none where each class has a single frame
         kinds = {"prototypes": "int64 K W", unit: "int64 M"}

@@ -8,7 +8,6 @@ from math import prod
 from pathlib import Path
 from typing import Any, Self
 
-import torch
 from torch import Tensor
 
 from hdc import backends, io
@@ -110,7 +109,7 @@ class Saved(Estimator):
         cls,
         path: str | Path,
         trusted: str | Collection[str] = (),
-        device: str | None = None,
+        device: str = "cpu",
     ) -> Self:
         """Read a model that :meth:`save` wrote.
 
@@ -119,8 +118,7 @@ class Saved(Estimator):
             trusted: dotted name or names of your own encoders and read-outs. Loading imports the
                 module of such a class, which runs its code; a file that names any other module is
                 refused before that.
-            device: device to compute on; by default the device of training, or, if this machine
-                does not have it, the CPU with a warning.
+            device: device to compute on, whatever the device of training was.
 
         Raises:
             FileNotFoundError: if there is no such file.
@@ -129,15 +127,13 @@ class Saved(Estimator):
         """
         if isinstance(trusted, str):  # or each letter would be a name
             trusted = (trusted,)
-        if device is not None:
-            backends.check_device(device)
+        backends.check_device(device)
         try:
             header, tensors = io.read_model(Path(path))
             kind = header["kind"]
             if kind != cls.__name__:
                 raise ValueError(f"a saved {kind}; load it with {kind}.load")
-            parameters = header["parameters"]
-            parameters["device"] = device or _available(parameters["device"], path)
+            parameters = header["parameters"] | {"device": device}
             for name in cls.parts:
                 known = cls._known[name]
                 parameters[name] = rebuild(parameters[name], name, known, trusted)
@@ -195,17 +191,3 @@ class Saved(Estimator):
         self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
     ) -> None:
         """Set what an untrained read-out has learned from a header and tensors."""
-
-
-def _available(device: str, path: str | Path) -> str:
-    """The device named in a file, or the CPU if this machine does not have it."""
-    try:
-        backends.check_device(device)
-    except ValueError:
-        if torch.device(device).type not in ("cuda", "mps", "xpu"):
-            raise
-        warn(
-            f"{path}: trained on {device!r}, which is not here: on the CPU",
-        )
-        return "cpu"
-    return device

@@ -31,25 +31,26 @@ def checked(
         raise ValueError(f"expected tensors {[*kinds]}, found {[*tensors]}")
     if "D" in sizes:
         sizes["W"] = bits.words_for(sizes["D"])
-    found = {}
-    for name, kind in kinds.items():
-        tensor = tensors[name]
-        dtype, *axes = kind.split()
-        for letter, size in zip(axes, tensor.shape, strict=False):
-            if letter.isalpha():
-                sizes.setdefault(letter, max(1, size))
-        shape = [sizes[axis] if axis in sizes else int(axis) for axis in axes]
-        fits = list(tensor.shape) == shape and str(tensor.dtype) == f"torch.{dtype}"
-        if not fits or not tensor.isfinite().all():
-            raise ValueError(
-                f"{name}: expected {kind}, found {tensor.dtype} {tuple(tensor.shape)}"
-            )
-        if "W" in axes:
-            bits.check_padding(tensor, sizes["D"])
-            found[name] = tensor
-        else:
-            found[name] = tensor.cpu()
-    return found
+    return {
+        name: _checked(name, tensors[name], kind, sizes) for name, kind in kinds.items()
+    }
+
+
+def _checked(name: str, tensor: Tensor, kind: str, sizes: dict[str, int]) -> Tensor:
+    """One of the tensors; sizes of letters that it is the first to have are added to `sizes`."""
+    dtype, *axes = kind.split()
+    for axis, size in zip(axes, tensor.shape, strict=False):
+        sizes.setdefault(axis, int(axis) if axis.isdigit() else max(1, size))
+    expected = tuple(sizes.get(axis) for axis in axes)
+    fits = tensor.shape == expected and str(tensor.dtype) == f"torch.{dtype}"
+    if not fits or not tensor.isfinite().all():
+        raise ValueError(
+            f"{name}: expected {kind}, found {tensor.dtype} {tuple(tensor.shape)}"
+        )
+    if "W" not in axes:
+        return tensor.cpu()
+    bits.check_padding(tensor, sizes["D"])
+    return tensor
 
 
 def compact(tensor: Tensor) -> Tensor:
