@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,6 @@ from hdc.conformal import RATE
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share
-from hdc.readouts import Readout
 from hdc.saved import Saved
 
 
@@ -24,6 +24,11 @@ class Answering(Saved):
 
     _head: Head
 
+    classes_ = property(attrgetter("_head.labels"))
+    readout_ = property(attrgetter("_head.readout"))
+    state_ = property(attrgetter("_head.state"))
+    prototypes_ = property(attrgetter("_head.state.prototypes"))
+
     def predict(self, frames: Any) -> np.ndarray:
         """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W].
 
@@ -31,7 +36,8 @@ class Answering(Saved):
             ValueError: as :meth:`encode`.
         """
         best = self._scores(frames).argmax(1)
-        return self.classes_[best.numpy(force=True)]
+        found: np.ndarray = self.classes_[best.numpy(force=True)]
+        return found
 
     @needs("readout", "held_out", "a read-out with a method held_out")
     def predict_set(self, frames: Any, alpha: float = RATE, mask: bool = False) -> Any:
@@ -191,42 +197,16 @@ class Answering(Saved):
             return [answer(words) for words in self._encoded(frames)]
 
     @property
-    def classes_(self) -> np.ndarray:
-        return self._trained.labels
-
-    @property
-    def readout_(self) -> Readout:
-        return self._trained.readout
-
-    @property
-    def state_(self) -> Any:
-        return self._trained.state
-
-    @property
-    def prototypes_(self) -> Tensor:
-        found: Tensor = self.state_.prototypes
-        return found
-
-    @property
     def counts_(self) -> np.ndarray:
-        return self._trained.counts.numpy()
+        return self._head.counts.numpy()
 
     @property
     def left_out_(self) -> str:
-        head = self._trained
         with self._computing():
-            return head.rejection.unit
+            return self._head.rejection.unit
 
     @property
     def prediction_bytes_(self) -> int:
         tensors = [*self.encoder_.state().values()]
         tensors += self.readout_.needed(self.state_).values()
         return sum(tensor.nbytes for tensor in tensors)
-
-    @property
-    def _trained(self) -> Head:
-        if not hasattr(self, "_head"):
-            raise AttributeError(
-                f"{type(self).__name__}: expected a trained model; call fit first"
-            )
-        return self._head

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,13 +14,13 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.conformal import Conformal
-from hdc.hypervectors import Hypervectors
+from hdc.hypervectors import Hypervectors, joined
 from hdc.inputs import Label
 from hdc.parameters import is_number
 from hdc.probability import cross_validated, of_several, sharpness
 from hdc.readouts.base import HeldOut, Readout, Updatable
 from hdc.readouts.majority import Counting
-from hdc.rejection import Rejection, by_frames, of_words
+from hdc.rejection import Rejection, by_frames, by_groups, of_words
 from hdc.sample import Sample
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
 from hdc.warning import warn
@@ -69,6 +70,43 @@ class Head:
         return torch.tensor([self.index[label] for label in labels])
 
     # Learning ------------------------------------------------------------------------------------
+
+    def learned(
+        self,
+        batches: Iterable[Hypervectors],
+        labels: Sequence[Label],
+        device: str,
+        together: Sequence[Label] | None,
+    ) -> Head:
+        """The head after a training on batches of N hypervectors, in place of an empty one.
+
+        Args:
+            batches: the hypervectors.
+            labels: their labels [N].
+            device: the device that holds the state of a read-out that learns batch by batch.
+            together: their groups [N], if known.
+        """
+        readout, n_classes = self.readout, len(self.labels)
+        rows, calibrated = self.rows_of(labels), None
+        if together is not None:
+            words = joined(batches)
+            batches = [words]
+            calibrated, single = by_groups(words, rows, together, readout, n_classes)
+            _warn_of_single_groups(self.labels[single].tolist())
+        if isinstance(readout, Updatable):
+            state = readout.empty(n_classes, self.dimension, device)
+            learned = replace(self, state=state).extended(batches, labels)
+            return replace(learned, calibrated=calibrated)
+        words = joined(batches)
+        state = readout.fit(words, rows, n_classes)
+        closed = type(readout).held_out is not Readout.held_out
+        return replace(
+            self,
+            state=state,
+            sample=Sample(Counter(rows.tolist())),
+            calibrated=calibrated or of_words(words, rows, n_classes),
+            training=None if closed or state.held_out is not None else (words, rows),
+        )
 
     def extended(
         self, batches: Iterable[Hypervectors], labels: Sequence[Label]
@@ -269,6 +307,16 @@ class Head:
             _check_sharpness(sharpness)
             vars(head)["sharpness"] = sharpness
         return head
+
+
+def _warn_of_single_groups(labels: Sequence[Label]) -> None:
+    """Warn of classes whose frames are of a single group."""
+    if labels:
+        named = ", ".join(map(repr, labels[:5]))
+        warn(
+            f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
+            "not calibrated for another group of these",
+        )
 
 
 def _warn_of_missing(missing: Sequence[Label]) -> None:

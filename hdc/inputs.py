@@ -11,7 +11,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc.hypervectors import Hypervectors
 from hdc.warning import warn
 
 Label = str | int | float | bool
@@ -62,18 +61,6 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     _check_axes(found)
     if found == shape and len(shape) == 2 and shape[0] > 1:
         return tensor(frames)[None]
-    return frames
-
-
-def source(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """Training frames by :func:`indexable`, or hypervectors.
-
-    Raises:
-        TypeError, ValueError: as :func:`indexable`, and for no frames.
-    """
-    if not isinstance(frames, Hypervectors):
-        frames = indexable(frames, shape)
-    check_any(frames)
     return frames
 
 
@@ -183,7 +170,7 @@ def _check_dense(name: str, values: Tensor) -> None:
         raise TypeError(f"{name}: expected plain numbers, found {found}")
 
 
-def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> None:
+def check_shape(found: Sequence[int], expected: tuple[int, ...]) -> None:
     """Check that a frame has the shape of training, or, if either is flat, as many pixels.
 
     Raises:
@@ -194,7 +181,7 @@ def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> 
     if n != d:
         raise ValueError(
             f"frames: expected D = {d} pixels as in training (shape {expected}), found {n}: "
-            f"X has {n} features, but {model} is expecting {d} features as input"
+            f"X has {n} features, but Encoder is expecting {d} features as input"
         )
     if len(found) == len(expected) == 2 and found != expected:
         raise ValueError(

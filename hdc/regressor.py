@@ -10,11 +10,10 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import backends, inputs
+from hdc import inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.estimator import joined
-from hdc.hypervectors import Hypervectors
+from hdc.hypervectors import Encoding, Hypervectors, joined, source
 from hdc.parameters import check_share
 from hdc.readouts import VALUE_READOUTS, make_value_readout
 from hdc.readouts.values import ValueReadout, ValueState
@@ -83,16 +82,15 @@ class HDCRegressor(Saved):
                 not finite.
         """
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
-        columns, frames = inputs.columns_of(frames), inputs.source(frames)
+        columns, frames = inputs.columns_of(frames), source(frames)
         values = _numbers(y, len(frames))
         _check_enough(frames)
-        backend = self._decided(frames)
-        with backends.computing(backend):
-            encoder, shape = self._learned_encoder(encoder, frames)
-            words = joined(self._batches(frames, encoder, shape))
+        encoding = Encoding.learned(encoder, frames, self.device, self.backend)
+        with encoding.computing():
+            words = joined(encoding.encoded(frames))
             state = readout.fit(words, _table(values))
-        self._begin(encoder, shape, words.dimension, backend)
-        self.columns_ = columns
+        self._encoding = encoding
+        self.columns_, self.metadata_ = columns, {}
         self._one = values.ndim == 1
         self.readout_, self.state_ = readout, state
         self._recalibrated = False
@@ -107,13 +105,10 @@ class HDCRegressor(Saved):
         Raises:
             ValueError: as :meth:`fit`.
         """
-        self._check_is_trained()
-        frames = self._further(frames)
-        _check_enough(frames)
-        values = _numbers(y, len(frames))
-        table = self._more_targets(values)
+        words = self.encode(frames)
+        _check_enough(words)
+        table = self._more_targets(_numbers(y, len(words)))
         with self._computing():
-            words = joined(self._encoded(frames))
             self.state_ = self.readout_.adapt(self.state_, words, table)
         self._recalibrated = True
         return self

@@ -14,14 +14,13 @@ from hdc import backends, io
 from hdc.described import describe, rebuild
 from hdc.encoders import Encoder
 from hdc.estimator import Estimator
+from hdc.hypervectors import Encoding
 from hdc.tensors import compact, prefixed, without_prefix
 from hdc.warning import warn
 
 
 class Saved(Estimator):
     """An estimator that can be saved to a file and loaded."""
-
-    metadata_: dict[str, Any]
 
     def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
         """Write the model to a safetensors file, atomically.
@@ -73,13 +72,13 @@ class Saved(Estimator):
                 name: getattr(self, f"{name}_").revision for name in self.parts
             },
             "columns": self.columns_,
-            "metadata": getattr(self, "metadata_", {}),
+            "metadata": self.metadata_,
         }
         return header, {name: compact(tensor) for name, tensor in tensors.items()}
 
     def __getstate__(self) -> dict[str, Any]:
         """Parameters, trained parts without what they learned, and the content of a file."""
-        if not hasattr(self, "dimension_"):
+        if not hasattr(self, "_encoding"):
             return vars(self)
         parts = {name: getattr(self, f"{name}_").unlearned() for name in self.parts}
         learned = (*self._contents(), parts)
@@ -165,9 +164,9 @@ class Saved(Estimator):
         own = {name: tensor.to(self.device) for name, tensor in tensors.items()}
         encoder: Encoder = parts["encoder"]
         encoder.restore(without_prefix("encoder", own), prod(shape))
-        self._begin(encoder, shape, encoder.dimension(prod(shape)), backend)
-        if header.get("columns") is not None:
-            self.columns_ = list(header["columns"])
+        self._encoding = Encoding(encoder, tuple(shape), self.device, backend)
+        columns = header.get("columns")
+        self.columns_ = None if columns is None else list(columns)
         others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
         self._restore(parts["readout"], header, others)
         self.metadata_ = dict(header["metadata"])
