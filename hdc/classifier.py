@@ -13,10 +13,10 @@ from torch import Tensor
 from hdc import inputs
 from hdc.answers import Answering
 from hdc.availability import needs
-from hdc.encoders import ENCODERS, Encoder, make_encoder
+from hdc.encoders import ENCODERS, Encoder
 from hdc.head import Head
 from hdc.hypervectors import Encoding, Hypervectors, joined, source
-from hdc.readouts import READOUTS, Readout, Updatable, make_readout
+from hdc.readouts import READOUTS, Readout, Updatable
 from hdc.sample import Sample
 from hdc.warning import warn
 
@@ -81,8 +81,7 @@ class HDCClassifier(Answering):
     """
 
     _estimator_type = "classifier"
-    parts: ClassVar = {"encoder": make_encoder, "readout": make_readout}
-    _known: ClassVar = {"encoder": ENCODERS, "readout": READOUTS}
+    parts: ClassVar = {"encoder": ENCODERS, "readout": READOUTS}
 
     def __init__(
         self,

@@ -14,15 +14,14 @@ from typing import Any, ClassVar
 
 from hdc import inputs
 from hdc.hypervectors import Encoding, Hypervectors, joined
-from hdc.parameters import Named, Parametrised
+from hdc.parameters import Family, Parametrised
 
 
 class Estimator(Parametrised):
     """An estimator with an encoder and a read-out; its `_encoding` is the trained encoder."""
 
     _estimator_type: str
-    _known: ClassVar[Mapping[str, Named]]
-    """Our own classes of each part."""
+    parts: ClassVar[Mapping[str, Family]]
     encoder: Any
     readout: Any
     device: str

@@ -15,7 +15,7 @@ from torch import Tensor
 
 from hdc import backends, inputs
 from hdc.described import describe
-from hdc.parameters import Named
+from hdc.parameters import Family, Part
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 
@@ -167,4 +167,4 @@ class Encoding:
 
 
 def _described(encoder: Any) -> dict[str, Any]:
-    return describe(encoder, Named())
+    return describe(encoder, Family("encoder", Part, {}))

@@ -181,7 +181,7 @@ def check_shape(found: Sequence[int], expected: tuple[int, ...]) -> None:
     if n != d:
         raise ValueError(
             f"frames: expected D = {d} pixels as in training (shape {expected}), found {n}: "
-            f"X has {n} features, but Encoder is expecting {d} features as input"
+            f"X has {n} features, but it is expecting {d} features as input"
         )
     if len(found) == len(expected) == 2 and found != expected:
         raise ValueError(

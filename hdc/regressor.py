@@ -12,10 +12,10 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.accuracy import r_squared
-from hdc.encoders import ENCODERS, Encoder, make_encoder
+from hdc.encoders import ENCODERS, Encoder
 from hdc.hypervectors import Encoding, Hypervectors, joined, source
 from hdc.parameters import check_share
-from hdc.readouts import VALUE_READOUTS, make_value_readout
+from hdc.readouts import VALUE_READOUTS
 from hdc.readouts.values import ValueReadout, ValueState
 from hdc.saved import Saved
 from hdc.tensors import check_parts, checked, prefixed, without_prefix
@@ -52,8 +52,7 @@ class HDCRegressor(Saved):
     """
 
     _estimator_type = "regressor"
-    parts: ClassVar = {"encoder": make_encoder, "readout": make_value_readout}
-    _known: ClassVar = {"encoder": ENCODERS, "readout": VALUE_READOUTS}
+    parts: ClassVar = {"encoder": ENCODERS, "readout": VALUE_READOUTS}
 
     readout_: ValueReadout
     state_: ValueState

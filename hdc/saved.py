@@ -46,7 +46,7 @@ class Saved(Estimator):
         header["parameters"] = {"device": str(self.device)}
         for name in self.parts:
             # The trained part, since the given object may have been changed.
-            known = self._known[name]
+            known = self.parts[name]
             described = describe(getattr(self, f"{name}_"), known)
             try:
                 rebuild(described, name, known)
@@ -133,8 +133,7 @@ class Saved(Estimator):
             if kind != cls.__name__:
                 raise ValueError(f"a saved {kind}; load it with {kind}.load")
             parameters = header["parameters"] | {"device": device}
-            for name in cls.parts:
-                known = cls._known[name]
+            for name, known in cls.parts.items():
                 parameters[name] = rebuild(parameters[name], name, known, trusted)
             model = cls(**parameters)
             parts = {name: model.fresh(name) for name in cls.parts}
