@@ -8,7 +8,6 @@ from dataclasses import replace
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from torch import Tensor
 
 from hdc import inputs
 from hdc.answers import Answering
@@ -18,6 +17,7 @@ from hdc.head import Head
 from hdc.hypervectors import Encoding, Hypervectors, joined, source
 from hdc.readouts import READOUTS, Readout, Updatable
 from hdc.sample import Sample
+from hdc.tensors import Parts
 from hdc.warning import warn
 
 KNOWN = "known"
@@ -265,9 +265,8 @@ class HDCClassifier(Answering):
         """Replace the reference by the mean of new unlabelled frames, standardised.
 
         The classes should be about as frequent in the new frames as in the frames of the old
-        reference. Frames of a single class can ruin the model; a warning appears if the model
-        assigns them to few classes. Frames without a touch do not help: ten of them improved no
-        model in our study of drift.
+        reference. Frames of a single class, such as frames without a touch, can ruin the model; a
+        warning appears if the model assigns them to few classes.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
@@ -302,12 +301,10 @@ class HDCClassifier(Answering):
 
     # Files ---------------------------------------------------------------------------------------
 
-    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    def _stored(self) -> tuple[dict[str, Any], Parts]:
         return self._head.stored()
 
-    def _restore(
-        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
-    ) -> None:
+    def _restore(self, readout: Any, header: Mapping[str, Any], tensors: Parts) -> None:
         _check_several(readout, header["classes"])
         self._head = Head.restored(readout, header, tensors, self.dimension_)
 

@@ -22,7 +22,7 @@ from hdc.readouts.base import HeldOut, Readout, Updatable
 from hdc.readouts.majority import Counting
 from hdc.rejection import Rejection, by_frames, by_groups, of_words
 from hdc.sample import Sample
-from hdc.tensors import check_parts, checked, prefixed, without_prefix
+from hdc.tensors import Parts, check_parts, checked
 from hdc.warning import warn
 
 _ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
@@ -99,13 +99,12 @@ class Head:
             return replace(learned, calibrated=calibrated)
         words = joined(batches)
         state = readout.fit(words, rows, n_classes)
-        closed = type(readout).held_out is not Readout.held_out
         return replace(
             self,
             state=state,
             sample=Sample(Counter(rows.tolist())),
             calibrated=calibrated or of_words(words, rows, n_classes),
-            training=None if closed or state.held_out is not None else (words, rows),
+            training=(words, rows) if state.held_out is None else None,
         )
 
     def extended(
@@ -248,17 +247,17 @@ class Head:
 
     # Files ---------------------------------------------------------------------------------------
 
-    def stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    def stored(self) -> tuple[dict[str, Any], Parts]:
         """Header and tensors for a file."""
-        tensors = {}
+        tensors = {"readout": self.state.tensors()}
         if self.sample.kept:
-            tensors["sample"], _ = self.sample.listed()
-        tensors |= prefixed("readout", self.state.tensors())
+            words, _ = self.sample.listed()
+            tensors[""] = {"sample": words}
         # Those of other read-outs follow from the state and the sample.
         if not isinstance(self.readout, Updatable) and self.held_out is not None:
-            tensors |= prefixed("held_out", self.held_out._asdict())
+            tensors["held_out"] = self.held_out._asdict()
         if self.calibrated is not None:
-            tensors |= prefixed("known", self.calibrated.tensors())
+            tensors["known"] = self.calibrated.tensors()
         header = {
             "classes": self.labels.tolist(),
             "seen": self._seen,
@@ -271,7 +270,7 @@ class Head:
         cls,
         readout: Readout,
         header: Mapping[str, Any],
-        tensors: Mapping[str, Tensor],
+        tensors: Parts,
         dimension: int,
     ) -> Head:
         """The head of a header and tensors from a file, which may be anything.
@@ -283,23 +282,22 @@ class Head:
         if not classes or inputs.classes_of(classes).tolist() != classes:
             raise ValueError(f"classes {classes!r}")
         # Up to version 3, whole read-outs had a sample, and all that do not count a majority.
-        parts = ["readout", "sample", "held_out", "known"]
+        parts = ["readout", "", "held_out", "known"]
         if not isinstance(readout, Counting):
             parts.append("majority")
         check_parts(tensors, parts)
         n_classes = len(classes)
-        if isinstance(readout, Updatable) and "sample" not in tensors:
+        kept = tensors[""]
+        if isinstance(readout, Updatable) and not kept:
             raise ValueError("no tensor 'sample'")
-        words = tensors.get("sample")
-        own = {name: without_prefix(name, tensors) for name in parts}
-        state = readout.restored(own["readout"], n_classes, dimension)
+        state = readout.restored(tensors["readout"], n_classes, dimension)
         head = cls(
             readout,
-            replace(state, held_out=_held_out_of(own["held_out"], n_classes)),
-            Sample.restored(n_classes, header["seen"], words, dimension),
+            replace(state, held_out=_held_out_of(tensors["held_out"], n_classes)),
+            Sample.restored(n_classes, header["seen"], kept, dimension),
             inputs.label_array(classes, n_classes),
             dimension,
-            Rejection.restored(own["known"], dimension),
+            Rejection.restored(tensors["known"], dimension),
             bool(header["recalibrated"]),
         )
         sharpness = header.get("sharpness")

@@ -111,13 +111,9 @@ class Encoding:
             ValueError: for hypervectors of another encoder, or a backend that cannot compute.
         """
         if isinstance(frames, Hypervectors):
+            _check_alike(encoder, frames.encoder)
             chosen = backends.choose_backend(backend, device)
-            given = frames.encoder
-            if given is None or _described(encoder) != _described(given):
-                raise ValueError(
-                    f"hypervectors: expected encoder {encoder!r}, found {given!r}"
-                )
-            return cls(given, frames.frame_shape, device, chosen)
+            return cls(frames.encoder, frames.frame_shape, device, chosen)
         chosen = backends.choose_backend(backend, device, prod(frames.shape))
         if encoder.learns:
             with backends.computing(chosen):
@@ -154,10 +150,7 @@ class Encoding:
         mine, theirs = self.encoder, words.encoder
         if theirs is None or theirs is mine:
             return
-        if _described(mine) != _described(theirs):
-            raise ValueError(
-                f"hypervectors: expected the encoder {mine!r}, found {theirs!r}"
-            )
+        _check_alike(mine, theirs)
         other = theirs.state()
         if any(not torch.equal(x, other[name]) for name, x in mine.state().items()):
             raise ValueError(
@@ -166,5 +159,10 @@ class Encoding:
             )
 
 
-def _described(encoder: Any) -> dict[str, Any]:
-    return describe(encoder, Family("encoder", Part, {}))
+def _check_alike(expected: Any, found: Any) -> None:
+    """Raise ValueError unless an encoder is of the same class, and has the same parameters."""
+    own = Family("encoder", Part, {})
+    if found is None or describe(found, own) != describe(expected, own):
+        raise ValueError(
+            f"hypervectors: expected the encoder {expected!r}, found {found!r}"
+        )

@@ -73,10 +73,7 @@ class Parametrised:
 
     def fresh(self, name: str) -> Any:
         """A new untrained part from a parameter, checked."""
-        given = getattr(self, name)
-        part = self.parts[name](given)
-        if part is given:
-            part = part.unlearned()
+        part = self.parts[name](getattr(self, name)).unlearned()
         part.check()
         return part
 

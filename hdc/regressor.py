@@ -18,7 +18,7 @@ from hdc.parameters import check_share
 from hdc.readouts import VALUE_READOUTS
 from hdc.readouts.values import ValueReadout, ValueState
 from hdc.saved import Saved
-from hdc.tensors import check_parts, checked, prefixed, without_prefix
+from hdc.tensors import Parts, check_parts, checked
 
 
 class HDCRegressor(Saved):
@@ -37,7 +37,6 @@ class HDCRegressor(Saved):
         encoder_: the encoder, trained.
         readout_, state_: the read-out, and what it has learned.
         prediction_bytes_: bytes of memory that a prediction with intervals needs.
-        residuals_: exact leave-one-out errors of the training frames, float64 [N, T].
         mean_: mean of the training numbers, float64 [T].
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
@@ -122,13 +121,6 @@ class HDCRegressor(Saved):
         return table
 
     @property
-    def residuals_(self) -> np.ndarray:
-        residuals = self.state_.residuals
-        if residuals is None:
-            raise AttributeError(f"{self.readout_!r} has no leave-one-out errors")
-        return residuals.numpy()
-
-    @property
     def mean_(self) -> np.ndarray:
         return self.state_.targets.mean(dim=0).numpy()
 
@@ -189,26 +181,22 @@ class HDCRegressor(Saved):
         tensors += [self.state_.words.packed, self.state_.targets]
         return sum(tensor.nbytes for tensor in tensors)
 
-    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    def _stored(self) -> tuple[dict[str, Any], Parts]:
         state = self.state_
-        tensors = {"words": state.words.packed, "values": state.targets}
-        tensors |= prefixed("readout", state.tensors())
-        return {"recalibrated": self._recalibrated, "one": self._one}, tensors
+        learnt = {"words": state.words.packed, "values": state.targets}
+        header = {"recalibrated": self._recalibrated, "one": self._one}
+        return header, {"": learnt, "readout": state.tensors()}
 
-    def _restore(
-        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
-    ) -> None:
+    def _restore(self, readout: Any, header: Mapping[str, Any], tensors: Parts) -> None:
         if header.get("period") is not None:  # an earlier version
             raise ValueError("one with a period; train again on cosine and sine")
         kinds = {"words": "int64 N W", "values": "float64 N T"}
-        learnt = {name: tensors.pop(name) for name in kinds}
-        packed, values = checked(learnt, kinds, D=self.dimension_).values()
+        check_parts(tensors, ("", "readout"))
+        packed, values = checked(tensors[""], kinds, D=self.dimension_).values()
         self._one = bool(header["one"])
-        check_parts(tensors, ("readout",))
-        own = without_prefix("readout", tensors)
         words = Hypervectors(packed, self.dimension_, self.encoder_, self.frame_shape_)
         self.readout_ = readout
-        self.state_ = readout.restored(own, words, values)
+        self.state_ = readout.restored(tensors["readout"], words, values)
         self._recalibrated = bool(header["recalibrated"])
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, Self
 
@@ -72,7 +72,7 @@ class Sample:
 
     @classmethod
     def restored(
-        cls, n_classes: int, seen: Any, words: Tensor | None, dimension: int
+        cls, n_classes: int, seen: Any, tensors: Mapping[str, Tensor], dimension: int
     ) -> Self:
         """The sample from a file: numbers of frames, and the hypervectors if there are any.
 
@@ -83,10 +83,10 @@ class Sample:
         if min(sizes) < 0 or len(sizes) != n_classes:
             raise ValueError(f"seen {seen!r}")
         kept = {}
-        if words is not None:
+        if tensors:
             kinds = {"sample": "int64 N W"}
-            checked({"sample": words}, kinds, N=sum(sizes), D=dimension)
-            parts = enumerate(words.split(sizes))
+            found = checked(tensors, kinds, N=sum(sizes), D=dimension)
+            parts = enumerate(found["sample"].split(sizes))
             kept = {row: part.clone() for row, part in parts if len(part)}
         return cls(Counter(dict(enumerate(seen))), kept)
 

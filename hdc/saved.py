@@ -15,7 +15,7 @@ from hdc.described import describe, rebuild
 from hdc.encoders import Encoder
 from hdc.estimator import Estimator
 from hdc.hypervectors import Encoding
-from hdc.tensors import compact, prefixed, without_prefix
+from hdc.tensors import Parts, by_part, compact, flat
 from hdc.warning import warn
 
 
@@ -62,7 +62,7 @@ class Saved(Estimator):
         """Header, yet without parameters, and tensors, of which :meth:`_fill` makes the model."""
         with self._computing():
             stored, tensors = self._stored()
-        tensors |= prefixed("encoder", self.encoder_.state())
+        tensors = flat({**tensors, "encoder": self.encoder_.state()})
         header = {
             "kind": type(self).__name__,
             **stored,
@@ -145,7 +145,7 @@ class Saved(Estimator):
             raise ValueError(
                 f"{path}: expected a saved {cls.__name__}, found {error}"
             ) from error
-        model._warn_of_revisions(header.get("revisions"), path)
+        model._warn_of_revisions(header.get("revisions", {}), path)
         return model
 
     def _fill(
@@ -160,19 +160,18 @@ class Saved(Estimator):
         whole = all(type(n) is int and n > 0 for n in shape)
         if not whole or not 1 <= len(shape) <= 2:
             raise ValueError(f"frame_shape {shape!r}")
-        own = {name: tensor.to(self.device) for name, tensor in tensors.items()}
+        own = by_part({name: x.to(self.device) for name, x in tensors.items()})
         encoder: Encoder = parts["encoder"]
-        encoder.restore(without_prefix("encoder", own), prod(shape))
+        encoder.restore(own.pop("encoder", {}), prod(shape))
         self._encoding = Encoding(encoder, tuple(shape), self.device, backend)
         columns = header.get("columns")
         self.columns_ = None if columns is None else list(columns)
-        others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
-        self._restore(parts["readout"], header, others)
+        self._restore(parts["readout"], header, own)
         self.metadata_ = dict(header["metadata"])
 
-    def _warn_of_revisions(self, made_by: Any, path: str | Path) -> None:
+    def _warn_of_revisions(self, made_by: Mapping[str, Any], path: str | Path) -> None:
         """Warn of a file by another revision of a part; files up to 3.0 hold no revisions."""
-        for name in self.parts if isinstance(made_by, Mapping) else ():
+        for name in self.parts:
             now = getattr(self, f"{name}_").revision
             if made_by.get(name, now) != now:
                 warn(
@@ -181,11 +180,9 @@ class Saved(Estimator):
                 )
 
     @abstractmethod
-    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    def _stored(self) -> tuple[dict[str, Any], Parts]:
         """Header and tensors of the estimator itself."""
 
     @abstractmethod
-    def _restore(
-        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
-    ) -> None:
+    def _restore(self, readout: Any, header: Mapping[str, Any], tensors: Parts) -> None:
         """Set what an untrained read-out has learned from a header and tensors."""
