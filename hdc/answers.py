@@ -11,6 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc import inputs
+from hdc.accuracy import accuracy
 from hdc.availability import needs
 from hdc.conformal import RATE
 from hdc.head import Head
@@ -134,12 +135,11 @@ class Answering(Saved):
             ValueError: as :meth:`predict`; for no frames; or for labels of another kind than in
                 training, such as the text "0" instead of the number 0.
         """
-        predicted = self.predict(frames).tolist()
+        predicted = self.predict(frames)
         inputs.check_any(predicted)
-        labels = inputs.label_array(y, len(predicted)).tolist()
-        inputs.check_one_kind([*labels, *self.classes_.tolist()])
-        right = [a == b for a, b in zip(predicted, labels, strict=True)]
-        return float(np.mean(right))
+        labels = inputs.label_array(y, len(predicted))
+        inputs.check_one_kind([*labels.tolist(), *self.classes_.tolist()])
+        return accuracy(predicted, labels)
 
     def decision_function(self, frames: Any) -> np.ndarray:
         """Scores of the classes [Q, L], of which the largest wins.

@@ -58,7 +58,8 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     if isinstance(frames, Tensor):
         _check_dense("frames", frames)
     found = tuple(frames.shape)
-    _check_axes(found)
+    if found != (0,):  # an empty list
+        _check_axes(found)
     if found == shape and len(shape) == 2 and shape[0] > 1:
         return tensor(frames)[None]
     return frames
@@ -79,11 +80,11 @@ def check_any(frames: Any) -> None:
 def _check_axes(found: tuple[int, ...]) -> None:
     """Raise ValueError unless frames have the shape [N, H, W] or [N, D]."""
     wrong = ""
-    if len(found) < 2 and found != (0,):
+    if len(found) < 2:
         wrong = f"{found}; Reshape your data: of one frame, frames[None] is a batch"
     elif len(found) > 3:
         wrong = f"{found}; take one channel of each frame"
-    elif len(found) == 2 and found[1] == 0:
+    elif 0 in found[1:]:
         wrong = f"0 feature(s) (shape={found}) while a minimum of 1 is required."
     if wrong:
         raise ValueError(f"frames: expected shape [N, H, W] or [N, D], found {wrong}")
@@ -148,11 +149,7 @@ def check_frames(frames: Any) -> None:
     if not isinstance(frames, Tensor):
         found = type(frames).__name__
         raise TypeError(f"frames: expected a torch tensor, found {found}")
-    if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
-        shape = tuple(frames.shape)
-        raise ValueError(
-            f"frames: expected shape [N, H, W] or [N, D] with pixels, found {shape}"
-        )
+    _check_axes(tuple(frames.shape))
     if frames.dtype == torch.bool or frames.is_complex():
         raise TypeError(
             f"frames: expected real or integer pixels, found {frames.dtype}"
