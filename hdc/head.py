@@ -25,8 +25,6 @@ from hdc.sample import Sample
 from hdc.tensors import Parts, check_parts, checked
 from hdc.warning import warn
 
-_ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
-
 
 @dataclass(frozen=True, eq=False)
 class Head:
@@ -240,8 +238,9 @@ class Head:
     def _needed(self, method: str) -> HeldOut:
         if self.held_out is None:
             raise ValueError(
-                f"{method}: {_ANEW}, of {self.readout!r}; fit anew, "
-                "or recalibrate by frames of all classes"
+                f"{method}: expected a model fresh from fit, found one that was recalibrated, or "
+                f"saved by version 2.0, of {self.readout!r}; fit anew, or recalibrate by frames of "
+                "all classes"
             )
         return self.held_out
 
@@ -300,10 +299,11 @@ class Head:
             Rejection.restored(tensors["known"], dimension),
             bool(header["recalibrated"]),
         )
-        sharpness = header.get("sharpness")
-        if sharpness is not None:  # version 2.0 kept it in place of the scores
-            _check_sharpness(sharpness)
-            vars(head)["sharpness"] = sharpness
+        found = header.get("sharpness")
+        if found is not None:  # version 2.0 kept it in place of the scores
+            if not is_number(found) or found <= 0:
+                raise ValueError(f"sharpness {found!r}")
+            vars(head)["sharpness"] = found
         return head
 
 
@@ -326,12 +326,6 @@ def _warn_of_missing(missing: Sequence[Label]) -> None:
         f"recalibrate: no new frames of {named}; where a drift moves the frames of all classes "
         "alike, frames of these classes will be taken for the others",
     )
-
-
-def _check_sharpness(found: Any) -> None:
-    """Raise ValueError for a sharpness in a file that is none."""
-    if not is_number(found) or found <= 0:
-        raise ValueError(f"sharpness {found!r}")
 
 
 def _held_out_of(tensors: Mapping[str, Tensor], n_classes: int) -> HeldOut | None:
