@@ -73,7 +73,10 @@ class Parametrised:
 
     def fresh(self, name: str) -> Any:
         """A new untrained part from a parameter, checked."""
-        part = self.parts[name](getattr(self, name)).unlearned()
+        given = getattr(self, name)
+        part = self.parts[name](given)
+        if part is given:
+            part = part.unlearned()
         part.check()
         return part
 

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import inputs
+from hdc import backends, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, Encoder
 from hdc.hypervectors import Encoding, Hypervectors, joined, source
@@ -84,7 +84,7 @@ class HDCRegressor(Saved):
         values = _numbers(y, len(frames))
         _check_enough(frames)
         encoding = Encoding.learned(encoder, frames, self.device, self.backend)
-        with encoding.computing():
+        with backends.computing(encoding.backend):
             words = joined(encoding.encoded(frames))
             state = readout.fit(words, _table(values))
         self._encoding = encoding

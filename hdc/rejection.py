@@ -14,8 +14,8 @@ holds for frames of another group. Otherwise frames are left out one by one, and
 frames recorded under the training conditions, not for another session.
 
 Up to 100 random frames of each class are left out; for a read-out that counts, without groups, the
-19 frames that it stores (:mod:`hdc.sample`). Their distances are exact, since the counts of a class
-without a frame or a group follow from the counts with it.
+19 frames that it stores (:class:`hdc.hypervectors.Sample`). Their distances are exact, since the
+counts of a class without a frame or a group follow from the counts with it.
 """
 
 from __future__ import annotations
@@ -30,11 +30,10 @@ import torch
 from torch import Tensor
 
 from hdc import bits, planes
-from hdc.hypervectors import Hypervectors
+from hdc.hypervectors import Hypervectors, Sample
 from hdc.inputs import Label
 from hdc.readouts.base import Readout
 from hdc.readouts.majority import Counting
-from hdc.sample import Sample
 from hdc.tensors import checked
 from hdc.warning import warn
 
