@@ -21,7 +21,6 @@ from hdc.tensors import checked
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
 KEPT = 19
 """Hypervectors stored per class: p-values in steps of 5 %; 0.6 MB at D = 250,000."""
-_SEED = 0  # of the random choice
 _WORD = 2**64 - 1
 
 
@@ -201,7 +200,7 @@ class Sample:
         for i, row in enumerate(rows):
             k = seen[row]
             seen[row] += 1
-            place = k if k < size else random_place(_SEED, k)
+            place = k if k < size else random_place(k)
             if place < size:
                 chosen[row, place] = i
         found = {row: list(self.kept.get(row, ())) for row, _ in chosen}
@@ -248,12 +247,12 @@ class Sample:
         return cls(Counter(dict(enumerate(seen))), kept)
 
 
-def random_place(seed: int, k: int) -> int:
-    """A random place from 0 to k, by SplitMix64 of the seed and k.
+def random_place(k: int) -> int:
+    """A random place from 0 to k, by SplitMix64 of a fixed seed and k.
 
     Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
     """
-    mixed = _mix(_mix(seed + 1) + k)
+    mixed = _mix(_mix(1) + k)
     return mixed * (k + 1) >> 64
 
 

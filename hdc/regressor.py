@@ -240,6 +240,6 @@ def _ends(
     if low < 1 or high > n:
         infinite = torch.full_like(without[:, 0], torch.inf)
         return -infinite, infinite
-    lower = np.partition((without - spread).numpy(), low - 1, axis=1)[:, low - 1]
-    upper = np.partition((without + spread).numpy(), high - 1, axis=1)[:, high - 1]
-    return torch.from_numpy(lower), torch.from_numpy(upper)
+    lower = (without - spread).kthvalue(low, dim=1).values
+    upper = (without + spread).kthvalue(high, dim=1).values
+    return lower, upper

@@ -39,8 +39,6 @@ from hdc.warning import warn
 
 VERSION = 2
 """Version of the rule, which an exported header names."""
-UNITS = ("frame", "group")
-"""The unit that is left out at a time."""
 MOST = 100
 """Frames of a class that are left out at most."""
 
@@ -54,7 +52,7 @@ class Rejection:
     distances: Tensor
     """int64 [m] (CPU), distances of left-out frames in rising order."""
     unit: str
-    """One of :data:`UNITS`."""
+    """What is left out at a time, ``"frame"`` or ``"group"``."""
 
     @classmethod
     def of(cls, prototypes: Tensor, distances: Sequence[Tensor], unit: str) -> Self:
@@ -89,7 +87,7 @@ class Rejection:
         """The rule from the tensors of a file, if there are any; ValueError if they do not fit."""
         if not tensors:
             return None
-        (unit,) = [name for name in UNITS if name in tensors] or UNITS[:1]
+        unit = "group" if "group" in tensors else "frame"
         m = len(tensors.get(unit, ()))  # none where each class has a single frame
         kinds = {"prototypes": "int64 K W", unit: "int64 M"}
         found = checked(tensors, kinds, D=dimension, M=m)
