@@ -101,7 +101,7 @@ class Classifier(ABC):
                 f"{type(self).__name__}: predict needs train or fit first"
             )
         frames = inputs.indexable(frames, self.shape_)
-        inputs.check_shape(frames.shape[1:], self.shape_, type(self).__name__)
+        inputs.check_shape(frames.shape[1:], self.shape_)
         return frames
 
     def start(self, frames: FrameSource, labels: Any) -> Tensor:

@@ -14,9 +14,8 @@ import numpy as np
 from torch import Tensor
 
 import hdc.bank
-from hdc import HDCClassifier, backends, inputs
-from hdc.estimator import CHUNK
-from hdc.hypervectors import Hypervectors
+from hdc import HDCClassifier, backends
+from hdc.hypervectors import CHUNK, Encoding, Hypervectors, joined
 from hdc.inputs import FrameSource
 
 
@@ -46,27 +45,17 @@ def _train(
         yield {"samples_seen": n}
         return
     encoder = model.fresh("encoder")
-    if encoder.learns:
-        encoder.fit(frames)
-    shape = tuple(frames.shape[1:])
+    encoding = Encoding.learned(encoder, frames, model.device, model.backend)
     classes = np.unique(labels)
     learned = HDCClassifier(**model.get_params(deep=False))
     for start in range(0, n, CHUNK):
         rows = slice(start, start + CHUNK)
-        part = inputs.tensor(frames[rows]).to(model.device)
-        backend = backends.choose_backend(model.backend, model.device, part.numel())
-        with backends.computing(backend):
-            packed = (
-                encoder.encode(part, start)
-                if encoder.numbered
-                else encoder.encode(part)
-            )
-        dimension = encoder.dimension(part[0].numel())
-        words = Hypervectors(packed, dimension, encoder, shape)
+        with backends.computing(encoding.backend):
+            words = joined(encoding.encoded(frames[rows]))
         learned.partial_fit(words, labels[rows], classes)
         vars(model).update(vars(learned))
         if model.counts_.all():
-            yield {"samples_seen": start + len(part)}
+            yield {"samples_seen": start + len(words)}
 
 
 def predict_from(

@@ -10,12 +10,13 @@ import torch
 from torch import Tensor
 
 from hdc import inputs
+from hdc.accuracy import accuracy
 from hdc.availability import needs
 from hdc.conformal import RATE
+from hdc.estimator import of_training
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share
-from hdc.readouts import Readout
 from hdc.saved import Saved
 
 
@@ -24,6 +25,11 @@ class Answering(Saved):
 
     _head: Head
 
+    classes_ = of_training("_head.labels")
+    readout_ = of_training("_head.readout")
+    state_ = of_training("_head.state")
+    prototypes_ = of_training("_head.state.prototypes")
+
     def predict(self, frames: Any) -> np.ndarray:
         """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W].
 
@@ -31,7 +37,8 @@ class Answering(Saved):
             ValueError: as :meth:`encode`.
         """
         best = self._scores(frames).argmax(1)
-        return self.classes_[best.numpy(force=True)]
+        found: np.ndarray = self.classes_[best.numpy(force=True)]
+        return found
 
     @needs("readout", "held_out", "a read-out with a method held_out")
     def predict_set(self, frames: Any, alpha: float = RATE, mask: bool = False) -> Any:
@@ -57,7 +64,12 @@ class Answering(Saved):
             ValueError: for a share outside (0, 1), or a model that keeps nothing to compare with.
         """
         share = check_share("alpha", alpha, "(0, 1)")
-        parts = self._each(frames, lambda words: self._head.possible(words, share))
+        parts = self._each(
+            frames,
+            lambda words: self._head.conformal.possible(
+                words.packed, self._head.scores(words), share
+            ),
+        )
         possible = np.concatenate(parts)
         if mask:
             return possible
@@ -108,7 +120,12 @@ class Answering(Saved):
             ValueError: as :meth:`predict_set`.
         """
         share = check_share("alpha", alpha, "(0, 1)")
-        parts = self._each(frames, lambda words: self._head.p_values(words, share))
+        parts = self._each(
+            frames,
+            lambda words: self._head.conformal.p_values(
+                words.packed, self._head.scores(words), share
+            ),
+        )
         return np.concatenate(parts)
 
     def score(self, frames: Any, y: Any) -> float:
@@ -118,12 +135,11 @@ class Answering(Saved):
             ValueError: as :meth:`predict`; for no frames; or for labels of another kind than in
                 training, such as the text "0" instead of the number 0.
         """
-        predicted = self.predict(frames).tolist()
+        predicted = self.predict(frames)
         inputs.check_any(predicted)
-        labels = inputs.label_array(y, len(predicted)).tolist()
-        inputs.check_one_kind([*labels, *self.classes_.tolist()])
-        right = [a == b for a, b in zip(predicted, labels, strict=True)]
-        return float(np.mean(right))
+        labels = inputs.label_array(y, len(predicted))
+        inputs.check_one_kind([*labels.tolist(), *self.classes_.tolist()])
+        return accuracy(predicted, labels)
 
     def decision_function(self, frames: Any) -> np.ndarray:
         """Scores of the classes [Q, L], of which the largest wins.
@@ -181,42 +197,16 @@ class Answering(Saved):
             return [answer(words) for words in self._encoded(frames)]
 
     @property
-    def classes_(self) -> np.ndarray:
-        return self._trained.labels
-
-    @property
-    def readout_(self) -> Readout:
-        return self._trained.readout
-
-    @property
-    def state_(self) -> Any:
-        return self._trained.state
-
-    @property
-    def prototypes_(self) -> Tensor:
-        found: Tensor = self.state_.prototypes
-        return found
-
-    @property
     def counts_(self) -> np.ndarray:
-        return self._trained.counts.numpy()
+        return self._head.counts.numpy()
 
     @property
     def left_out_(self) -> str:
-        head = self._trained
         with self._computing():
-            return head.rejection.unit
+            return self._head.rejection.unit
 
     @property
     def prediction_bytes_(self) -> int:
         tensors = [*self.encoder_.state().values()]
         tensors += self.readout_.needed(self.state_).values()
         return sum(tensor.nbytes for tensor in tensors)
-
-    @property
-    def _trained(self) -> Head:
-        if not hasattr(self, "_head"):
-            raise AttributeError(
-                f"{type(self).__name__}: expected a trained model; call fit first"
-            )
-        return self._head

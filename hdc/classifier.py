@@ -2,25 +2,21 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Collection, Iterable, Mapping, Sequence
+import inspect
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import replace
-from math import prod
 from typing import Any, ClassVar, Self
 
 import numpy as np
-from torch import Tensor
 
 from hdc import backends, inputs
-from hdc.adapting import Adapting
+from hdc.answers import Answering
 from hdc.availability import needs
-from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.estimator import joined
+from hdc.encoders import ENCODERS, Encoder
 from hdc.head import Head
-from hdc.hypervectors import Hypervectors
-from hdc.readouts import READOUTS, Readout, Updatable, make_readout
-from hdc.rejection import by_groups, of_words
-from hdc.sample import Sample
+from hdc.hypervectors import Encoding, Hypervectors, Sample, joined, source
+from hdc.readouts import READOUTS, Readout, Updatable
+from hdc.tensors import Parts
 from hdc.warning import warn
 
 KNOWN = "known"
@@ -28,7 +24,7 @@ KNOWN = "known"
 _UNEQUAL = 0.2  # share of more frames of a class that is warned of
 
 
-class HDCClassifier(Adapting):
+class HDCClassifier(Answering):
     """Classifier on packed hypervectors (Kitagawa et al., Opt. Express 32, 3209 (2024)).
 
     An encoder makes a hypervector of each frame, and a read-out scores the classes. The published
@@ -84,8 +80,7 @@ class HDCClassifier(Adapting):
     """
 
     _estimator_type = "classifier"
-    parts: ClassVar = {"encoder": make_encoder, "readout": make_readout}
-    _known: ClassVar = {"encoder": ENCODERS, "readout": READOUTS}
+    parts: ClassVar = {"encoder": ENCODERS, "readout": READOUTS}
 
     def __init__(
         self,
@@ -118,7 +113,7 @@ class HDCClassifier(Adapting):
                 parameter value.
         """
         readout = self.fresh("readout")
-        columns, frames = inputs.columns_of(frames), inputs.source(frames)
+        columns, frames = inputs.columns_of(frames), source(frames)
         if y is None and isinstance(readout, Updatable):
             y = [KNOWN] * len(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
@@ -128,8 +123,7 @@ class HDCClassifier(Adapting):
             together = inputs.label_array(groups, len(frames), "groups").tolist()
         classes = inputs.classes_of(labels)
         _check_several(readout, classes.tolist())
-        self._learn(readout, frames, labels, classes, together)
-        self.columns_ = columns
+        self._learn(readout, frames, labels, classes, columns, together)
         self._warn_of_unequal(self._head.sample.seen.values())
         return self
 
@@ -139,19 +133,18 @@ class HDCClassifier(Adapting):
         frames: Any,
         labels: Sequence[inputs.Label],
         classes: np.ndarray,
+        columns: list[str] | None,
         together: Sequence[inputs.Label] | None = None,
     ) -> None:
         """Learn anew; some of the classes may have no frames if the read-out is updatable."""
-        encoder, backend = self.fresh("encoder"), self._decided(frames)
-        with backends.computing(backend):
-            encoder, shape = self._learned_encoder(encoder, frames)
-            words = self._batches(frames, encoder, shape)
-            dimension = encoder.dimension(prod(shape))
-            head = _learned(
-                readout, words, labels, classes, dimension, self.device, together
-            )
-        self._begin(encoder, shape, dimension, backend)
-        self._head = head
+        encoder = self.fresh("encoder")
+        encoding = Encoding.learned(encoder, frames, self.device, self.backend)
+        with backends.computing(encoding.backend):
+            words = encoding.encoded(frames)
+            head = Head(readout, None, Sample(), classes, encoding.dimension)
+            head = head.learned(words, labels, self.device, together)
+        self._encoding, self._head = encoding, head
+        self.columns_, self.metadata_ = columns, {}
 
     def _warn_of_unequal(self, seen: Collection[int]) -> None:
         """Warn of larger classes, which a read-out with default parameters may favour."""
@@ -185,7 +178,9 @@ class HDCClassifier(Adapting):
             raise ValueError(
                 "partial_fit: expected a model that was not recalibrated; fit anew"
             )
-        frames = self._further(frames)
+        columns = inputs.columns_of(frames)
+        frames = source(frames) if head is None else self.encode(frames)
+        inputs.check_any(frames)
         labels = inputs.label_array(y, len(frames)).tolist()
         allowed = labels
         if classes is not None:
@@ -194,21 +189,121 @@ class HDCClassifier(Adapting):
             inputs.check_among(labels, allowed)
         if head is None:
             readout = self.fresh("readout")
-            self._learn(readout, frames, labels, inputs.classes_of(allowed))
+            self._learn(readout, frames, labels, inputs.classes_of(allowed), columns)
             return self
         with self._computing():
-            words = self._encoded(frames)
-            self._head = head.with_classes(allowed).extended(words, labels)
+            self._head = head.with_classes(allowed).extended([frames], labels)
+        return self
+
+    # Adapting ------------------------------------------------------------------------------------
+
+    @needs("readout", "adapt", "a read-out that adapts")
+    def recalibrate(
+        self,
+        frames: Any,
+        y: Any = None,
+        p: float = 0.5,
+        random_state: int = 0,
+        method: str | None = None,
+    ) -> Self:
+        """Adapt to a changed environment by new labelled frames.
+
+        Classes without new frames keep their prototypes, and a warning lists them: they lose
+        accuracy if the drift affects all classes. :meth:`is_known` then compares with the new
+        frames. ``partial_fit`` refuses a recalibrated model.
+
+        Each read-out adapts in its own way. Ridge regression moves its weights to fit the new
+        frames, and neighbours replace the stored frames of each class by its new ones; neither uses
+        p. lda mixes the old discriminants and the new ones. To adapt without labels, see
+        :meth:`rezero`.
+
+        Args:
+            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
+            y: their labels.
+            p: probability that a bit is replaced, or weight of the new votes or discriminants.
+            random_state: seed of the choice of bits to replace. The model counts its
+                recalibrations, also in its file, and each of them draws other bits.
+            method: ``"replace"``, as published, for binary prototypes only; or ``"merge"``, by
+                votes (:func:`hdc.prototypes.merged`), which recovers more. The default is
+                ``"replace"``, and ``"merge"`` for the read-out counts.
+
+        Raises:
+            ValueError: if p is outside [0, 1]; if p is 1 and all new frames are of one class, for
+                lda; if a label is not among ``classes_``; if bits are to be replaced in
+                a class without training frames; or if the read-out does not use an argument.
+            AttributeError: if the read-out cannot adapt; ``hasattr`` is then False.
+        """
+        self._check_is_trained()
+        if y is None:
+            raise ValueError(
+                "recalibrate: expected labels y, found None; without labels: rezero(frames)"
+            )
+        options = {"p": p, "random_state": random_state, "method": method}
+        self._check_used(options)
+        words = self.encode(frames)
+        inputs.check_any(words)
+        labels = inputs.label_array(y, len(words)).tolist()
+        inputs.check_among(labels, self._head.index)
+        with self._computing():
+            self._head = self._head.adapted(words, labels, options)
+        return self
+
+    def _check_used(self, given: Mapping[str, Any]) -> None:
+        """Raise ValueError for a given argument that the read-out does not use."""
+        defaults = inspect.signature(HDCClassifier.recalibrate).parameters
+        for name, value in given.items():
+            default = defaults[name].default
+            if name not in self.readout_.adapts_by and value != default:
+                raise ValueError(
+                    f"{name}: expected {default!r} with the read-out {self.readout_!r}, which "
+                    f"does not use it, found {value!r}"
+                )
+
+    @needs("encoder", "zero", "an encoder with a reference, such as 'reference'")
+    def rezero(self, frames: Any) -> Self:
+        """Replace the reference by the mean of new unlabelled frames, standardised.
+
+        The classes should be about as frequent in the new frames as in the frames of the old
+        reference. Frames of a single class, such as frames without a touch, can ruin the model; a
+        warning appears if the model assigns them to few classes.
+
+        Args:
+            frames: frames of the changed environment, of the shapes that :meth:`fit` takes.
+
+        Raises:
+            ValueError: for no frames, or frames of another shape; the model is then unchanged.
+            TypeError: for hypervectors, which hold no grey values.
+            AttributeError: if the encoder has no reference; ``hasattr`` is then False.
+        """
+        self._check_is_trained()
+        if isinstance(frames, Hypervectors):
+            raise TypeError(
+                "rezero: expected frames, found hypervectors, which hold no grey values"
+            )
+        self._check_columns(frames)
+        frames = inputs.indexable(frames, self.frame_shape_)
+        inputs.check_any(frames)
+        inputs.check_shape(frames.shape[1:], self.frame_shape_)
+        encoding = replace(self._encoding, encoder=self.encoder_.unlearned())
+        with backends.computing(encoding.backend):
+            encoding.encoder.zero(frames)
+            words = joined(encoding.encoded(frames))
+            found = len(self._head.scores(words).argmax(1).unique())
+        if 2 * found < len(self.classes_):
+            warn(
+                f"rezero: the {len(frames)} frames are put into {found} of {len(self.classes_)} "
+                "classes; they have to show all classes about as often as the training frames did, "
+                "or the model is spoiled",
+            )
+        self._encoding = encoding
         return self
 
     # Files ---------------------------------------------------------------------------------------
 
-    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    def _stored(self) -> tuple[dict[str, Any], Parts]:
         return self._head.stored()
 
-    def _restore(
-        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
-    ) -> None:
+    def _restore(self, readout: Any, header: Mapping[str, Any], tensors: Parts) -> None:
         _check_several(readout, header["classes"])
         self._head = Head.restored(readout, header, tensors, self.dimension_)
 
@@ -219,48 +314,4 @@ def _check_several(readout: Readout, classes: Sequence[inputs.Label]) -> None:
         raise ValueError(
             f"labels: expected at least two classes for {readout!r}, found one class, "
             f"{classes[0]!r}; the read-out 'majority' tells it from what is unknown"
-        )
-
-
-def _learned(
-    readout: Readout,
-    batches: Iterable[Hypervectors],
-    labels: Sequence[inputs.Label],
-    classes: np.ndarray,
-    dimension: int,
-    device: str,
-    together: Sequence[inputs.Label] | None,
-) -> Head:
-    """The head of a read-out that is trained on batches of hypervectors with N labels."""
-    head = Head(readout, None, Sample(), classes, dimension)
-    rows, n_classes = head.rows_of(labels), len(classes)
-    calibrated = None
-    if together is not None:
-        words = joined(batches)
-        batches = [words]
-        calibrated, single = by_groups(words, rows, together, readout, n_classes)
-        _warn_of_single_groups(classes[single].tolist())
-    if isinstance(readout, Updatable):
-        empty = replace(head, state=readout.empty(n_classes, dimension, device))
-        return replace(empty.extended(batches, labels), calibrated=calibrated)
-    words = joined(batches)
-    state = readout.fit(words, rows, n_classes)
-    sample = Sample(Counter(rows.tolist()))
-    closed = type(readout).held_out is not Readout.held_out
-    return replace(
-        head,
-        state=state,
-        sample=sample,
-        calibrated=calibrated or of_words(words, rows, n_classes),
-        training=None if closed or state.held_out is not None else (words, rows),
-    )
-
-
-def _warn_of_single_groups(labels: Sequence[inputs.Label]) -> None:
-    """Warn of classes whose frames are of a single group."""
-    if labels:
-        named = ", ".join(map(repr, labels[:5]))
-        warn(
-            f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
-            "not calibrated for another group of these",
         )

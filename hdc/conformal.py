@@ -1,8 +1,8 @@
 """Conformal prediction: p-values and prediction sets from the scores of a read-out.
 
 **Read-outs that count.** A model keeps up to 19 training frames of each class, chosen at random
-(:class:`hdc.sample.Sample`). To ask whether a frame x is of class c, with n training frames and
-their prototype P, compare
+(:class:`hdc.hypervectors.Sample`). To ask whether a frame x is of class c, with n training frames
+and their prototype P, compare
 
 - d, the distance of x to P, with
 - d_i, the distance of a kept frame x_i to the prototype of the n frames with x in place of x_i.
@@ -35,7 +35,7 @@ are zero).
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 from fractions import Fraction
 from typing import Self
@@ -45,9 +45,9 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.hypervectors import Sample
 from hdc.readouts.base import HeldOut
 from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
-from hdc.sample import Sample
 from hdc.warning import warn
 
 RATE = 0.05
@@ -58,9 +58,10 @@ FEWEST = 4
 
 @dataclass(frozen=True)
 class Conformal:
-    """Training frames to compare with, by class; None for a class without any."""
+    """Training frames to compare with."""
 
-    peers: Sequence[Peers | None]
+    peers: Mapping[int, Peers]
+    """By class, of those with training frames."""
     prototypes: Tensor | None = None
     """int64 [L, W], for distances to these prototypes instead of minus the scores."""
 
@@ -68,9 +69,7 @@ class Conformal:
     def of_counting(cls, readout: Counting, state: Counted, sample: Sample) -> Self:
         """P-values by exchanging a stored frame for the new one in the counters of a read-out."""
         deciding = readout.deciding(state)
-        peers: list[Peers | None] = [None] * len(deciding)
-        for row, words in sample.kept.items():
-            peers[row] = Peers.of(words, deciding[row])
+        peers = {row: Peers.of(own, deciding[row]) for row, own in sample.kept.items()}
         whole = deciding[:, EXTRAS.index(0)]
         # For classes of unequal size, the prototypes of the scores may be thinned.
         same = isinstance(readout, Majority) and torch.equal(whole, state.prototypes)
@@ -84,11 +83,11 @@ class Conformal:
             held_out: the scores; the only frame of a class says nothing, and is not used.
             counts: training frames of each class, int64 [L].
         """
-        peers: list[Peers | None] = []
-        for c, n in enumerate(counts.tolist()):
-            own = held_out.scores[held_out.rows == c, c] if n > 1 else torch.empty(0)
+        peers = {}
+        for c in counts.nonzero().flatten().tolist():
+            own = held_out.scores[(held_out.rows == c) & (counts[c] > 1), c]
             distances = -own.double().numpy()
-            peers.append(Peers(distances, distances) if n else None)
+            peers[c] = Peers(distances, distances)
         return cls(peers)
 
     def p_values(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
@@ -108,10 +107,8 @@ class Conformal:
             distances = bits.hamming(words, self.prototypes)
         d = distances.numpy(force=True).astype(np.float64)
         found = np.zeros(d.shape)
-        for c, own in enumerate(self.peers):
-            if own is not None:
-                pool = self._pool(c, alpha)
-                found[:, c] = own.p_values(words, d[:, c], pool)
+        for c, own in self.peers.items():
+            found[:, c] = own.p_values(words, d[:, c], self._pool(c, alpha))
         return found
 
     def possible(self, words: Tensor, scores: Tensor, alpha: float) -> np.ndarray:
@@ -127,12 +124,13 @@ class Conformal:
 
     def _pool(self, c: int, alpha: float) -> np.ndarray | None:
         """Sorted deviations of all other classes, if class c is pooled with them; else None."""
-        m = len(self.peers[c] or ())
+        m = len(self.peers[c])
         if (m + 1) * alpha >= 1 or m < FEWEST:
             return None
-        others = [own for b, own in enumerate(self.peers) if own is not None and b != c]
         found = [
-            own.held_out - own.held_out.mean() for own in others if len(own) >= FEWEST
+            own.held_out - own.held_out.mean()
+            for b, own in self.peers.items()
+            if b != c and len(own) >= FEWEST
         ]
         return np.sort(np.concatenate([np.empty(0), *found]))
 
@@ -212,9 +210,9 @@ def _p_values(
     return (1 + as_far) / (1 + m + len(pool))
 
 
-def _warn_of_few(peers: Sequence[Peers | None], alpha: float) -> None:
+def _warn_of_few(peers: Mapping[int, Peers], alpha: float) -> None:
     """Warn if some class is in every set, so that no frame is refused."""
-    kept = [len(peer) for peer in peers if peer is not None]
+    kept = [len(own) for own in peers.values()]
     n, least = sum(kept), min(kept, default=0)
     if (n + 1) * alpha < 1:
         # Exact shares: 1/0.05 − 1 is 19, not the 20 that rounding up floats gives.

@@ -6,10 +6,10 @@ import numbers
 from collections.abc import Collection, Mapping
 from typing import Any
 
-from hdc.parameters import Named, Parametrised, find_class, shown
+from hdc.parameters import Family, Parametrised, shown
 
 
-def describe(part: Parametrised, known: Named) -> dict[str, Any]:
+def describe(part: Parametrised, known: Family) -> dict[str, Any]:
     """Class and parameters of a part, including its own parts, as JSON.
 
     A parameter that JSON cannot hold, such as an array, is replaced by the value in `stand_ins`.
@@ -49,7 +49,7 @@ def _as_json(value: Any) -> Any:
 def rebuild(
     description: Mapping[str, Any],
     what: str,
-    known: Mapping[str, type],
+    known: Family,
     trusted: Collection[str] | None = None,
 ) -> Any:
     """The part of a description by :func:`describe`.
@@ -62,7 +62,7 @@ def rebuild(
             another process could import.
 
     Raises:
-        ValueError, TypeError: as :func:`hdc.parameters.make_part`.
+        ValueError, TypeError: as a call of :class:`hdc.parameters.Family`.
     """
     name = description["class"]
     if trusted is None and name.startswith("__main__."):
@@ -74,17 +74,14 @@ def rebuild(
             f"{what}: expected one of {', '.join(known)}, or a class that is trusted, found "
             f"{name!r}; to import it: load(path, trusted=[{name!r}]), or --trusted {name}"
         )
-    kind = find_class(name, what, known)
+    kind = known.find(name, what)
     if not issubclass(kind, Parametrised):
         raise ValueError(f"{what}: expected a part of a model, found {name!r}")
     parameters = kind.of_today(description["parameters"])
-    for key, value in parameters.items():
-        if isinstance(value, Mapping):
-            parameters[key] = rebuild(value, key, known, trusted)
-    part = kind(**parameters)
-    for key in part.parts:
-        found = getattr(part, key)
+    for key in kind.parts:
+        inner = parameters[key]
         # A name would be imported, trusted or not.
-        if not isinstance(found, Parametrised):
-            raise ValueError(f"{key}: expected a part of a model, found {found!r}")
-    return part
+        if not isinstance(inner, Mapping):
+            raise ValueError(f"{key}: expected a part of a model, found {inner!r}")
+        parameters[key] = rebuild(inner, key, known, trusted)
+    return kind(**parameters)

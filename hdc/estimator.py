@@ -6,43 +6,51 @@ scikit-learn itself is not imported: that takes as long as importing torch, and 
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from contextlib import AbstractContextManager
-from dataclasses import replace
 from math import prod
+from operator import attrgetter
 from typing import Any, ClassVar
 
-import torch
-
 from hdc import backends, inputs
-from hdc.described import describe
-from hdc.encoders import ENCODERS, Encoder
-from hdc.hypervectors import Hypervectors
-from hdc.parameters import Named, Parametrised
+from hdc.availability import UnavailableError
+from hdc.hypervectors import Encoding, Hypervectors, joined
+from hdc.parameters import Family, Parametrised
 
-CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
+
+def of_training(path: str) -> Any:
+    """A property of a trained model, such as ``"_encoding.encoder"``; an untrained one has none."""
+    found = attrgetter(path)
+
+    def get(model: Estimator) -> Any:
+        model._check_is_trained()
+        return found(model)
+
+    return property(get)
 
 
 class Estimator(Parametrised):
-    """An estimator with an encoder and a read-out, which encodes frames in chunks."""
+    """An estimator with an encoder and a read-out; its `_encoding` is the trained encoder."""
 
     _estimator_type: str
-    _known: ClassVar[Mapping[str, Named]]
-    """Our own classes of each part."""
+    parts: ClassVar[Mapping[str, Family]]
     encoder: Any
     readout: Any
     device: str
     backend: str
-    encoder_: Encoder
-    backend_: str
-    """``"numpy"`` or ``"compiled"``, as chosen at fit or load."""
-    frame_shape_: tuple[int, ...]
-    n_features_in_: int
-    dimension_: int
     columns_: list[str] | None = None
     """Names of the columns of a table or a data frame of training, where they are known."""
+    metadata_: dict[str, Any]
+    _encoding: Encoding
 
-    # Encoding ------------------------------------------------------------------------------------
+    encoder_ = of_training("_encoding.encoder")
+    backend_ = of_training("_encoding.backend")
+    frame_shape_ = of_training("_encoding.frame_shape")
+    dimension_ = of_training("_encoding.dimension")
+
+    @property
+    def n_features_in_(self) -> int:
+        return prod(self.frame_shape_)
 
     def encode(self, frames: Any) -> Hypervectors:
         """Hypervectors of frames, which every method but ``rezero`` accepts instead.
@@ -60,31 +68,11 @@ class Estimator(Parametrised):
     def _encoded(self, frames: Any) -> Iterator[Hypervectors]:
         """Hypervectors of frames by the trained encoder, a chunk at a time."""
         self._check_columns(frames)
-        if not isinstance(frames, Hypervectors):
-            frames = inputs.indexable(frames, self.frame_shape_)
-        elif frames.encoder is not self.encoder_:
-            self._check_words(frames)
-        return self._batches(frames, self.encoder_, self.frame_shape_)
-
-    def _batches(
-        self, frames: Any, encoder: Encoder, shape: tuple[int, ...]
-    ) -> Iterator[Hypervectors]:
-        """Hypervectors of frames, a chunk at a time; hypervectors are passed on unchanged."""
         if isinstance(frames, Hypervectors):
-            yield frames
-            return
-        dimension = encoder.dimension(prod(shape))
-        for start in range(0, max(1, len(frames)), CHUNK):
-            part = inputs.tensor(frames[start : start + CHUNK]).to(self.device)
-            if len(part):
-                inputs.check_shape(part.shape[1:], shape, type(self).__name__)
-            given = (part, start) if encoder.numbered else (part,)
-            yield Hypervectors(encoder.encode(*given), dimension, encoder, shape)
-
-    def _further(self, frames: Any) -> Any:
-        """More training frames, of the same columns; see :func:`hdc.inputs.source`."""
-        self._check_columns(frames)
-        return inputs.source(frames, getattr(self, "frame_shape_", None))
+            self._encoding.check_words(frames)
+        else:
+            frames = inputs.indexable(frames, self.frame_shape_)
+        return self._encoding.encoded(frames)
 
     def _check_columns(self, frames: Any) -> None:
         """Raise ValueError for a data frame of other columns, or in another order."""
@@ -94,74 +82,16 @@ class Estimator(Parametrised):
                 "frames: expected the columns of training in its order, found others"
             )
 
-    def _check_words(self, words: Hypervectors) -> None:
-        """Raise ValueError for hypervectors of another encoder."""
-        if words.dimension != self.dimension_:
-            raise ValueError(
-                f"hypervectors: expected D = {self.dimension_}, found {words.dimension}"
-            )
-        mine, theirs = self.encoder_, words.encoder
-        if theirs is None:
-            return
-        if _described(mine) != _described(theirs):
-            raise ValueError(
-                f"hypervectors: expected the encoder {mine!r}, found {theirs!r}"
-            )
-        other = theirs.state()
-        if any(not torch.equal(x, other[name]) for name, x in mine.state().items()):
-            raise ValueError(
-                f"hypervectors: expected an encoder {mine!r} that learned from the same frames, "
-                "found one that learned from others; use this model's encode"
-            )
-
-    def _learned_encoder(
-        self, encoder: Encoder, frames: Any
-    ) -> tuple[Encoder, tuple[int, ...]]:
-        """The trained encoder, or that of the given hypervectors; and the shape of a frame."""
-        if not isinstance(frames, Hypervectors):
-            if encoder.learns:
-                encoder.fit(frames)
-            return encoder, tuple(frames.shape[1:])
-        given = frames.encoder
-        if given is None or _described(encoder) != _described(given):
-            raise ValueError(
-                f"hypervectors: expected encoder {encoder!r}, found {given!r}"
-            )
-        return given, frames.frame_shape
-
     def _computing(self) -> AbstractContextManager[None]:
         """Context in which this thread computes by the chosen backend."""
-        return backends.computing(self.backend_)
-
-    # Training ------------------------------------------------------------------------------------
-
-    def _decided(self, frames: Any) -> str:
-        """The backend to fit these frames with."""
-        n_pixels = 0 if isinstance(frames, Hypervectors) else prod(frames.shape)
-        return backends.choose_backend(self.backend, self.device, n_pixels)
-
-    def _begin(
-        self,
-        encoder: Encoder,
-        shape: Sequence[int],
-        dimension: int,
-        backend: str,
-    ) -> None:
-        """Set the attributes of a new training."""
-        for name in ("metadata_", "columns_"):
-            vars(self).pop(name, None)
-        self.encoder_ = encoder
-        self.backend_ = backend
-        self.frame_shape_ = tuple(shape)
-        self.n_features_in_ = prod(shape)
-        self.dimension_ = dimension
+        return backends.computing(self._encoding.backend)
 
     def _check_is_trained(self) -> None:
         """Raise for an untrained model."""
-        if not hasattr(self, "dimension_"):
+        if not hasattr(self, "_encoding"):
             # scikit-learn's kind of error where it is loaded
             module = sys.modules.get("sklearn.exceptions")
-            kind = getattr(module, "NotFittedError", ValueError)
+            kind = getattr(module, "NotFittedError", UnavailableError)
             raise kind(
                 f"{type(self).__name__}: expected a trained model; call fit first"
             )
@@ -179,16 +109,3 @@ class Estimator(Parametrised):
             regressor_tags=None if classifier else utils.RegressorTags(poor_score=True),
             input_tags=utils.InputTags(two_d_array=True, three_d_array=True),
         )
-
-
-def joined(parts: Iterable[Hypervectors]) -> Hypervectors:
-    """One batch of several, at least one, by the same encoder."""
-    first, *others = parts
-    if not others:
-        return first
-    packed = torch.cat([first.packed, *(part.packed for part in others)])
-    return replace(first, packed=packed)
-
-
-def _described(encoder: Encoder) -> dict[str, Any]:
-    return describe(encoder, ENCODERS)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -13,18 +14,15 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.conformal import Conformal
-from hdc.hypervectors import Hypervectors
+from hdc.hypervectors import Hypervectors, Sample, joined
 from hdc.inputs import Label
 from hdc.parameters import is_number
 from hdc.probability import cross_validated, of_several, sharpness
 from hdc.readouts.base import HeldOut, Readout, Updatable
 from hdc.readouts.majority import Counting
-from hdc.rejection import Rejection, by_frames, of_words
-from hdc.sample import Sample
-from hdc.tensors import check_parts, checked, prefixed, without_prefix
+from hdc.rejection import Rejection, by_frames, by_groups, of_words
+from hdc.tensors import Parts, check_parts, checked
 from hdc.warning import warn
-
-_ANEW = "expected a model fresh from fit, found one that was recalibrated, or saved by version 2.0"
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +67,42 @@ class Head:
         return torch.tensor([self.index[label] for label in labels])
 
     # Learning ------------------------------------------------------------------------------------
+
+    def learned(
+        self,
+        batches: Iterable[Hypervectors],
+        labels: Sequence[Label],
+        device: str,
+        together: Sequence[Label] | None,
+    ) -> Head:
+        """The head after a training on batches of N hypervectors, in place of an empty one.
+
+        Args:
+            batches: the hypervectors.
+            labels: their labels [N].
+            device: the device that holds the state of a read-out that learns batch by batch.
+            together: their groups [N], if known.
+        """
+        readout, n_classes = self.readout, len(self.labels)
+        rows, calibrated = self.rows_of(labels), None
+        if together is not None:
+            words = joined(batches)
+            batches = [words]
+            calibrated, single = by_groups(words, rows, together, readout, n_classes)
+            _warn_of_single_groups(self.labels[single].tolist())
+        if isinstance(readout, Updatable):
+            state = readout.empty(n_classes, self.dimension, device)
+            learned = replace(self, state=state).extended(batches, labels)
+            return replace(learned, calibrated=calibrated)
+        words = joined(batches)
+        state = readout.fit(words, rows, n_classes)
+        return replace(
+            self,
+            state=state,
+            sample=Sample(Counter(rows.tolist())),
+            calibrated=calibrated or of_words(words, rows, n_classes),
+            training=(words, rows) if state.held_out is None else None,
+        )
 
     def extended(
         self, batches: Iterable[Hypervectors], labels: Sequence[Label]
@@ -137,14 +171,6 @@ class Head:
         """Scores [Q, L] of the read-out."""
         return self.readout.scores(self.state, words)
 
-    def p_values(self, words: Hypervectors, alpha: float) -> np.ndarray:
-        """p-values [Q, L] of :meth:`hdc.conformal.Conformal.p_values`."""
-        return self.conformal.p_values(words.packed, self.scores(words), alpha)
-
-    def possible(self, words: Hypervectors, alpha: float) -> np.ndarray:
-        """Which classes each frame may be of, bool [Q, L]."""
-        return self.conformal.possible(words.packed, self.scores(words), alpha)
-
     def probabilities(self, words: Hypervectors) -> Tensor:
         """Probabilities float64 [Q, L]; 0 for a class without training frames."""
         exponents = self.sharpness * self.scores(words).double().cpu()
@@ -211,24 +237,25 @@ class Head:
     def _needed(self, method: str) -> HeldOut:
         if self.held_out is None:
             raise ValueError(
-                f"{method}: {_ANEW}, of {self.readout!r}; fit anew, "
-                "or recalibrate by frames of all classes"
+                f"{method}: expected a model fresh from fit, found one that was recalibrated, or "
+                f"saved by version 2.0, of {self.readout!r}; fit anew, or recalibrate by frames of "
+                "all classes"
             )
         return self.held_out
 
     # Files ---------------------------------------------------------------------------------------
 
-    def stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    def stored(self) -> tuple[dict[str, Any], Parts]:
         """Header and tensors for a file."""
-        tensors = {}
+        tensors = {"readout": self.state.tensors()}
         if self.sample.kept:
-            tensors["sample"], _ = self.sample.listed()
-        tensors |= prefixed("readout", self.state.tensors())
+            words, _ = self.sample.listed()
+            tensors[""] = {"sample": words}
         # Those of other read-outs follow from the state and the sample.
         if not isinstance(self.readout, Updatable) and self.held_out is not None:
-            tensors |= prefixed("held_out", self.held_out._asdict())
+            tensors["held_out"] = self.held_out._asdict()
         if self.calibrated is not None:
-            tensors |= prefixed("known", self.calibrated.tensors())
+            tensors["known"] = self.calibrated.tensors()
         header = {
             "classes": self.labels.tolist(),
             "seen": self._seen,
@@ -241,7 +268,7 @@ class Head:
         cls,
         readout: Readout,
         header: Mapping[str, Any],
-        tensors: Mapping[str, Tensor],
+        tensors: Parts,
         dimension: int,
     ) -> Head:
         """The head of a header and tensors from a file, which may be anything.
@@ -253,31 +280,40 @@ class Head:
         if not classes or inputs.classes_of(classes).tolist() != classes:
             raise ValueError(f"classes {classes!r}")
         # Up to version 3, whole read-outs had a sample, and all that do not count a majority.
-        parts = ["readout", "sample", "held_out", "known"]
+        parts = ["readout", "", "held_out", "known"]
         if not isinstance(readout, Counting):
             parts.append("majority")
         check_parts(tensors, parts)
         n_classes = len(classes)
-        own = without_prefix("readout", tensors)
-        state = readout.restored(own, n_classes, dimension)
-        held_out = _held_out_of(without_prefix("held_out", tensors), n_classes)
-        if held_out is not None:
-            state = replace(state, held_out=held_out)
-        if isinstance(readout, Updatable) and "sample" not in tensors:
+        kept = tensors[""]
+        if isinstance(readout, Updatable) and not kept:
             raise ValueError("no tensor 'sample'")
-        words = tensors.get("sample")
-        sample = Sample.restored(n_classes, header["seen"], words, dimension)
-        labels = inputs.label_array(classes, n_classes)
-        recalibrated = bool(header["recalibrated"])
-        own = without_prefix("known", tensors)
-        calibrated = Rejection.restored(own, dimension) if own else None
-        head = cls(readout, state, sample, labels, dimension, calibrated, recalibrated)
+        state = readout.restored(tensors["readout"], n_classes, dimension)
+        head = cls(
+            readout,
+            replace(state, held_out=_held_out_of(tensors["held_out"], n_classes)),
+            Sample.restored(n_classes, header["seen"], kept, dimension),
+            inputs.label_array(classes, n_classes),
+            dimension,
+            Rejection.restored(tensors["known"], dimension),
+            bool(header["recalibrated"]),
+        )
         found = header.get("sharpness")
         if found is not None:  # version 2.0 kept it in place of the scores
             if not is_number(found) or found <= 0:
                 raise ValueError(f"sharpness {found!r}")
             vars(head)["sharpness"] = found
         return head
+
+
+def _warn_of_single_groups(labels: Sequence[Label]) -> None:
+    """Warn of classes whose frames are of a single group."""
+    if labels:
+        named = ", ".join(map(repr, labels[:5]))
+        warn(
+            f"fit: groups: expected two or more of each class, found one of {named}; is_known is "
+            "not calibrated for another group of these",
+        )
 
 
 def _warn_of_missing(missing: Sequence[Label]) -> None:

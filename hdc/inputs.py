@@ -11,7 +11,6 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc.hypervectors import Hypervectors
 from hdc.warning import warn
 
 Label = str | int | float | bool
@@ -59,21 +58,10 @@ def indexable(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
     if isinstance(frames, Tensor):
         _check_dense("frames", frames)
     found = tuple(frames.shape)
-    _check_axes(found)
+    if found != (0,):  # an empty list
+        _check_axes(found)
     if found == shape and len(shape) == 2 and shape[0] > 1:
         return tensor(frames)[None]
-    return frames
-
-
-def source(frames: Any, shape: tuple[int, ...] | None = None) -> Any:
-    """Training frames by :func:`indexable`, or hypervectors.
-
-    Raises:
-        TypeError, ValueError: as :func:`indexable`, and for no frames.
-    """
-    if not isinstance(frames, Hypervectors):
-        frames = indexable(frames, shape)
-    check_any(frames)
     return frames
 
 
@@ -92,11 +80,11 @@ def check_any(frames: Any) -> None:
 def _check_axes(found: tuple[int, ...]) -> None:
     """Raise ValueError unless frames have the shape [N, H, W] or [N, D]."""
     wrong = ""
-    if len(found) < 2 and found != (0,):
+    if len(found) < 2:
         wrong = f"{found}; Reshape your data: of one frame, frames[None] is a batch"
     elif len(found) > 3:
         wrong = f"{found}; take one channel of each frame"
-    elif len(found) == 2 and found[1] == 0:
+    elif 0 in found[1:]:
         wrong = f"0 feature(s) (shape={found}) while a minimum of 1 is required."
     if wrong:
         raise ValueError(f"frames: expected shape [N, H, W] or [N, D], found {wrong}")
@@ -161,11 +149,7 @@ def check_frames(frames: Any) -> None:
     if not isinstance(frames, Tensor):
         found = type(frames).__name__
         raise TypeError(f"frames: expected a torch tensor, found {found}")
-    if frames.ndim not in (2, 3) or 0 in frames.shape[1:]:
-        shape = tuple(frames.shape)
-        raise ValueError(
-            f"frames: expected shape [N, H, W] or [N, D] with pixels, found {shape}"
-        )
+    _check_axes(tuple(frames.shape))
     if frames.dtype == torch.bool or frames.is_complex():
         raise TypeError(
             f"frames: expected real or integer pixels, found {frames.dtype}"
@@ -173,17 +157,17 @@ def check_frames(frames: Any) -> None:
 
 
 def _check_dense(name: str, values: Tensor) -> None:
-    """Raise TypeError for a meta, sparse or quantised tensor."""
-    for wrong, found in (
-        (values.is_meta, "a meta tensor, which holds none"),
-        (values.layout != torch.strided, "a sparse tensor; use its to_dense()"),
-        (values.is_quantized, "a quantised tensor; use its dequantize()"),
-    ):
-        if wrong:
-            raise TypeError(f"{name}: expected plain numbers, found {found}")
+    """Raise TypeError for a meta or sparse tensor."""
+    found = ""
+    if values.is_meta:
+        found = "a meta tensor, which holds none"
+    elif values.layout != torch.strided:
+        found = "a sparse tensor; use its to_dense()"
+    if found:
+        raise TypeError(f"{name}: expected plain numbers, found {found}")
 
 
-def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> None:
+def check_shape(found: Sequence[int], expected: tuple[int, ...]) -> None:
     """Check that a frame has the shape of training, or, if either is flat, as many pixels.
 
     Raises:
@@ -194,7 +178,7 @@ def check_shape(found: Sequence[int], expected: tuple[int, ...], model: str) -> 
     if n != d:
         raise ValueError(
             f"frames: expected D = {d} pixels as in training (shape {expected}), found {n}: "
-            f"X has {n} features, but {model} is expecting {d} features as input"
+            f"X has {n} features, but it is expecting {d} features as input"
         )
     if len(found) == len(expected) == 2 and found != expected:
         raise ValueError(
@@ -214,28 +198,25 @@ def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
     labels = _without_column(one_a_frame(name, labels, n))
     if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
         labels = labels.tolist()  # Python's numbers of the same value
-    items = [_as_python(label) for label in labels]
-    for i, label in enumerate(items):
-        if type(label) not in _LABELS or label != label:
-            raise ValueError(
-                f"{name}[{i}]: expected a str, int, float or bool, found {label!r}"
-            )
-    array = np.array(items, object)
-    if len(set(map(type, items))) == 1:
-        # numpy turns some integers into floats, and drops null characters at the end of a string.
-        plain = np.array(items)
-        found = plain.tolist()
-        if found == items and type(found[0]) is type(items[0]):
-            return plain
-    return array
+    items = [_as_label(label, name, i) for i, label in enumerate(labels)]
+    # numpy turns some integers into floats, and drops null characters at the end of a string.
+    array = np.array(items)
+    found = array.tolist()
+    exact = found == items and [*map(type, found)] == [*map(type, items)]
+    return array if exact else np.array(items, object)
 
 
-def _as_python(label: Any) -> Any:
-    """A number or text of numpy or torch as Python's; other objects, such as dates, unchanged."""
+def _as_label(label: Any, name: str, i: int) -> Label:
+    """A number or text, of numpy or torch, too, as Python's; ValueError for other objects."""
     of_numpy = isinstance(label, np.generic) and not isinstance(label, _TIMES)
     if of_numpy or (isinstance(label, Tensor) and label.ndim == 0):
-        return label.item()
-    return label
+        label = label.item()
+    if type(label) not in _LABELS or label != label:
+        raise ValueError(
+            f"{name}[{i}]: expected a str, int, float or bool, found {label!r}"
+        )
+    found: Label = label
+    return found
 
 
 def _without_column(labels: Any) -> Any:

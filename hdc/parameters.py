@@ -15,9 +15,7 @@ import numbers
 import pkgutil
 from collections import UserDict
 from collections.abc import Callable, Collection, Iterable, Mapping
-from typing import Any, ClassVar, Self, TypeVar
-
-Kind = TypeVar("Kind")
+from typing import Any, ClassVar, Self
 
 
 class Parametrised:
@@ -39,7 +37,7 @@ class Parametrised:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Parameters by name; if `deep`, also the parameters of parts, as ``part__name``."""
-        names = _parameters_of(type(self))
+        names = inspect.signature(type(self)).parameters
         found = {name: getattr(self, name) for name in names}
         if deep:
             for name, make in self.parts.items():
@@ -98,63 +96,63 @@ class Part(Parametrised):
         """Raise ValueError for a parameter that is not allowed."""
 
 
-def _parameters_of(kind: type) -> list[str]:
-    """Names of the arguments of a constructor, without ``*args`` and ``**kwargs``."""
-    named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    parameters = inspect.signature(kind).parameters.values()
-    return [parameter.name for parameter in parameters if parameter.kind in named]
-
-
-def make_part(
-    part: Any, what: str, known: Mapping[str, type], base: type[Kind]
-) -> Kind:
-    """A part of a model from a name or an object.
+class Family(UserDict[str, Any]):
+    """Our own classes of one kind of part by name, each imported when it is used; makes parts.
 
     Args:
-        part: an object; a name in `known`; or the dotted name of a class, ``"module.Class"``.
         what: the parameter, for errors.
-        known: our own classes by name.
         base: required base class.
-
-    Raises:
-        ValueError: for a name that is not known, or a module that cannot be imported.
-        TypeError: for a class in place of an object, or an object of another kind.
+        classes: name → dotted name.
     """
-    kind = find_class(part, what, known) if isinstance(part, str) else type(part)
-    if not issubclass(kind, base):
-        listed = ", ".join(known)
-        expected = f"one of {listed}, or an object of {base.__module__}.{base.__name__}"
-        raise TypeError(f"{what}: expected {expected}, found {part!r}")
-    return kind() if isinstance(part, str) else part
 
-
-def find_class(name: str, what: str, known: Mapping[str, type]) -> type:
-    """The class by a name in `known` or a dotted name; raises as :func:`make_part`."""
-    if name in known:
-        return known[name]
-    module, _, attribute = name.rpartition(".")
-    if not module:
-        dotted = "or a dotted name such as 'module.Class'"
-        raise ValueError(f"{what}: {not_among(name, known, dotted)}")
-    try:
-        found = getattr(importlib.import_module(module), attribute)
-    except (ImportError, AttributeError) as error:
-        raise ValueError(
-            f"{what}: expected a class {name!r}, found: {error}"
-        ) from error
-    if not isinstance(found, type):
-        raise ValueError(f"{what}: expected a class, found {name!r}, which is none")
-    return found
-
-
-class Named(UserDict[str, Any]):
-    """Our own classes by name, from their dotted names; each is imported when it is used."""
+    def __init__(self, what: str, base: type, classes: Mapping[str, str]):
+        super().__init__(classes)
+        self.what = what
+        self.base = base
 
     def __getitem__(self, name: str) -> Any:
         return pkgutil.resolve_name(self.data[name])
 
+    def __call__(self, part: Any, what: str = "") -> Any:
+        """A part of a model from a name or an object.
+
+        Args:
+            part: an object; one of our names; or the dotted name of a class, ``"module.Class"``.
+            what: the parameter, for errors, if it is another one.
+
+        Raises:
+            ValueError: for a name that is not known, or a module that cannot be imported.
+            TypeError: for a class in place of an object, or an object of another kind.
+        """
+        what = what or self.what
+        kind = self.find(part, what) if isinstance(part, str) else type(part)
+        if not issubclass(kind, self.base):
+            base = f"{self.base.__module__}.{self.base.__name__}"
+            expected = f"one of {', '.join(self)}, or an object of {base}"
+            raise TypeError(f"{what}: expected {expected}, found {part!r}")
+        return kind() if isinstance(part, str) else part
+
+    def find(self, name: str, what: str) -> type:
+        """The class by one of our names or a dotted name; raises as a call."""
+        if name in self:
+            ours: type = self[name]
+            return ours
+        module, _, attribute = name.rpartition(".")
+        if not module:
+            dotted = "or a dotted name such as 'module.Class'"
+            raise ValueError(f"{what}: {not_among(name, self, dotted)}")
+        try:
+            found = getattr(importlib.import_module(module), attribute)
+        except (ImportError, AttributeError) as error:
+            raise ValueError(
+                f"{what}: expected a class {name!r}, found: {error}"
+            ) from error
+        if not isinstance(found, type):
+            raise ValueError(f"{what}: expected a class, found {name!r}, which is none")
+        return found
+
     def name_of(self, part: object) -> str:
-        """Name by which :func:`find_class` finds an object's class; dotted unless it is ours."""
+        """Name by which :meth:`find` finds an object's class; dotted unless it is ours."""
         kind = type(part)
         path = f"{kind.__module__}.{kind.__qualname__}"
         return next((name for name, ours in self.data.items() if ours == path), path)

@@ -12,14 +12,13 @@ from torch import Tensor
 
 from hdc import backends, inputs
 from hdc.accuracy import r_squared
-from hdc.encoders import ENCODERS, Encoder, make_encoder
-from hdc.estimator import joined
-from hdc.hypervectors import Hypervectors
+from hdc.encoders import ENCODERS, Encoder
+from hdc.hypervectors import Encoding, Hypervectors, joined, source
 from hdc.parameters import check_share
-from hdc.readouts import VALUE_READOUTS, make_value_readout
+from hdc.readouts import VALUE_READOUTS
 from hdc.readouts.values import ValueReadout, ValueState
 from hdc.saved import Saved
-from hdc.tensors import check_parts, checked, prefixed, without_prefix
+from hdc.tensors import Parts, check_parts, checked
 
 
 class HDCRegressor(Saved):
@@ -38,7 +37,6 @@ class HDCRegressor(Saved):
         encoder_: the encoder, trained.
         readout_, state_: the read-out, and what it has learned.
         prediction_bytes_: bytes of memory that a prediction with intervals needs.
-        residuals_: exact leave-one-out errors of the training frames, float64 [N, T].
         mean_: mean of the training numbers, float64 [T].
         n_features_in_: pixels of a frame.
         dimension_: D, bits of a hypervector.
@@ -53,8 +51,7 @@ class HDCRegressor(Saved):
     """
 
     _estimator_type = "regressor"
-    parts: ClassVar = {"encoder": make_encoder, "readout": make_value_readout}
-    _known: ClassVar = {"encoder": ENCODERS, "readout": VALUE_READOUTS}
+    parts: ClassVar = {"encoder": ENCODERS, "readout": VALUE_READOUTS}
 
     readout_: ValueReadout
     state_: ValueState
@@ -83,16 +80,15 @@ class HDCRegressor(Saved):
                 not finite.
         """
         encoder, readout = self.fresh("encoder"), self.fresh("readout")
-        columns, frames = inputs.columns_of(frames), inputs.source(frames)
+        columns, frames = inputs.columns_of(frames), source(frames)
         values = _numbers(y, len(frames))
         _check_enough(frames)
-        backend = self._decided(frames)
-        with backends.computing(backend):
-            encoder, shape = self._learned_encoder(encoder, frames)
-            words = joined(self._batches(frames, encoder, shape))
+        encoding = Encoding.learned(encoder, frames, self.device, self.backend)
+        with backends.computing(encoding.backend):
+            words = joined(encoding.encoded(frames))
             state = readout.fit(words, _table(values))
-        self._begin(encoder, shape, words.dimension, backend)
-        self.columns_ = columns
+        self._encoding = encoding
+        self.columns_, self.metadata_ = columns, {}
         self._one = values.ndim == 1
         self.readout_, self.state_ = readout, state
         self._recalibrated = False
@@ -107,13 +103,10 @@ class HDCRegressor(Saved):
         Raises:
             ValueError: as :meth:`fit`.
         """
-        self._check_is_trained()
-        frames = self._further(frames)
-        _check_enough(frames)
-        values = _numbers(y, len(frames))
-        table = self._more_targets(values)
+        words = self.encode(frames)
+        _check_enough(words)
+        table = self._more_targets(_numbers(y, len(words)))
         with self._computing():
-            words = joined(self._encoded(frames))
             self.state_ = self.readout_.adapt(self.state_, words, table)
         self._recalibrated = True
         return self
@@ -126,13 +119,6 @@ class HDCRegressor(Saved):
                 f"targets: expected as many a frame as before, found {values.shape}"
             )
         return table
-
-    @property
-    def residuals_(self) -> np.ndarray:
-        residuals = self.state_.residuals
-        if residuals is None:
-            raise AttributeError(f"{self.readout_!r} has no leave-one-out errors")
-        return residuals.numpy()
 
     @property
     def mean_(self) -> np.ndarray:
@@ -195,26 +181,22 @@ class HDCRegressor(Saved):
         tensors += [self.state_.words.packed, self.state_.targets]
         return sum(tensor.nbytes for tensor in tensors)
 
-    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    def _stored(self) -> tuple[dict[str, Any], Parts]:
         state = self.state_
-        tensors = {"words": state.words.packed, "values": state.targets}
-        tensors |= prefixed("readout", state.tensors())
-        return {"recalibrated": self._recalibrated, "one": self._one}, tensors
+        learnt = {"words": state.words.packed, "values": state.targets}
+        header = {"recalibrated": self._recalibrated, "one": self._one}
+        return header, {"": learnt, "readout": state.tensors()}
 
-    def _restore(
-        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
-    ) -> None:
+    def _restore(self, readout: Any, header: Mapping[str, Any], tensors: Parts) -> None:
         if header.get("period") is not None:  # an earlier version
             raise ValueError("one with a period; train again on cosine and sine")
         kinds = {"words": "int64 N W", "values": "float64 N T"}
-        learnt = {name: tensors.pop(name) for name in kinds}
-        packed, values = checked(learnt, kinds, D=self.dimension_).values()
+        check_parts(tensors, ("", "readout"))
+        packed, values = checked(tensors[""], kinds, D=self.dimension_).values()
         self._one = bool(header["one"])
-        check_parts(tensors, ("readout",))
-        own = without_prefix("readout", tensors)
         words = Hypervectors(packed, self.dimension_, self.encoder_, self.frame_shape_)
         self.readout_ = readout
-        self.state_ = readout.restored(own, words, values)
+        self.state_ = readout.restored(tensors["readout"], words, values)
         self._recalibrated = bool(header["recalibrated"])
 
 
@@ -258,6 +240,6 @@ def _ends(
     if low < 1 or high > n:
         infinite = torch.full_like(without[:, 0], torch.inf)
         return -infinite, infinite
-    lower = np.partition((without - spread).numpy(), low - 1, axis=1)[:, low - 1]
-    upper = np.partition((without + spread).numpy(), high - 1, axis=1)[:, high - 1]
-    return torch.from_numpy(lower), torch.from_numpy(upper)
+    lower = (without - spread).kthvalue(low, dim=1).values
+    upper = (without + spread).kthvalue(high, dim=1).values
+    return lower, upper

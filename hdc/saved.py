@@ -8,21 +8,19 @@ from math import prod
 from pathlib import Path
 from typing import Any, Self
 
-import torch
 from torch import Tensor
 
 from hdc import backends, io
 from hdc.described import describe, rebuild
 from hdc.encoders import Encoder
 from hdc.estimator import Estimator
-from hdc.tensors import compact, prefixed, without_prefix
+from hdc.hypervectors import Encoding
+from hdc.tensors import Parts, by_part, compact, flat
 from hdc.warning import warn
 
 
 class Saved(Estimator):
     """An estimator that can be saved to a file and loaded."""
-
-    metadata_: dict[str, Any]
 
     def save(self, path: str | Path, metadata: Mapping[str, Any] | None = None) -> None:
         """Write the model to a safetensors file, atomically.
@@ -48,7 +46,7 @@ class Saved(Estimator):
         header["parameters"] = {"device": str(self.device)}
         for name in self.parts:
             # The trained part, since the given object may have been changed.
-            known = self._known[name]
+            known = self.parts[name]
             described = describe(getattr(self, f"{name}_"), known)
             try:
                 rebuild(described, name, known)
@@ -63,8 +61,8 @@ class Saved(Estimator):
     def _contents(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         """Header, yet without parameters, and tensors, of which :meth:`_fill` makes the model."""
         with self._computing():
-            stored, tensors = self._stored()
-        tensors |= prefixed("encoder", self.encoder_.state())
+            stored, parts = self._stored()
+        tensors = flat({**parts, "encoder": self.encoder_.state()})
         header = {
             "kind": type(self).__name__,
             **stored,
@@ -74,13 +72,13 @@ class Saved(Estimator):
                 name: getattr(self, f"{name}_").revision for name in self.parts
             },
             "columns": self.columns_,
-            "metadata": getattr(self, "metadata_", {}),
+            "metadata": self.metadata_,
         }
         return header, {name: compact(tensor) for name, tensor in tensors.items()}
 
     def __getstate__(self) -> dict[str, Any]:
         """Parameters, trained parts without what they learned, and the content of a file."""
-        if not hasattr(self, "dimension_"):
+        if not hasattr(self, "_encoding"):
             return vars(self)
         parts = {name: getattr(self, f"{name}_").unlearned() for name in self.parts}
         learned = (*self._contents(), parts)
@@ -110,7 +108,7 @@ class Saved(Estimator):
         cls,
         path: str | Path,
         trusted: str | Collection[str] = (),
-        device: str | None = None,
+        device: str = "cpu",
     ) -> Self:
         """Read a model that :meth:`save` wrote.
 
@@ -119,8 +117,7 @@ class Saved(Estimator):
             trusted: dotted name or names of your own encoders and read-outs. Loading imports the
                 module of such a class, which runs its code; a file that names any other module is
                 refused before that.
-            device: device to compute on; by default the device of training, or, if this machine
-                does not have it, the CPU with a warning.
+            device: device to compute on, whatever the device of training was.
 
         Raises:
             FileNotFoundError: if there is no such file.
@@ -129,17 +126,14 @@ class Saved(Estimator):
         """
         if isinstance(trusted, str):  # or each letter would be a name
             trusted = (trusted,)
-        if device is not None:
-            backends.check_device(device)
+        backends.check_device(device)
         try:
             header, tensors = io.read_model(Path(path))
             kind = header["kind"]
             if kind != cls.__name__:
                 raise ValueError(f"a saved {kind}; load it with {kind}.load")
-            parameters = header["parameters"]
-            parameters["device"] = device or _available(parameters["device"], path)
-            for name in cls.parts:
-                known = cls._known[name]
+            parameters = header["parameters"] | {"device": device}
+            for name, known in cls.parts.items():
                 parameters[name] = rebuild(parameters[name], name, known, trusted)
             model = cls(**parameters)
             parts = {name: model.fresh(name) for name in cls.parts}
@@ -151,7 +145,7 @@ class Saved(Estimator):
             raise ValueError(
                 f"{path}: expected a saved {cls.__name__}, found {error}"
             ) from error
-        model._warn_of_revisions(header.get("revisions"), path)
+        model._warn_of_revisions(header.get("revisions", {}), path)
         return model
 
     def _fill(
@@ -166,19 +160,18 @@ class Saved(Estimator):
         whole = all(type(n) is int and n > 0 for n in shape)
         if not whole or not 1 <= len(shape) <= 2:
             raise ValueError(f"frame_shape {shape!r}")
-        own = {name: tensor.to(self.device) for name, tensor in tensors.items()}
+        own = by_part({name: x.to(self.device) for name, x in tensors.items()})
         encoder: Encoder = parts["encoder"]
-        encoder.restore(without_prefix("encoder", own), prod(shape))
-        self._begin(encoder, shape, encoder.dimension(prod(shape)), backend)
-        if header.get("columns") is not None:
-            self.columns_ = list(header["columns"])
-        others = {k: x for k, x in own.items() if not k.startswith("encoder.")}
-        self._restore(parts["readout"], header, others)
+        encoder.restore(own.pop("encoder", {}), prod(shape))
+        self._encoding = Encoding(encoder, tuple(shape), self.device, backend)
+        columns = header.get("columns")
+        self.columns_ = None if columns is None else list(columns)
+        self._restore(parts["readout"], header, own)
         self.metadata_ = dict(header["metadata"])
 
-    def _warn_of_revisions(self, made_by: Any, path: str | Path) -> None:
+    def _warn_of_revisions(self, made_by: Mapping[str, Any], path: str | Path) -> None:
         """Warn of a file by another revision of a part; files up to 3.0 hold no revisions."""
-        for name in self.parts if isinstance(made_by, Mapping) else ():
+        for name in self.parts:
             now = getattr(self, f"{name}_").revision
             if made_by.get(name, now) != now:
                 warn(
@@ -187,25 +180,9 @@ class Saved(Estimator):
                 )
 
     @abstractmethod
-    def _stored(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
+    def _stored(self) -> tuple[dict[str, Any], Parts]:
         """Header and tensors of the estimator itself."""
 
     @abstractmethod
-    def _restore(
-        self, readout: Any, header: Mapping[str, Any], tensors: dict[str, Tensor]
-    ) -> None:
+    def _restore(self, readout: Any, header: Mapping[str, Any], tensors: Parts) -> None:
         """Set what an untrained read-out has learned from a header and tensors."""
-
-
-def _available(device: str, path: str | Path) -> str:
-    """The device named in a file, or the CPU if this machine does not have it."""
-    try:
-        backends.check_device(device)
-    except ValueError:
-        if torch.device(device).type not in ("cuda", "mps", "xpu"):
-            raise
-        warn(
-            f"{path}: trained on {device!r}, which is not here: on the CPU",
-        )
-        return "cpu"
-    return device

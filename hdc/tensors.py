@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Mapping
 
 from torch import Tensor
@@ -10,6 +11,10 @@ from hdc import bits
 
 Kinds = Mapping[str, str]
 """Name → type and axes, such as ``"int64 L 4 W"``; a letter is a size, W the words of D bits."""
+
+Parts = Mapping[str, Mapping[str, Tensor]]
+"""Part of a model → its tensors by name. In a file their names are ``part.name``, and those of the
+part ``""`` are the bare names."""
 
 
 def checked(
@@ -31,25 +36,26 @@ def checked(
         raise ValueError(f"expected tensors {[*kinds]}, found {[*tensors]}")
     if "D" in sizes:
         sizes["W"] = bits.words_for(sizes["D"])
-    found = {}
-    for name, kind in kinds.items():
-        tensor = tensors[name]
-        dtype, *axes = kind.split()
-        for letter, size in zip(axes, tensor.shape, strict=False):
-            if letter.isalpha():
-                sizes.setdefault(letter, max(1, size))
-        shape = [sizes[axis] if axis in sizes else int(axis) for axis in axes]
-        fits = list(tensor.shape) == shape and str(tensor.dtype) == f"torch.{dtype}"
-        if not fits or not tensor.isfinite().all():
-            raise ValueError(
-                f"{name}: expected {kind}, found {tensor.dtype} {tuple(tensor.shape)}"
-            )
-        if "W" in axes:
-            bits.check_padding(tensor, sizes["D"])
-            found[name] = tensor
-        else:
-            found[name] = tensor.cpu()
-    return found
+    return {
+        name: _checked(name, tensors[name], kind, sizes) for name, kind in kinds.items()
+    }
+
+
+def _checked(name: str, tensor: Tensor, kind: str, sizes: dict[str, int]) -> Tensor:
+    """One of the tensors; sizes of letters that it is the first to have are added to `sizes`."""
+    dtype, *axes = kind.split()
+    for axis, size in zip(axes, tensor.shape, strict=False):
+        sizes.setdefault(axis, int(axis) if axis.isdigit() else max(1, size))
+    expected = tuple(sizes.get(axis) for axis in axes)
+    fits = tensor.shape == expected and str(tensor.dtype) == f"torch.{dtype}"
+    if not fits or not tensor.isfinite().all():
+        raise ValueError(
+            f"{name}: expected {kind}, found {tensor.dtype} {tuple(tensor.shape)}"
+        )
+    if "W" not in axes:
+        return tensor.cpu()
+    bits.check_padding(tensor, sizes["D"])
+    return tensor
 
 
 def compact(tensor: Tensor) -> Tensor:
@@ -59,20 +65,28 @@ def compact(tensor: Tensor) -> Tensor:
     return tensor
 
 
-def prefixed(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of a part of a model, by their names in a file."""
-    return {f"{prefix}.{name}": tensor for name, tensor in tensors.items()}
+def flat(parts: Parts) -> dict[str, Tensor]:
+    """The tensors of all parts of a model, by their names in a file."""
+    return {
+        f"{part}.{name}" if part else name: tensor
+        for part, tensors in parts.items()
+        for name, tensor in tensors.items()
+    }
 
 
-def without_prefix(prefix: str, tensors: Mapping[str, Tensor]) -> dict[str, Tensor]:
-    """The tensors of a part of a model, from a file, by their names in that part."""
-    start = f"{prefix}."
-    own = [name for name in tensors if name.startswith(start)]
-    return {name.removeprefix(start): tensors[name] for name in own}
+def by_part(tensors: Mapping[str, Tensor]) -> defaultdict[str, dict[str, Tensor]]:
+    """The tensors of a file by the parts of a model; a part without any is empty."""
+    found: defaultdict[str, dict[str, Tensor]] = defaultdict(dict)
+    for name, tensor in tensors.items():
+        part, dot, own = name.partition(".")
+        if dot:
+            found[part][own] = tensor
+        else:
+            found[""][name] = tensor
+    return found
 
 
-def check_parts(tensors: Mapping[str, Tensor], parts: Collection[str]) -> None:
-    """Raise ValueError for a tensor that belongs to none of these parts."""
-    for name in tensors:
-        if name.partition(".")[0] not in parts:
-            raise ValueError(f"a tensor {name!r}")
+def check_parts(found: Parts, allowed: Collection[str]) -> None:
+    """Raise ValueError for tensors of another part."""
+    if other := found.keys() - set(allowed):
+        raise ValueError(f"tensors of {min(other)!r}")

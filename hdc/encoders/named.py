@@ -9,9 +9,11 @@ from typing import Any, ClassVar
 from torch import Tensor
 
 from hdc.encoders.base import Encoder
-from hdc.parameters import Named, make_part
+from hdc.parameters import Family
 
-ENCODERS = Named(
+ENCODERS = Family(
+    "encoder",
+    Encoder,
     {
         "median": "hdc.encoders.median.Median",
         "quantile": "hdc.encoders.quantile.Quantile",
@@ -20,25 +22,18 @@ ENCODERS = Named(
         "reference_levels": "hdc.encoders.reference.ReferenceLevels",
         "deviation": "hdc.encoders.deviation.Deviation",
         "smoothed": "hdc.encoders.smoothed.Smoothed",
-    }
+    },
 )
 """Our own encoders by name."""
-
-
-make_encoder: Callable[..., Encoder] = functools.partial(
-    make_part,
-    what="encoder",
-    known=ENCODERS,
-    base=Encoder,  # type: ignore[type-abstract]
-)
+make_encoder: Callable[..., Encoder] = ENCODERS
 """An encoder from a name, a dotted name ``"module.Class"``, or an object; see
-:func:`hdc.parameters.make_part`."""
+:class:`hdc.parameters.Family`."""
 
 
 class Around(Encoder):
     """An encoder that uses another one, its parameter `base`: a name or an object."""
 
-    parts: ClassVar = {"base": functools.partial(make_encoder, what="base")}
+    parts: ClassVar = {"base": functools.partial(ENCODERS, what="base")}
     numbered = True
 
     base: Any

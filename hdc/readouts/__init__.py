@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from hdc.parameters import Named, make_part
+from hdc.parameters import Family
 from hdc.readouts.base import HeldOut, Readout, State, Updatable
 from hdc.readouts.majority import Counting
 from hdc.readouts.values import ValueReadout, ValueState
@@ -41,10 +40,11 @@ __all__ = [
     "ValueReadout",
     "ValueState",
     "make_readout",
-    "make_value_readout",
 ]
 
-READOUTS = Named(
+READOUTS = Family(
+    "readout",
+    Readout,
     {
         "majority": "hdc.readouts.majority.Majority",
         "counts": "hdc.readouts.counts.Counts",
@@ -53,37 +53,24 @@ READOUTS = Named(
         "lda": "hdc.readouts.lda.LDA",
         "trained": "hdc.readouts.trained.Trained",
         "kernel": "hdc.readouts.kernel.Kernel",
-    }
+    },
 )
 """Our own read-outs of classes by name."""
-
-VALUE_READOUTS = Named(
+VALUE_READOUTS = Family(
+    "readout",
+    ValueReadout,
     {
         "ridge": "hdc.readouts.ridge.RidgeValues",
         "neighbours": "hdc.readouts.values.NeighbourValues",
-    }
+    },
 )
 """Our own read-outs of numbers by name."""
+make_readout: Callable[..., Readout] = READOUTS
+"""A read-out of classes from a name, a dotted name ``"module.Class"``, or an object; see
+:class:`hdc.parameters.Family`."""
 
 
 def __getattr__(name: str) -> Any:
     """The read-outs, imported when asked for."""
     of = VALUE_READOUTS if name.endswith("Values") else READOUTS
     return of.attribute(__name__, name)
-
-
-make_readout: Callable[..., Readout] = functools.partial(
-    make_part,
-    what="readout",
-    known=READOUTS,
-    base=Readout,  # type: ignore[type-abstract]
-)
-"""A read-out of classes from a name, a dotted name ``"module.Class"``, or an object; see
-:func:`hdc.parameters.make_part`."""
-make_value_readout: Callable[..., ValueReadout] = functools.partial(
-    make_part,
-    what="readout",
-    known=VALUE_READOUTS,
-    base=ValueReadout,  # type: ignore[type-abstract]
-)
-"""A read-out of numbers, like :func:`make_readout`."""

@@ -50,7 +50,7 @@ def test_words_of_another_encoder_are_refused():
         words = other.fit(FRAMES[5:], LABELS[5:]).encode(FRAMES)
         with pytest.raises(ValueError, match=message):
             model.predict(words)
-    with pytest.raises(ValueError, match="hypervectors: expected encoder"):
+    with pytest.raises(ValueError, match="hypervectors: expected the encoder Lev"):
         HDCClassifier("levels").fit(model.encode(FRAMES), LABELS)
 
 

@@ -26,7 +26,8 @@ def learned(words, ties="zero", d=14):
 def p_values(peers, prototypes, words, alpha):
     """Those of hypervectors, whatever their scores."""
     scores = torch.zeros(len(words), len(peers))
-    return Conformal(peers, prototypes).p_values(words, scores, alpha)
+    known = {c: own for c, own in enumerate(peers) if own is not None}
+    return Conformal(known, prototypes).p_values(words, scores, alpha)
 
 
 def plain_p(peers, prototypes, words, alpha):

@@ -198,7 +198,7 @@ def test_images_of_another_shape_are_refused_and_flat_ones_taken():
     for call in (model.score, model.partial_fit, model.recalibrate):
         with pytest.raises(ValueError, match=message):
             call(turned, LABELS)
-    message = "expected D = 130 pixels as .*found 50: X has 50 features, but HDCClassi"
+    message = "expected D = 130 pixels as .*found 50: X has 50 features, but it is "
     with pytest.raises(ValueError, match=message):
         model.predict(FRAMES[:, :5])
     flat = FRAMES.reshape(60, -1)

@@ -11,13 +11,14 @@ from hdc.described import describe, rebuild
 from hdc.encoders import (
     ENCODERS,
     Deviation,
+    Encoder,
     Levels,
     Median,
     Quantile,
     Reference,
     Smoothed,
 )
-from hdc.parameters import Named
+from hdc.parameters import Family
 from hdc.readouts import (
     LDA,
     Counts,
@@ -81,7 +82,7 @@ def test_a_name_that_is_none_is_answered_with_those_that_are(parameters, answer)
 def test_an_old_name_is_read_in_files(readout, old, value, new):
     (name,) = new
     model = HDCRegressor if readout is NeighbourValues else HDCClassifier
-    known = model._known["readout"]
+    known = model.parts["readout"]
     described = describe(readout(), known)
     described["parameters"][old] = value
     del described["parameters"][name]
@@ -178,6 +179,6 @@ def test_methods_that_are_there_for_some():
 
 
 def test_a_name_is_known_without_the_import_of_its_class():
-    known = Named({"bright": "no_such_module.Bright"})
+    known = Family("encoder", Encoder, {"bright": "no_such_module.Bright"})
     assert "bright" in known
     assert "Bright" not in known
