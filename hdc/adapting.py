@@ -84,9 +84,8 @@ class Adapting(Answering):
         """Replace the reference by the mean of new unlabelled frames, standardised.
 
         The classes should be about as frequent in the new frames as in the frames of the old
-        reference. Frames of a single class can ruin the model; a warning appears if the model
-        assigns them to few classes. Frames without a touch do not help: ten of them improved no
-        model in our study of drift.
+        reference. Frames of a single class, such as frames without a touch, can ruin the model; a
+        warning appears if the model assigns them to few classes.
 
         Args:
             frames: frames of the changed environment, of the shapes that :meth:`fit` takes.

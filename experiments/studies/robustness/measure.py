@@ -90,8 +90,8 @@ class Robustness(Task, frozen=True):
         kinds = [("bit_flips", faults.flipped_bits, rates)]
         if any(tensor.is_floating_point() for tensor in damaged):  # 0: rounding alone
             kinds += [("bit_flips_int8", faults.flipped_bits_of_int8, (0.0, *rates))]
-        for name, flipped, rates in kinds:
-            for rate in rates:
+        for name, flipped, of_kind in kinds:
+            for rate in of_kind:
                 found = _with_flips(model, frames, damaged, flipped, rate, seed)
                 yield name, rate, found
 
