@@ -70,7 +70,7 @@ MUTANTS = {
     "deviation with ≥": (
         deviation, "_level", after(lambda level: level - 1), "Deviation, pixels on a threshold"),
     "upper median": (
-        kernel, "median_of_pairs", upper_median, "Kernel, queries"),
+        kernel, "median_of_pairs", upper_median, "Kernel, frames left out, few frames"),
     "ridge × 10": (
         least_squares, "_penalties_to_try", after(lambda found: [10 * one for one in found]),
         "Ridge, frames left out, few frames"),
@@ -101,10 +101,10 @@ MUTANTS = {
         "unequal classes"),
     "weights of five steps": (lda, "_LEVELS", constant(2), "LDA, weights"),
     "a Gaussian kernel": (
-        kernel, "likeness", after(lambda near: near**2), "Kernel, queries"),
-    "no offsets": (Problem, "_offsets", after(lambda b: 0 * b), "Kernel, queries"),
+        kernel, "likeness", after(lambda near: near**2), "Kernel, frames left out, few frames"),
     "another unit of the penalty": (
-        Problem, "trace", constant(property(lambda problem: 1.0)), "Kernel, queries"),
+        Problem, "trace", constant(property(lambda problem: 1.0)),
+        "Kernel, frames left out, few frames"),
     "full steps of Newton": (
         DualSoftmaxRegression, "_objective", after(Accepted), "steps that overshoot"),
 }  # fmt: skip

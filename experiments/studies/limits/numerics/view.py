@@ -18,6 +18,6 @@ TABLE = Table(
         "time_s": Column("CPU time, ms", milliseconds, of_machine=True),
     },
     note="Phases: the camera's frame of 62,856 paths, error in mean intensities. Precision: "
-    "of the phases; mixed: reduced modulo 2π in float64, the remainder in float32. Verdict: "
-    "of what this project uses; it holds if its error is within the tolerance.",
+    "of the phases. Verdict: of what this project uses; it holds if its error is within the "
+    "tolerance.",
 )

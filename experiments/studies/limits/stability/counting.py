@@ -31,17 +31,6 @@ def counted(mask: Tensor, labels: Tensor) -> Counters:
     return counters
 
 
-def tail_bits(d: int = 65) -> Any:
-    """Ones of a prototype whose bits are all tied, so that it is all ones: as many as D."""
-    mask = random_bits(1, d)
-    pair = bits.pack(torch.cat((mask, ~mask)))
-    return (
-        lambda: bits.count_ones(~bits.majority(pair, "zero")),
-        lambda: bits.count_ones(bits.majority(pair, "one")),
-        d,
-    )
-
-
 def distances_above_255() -> Any:
     mask = random_bits(1, D)
     a, b = bits.pack(mask), bits.pack(~mask)
@@ -104,9 +93,6 @@ def repeated_merges(times: int = 12, d: int = 2000) -> Any:
 
 
 CASES = [
-    Case("counting", "tail bits of 65 pixels", "a complement also sets bits beyond the last pixel",
-         "~majority(words, ties to zero)", "hdc.bits.majority(words, 'one')", "bits",
-         largest, tail_bits),
     Case("counting", "distances above 255",
          "opposite hypervectors: sums of bits kept in bytes wrap at 256",
          "numpy.bitwise_count, summed in uint8", "hdc.bits.hamming", "bits",
