@@ -18,14 +18,7 @@ import yaml
 from experiments.reporting.answers import Answers
 from experiments.reporting.table import ENDS
 from experiments.reporting.text import interval, number, percent, size, two_digits
-
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def _power(value: float) -> str:
-    """Two digits times a power of ten: 1.7 × 10⁻¹⁵."""
-    digits, exponent = f"{value:.1e}".split("e")
-    return f"{digits} × 10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
+from experiments.studies.limits.stiffness.view import power
 
 
 def _on_each(numbers: str) -> str:
@@ -45,7 +38,7 @@ FORMATS: Mapping[str, Callable[[Any], str]] = {
     "number": number,
     "size": size,
     "two": two_digits,
-    "power": _power,
+    "power": power,
     "count": "{:.0f}".format,
     "scenes": _on_each,
     "processor": lambda name: name.partition(" (")[0],  # without its marks
