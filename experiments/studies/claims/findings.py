@@ -20,13 +20,6 @@ from experiments.reporting.table import ENDS
 from experiments.reporting.text import interval, number, percent, size, two_digits
 from experiments.studies.limits.stiffness.view import power
 
-
-def _on_each(numbers: str) -> str:
-    """``A: x; B: y`` as “x on A and y on B”."""
-    parts = (part.partition(": ") for part in numbers.split("; "))
-    return " and ".join(f"{number} on {scene}" for scene, _, number in parts)
-
-
 PATH = Path(__file__).with_name("findings.yaml")
 ANSWERS = Path(__file__).with_name("answers.yaml")
 FORMATS: Mapping[str, Callable[[Any], str]] = {
@@ -40,7 +33,6 @@ FORMATS: Mapping[str, Callable[[Any], str]] = {
     "two": two_digits,
     "power": power,
     "count": "{:.0f}".format,
-    "scenes": _on_each,
     "processor": lambda name: name.partition(" (")[0],  # without its marks
 }
 # Units that stand between a number and its bounds.

@@ -62,17 +62,17 @@ def regained(frame: pd.DataFrame) -> pd.DataFrame:
     """How much of what a drift costs each update wins back, in the new session.
 
     Returns:
-        DataFrame, one row for each ``scene``, ``model``, ``update`` and ``n_new``: ``method``,
+        DataFrame, one row for each ``scene``, ``model``, ``update`` and ``n_new``, that of the
+        stored model included: ``method``,
         ``p``, ``share``, ``labels`` (whether the update needs them), and as fractions, each with
         its 95 % interval over seeds under ``_low`` and ``_high``: ``before``, the accuracy of the
         stored model in the old session, ``stored`` in the new one, ``updated`` and ``old`` of the
         updated model in the new and in the old one.
     """
     every = accuracies(frame)
-    is_stored = every.method == "stored"
     of_sensor = ["scene", "model", "seed"]
-    stored = every.loc[is_stored, [*of_sensor, "new", "old"]]
-    updated = every[~is_stored].merge(
+    stored = every.loc[every.method == "stored", [*of_sensor, "new", "old"]]
+    updated = every.merge(
         stored, on=of_sensor, suffixes=("", "_stored"), validate="m:1"
     )
     lines = []
@@ -103,7 +103,8 @@ def best_updates(frame: pd.DataFrame) -> pd.DataFrame:
     """The rows of :func:`regained` with the best update of each model: with at most :data:`N_NEW`
     labelled samples, and without labels, by equally many frames of all classes."""
     found = regained(frame)
-    is_allowed = found.share.isna() & (~found.labels | (found.n_new <= N_NEW))
+    few = ~found.labels | (found.n_new <= N_NEW)
+    is_allowed = (found.n_new > 0) & found.share.isna() & few
     return best(found[is_allowed], "scene", "model", "labels")
 
 
@@ -137,14 +138,13 @@ def unlabelled(frame: pd.DataFrame) -> pd.DataFrame:
         frames alone.
     """
     found = regained(frame)
-    zeroed = found[(found.method == "zeroed") & (found.n_new == N_ZERO)]
-    alike = zeroed[zeroed.share.isna()]
-    new = found[(found.method == "new") & (found.n_new == N_NEW)]
-    stored = alike.drop(columns=["updated", "updated_low", "updated_high"])
+    referenced = found[found.model.isin(found.model[~found.labels])]
+    zeroed = referenced[~referenced.labels & (referenced.n_new == N_ZERO)]
+    new = referenced[(referenced.method == "new") & (referenced.n_new == N_NEW)]
     ways = {
-        "stored": stored.rename(columns=lambda name: name.replace("stored", "updated")),
-        "alike": alike,
+        "stored": referenced[referenced.method == "stored"],
+        "alike": zeroed[zeroed.share.isna()],
         "one_class": zeroed[zeroed.share == 1],
-        "new": new.merge(alike[["scene", "model"]]),
+        "new": new,
     }
     return pd.concat([rows.assign(way=way) for way, rows in ways.items()])
