@@ -98,7 +98,7 @@ def parts(answers: Answers) -> dict[str, Callable[[], str]]:
         "costs": of("recording_costs", documents.costs),
         "table1": of("table1", documents.table1),
         "results": lambda: documents.results_page(
-            answers, findings.answers_of_studies(answers)
+            answers, findings.sentences(findings.ANSWERS, answers)
         ),
         "verdicts": of("verdicts", Table.rows),
         "claims": of("claims", Table.rows),
@@ -108,7 +108,8 @@ def parts(answers: Answers) -> dict[str, Callable[[], str]]:
 
 def _findings(answers: Answers) -> str:
     """Findings, a sentence per item."""
-    items = enumerate(findings.findings(answers), 1)
+    found = findings.sentences(findings.FINDINGS, answers)
+    items = enumerate(found.values(), 1)
     lines = [f"{number}. {text}" for number, text in items]
     return "\n".join(lines) or documents.NOT_MEASURED
 

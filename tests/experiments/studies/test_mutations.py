@@ -95,7 +95,7 @@ MUTANTS = {
         "distances above 255"),
     "a frame left out": (
         Counters, "add", before(lambda self, words, rows: (self, words[1:], rows[1:])),
-        "unequal classes"),
+        "counters above 2^16"),
     "weights of five steps": (lda, "_LEVELS", constant(2), "LDA, weights"),
     "a Gaussian kernel": (
         kernel, "likeness", after(lambda near: near**2), "Kernel, frames left out, few frames"),

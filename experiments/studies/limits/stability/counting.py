@@ -56,18 +56,6 @@ def counters_above_2_to_the_16(n: int = 70_000, d: int = 200) -> Any:
     return naive, lambda: counted(mask, labels).counts()[0], ones
 
 
-def unequal_classes(d: int = 10_000) -> Any:
-    sizes = torch.tensor([1, 2, 997])
-    labels = torch.repeat_interleave(torch.arange(3), sizes)
-    mask = random_bits(1000, d)
-    counts = torch.stack([part.sum(0) for part in mask.split(sizes.tolist())])
-    return (
-        lambda: counts > len(labels) / 6,
-        lambda: bits.unpack(counted(mask, labels).majority(), d),
-        2 * counts > sizes[:, None],
-    )
-
-
 def repeated_merges(times: int = 12, d: int = 2000) -> Any:
     """Majorities of votes of which each new hypervector has a tenth; by fractions."""
     mask = random_bits(times + 1, d)
@@ -105,9 +93,6 @@ CASES = [
     Case("counting", "counters above 2^16", "70,000 samples in a class: 16-bit counters wrap",
          "uint16 counters", "hdc.prototypes.Counters", "counts",
          largest, counters_above_2_to_the_16),
-    Case("counting", "unequal classes",
-         "classes of 1, 2 and 997 samples: one threshold for all empties the small ones",
-         "count > N / (2 L)", "Counters.majority", "bits", differing, unequal_classes),
     Case("counting", "repeated merges",
          "twelve merges of a tenth: votes of 10^12 do not fit, and are halved",
          "uint16 votes", "hdc.prototypes.merged", "bits", differing, repeated_merges),
