@@ -20,7 +20,7 @@ class Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     """Base class of the parts of a file, of which every key is known."""
 
 
-class Asked(Strict, kw_only=True):
+class Asked(Strict, frozen=True, kw_only=True):
     """What is asked.
 
     Attributes:
@@ -33,7 +33,7 @@ class Asked(Strict, kw_only=True):
     experiment: str
 
 
-class Recording(Strict):
+class Recording(Strict, frozen=True):
     """A recording that enters.
 
     Attributes:
@@ -52,7 +52,7 @@ class Recording(Strict):
     groups: int | None = None
 
 
-class Claim(Asked):
+class Claim(Asked, frozen=True):
     """A claim: `form` loses less than the margin to `rival`.
 
     Attributes:
@@ -82,7 +82,7 @@ class Claim(Asked):
     rival_asked: str = ""
 
 
-class Times(Asked):
+class Times(Asked, frozen=True):
     """A claim: the training of `model` takes at least so many times as long as HDC's.
 
     Attributes:
@@ -103,7 +103,7 @@ class Times(Asked):
     measurements: int
 
 
-class Choice(Asked):
+class Choice(Asked, frozen=True):
     """Which of some forms is used: the first that is at most the margin below the best.
 
     Attributes:
@@ -131,7 +131,7 @@ class Choice(Asked):
         )
 
 
-class Prior(Strict):
+class Prior(Strict, frozen=True):
     """The hierarchical model of differences of sources, as shares of accuracy.
 
     Attributes:
@@ -145,7 +145,7 @@ class Prior(Strict):
     between: float
 
 
-class Rules(Strict):
+class Rules(Strict, frozen=True):
     """A file of rules.
 
     Attributes:
