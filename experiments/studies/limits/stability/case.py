@@ -71,8 +71,8 @@ class Case:
     def _measured(
         self, compute: Callable[[], Any], exact: Any
     ) -> tuple[float | None, float | None]:
-        """The error of a computation and the CPU time of a second call; no error where it gives no
-        number (0/0), neither where it raises."""
+        """The error of a computation, None where it gives no number (0/0), and the CPU time of a
+        second call; None for both where it raises."""
         with np.errstate(invalid="raise"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
