@@ -21,7 +21,7 @@ class Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Asked(Strict, frozen=True, kw_only=True):
-    """What is asked.
+    """A claim or a choice, and its evidence.
 
     Attributes:
         says, by: what is claimed, by whom.

@@ -107,7 +107,7 @@ CLAIMS = Table(
         "says": Column("Claim"),
         "rival": Column("Held against", display_name),
         "word": Column("Verdict"),
-        "read_as": Column("As rules 3 read it"),
+        "read_as": Column("Read by rules 3 as"),
         "mean": Column(
             "Number [95 %]", cell=lambda row: row["by_scene"] or with_unit(row, "mean")
         ),
