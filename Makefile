@@ -35,7 +35,6 @@ benchmark: $(VENV)  ## time each step of the classifier and of other libraries
 
 stability: $(VENV)  ## test extreme inputs, stiff training, and what each scene loads
 	$(BIN)/python -m experiments.run experiment=stability
-	$(BIN)/python -m experiments.run experiment=numerics
 	$(BIN)/python -m experiments.run experiment=stiffness
 	$(BIN)/python -m experiments.run experiment=footprint
 	$(BIN)/python -m experiments.report

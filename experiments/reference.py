@@ -28,7 +28,6 @@ from experiments.reporting.answers import Answers
 from experiments.reporting.study import studies as studies_of
 from experiments.reporting.table import Table
 from experiments.studies.claims import findings
-from experiments.studies.claims.view import current
 from hdc.io import write_atomically
 
 README, DOCS = ROOT / "README.md", ROOT / "docs"
@@ -99,17 +98,18 @@ def parts(answers: Answers) -> dict[str, Callable[[], str]]:
         "costs": of("recording_costs", documents.costs),
         "table1": of("table1", documents.table1),
         "results": lambda: documents.results_page(
-            answers, findings.answers_of_studies(answers)
+            answers, findings.sentences(findings.ANSWERS, answers)
         ),
         "verdicts": of("verdicts", Table.rows),
-        "claims": of("claims", lambda table: current(table).rows()),
+        "claims": of("claims", Table.rows),
         "models": documents.model_list,
     }
 
 
 def _findings(answers: Answers) -> str:
     """Findings, a sentence per item."""
-    items = enumerate(findings.findings(answers), 1)
+    found = findings.sentences(findings.FINDINGS, answers)
+    items = enumerate(found.values(), 1)
     lines = [f"{number}. {text}" for number, text in items]
     return "\n".join(lines) or documents.NOT_MEASURED
 

@@ -57,7 +57,7 @@ SMALL_SENSOR = ("scene.samples_per_class=10", SMALL_CAMERA)
 EXPERIMENTS = {
     "correlation": ("task.seeds=[0]", *SMALL_SENSOR),
     "drift": ("task.seeds=[0]", "task.n_test=20", "task.n_new=[5]", "task.p=[0.5]",
-              "task.n_alone=[5]", "task.n_zero=[10]", "task.n_shares=[5]", *SMALL_SENSOR),
+              "task.n_alone=[5]", "task.n_zero=[10]", "task.n_one_class=[5]", *SMALL_SENSOR),
     "coverage": ("scene=touch", "task.n_per_class=[2,5]", "task.draws=1", *SMALL_SENSOR),
     "recordings": ("scene=touch", "task.n_per_class=[1,3]", "task.draws=1", *SMALL_SENSOR),
     "stability": (),

@@ -7,7 +7,7 @@ A field of a sentence is ``{row.column:format}``, where ``row`` is a row that th
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -18,23 +18,9 @@ import yaml
 from experiments.reporting.answers import Answers
 from experiments.reporting.table import ENDS
 from experiments.reporting.text import interval, number, percent, size, two_digits
+from experiments.studies.limits.stiffness.view import power
 
-_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
-
-
-def _power(value: float) -> str:
-    """Two digits times a power of ten: 1.7 × 10⁻¹⁵."""
-    digits, exponent = f"{value:.1e}".split("e")
-    return f"{digits} × 10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
-
-
-def _on_each(numbers: str) -> str:
-    """``A: x; B: y`` as “x on A and y on B”."""
-    parts = (part.partition(": ") for part in numbers.split("; "))
-    return " and ".join(f"{number} on {scene}" for scene, _, number in parts)
-
-
-PATH = Path(__file__).with_name("findings.yaml")
+FINDINGS = Path(__file__).with_name("findings.yaml")
 ANSWERS = Path(__file__).with_name("answers.yaml")
 FORMATS: Mapping[str, Callable[[Any], str]] = {
     "": str,
@@ -45,9 +31,8 @@ FORMATS: Mapping[str, Callable[[Any], str]] = {
     "number": number,
     "size": size,
     "two": two_digits,
-    "power": _power,
+    "power": power,
     "count": "{:.0f}".format,
-    "scenes": _on_each,
     "processor": lambda name: name.partition(" (")[0],  # without its marks
 }
 # Units that stand between a number and its bounds.
@@ -124,42 +109,22 @@ class Line:
     __getitem__ = __getattr__
 
 
-def findings(answers: Answers) -> list[str]:
-    """Sentences of README in Markdown, in their order; none of what was not measured.
+def sentences(path: Path, answers: Answers) -> dict[str, str]:
+    """The sentences of a file in Markdown, by their names; none of what was not measured.
 
     Raises:
-        ValueError: naming the finding and what of it the tables do not have.
+        ValueError: naming the file, the sentence and what of it the tables do not have.
     """
-    found = enumerate(_read(PATH, list[Finding]), 1)
-    named = ((f"{PATH.name}, finding {place}", finding) for place, finding in found)
-    return list(_sentences(named, answers).values())
-
-
-def answers_of_studies(answers: Answers) -> dict[str, str]:
-    """A sentence in Markdown for each study that was measured: what it found.
-
-    Raises:
-        ValueError: naming the study and what of its sentence the tables do not have.
-    """
-    return _sentences(_read(ANSWERS, dict[str, Finding]).items(), answers)
-
-
-def _read(path: Path, kind: Any) -> Any:
-    return msgspec.convert(yaml.safe_load(path.read_text("utf-8")), kind)
-
-
-def _sentences(
-    found: Iterable[tuple[str, Finding]], answers: Answers
-) -> dict[str, str]:
-    sentences = {}
-    for name, finding in found:
+    written = yaml.safe_load(path.read_text("utf-8"))
+    found = {}
+    for name, finding in msgspec.convert(written, dict[str, Finding]).items():
         try:
-            sentences[name] = _sentence(finding, answers)
+            found[name] = _sentence(finding, answers)
         except NotMeasured:
             continue
         except (KeyError, ValueError) as error:
-            raise ValueError(f"{name}: {error}") from error
-    return sentences
+            raise ValueError(f"{path.name}, {name}: {error}") from error
+    return found
 
 
 def _sentence(finding: Finding, answers: Answers) -> str:

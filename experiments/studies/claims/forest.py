@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from experiments.reporting.columns import display_name, scene_name
+from experiments.reporting.columns import scene_name
 from experiments.reporting.estimates import Estimate
 from experiments.reporting.facets import intervals
 from experiments.reporting.forms import FORMS, RIVAL_FORM
@@ -21,18 +21,17 @@ from experiments.studies.recordings.figures import SPLIT
 from experiments.studies.recordings.tables import FEW, Accuracies, recordings
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure as Canvas
 
 WIDTH = 5.4  # in; narrow, so that its letters can be read on a phone
 MARGIN = 3  # points, the largest loss that the rules accept
-ALL, EVERY = "all", "All data sets, "
+ALL = "all"
 # Kinds of rows and their headings, from top to bottom.
 HEADINGS = {
-    CAPTURED: "Captured by a camera",
-    COMPUTED: "Computed from\nmeasured matrices",
-    SIMULATED: "Simulated",
-    ALL: f"{EVERY}by source",
+    CAPTURED: "captured by a camera",
+    COMPUTED: "computed from\nmeasured matrices",
+    SIMULATED: "simulated",
+    ALL: "",
 }
 HELD = tuple(form for form in FORMS if form != RIVAL_FORM)  # against it
 SIZES = {"few": f"{FEW} frames per class", "most": "the most frames per class"}
@@ -63,45 +62,53 @@ def _pooled(frame: pd.DataFrame) -> list[dict[str, Any]]:
     judged = judged[(judged.rival == RIVAL_FORM) & (judged.status == "all")]
     rows = []
     for row in judged[judged["size"].isin(OF_RULES)].to_dict("records"):
-        form = rules.claims[row["claim"]].form
-        about = {"recording": f"{EVERY}{display_name(form)}", "kind": ALL}
-        at = {"size": OF_RULES[row["size"]], "form": form}
+        about = {"recording": "mean over sources", "kind": ALL}
+        at = {"size": OF_RULES[row["size"]], "form": rules.claims[row["claim"]].form}
         mean = Estimate(*(row[f"mean{end}"] / 100 for end in ENDS))
         rows.append(about | at | mean.columns("difference"))
     return rows
 
 
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
-    """Two panels: five frames per class, and the most."""
+    """A row of panels per kind: five frames per class, and the most."""
     from matplotlib.patches import Patch
 
-    rows = _rows(data)
-    figure.set_size_inches(WIDTH, 1.4 + 0.4 * len(rows))
-    panels = figure.subplots(1, 2, sharey=True, sharex=True)
+    names = {
+        kind: sorted(data.recording[data.kind == kind].unique(), key=place_of)
+        for kind in HEADINGS
+        if kind in set(data.kind)
+    }
+    heights = [len(of_kind) for of_kind in names.values()]
+    figure.set_size_inches(WIDTH, 1.8 + 0.4 * sum(heights))
+    shape = {"height_ratios": heights}
+    panels = figure.subplots(
+        len(names), 2, sharex=True, sharey="row", squeeze=False, gridspec_kw=shape
+    )
     forms = [form for form in HELD if form in set(data.form)]
-    for axes, letter, (size, title) in zip(panels, "ab", SIZES.items(), strict=True):
-        _frame(axes, rows)
-        of_size = data[data["size"] == size]
-        pooled = of_size.kind == ALL  # a row per form
-        for shown, apart in ((of_size[~pooled], 0.66), (of_size[pooled], 0.0)):
+    for row, (kind, of_kind) in zip(panels, names.items(), strict=True):
+        for axes, size in zip(row, SIZES, strict=True):
+            shown = data[(data.kind == kind) & (data["size"] == size)]
+            axes.axvspan(-MARGIN, MARGIN, color="0.88", lw=0, zorder=0)
+            axes.axvline(0, color="0.4", lw=0.7, zorder=1)
             intervals(
                 axes,
                 shown,
                 *("difference", "recording", "form"),
-                names=rows,
+                names=of_kind,
                 hues=forms,
                 look=lambda form: {"elinewidth": 0.9, **_look(form)},
                 scale=100,
-                apart=apart,
+                apart=0.66,
             )
+            axes.set_ylim(len(of_kind) - 0.5, -0.5)
+            axes.tick_params(labelsize=8)
+        shown_names = [literal(scene_name(name)) for name in of_kind]
+        row[0].set_yticks(range(len(of_kind)), shown_names)
+        row[0].set_ylabel(HEADINGS[kind], fontsize=8)
+    for axes, letter, title in zip(panels[0], "ab", SIZES.values(), strict=True):
         axes.set_title(f"({letter}) {title}", loc="left", fontsize=8, pad=3)
-    names = [literal(scene_name(row).removeprefix(EVERY)) for row in rows]
-    shown_rows = [
-        HEADINGS.get(row, name) for row, name in zip(rows, names, strict=True)
-    ]
-    panels[0].set_yticks(range(len(rows)), shown_rows, fontsize=8)
-    for label, row in zip(panels[0].get_yticklabels(), rows, strict=True):
-        label.set_fontweight("bold" if row in HEADINGS else "normal")
+    for axes in panels[-1]:
+        axes.set_xlabel("accuracy minus softmax\n(percentage points)", fontsize=8)
     handles: list[Any] = [handle(form, **_look(form)) for form in forms]
     handles.append(Patch(color="0.88", label=f"±{MARGIN:g} percentage points"))
     legend_below(figure, handles, 2)
@@ -109,31 +116,6 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
 
 def _look(form: str) -> dict[str, Any]:
     return {**look_of(form), "ls": "", "ms": 3.5}
-
-
-def _rows(data: pd.DataFrame) -> list[str]:
-    """Kinds and what is of them, from top to bottom."""
-    rows = []
-    for kind in HEADINGS:
-        names = list(data.recording[data.kind == kind].unique())
-        if names:
-            rows += [kind, *(names if kind == ALL else sorted(names, key=place_of))]
-    return rows
-
-
-def _frame(axes: Axes, rows: list[str]) -> None:
-    axes.axvspan(-MARGIN, MARGIN, color="0.88", lw=0, zorder=0)
-    axes.axvline(0, color="0.4", lw=0.7, zorder=1)
-    for y, name in enumerate(rows):
-        if name not in HEADINGS:
-            axes.axhline(y, color="0.93", lw=0.5, zorder=0)
-    if ALL in rows:
-        axes.axhline(rows.index(ALL) - 0.5, color="0.4", lw=0.7, zorder=1)
-    axes.set_ylim(len(rows) - 0.4, -0.6)
-    axes.set_xlabel("accuracy minus softmax\n(percentage points)", fontsize=8)
-    axes.tick_params(axis="x", labelsize=8)
-    axes.tick_params(axis="y", length=0)
-    axes.spines["left"].set_visible(False)
 
 
 FIGURE = Figure(
@@ -146,6 +128,6 @@ FIGURE = Figure(
     "standardised frames, fitted to convergence. Right of zero: more accurate than softmax. Grey "
     f"band: ±{MARGIN:g} points, the largest loss that rules 4 accept. Bars: 95 %, Student over "
     "input fields or seeds, the central 95 % of draws for cameras; no bar where fewer than ten "
-    "draws were made. Last rows: means over sources by rules 4.",
+    "draws were made. Last row: means over sources by rules 4.",
     size=(WIDTH, 3.8),
 )

@@ -33,6 +33,7 @@ from experiments.reporting.estimates import (
 from experiments.studies.claims.rules import (
     LARGEST,
     TRAINED,
+    Asked,
     Choice,
     Claim,
     Prior,
@@ -44,7 +45,6 @@ from experiments.studies.claims.rules import (
 
 YES, NO, OPEN = "yes", "no", "open"
 CONFIRMATORY = "confirmatory"
-Asked = Claim | Times | Choice
 Row = dict[str, Any]
 COLUMNS = [
     *("rules", "claim", "says", "by", "rival", "size", "status", "word", "unit", "why"),

@@ -16,7 +16,24 @@ Size = int | Literal["largest", "as trained"]
 Models = Annotated[tuple[str, ...], msgspec.Meta(max_length=6)]
 
 
-class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Strict(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+    """Base class of the parts of a file, of which every key is known."""
+
+
+class Asked(Strict, frozen=True, kw_only=True):
+    """A claim or a choice, and its evidence.
+
+    Attributes:
+        says, by: what is claimed, by whom.
+        experiment: whose lines are the evidence.
+    """
+
+    says: str
+    by: str
+    experiment: str
+
+
+class Recording(Strict, frozen=True):
     """A recording that enters.
 
     Attributes:
@@ -35,12 +52,10 @@ class Recording(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     groups: int | None = None
 
 
-class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Claim(Asked, frozen=True):
     """A claim: `form` loses less than the margin to `rival`.
 
     Attributes:
-        says, by: what is claimed, by whom.
-        experiment: whose lines are the evidence.
         form, ``rival``: models; the same where `of_form` and `of_rival` tell them apart.
         split: column with the kind of split; lines of another than the recording's do not count.
         of_form, of_rival: values of columns that the lines of the form have, and the lines of the
@@ -53,9 +68,6 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         rival_right, rival_asked: the same of the ``rival``, if they are others.
     """
 
-    says: str
-    by: str
-    experiment: str
     form: str
     rival: str
     split: str = ""
@@ -70,11 +82,10 @@ class Claim(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     rival_asked: str = ""
 
 
-class Times(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Times(Asked, frozen=True):
     """A claim: the training of `model` takes at least so many times as long as HDC's.
 
     Attributes:
-        says, by: what is claimed, by whom.
         experiment: whose lines are the evidence: a line per fit, with ``fit_s`` and with the reason
             why it was ``disturbed``, or "".
         model, over: models.
@@ -84,9 +95,6 @@ class Times(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         measurements: records that count, the first so many; they were made hours apart.
     """
 
-    says: str
-    by: str
-    experiment: str
     model: str
     over: str
     at_least: float
@@ -95,21 +103,16 @@ class Times(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     measurements: int
 
 
-class Choice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Choice(Asked, frozen=True):
     """Which of some forms is used: the first that is at most the margin below the best.
 
     Attributes:
-        says, by: what is chosen, by whom.
-        experiment: whose lines are the evidence.
         split: as in :class:`Claim`.
         among: models, the simplest first.
         recordings: that enter.
         size: training frames of a class.
     """
 
-    says: str
-    by: str
-    experiment: str
     split: str
     among: Models
     recordings: tuple[str, ...]
@@ -128,7 +131,7 @@ class Choice(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
         )
 
 
-class Prior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Prior(Strict, frozen=True):
     """The hierarchical model of differences of sources, as shares of accuracy.
 
     Attributes:
@@ -142,7 +145,7 @@ class Prior(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
     between: float
 
 
-class Rules(msgspec.Struct, frozen=True, forbid_unknown_fields=True):
+class Rules(Strict, frozen=True):
     """A file of rules.
 
     Attributes:

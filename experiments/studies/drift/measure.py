@@ -8,13 +8,14 @@ second, and tested on both sessions. Values of ``method`` with labels:
   one's with probability p, so that distances to the mixture are (1 − p)·(distance to the stored) +
   p·(distance to the new prototype), but for a random part of order √D.
 - ``pooled``: trained on old and new samples together; of HDC, counting on.
-- ``balanced``: the same with as many votes of either session; other models than HDC take each new
-  sample N_old/N_new times, rounded.
+- ``balanced``: the same with as many votes of either session; models other than published HDC take
+  each new sample N_old/N_new times, rounded.
 - ``from_old``: of linear models, started from the old weights (baselines.linear).
 
-Without labels (:mod:`.zeroing`): ``zeroed`` and ``untouched``.
-
-HDC's updates are the model's own; one that its read-out does not have has no row.
+Without labels, for models with a reference frame, which is subtracted from every standardised
+frame: ``zeroed``. In the training the reference is the mean of its frames; afterwards it is the
+mean of N_new frames of the second session, with all classes alike, or, with a ``share`` of 1, of
+one class.
 
 The new samples are the first in time, and the test samples come after them.
 """
@@ -22,8 +23,8 @@ The new samples are the first in time, and the test samples come after them.
 from __future__ import annotations
 
 import copy
-import itertools
-from collections.abc import Iterator, Mapping, Sequence
+import warnings
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -37,9 +38,8 @@ from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.task import Context, Row, Task
 from experiments.records.rows import pack_labels
-from experiments.studies.drift.zeroing import rezeroed, unlabelled
 from hdc import HDCClassifier
-from hdc.readouts import LDA, Kernel, make_readout
+from hdc.readouts import make_readout
 from scenes.frames import Scene
 from scenes.split import by_session, split
 
@@ -53,11 +53,11 @@ class Drift(Task, frozen=True):
     It ``predicted`` classes of ``n_test_new`` test samples of the second session, then of
     ``n_test_old`` of the first (texts of :func:`experiments.records.rows.pack_labels`); the first
     row of a seed has the true ones in ``labels``. Models in `zeroing` are updated without labels;
-    ``share`` is that of one class among the unlabelled frames, None: all classes alike.
+    ``share`` is 1 where all unlabelled frames are of one class, None where all classes are alike.
     Arguments: configs/experiment/drift.yaml.
     """
 
-    revision: ClassVar = 4
+    revision: ClassVar = 5
     uses: ClassVar = ("hdc.HDCClassifier",)
 
     scene: Mapping[str, Any]
@@ -71,10 +71,7 @@ class Drift(Task, frozen=True):
     zeroing_seeds: Sequence[int] = ()
     n_alone: Sequence[int] = ()
     n_zero: Sequence[int] = ()
-    shares: Sequence[float | int] = ()
-    n_shares: Sequence[int] = ()
-    n_untouched: Sequence[int] = ()
-    no_touch: str = ""
+    n_one_class: Sequence[int] = ()
 
     def rows(self, context: Context) -> Iterator[Row]:
         for seed, two_sessions in context.scenes(self.scene, self.seeds):
@@ -90,17 +87,13 @@ class Drift(Task, frozen=True):
                 "share": None,
             }
             truth = {"labels": pack_labels(bank.labels[choice.asked])}
-            classes = list(two_sessions.classes)
-            is_there = self.no_touch in classes
-            no_touch = classes.index(self.no_touch) if is_there else None
-            made = self._answers(bank, choice, seed, no_touch)
-            for about, predicted in made:
+            for about, predicted in self._answers(bank, choice, seed):
                 yield {**same, **about, "predicted": pack_labels(predicted), **truth}
                 truth = {}  # the first row has it for all
             context.note(f"seed {seed}")
 
     def _answers(
-        self, bank: Bank, choice: Choice, seed: int, no_touch: int | None
+        self, bank: Bank, choice: Choice, seed: int
     ) -> Iterator[tuple[Row, np.ndarray]]:
         """Rows of each model and its updates, with their predictions for the samples asked."""
         for name, model in models_of(self.models).items():
@@ -111,37 +104,28 @@ class Drift(Task, frozen=True):
         if seed not in self.zeroing_seeds:
             return
         for name, model in models_of(self.zeroing or {}).items():
-            for row, predicted in self._zeroings(bank, choice, model, seed, no_touch):
+            for row, predicted in self._zeroings(bank, choice, model, seed):
                 yield {"model": name, **row}, predicted
 
     def _zeroings(
-        self, bank: Bank, choice: Choice, model: Any, seed: int, no_touch: int | None
+        self, bank: Bank, choice: Choice, model: Any, seed: int
     ) -> Iterator[tuple[Row, np.ndarray]]:
         """The stored model, re-referenced without labels, and trained on new samples alone."""
-        of_choice = (model, bank, choice.old, choice.asked)
-        sizes: list[tuple[int, float | None]] = [(n, None) for n in self.n_zero]
-        sizes += itertools.product(self.n_shares, map(float, self.shares))
-        found = unlabelled(choice.pool, bank.labels, sizes, seed, bank.n_classes)
-        choices: list[Any] = [(0, None, None), *found]  # as it is stored, and updated
-        afters = [frames for _, _, frames in choices]
-        made = rezeroed(*of_choice, choice.old, afters)
-        for (n, share, _), predicted in zip(choices, made, strict=True):
-            method = "zeroed" if n else "stored"
-            yield {"method": method, "n_new": n, "share": share}, predicted
-        for n, new in subsets(choice, bank.labels, self.n_alone).items():
-            yield (
-                {"method": "new", "n_new": n},
-                evaluate(model, bank, new, choice.asked),
-            )
-        if no_touch is None:
-            return
-        before, without = (
-            each[bank.labels[each] == no_touch] for each in (choice.old, choice.pool)
-        )
-        numbers = [n for n in self.n_untouched if n <= len(without)]
-        made = rezeroed(*of_choice, before, [without[:n] for n in numbers])
-        for n, predicted in zip(numbers, made, strict=True):
-            yield {"method": "untouched", "n_new": n}, predicted
+        pool, labels = choice.pool, bank.labels
+        sizes = [n for n in self.n_zero if n <= len(pool)]
+        of_class = pool[labels[pool] == seed % bank.n_classes]
+        rows: list[Row] = [{"method": "stored", "n_new": 0}]
+        rows += [{"method": "zeroed", "n_new": n} for n in sizes]
+        references = [choice.old, *subsets(choice, labels, sizes).values()]
+        for n in self.n_one_class:
+            if n <= len(of_class):
+                rows.append({"method": "zeroed", "n_new": n, "share": 1.0})
+                references.append(of_class[:n])
+        made = rezeroed(model, bank, choice.old, choice.asked, references)
+        yield from zip(rows, made, strict=True)
+        for n, new in subsets(choice, labels, self.n_alone).items():
+            predicted = evaluate(model, bank, new, choice.asked)
+            yield {"method": "new", "n_new": n}, predicted
 
 
 class Choice(NamedTuple):
@@ -223,7 +207,7 @@ def ways(
     """Answers of updates of a model to the samples asked, each from the same old and new ones."""
     pooled = np.concatenate([old, new])
     yield "new", None, evaluate(model, bank, new, asked)
-    if isinstance(model, HDCClassifier) and _adapts(model):
+    if isinstance(model, HDCClassifier) and _replaces_bits(model):
         yield from recalibrated(model, bank, old, new, asked, p, seed)
     else:
         repeated = np.tile(new, max(1, round(len(old) / len(new))))
@@ -234,10 +218,10 @@ def ways(
         yield "from_old", None, model.predict_from_old(bank, old, new, asked)
 
 
-def _adapts(model: HDCClassifier) -> bool:
-    """Whether it is recalibrated; discriminants are fitted to both sessions, as baselines."""
-    readout = make_readout(model.readout)
-    return hasattr(readout, "adapt") and not isinstance(readout, LDA | Kernel)
+def _replaces_bits(model: HDCClassifier) -> bool:
+    """Whether its prototypes are bits, which are replaced as published; other forms of HDC are
+    trained on both sessions, as baselines are."""
+    return "replace" in getattr(make_readout(model.readout), "methods", ())
 
 
 def recalibrated(
@@ -249,21 +233,40 @@ def recalibrated(
     p: Sequence[float],
     seed: int,
 ) -> Iterator[Update]:
-    """Recalibrations of HDC; those that its prototypes or read-out do not have are left out."""
+    """HDC's own recalibrations: bits replaced with each probability, and votes merged."""
     stored = library.trained_on(model, bank, old)
-    readout = stored.readout_
-    replaced = [("replace", float(share), "replace") for share in p]
-    for name, share, method in [*replaced, ("balanced", None, "merge")]:
-        if method not in getattr(readout, "methods", (method,)):
-            continue
+    learned, queries = (
+        library.words_of(model, bank, rows, old) for rows in (new, asked)
+    )
+
+    def predicted(method: str, share: float) -> np.ndarray:
         updated = copy.deepcopy(stored)
-        given = {
-            "p": _EQUAL if share is None else share,
-            "random_state": seed,
-            "method": method,
-        }
-        used: Any = {name: given[name] for name in readout.adapts_by}
-        updated.recalibrate(
-            library.words_of(model, bank, new, old), bank.labels[new], **used
-        )
-        yield name, share, updated.predict(library.words_of(model, bank, asked, old))
+        updated.recalibrate(learned, bank.labels[new], share, seed, method)
+        return updated.predict(queries)
+
+    for share in map(float, p):
+        yield "replace", share, predicted("replace", share)
+    yield "balanced", None, predicted("merge", _EQUAL)
+
+
+def rezeroed(
+    model: Any,
+    bank: Bank,
+    train: np.ndarray,
+    asked: np.ndarray,
+    references: Iterable[np.ndarray],
+) -> Iterator[np.ndarray]:
+    """Labels of the frames asked, by a model of training frames minus their mean: from the frames
+    asked the mean of each of the references is subtracted. All means are of standardised frames."""
+    if not isinstance(model, HDCClassifier):
+        for reference in references:
+            yield model.predict_zeroed(bank, train, asked, train, reference)
+        return
+    stored = model.unlearned().fit(bank.at(train), bank.labels[train])
+    for reference in references:
+        updated = copy.deepcopy(stored)
+        with warnings.catch_warnings():
+            # What frames of one class do to a model is measured here.
+            warnings.filterwarnings("ignore", message="rezero:|.*constant frame")
+            updated.rezero(bank.at(reference))
+        yield updated.predict(bank.at(asked))

@@ -10,11 +10,9 @@ import pandas as pd
 from experiments.records.results import own_frames
 from experiments.records.rows import unpack_labels
 from experiments.reporting import estimates
-from experiments.reporting.estimates import Estimate
 
 N_NEW = 50  # at which the paper reports the recovered accuracy
 N_ZERO = 30  # frames without labels, of the figure
-UNLABELLED = ("zeroed", "untouched")
 KEYS = ["scene", "model", "method", "update", "share", "n_new", "p", "origin"]
 UPDATES = {
     "stored": "not updated",
@@ -24,7 +22,6 @@ UPDATES = {
     "balanced": "on old and new samples, equal weights",
     "from_old": "on new samples, starting at the old weights",
     "zeroed": "re-referenced, all classes alike",
-    "untouched": "re-referenced, no touch",
 }
 
 
@@ -37,14 +34,14 @@ def update_name(method: str, p: float | None, share: float | None) -> str:
 
 
 def accuracies(lines: pd.DataFrame) -> pd.DataFrame:
-    """The lines with the accuracy of each sensor.
+    """The lines of :data:`UPDATES` with the accuracy of each sensor.
 
     Returns:
-        DataFrame: the lines with ``share``, NaN where it was not measured, ``update`` (``method``,
-        ``p`` and ``share`` in words), and by session the right answers ``right_new`` and
-        ``right_old`` and the accuracies ``new`` and ``old``; ``n_new`` is 0 for the stored model.
+        DataFrame: the lines with ``update`` (``method``, ``p`` and ``share`` in words), and by
+        session the right answers ``right_new`` and ``right_old`` and the accuracies ``new`` and
+        ``old``; ``n_new`` is 0 for the stored model.
     """
-    lines = lines.assign(share=lines.get("share", np.nan))
+    lines = lines[lines.method.isin(UPDATES)]
     names = map(update_name, lines.method, lines.p, lines.share)
     right_new, right_old = [], []
     answers = zip(lines.labels, lines.predicted, lines.n_test_new, strict=True)
@@ -65,51 +62,35 @@ def regained(frame: pd.DataFrame) -> pd.DataFrame:
     """How much of what a drift costs each update wins back, in the new session.
 
     Returns:
-        DataFrame, one row for each ``scene``, ``model``, ``update`` and ``n_new``: ``method``,
+        DataFrame, one row for each ``scene``, ``model``, ``update`` and ``n_new``, that of the
+        stored model included: ``method``,
         ``p``, ``share``, ``labels`` (whether the update needs them), and as fractions, each with
         its 95 % interval over seeds under ``_low`` and ``_high``: ``before``, the accuracy of the
         stored model in the old session, ``stored`` in the new one, ``updated`` and ``old`` of the
-        updated model in the new and in the old one, ``lost`` = before − stored, and ``regained`` =
-        (updated − stored)/lost, a ratio of means.
+        updated model in the new and in the old one.
     """
     every = accuracies(frame)
-    is_stored = every.method == "stored"
     of_sensor = ["scene", "model", "seed"]
-    stored = every.loc[is_stored, [*of_sensor, "new", "old"]]
-    updated = every[~is_stored].merge(
+    stored = every.loc[every.method == "stored", [*of_sensor, "new", "old"]]
+    updated = every.merge(
         stored, on=of_sensor, suffixes=("", "_stored"), validate="m:1"
     )
     lines = []
     for key, way in updated.groupby(KEYS, sort=False, dropna=False):
         first = way.iloc[0]
-        lost, won = way.old_stored - way.new_stored, way.new - way.new_stored
-        found = {
-            "before": estimates.mean_share(way.old_stored.tolist(), first.n_test_old),
-            "stored": estimates.mean_share(way.new_stored.tolist(), first.n_test_new),
-            "updated": estimates.mean_share(way.new.tolist(), first.n_test_new),
-            "old": estimates.mean_share(way.old.tolist(), first.n_test_old),
-            "lost": estimates.mean_interval(lost.tolist()),
-            "regained": ratio(won, lost),
-        }
         line: dict[str, Any] = dict(zip(KEYS, key, strict=True))
-        line["labels"] = first.method not in UNLABELLED
-        for name, estimate in found.items():
-            line |= estimate.columns(name)
+        line["labels"] = first.method != "zeroed"
+        for name, (shares, n) in {
+            "before": (way.old_stored, first.n_test_old),
+            "stored": (way.new_stored, first.n_test_new),
+            "updated": (way.new, first.n_test_new),
+            "old": (way.old, first.n_test_old),
+        }.items():
+            line |= estimates.mean_share(shares.tolist(), n).columns(name)
         line["seeds"] = len(way)
         line["n_classes"] = len(np.unique(unpack_labels(first.labels)))
         lines.append(line)
     return pd.DataFrame(lines)
-
-
-def ratio(parts: pd.Series, wholes: pd.Series) -> Estimate:
-    """Mean of the parts over mean of the wholes, a value a seed, with Student's interval of the
-    linearised ratio (Cochran, Sampling Techniques, 1977, Sec. 6.4)."""
-    whole = float(wholes.mean())
-    if whole <= 0:
-        return Estimate(np.nan)
-    value = float(parts.mean()) / whole
-    linear = value + (parts - value * wholes) / whole
-    return estimates.mean_interval(linear.tolist())
 
 
 def best(rows: pd.DataFrame, *by: str) -> pd.DataFrame:
@@ -120,10 +101,10 @@ def best(rows: pd.DataFrame, *by: str) -> pd.DataFrame:
 
 def best_updates(frame: pd.DataFrame) -> pd.DataFrame:
     """The rows of :func:`regained` with the best update of each model: with at most :data:`N_NEW`
-    labelled samples, and without labels, by equally many frames of all classes or by frames without
-    touch."""
+    labelled samples, and without labels, by equally many frames of all classes."""
     found = regained(frame)
-    is_allowed = found.share.isna() & (~found.labels | (found.n_new <= N_NEW))
+    few = ~found.labels | (found.n_new <= N_NEW)
+    is_allowed = (found.n_new > 0) & found.share.isna() & few
     return best(found[is_allowed], "scene", "model", "labels")
 
 
@@ -157,14 +138,13 @@ def unlabelled(frame: pd.DataFrame) -> pd.DataFrame:
         frames alone.
     """
     found = regained(frame)
-    zeroed = found[(found.method == "zeroed") & (found.n_new == N_ZERO)]
-    alike = zeroed[zeroed.share.isna()]
-    new = found[(found.method == "new") & (found.n_new == N_NEW)]
-    stored = alike.drop(columns=["updated", "updated_low", "updated_high"])
+    referenced = found[found.model.isin(found.model[~found.labels])]
+    zeroed = referenced[~referenced.labels & (referenced.n_new == N_ZERO)]
+    new = referenced[(referenced.method == "new") & (referenced.n_new == N_NEW)]
     ways = {
-        "stored": stored.rename(columns=lambda name: name.replace("stored", "updated")),
-        "alike": alike,
+        "stored": referenced[referenced.method == "stored"],
+        "alike": zeroed[zeroed.share.isna()],
         "one_class": zeroed[zeroed.share == 1],
-        "new": new.merge(alike[["scene", "model"]]),
+        "new": new,
     }
     return pd.concat([rows.assign(way=way) for way, rows in ways.items()])

@@ -1,7 +1,6 @@
 """Numbers at their limits: extreme inputs, error against run time, stiffness."""
 
 from experiments.reporting.study import Study
-from experiments.studies.limits.numerics import view as numerics
 from experiments.studies.limits.stability import view as stability
 from experiments.studies.limits.stiffness import view as stiffness
 
@@ -11,6 +10,6 @@ STUDY = Study(
     "Where do naive formulas lose digits, and do ours keep them? How much time does "
     "another digit cost? Which training method survives a stiff problem?",
     order=9,
-    tables=[stability.TABLE, numerics.TABLE, stiffness.TABLE],
+    tables=[stability.TABLE, stiffness.TABLE],
     figures=[stability.FIGURE, stiffness.FIGURE],
 )

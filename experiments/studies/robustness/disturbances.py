@@ -1,48 +1,15 @@
-"""Faults after training: of the frames that a model sees, its queries, and its stored bits."""
+"""Faults after training: of the frames that a model sees, and of its stored bits."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import replace
 
 import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import bits
-from hdc.hypervectors import Hypervectors
-
 _BLOCK = 2**18  # bytes of a tensor whose flips are drawn at a time
-_FRAMES = 256  # hypervectors whose flips are drawn together
-
-
-def power(
-    frames: np.ndarray,
-    level: float,
-    random: np.random.Generator,
-) -> np.ndarray:
-    """Laser power that differs from frame to frame [N, H, W]: factors uniform in 1 ± level."""
-    brightest = np.iinfo(frames.dtype).max
-    factors = random.uniform(1 - level, 1 + level, len(frames))
-    brighter = []
-    for frame, factor in zip(frames, factors, strict=True):
-        grey = np.minimum(np.rint(frame * factor), brightest)
-        brighter.append(grey.astype(frame.dtype))
-    return np.stack(brighter)
-
-
-def dead_pixels(
-    frames: np.ndarray, level: float, random: np.random.Generator
-) -> np.ndarray:
-    """A fraction `level` of the pixels, the same ones in all frames [N, H, W], reads zero."""
-    result = frames.copy()
-    flat = result.reshape(len(frames), -1)
-    _, pixels = flat.shape
-    count = round(level * pixels)
-    dead = random.choice(pixels, count, replace=False, shuffle=False)
-    flat[:, dead] = 0
-    return result
 
 
 def shift(
@@ -64,8 +31,6 @@ def dither(frames: np.ndarray, level: int, random: np.random.Generator) -> np.nd
 
 
 OF_FRAMES: dict[str, Callable[..., np.ndarray]] = {
-    "power": power,
-    "dead_pixels": dead_pixels,
     "shift": shift,
     "dither": dither,
 }
@@ -120,26 +85,6 @@ def flipped_bits_of_int8(
         finally:
             for tensor, exact, *_ in rounded:
                 tensor.copy_(exact)
-
-
-def flipped_queries(
-    words: Hypervectors, rate: float, random: np.random.Generator
-) -> Hypervectors:
-    """Hypervectors with every bit flipped with probability `rate`; bits beyond D stay zero."""
-    used = bits.pack(torch.ones(1, words.dimension, dtype=torch.bool))
-    packed = words.packed.clone()
-    for part in packed.split(_FRAMES):
-        _flip(part.view(-1).view(torch.uint8).numpy(), rate, random)
-    return replace(words, packed=packed & used)
-
-
-def flipped_pixels(
-    frames: np.ndarray, level: float, random: np.random.Generator
-) -> np.ndarray:
-    """Every bit of every pixel of frames [N, H, W] flipped with probability `level`."""
-    result = frames.copy()
-    _flip(result.reshape(-1).view(np.uint8), level, random)
-    return result
 
 
 def _flip(stored: np.ndarray, rate: float, random: np.random.Generator) -> None:

@@ -1,9 +1,9 @@
 """Accuracy that is left when something goes wrong after training.
 
 Every model is trained on clean frames, once per seed. Then its test frames are disturbed, or bits
-are flipped at a bit error rate: of what it stores, or of what it is asked, which is a hypervector
-of HDC and the pixels of a frame of any other. A model that stores floating-point numbers is tested
-a second time with 8 bits a number: is it the method that tolerates faults, or the number format?
+of what it stores are flipped at a bit error rate. A model that stores floating-point numbers is
+tested a second time with 8 bits a number: is it the method that tolerates faults, or the number
+format?
 """
 
 from __future__ import annotations
@@ -26,7 +26,8 @@ from experiments.protocol.splits import choose
 from experiments.protocol.stop import StopRule
 from experiments.protocol.task import Context, Row, Task
 from experiments.studies.robustness import disturbances as faults
-from hdc import HDCClassifier
+
+_STREAM = 3  # of the random numbers of a seed that disturb frames
 
 
 class Robustness(Task, frozen=True):
@@ -43,11 +44,9 @@ class Robustness(Task, frozen=True):
     split: Split
     models: Mapping[str, Mapping[str, Any]]
     stop: StopRule
-    stops: Mapping[str, StopRule]
     seeds: Sequence[int]
     disturbances: Mapping[str, Sequence[float | int]]
     bit_error_rates: Sequence[float | int]
-    query_error_rates: Sequence[float | int] = ()
     spared: Mapping[str, Sequence[str]] | None = None
 
     def rows(self, context: Context) -> Iterator[Row]:
@@ -57,8 +56,7 @@ class Robustness(Task, frozen=True):
             asked = data.take(sensor, test, Clock())[:]
             labels = sensor.labels[test]
             for name, model in models_of(at_seed(self.models, seed)).items():
-                rule = self.stops.get(name, self.stop)
-                train_until(model, rule, frames, sensor.labels[train])
+                train_until(model, self.stop, frames, sensor.labels[train])
                 state = library.state_tensors(model) or {}
                 spared = (self.spared or {}).get(name, ())
                 damaged = [state[part] for part in state if part not in spared]
@@ -82,40 +80,20 @@ class Robustness(Task, frozen=True):
     ) -> Iterator[tuple[str, float, np.ndarray]]:
         """Disturbance, level, and what the model predicts, which is left as it was; undisturbed
         first."""
-        has_floats = any(tensor.is_floating_point() for tensor in damaged)
-        int8 = faults.flipped_bits_of_int8
         yield "none", 0, model.predict(frames)
-        for number, (name, levels) in enumerate(self.disturbances.items()):
+        for name, levels in self.disturbances.items():
             for level in levels:
-                random = np.random.default_rng([seed, number])
-                found = faults.OF_FRAMES[name](frames.numpy(), level, random)
-                disturbed = torch.from_numpy(found)
-                yield name, level, model.predict(disturbed)
-                if name == "dither" and has_floats:  # frames and weights rounded, both
-                    rounded = _with_flips(model, disturbed, damaged, int8, 0.0, seed)
-                    yield "dither_of_int8", level, rounded
-        for rate in self.query_error_rates:
-            yield "query_flips", rate, _asked_with_flips(model, frames, rate, seed)
-        kinds = [("bit_flips", faults.flipped_bits, self.bit_error_rates)]
-        if has_floats:  # 0: rounding alone
-            kinds += [("bit_flips_int8", int8, (0.0, *self.bit_error_rates))]
-        for name, flipped, rates in kinds:
-            for rate in rates:
+                random = np.random.default_rng([seed, _STREAM])
+                disturbed = faults.OF_FRAMES[name](frames.numpy(), level, random)
+                yield name, level, model.predict(torch.from_numpy(disturbed))
+        rates = self.bit_error_rates
+        kinds = [("bit_flips", faults.flipped_bits, rates)]
+        if any(tensor.is_floating_point() for tensor in damaged):  # 0: rounding alone
+            kinds += [("bit_flips_int8", faults.flipped_bits_of_int8, (0.0, *rates))]
+        for name, flipped, of_kind in kinds:
+            for rate in of_kind:
                 found = _with_flips(model, frames, damaged, flipped, rate, seed)
                 yield name, rate, found
-
-
-def _asked_with_flips(
-    model: Model, frames: Tensor, rate: float, seed: int
-) -> np.ndarray:
-    """Labels of frames by bits of which some are flipped."""
-    key = (seed, round(1e9 * rate), 1)
-    random = np.random.default_rng(key)
-    if isinstance(model, HDCClassifier):
-        words: Any = faults.flipped_queries(model.encode(frames), rate, random)
-        return model.predict(words)
-    pixels = faults.flipped_pixels(frames.numpy(), rate, random)
-    return model.predict(torch.from_numpy(pixels))
 
 
 def _with_flips(

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-import numpy as np
 import pandas as pd
 
 from experiments.reporting.columns import Column, scene_name
-from experiments.reporting.estimates import Estimate, mean_share
+from experiments.reporting.estimates import mean_share
 from experiments.reporting.facets import facets
 from experiments.reporting.plot import DASHED, handle, legend_below, wrapped
 from experiments.reporting.resamples import models_of
@@ -21,13 +20,11 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure as Canvas
 
 BY = ["scene", "model", "disturbance", "level", "n_classes"]
-FLIPS = ("query_flips", "bit_flips", "bit_flips_int8")
 # Columns of the table, by disturbance and level.
 HEADS = {
     "none_0": "Undisturbed, %",
     "dither_1": "±1 grey level, %",
     "shift_1": "Shifted by a pixel, %",
-    "query_flips_0.1": "10 % of query bits flipped, %",
     "bit_flips_0.1": "10 % of stored bits flipped, %",
     "bit_flips_int8_0.1": "of 8-bit weights, %",
 }
@@ -35,25 +32,16 @@ HEADS = {
 PANELS = {
     "dither": "dither (± grey levels)",
     "shift": "camera shifted (pixels)",
-    "query_flips": "query bits flipped (%)",
     "bit_flips": "stored bits flipped (%)",
 }
 
 
 def left(frame: pd.DataFrame) -> pd.DataFrame:
-    """The ``accuracy`` of each group of :data:`BY`, mean over seeds.
-
-    Bounds are Student's interval. A flipped bit can ruin all predictions of a seed at once, so of
-    flips they are the lowest and the highest seed.
-    """
+    """The ``accuracy`` of each group of :data:`BY`, mean over seeds with Student's interval."""
     lines = []
     for key, same in frame.groupby(BY, sort=False):
-        shares = same.right / same.n_test
-        found = mean_share(shares.tolist(), same.n_test.iloc[0])
-        if same.disturbance.iloc[0] in FLIPS:
-            worst, best = shares.min(), shares.max()
-            # The mean of equal shares may differ from them in the last digit.
-            found = Estimate(float(np.clip(shares.mean(), worst, best)), worst, best)
+        shares = (same.right / same.n_test).tolist()
+        found = mean_share(shares, same.n_test.iloc[0])
         lines.append(dict(zip(BY, key, strict=True)) | found.columns("accuracy"))
     return pd.DataFrame(lines)
 
@@ -94,7 +82,7 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
         axes.set_ylabel(f"{wrapped(scene_name(scene), 22)},\n{split}\naccuracy (%)")
         axes.label_outer()
         axes.axhline(100 / of_scene.n_classes.iloc[0], **DASHED)
-        if name in FLIPS:
+        if name == "bit_flips":
             axes.set_xscale("symlog", linthresh=0.001)
             axes.set_xlim(-0.0002, 0.5)
             axes.set_xticks([0, 0.001, 0.01, 0.1, 0.3], ["0", "0.1", "1", "10", "30"])
@@ -104,12 +92,9 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
 
 NOTE = (
     "±1 grey level: −1, 0 or 1 is added to each pixel, as another conversion to grey may do. "
-    "Query bits: of the hypervector of HDC, of the pixels of a frame of others. Stored bits: of "
-    "every stored tensor, of LDA except its scale and offset per class. 8-bit weights: every "
-    "float32 was rounded to one of 255 equal steps before. In brackets: Student, 95 %, over seeds, "
-    "Wilson for one seed; of flips the lowest and the highest seed. Models that take long to train "
-    "have fewer seeds. –: not measured yet. The CSV has every level, and another laser power for "
-    "every frame and dead pixels."
+    "Stored bits: of every stored tensor, of LDA except its scale and offset per class. 8-bit "
+    "weights: every float32 was rounded to one of 255 equal steps before. In brackets: Student, "
+    "95 %, over seeds. –: not measured yet. The CSV has every level."
 )
 STUDY = Study(
     "robustness",
@@ -135,10 +120,10 @@ STUDY = Study(
             Table("robustness_levels", levels, of="robustness"),
             draw,
             title="Accuracy under disturbances after training, by data set and split",
-            details="Dashed: chance. Bars: range over seeds for flips, otherwise 95 % intervals.",
+            details="Dashed: chance. Bars: 95 % intervals over seeds.",
             caption="Accuracy that remains, a row of panels per data set. From left to right: "
-            "dither of the test frames; the camera has moved; flips of bits of the query; flips of "
-            "bits of the stored model, whose weights have 8 bits. Leftmost point: no disturbance. "
+            "dither of the test frames; the camera has moved; flips of bits of the stored model, "
+            "whose weights have 8 bits. Leftmost point: no disturbance. "
             "0 %: the damaged model gives no answer. Rows in which all models begin at 100 % are "
             "saturated and rank no models.",
         )

@@ -6,7 +6,7 @@ import hashlib
 import pytest
 import yaml
 
-from experiments.studies.claims.history import HISTORY
+from experiments.studies.claims.view import HISTORY
 
 FOLDER = HISTORY.parent
 

@@ -12,14 +12,17 @@ from baselines.linear import PenalisedClassifier
 from experiments.protocol.evaluate import bank_of
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
+from experiments.protocol.task import Context
+from experiments.records.rows import unpack_labels
 from experiments.studies.drift import measure
 from experiments.studies.drift.measure import (
     Choice,
+    Drift,
     choose,
+    rezeroed,
     subsets,
     updates,
 )
-from experiments.studies.drift.zeroing import first_of_each, rezeroed, unlabelled
 from hdc import HDCClassifier
 from hdc.encoders import Reference
 from hdc.encoders.relative import FRACTION, standardised
@@ -108,13 +111,13 @@ def test_each_update_is_trained_on_what_it_is_called(scene, choice, monkeypatch)
 @pytest.mark.parametrize(
     ("readout", "further"),
     [
+        ("majority", {"replace"}),
         ("counts", set()),
         ("lda", set()),
-        ("ridge", {"replace"}),
-        ("neighbours", {"replace"}),
+        ("neighbours", set()),
     ],
 )
-def test_updates_that_a_read_out_refuses_have_no_row(scene, choice, readout, further):
+def test_bits_are_replaced_in_the_published_form_alone(scene, choice, readout, further):
     model = HDCClassifier(readout=readout)
     made = updates(bank_of(scene), choice, model, [6], (0.5,), seed=0)
     always = {"stored", "new", "pooled", "balanced"}
@@ -127,13 +130,13 @@ def test_updates_that_a_read_out_refuses_have_no_row(scene, choice, readout, fur
 @pytest.mark.parametrize("name", ["ridge_standardised", "softmax_dual_standardised"])
 def test_rivals_are_zeroed_as_the_reference_of_hdc_is(scene, name):
     """By frames themselves: standardised, less the library's reference frame, as floats."""
-    before, after = np.arange(40, 50), np.arange(60, 75)
-    found = built(name).predict_zeroed(bank_of(scene), OLD, ASKED, before, after)
+    after = np.arange(60, 75)
+    (found,) = rezeroed(built(name), bank_of(scene), OLD, ASKED, [after])
     steps = 2.0**FRACTION
     values = standardised(scene.images).double() / steps
     references = [
         Reference().zero(scene.images[chosen]).reference_ / steps
-        for chosen in (before, after)
+        for chosen in (OLD, after)
     ]
     model = built(name).fit(scene.images[OLD], scene.labels[OLD])
     moved = values[ASKED] - references[1] + references[0]
@@ -143,17 +146,12 @@ def test_rivals_are_zeroed_as_the_reference_of_hdc_is(scene, name):
     assert len(set(found.tolist())) > 1
 
 
-@pytest.mark.parametrize("before", [OLD, np.arange(40, 50)], ids=["training", "others"])
 @pytest.mark.parametrize("name", ["hdc_reference", "hdc_reference_levels_lda"])
-def test_hdc_is_zeroed_by_its_own_recalibration(scene, name, before):
-    """By the mean of standardised frames: those that differ much in brightness count alike."""
-    images, labels, after = scene.images.clone(), scene.labels, np.arange(60, 75)
-    images[np.arange(40, 50, 2)] //= 16
-    bank = bank_of(replace(scene, images=images))
-    stored, moved = rezeroed(built(name), bank, OLD, ASKED, before, [None, after])
-    model = built(name)
-    model.encoder.frame = images[before].numpy()
-    model.fit(images[OLD], labels[OLD])
+def test_hdc_is_zeroed_by_its_own_recalibration(scene, name):
+    """Its own mean is the reference that it was trained with."""
+    images, labels, after = scene.images, scene.labels, np.arange(60, 75)
+    stored, moved = rezeroed(built(name), bank_of(scene), OLD, ASKED, [OLD, after])
+    model = built(name).fit(images[OLD], labels[OLD])
     assert (stored == model.predict(images[ASKED])).all()
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
@@ -162,20 +160,16 @@ def test_hdc_is_zeroed_by_its_own_recalibration(scene, name, before):
     assert (moved != stored).any()
 
 
-def test_unlabelled_frames_are_the_first_with_the_share_that_is_asked_for(scene):
-    sizes = [(6, None), (10, None), (600, None), (10, 0.6), (10, 1.0)]
-    found = {}
-    made = unlabelled(np.arange(60, 120), scene.labels, sizes, favoured=4, n_classes=3)
-    for n, share, chosen in made:
-        found[n, share] = np.bincount(scene.labels[chosen]).tolist()
-        if n == 6:
-            assert sorted(chosen) == list(range(60, 66))
-    assert found == {
-        (6, None): [2, 2, 2],
-        (10, None): [4, 3, 3],
-        (10, 0.6): [2, 6, 2],  # class 4 modulo 3
-        (10, 1.0): [0, 10],
-    }
-    labels, pool = np.array([0, 1, 0, 1, 0]), np.array([4, 3, 2, 1])
-    assert first_of_each(pool, labels, np.array([2, 2])).tolist() == [4, 2, 3, 1]
-    assert first_of_each(pool, labels, np.array([3, 1])) is None
+def test_unlabelled_frames_are_of_all_classes_or_of_one(scene, monkeypatch):
+    """Those of one class are the first in time of the class whose turn it is."""
+    monkeypatch.setattr(measure, "rezeroed", lambda *given: given[-1])
+    monkeypatch.setattr(Context, "scenes", lambda *_: [(4, scene)])
+    config = composed.task("drift") | {"scene": {}, "models": {}, "n_alone": []}
+    config |= {"old_split": {"kind": "random", "test_fraction": 0.2}, "n_test": 30}
+    config |= {"zeroing": composed.models("hdc_reference"), "seeds": [4]}
+    config |= {"n_zero": [6, 600], "n_one_class": [8, 600]}
+    rows = composed.made(Drift, **config).rows(Context())
+    stored, alike, one_class = (unpack_labels(row["predicted"]) for row in rows)
+    assert len(stored) == 48
+    assert alike.tolist() == [*range(60, 66)]
+    assert one_class.tolist() == [*range(61, 85, 3)]  # class 4 modulo 3

@@ -21,22 +21,22 @@ VALUES = pd.DataFrame(
 
 
 @pytest.fixture
-def filled(tmp_path, monkeypatch):
+def filled(tmp_path):
     """filled(yaml) → its sentences."""
 
     def fill(text):
         path = tmp_path / "findings.yaml"
         path.write_text(text, encoding="utf-8")
-        monkeypatch.setattr(module, "PATH", path)
         tables = {"values": SimpleNamespace(data=VALUES), "later": None}
         names = [SimpleNamespace(name=name) for name in tables]
         studies = [SimpleNamespace(tables=names)]
-        return module.findings(SimpleNamespace(studies=studies, table=tables.get))
+        answers = SimpleNamespace(studies=studies, table=tables.get)
+        return list(module.sentences(path, answers).values())
 
     return fill
 
 
-HDC = "- rows: {hdc: {table: values, model: hdc}, soft: {table: values, model: softmax}}\n"
+HDC = "first:\n  rows: {hdc: {table: values, model: hdc}, soft: {table: values, model: softmax}}\n"
 
 
 def test_a_number_has_its_interval_where_there_is_one(filled):
@@ -50,7 +50,7 @@ def test_a_number_has_its_interval_where_there_is_one(filled):
 def test_the_verdict_chooses_the_sentence(filled):
     text = f'{HDC}  word: "{{hdc.word}}"\n  texts: {{"no": behind, "yes": ahead}}'
     assert filled(text) == ["behind"]
-    with pytest.raises(ValueError, match=r"findings\.yaml, finding 1: 'no'"):
+    with pytest.raises(ValueError, match=r"findings\.yaml, first: 'no'"):
         filled(text.replace('"no": behind, ', ""))
 
 
@@ -58,26 +58,26 @@ def test_the_verdict_chooses_the_sentence(filled):
     "text",
     [
         f"{HDC}  text: '{{soft.word}}'",
-        "- rows: {a: {table: later, model: hdc}}\n  text: '{a.gain}'",
+        "first:\n  rows: {a: {table: later, model: hdc}}\n  text: '{a.gain}'",
     ],
 )
 def test_what_was_not_measured_has_no_sentence(filled, text):
-    assert filled(f"{text}\n- text: The last.") == ["The last."]
+    assert filled(f"{text}\nsecond:\n  text: The last.") == ["The last."]
 
 
 @pytest.mark.parametrize(
     ("text", "error"),
     [
         (f"{HDC}  text: '{{cnn.gain}}'", "'cnn'"),
-        ("- rows: {a: {table: values}}", "expected one row with .*, found 2"),
+        ("first:\n  rows: {a: {table: values}}", "expected one row with .*, found 2"),
         (
-            "- spreads: {a: {table: values, column: gain, of: {n: 5}}}",
+            "first:\n  spreads: {a: {table: values, column: gain, of: {n: 5}}}",
             "expected one row per recording",
         ),
     ],
 )
 def test_a_name_that_the_tables_do_not_have_is_one_clear_error(filled, text, error):
-    with pytest.raises(ValueError, match=f"findings.yaml, finding 1: {error}"):
+    with pytest.raises(ValueError, match=f"findings.yaml, first: {error}"):
         filled(text)
 
 

@@ -86,8 +86,6 @@ def test_no_two_models_have_one_name():
 # Lists of models and recordings -------------------------------------------------------------------
 
 OWN_QUESTION = {
-    "promises/values/numbers.py: REGRESSORS": "the methods that the study compares",
-    "promises/values/view.py: COUNTING": "forms whose vote is a count of samples",
     "promises/values/view.py: SHOWN": "read-outs whose probabilities a figure compares",
     "recordings/tables.py: STEPS": "from grey values to HDC by one change after the other",
 }

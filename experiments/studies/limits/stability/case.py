@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import math
+import time
+import timeit
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -48,27 +50,34 @@ class Case:
     prepare: Callable[[], tuple[Any, ...]]
 
     def row(self) -> Row:
-        """Both errors and the verdict."""
+        """Errors, CPU times, and the verdict."""
         naive, ours, exact, *derived = self.prepare()
         (tolerance,) = derived or (0.0,)
-        error = self._error(ours, exact)
-        holds = error is not None and error <= tolerance
         texts = {
             name: text for name, text in vars(self).items() if isinstance(text, str)
         }
+        error_naive, time_naive = self._measured(naive, exact)
+        error_ours, time_ours = self._measured(ours, exact)
+        holds = error_ours is not None and error_ours <= tolerance
         return texts | {
             "tolerance": tolerance,
-            "error_naive": self._error(naive, exact),
-            "error_ours": error,
+            "error_naive": error_naive,
+            "error_ours": error_ours,
+            "time_naive_s": time_naive,
+            "time_ours_s": time_ours,
             "verdict": "holds" if holds else "fails",
         }
 
-    def _error(self, compute: Callable[[], Any], exact: Any) -> float | None:
-        """The error of a computation; None where it raises or gives no number (0/0)."""
+    def _measured(
+        self, compute: Callable[[], Any], exact: Any
+    ) -> tuple[float | None, float | None]:
+        """The error of a computation, None where it gives no number (0/0), and the CPU time of a
+        second call; None for both where it raises."""
         with np.errstate(invalid="raise"), warnings.catch_warnings():
             warnings.simplefilter("ignore")
             try:
                 value = float(self.error(compute(), exact))
+                seconds = timeit.timeit(compute, timer=time.process_time, number=1)
             except (ArithmeticError, RuntimeError, ValueError):
-                return None
-        return value if math.isfinite(value) else None
+                return None, None
+        return (value if math.isfinite(value) else None), seconds

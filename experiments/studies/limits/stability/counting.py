@@ -31,17 +31,6 @@ def counted(mask: Tensor, labels: Tensor) -> Counters:
     return counters
 
 
-def tail_bits(d: int = 65) -> Any:
-    """Ones of a prototype whose bits are all tied, so that it is all ones: as many as D."""
-    mask = random_bits(1, d)
-    pair = bits.pack(torch.cat((mask, ~mask)))
-    return (
-        lambda: bits.count_ones(~bits.majority(pair, "zero")),
-        lambda: bits.count_ones(bits.majority(pair, "one")),
-        d,
-    )
-
-
 def distances_above_255() -> Any:
     mask = random_bits(1, D)
     a, b = bits.pack(mask), bits.pack(~mask)
@@ -65,18 +54,6 @@ def counters_above_2_to_the_16(n: int = 70_000, d: int = 200) -> Any:
     labels = torch.zeros(n, dtype=torch.int64)
     naive = partial(mask.numpy().sum, 0, dtype=np.uint16)
     return naive, lambda: counted(mask, labels).counts()[0], ones
-
-
-def unequal_classes(d: int = 10_000) -> Any:
-    sizes = torch.tensor([1, 2, 997])
-    labels = torch.repeat_interleave(torch.arange(3), sizes)
-    mask = random_bits(1000, d)
-    counts = torch.stack([part.sum(0) for part in mask.split(sizes.tolist())])
-    return (
-        lambda: counts > len(labels) / 6,
-        lambda: bits.unpack(counted(mask, labels).majority(), d),
-        2 * counts > sizes[:, None],
-    )
 
 
 def repeated_merges(times: int = 12, d: int = 2000) -> Any:
@@ -104,9 +81,6 @@ def repeated_merges(times: int = 12, d: int = 2000) -> Any:
 
 
 CASES = [
-    Case("counting", "tail bits of 65 pixels", "a complement also sets bits beyond the last pixel",
-         "~majority(words, ties to zero)", "hdc.bits.majority(words, 'one')", "bits",
-         largest, tail_bits),
     Case("counting", "distances above 255",
          "opposite hypervectors: sums of bits kept in bytes wrap at 256",
          "numpy.bitwise_count, summed in uint8", "hdc.bits.hamming", "bits",
@@ -119,9 +93,6 @@ CASES = [
     Case("counting", "counters above 2^16", "70,000 samples in a class: 16-bit counters wrap",
          "uint16 counters", "hdc.prototypes.Counters", "counts",
          largest, counters_above_2_to_the_16),
-    Case("counting", "unequal classes",
-         "classes of 1, 2 and 997 samples: one threshold for all empties the small ones",
-         "count > N / (2 L)", "Counters.majority", "bits", differing, unequal_classes),
     Case("counting", "repeated merges",
          "twelve merges of a tenth: votes of 10^12 do not fit, and are halved",
          "uint16 votes", "hdc.prototypes.merged", "bits", differing, repeated_merges),

@@ -27,7 +27,7 @@ import mpmath
 import numpy as np
 import torch
 
-from experiments.studies.limits.stability.case import Case, differing, largest, relative
+from experiments.studies.limits.stability.case import Case, differing, relative
 from experiments.studies.limits.stiffness.newton import solve
 from hdc import bits
 from hdc.hypervectors import Hypervectors
@@ -53,21 +53,19 @@ mpmath.mp.dps = 40
 
 
 def frames_of(name: str, n: int = 4) -> tuple[Array, Array]:
-    """Bits [N + 4, D] of frames of three classes and of four queries; classes of the first [N]."""
+    """Bits [N, D] of n frames of each of three classes, and their classes [N]."""
     random = np.random.default_rng(0)
     labels = np.repeat(np.arange(CLASSES), n)
-    base = random.random((CLASSES, D)) < 0.5
-    drawn = base[np.concatenate([labels, [0, 1, 2, 0]])]
+    drawn = (random.random((CLASSES, D)) < 0.5)[labels]
     flipped = random.random(drawn.shape) < 0.3
     if name == NEAR:
-        flipped[: len(labels)] = np.eye(len(labels), D) > 0
+        flipped = np.eye(*drawn.shape) > 0
     return drawn ^ flipped, labels
 
 
 def fitted(readout: Readout, frames: Array, labels: Array) -> Any:
-    """The state of a read-out that has learned the first frames."""
-    words = words_of(frames[: len(labels)])
-    return readout.fit(words, torch.from_numpy(labels), CLASSES)
+    """The state of a read-out that has learned frames."""
+    return readout.fit(words_of(frames), torch.from_numpy(labels), CLASSES)
 
 
 def words_of(frames: Array) -> Hypervectors:
@@ -125,8 +123,8 @@ class Given:
 
     Attributes:
         frames, labels: as :func:`frames_of` makes them.
-        products: of training frames and queries, [N + 4, N + 4] of 40 digits.
-        features: with these products, [N + 4, N + 4] of 40 digits.
+        products: of the frames, [N, N] of 40 digits.
+        features: with these products, [N, N] of 40 digits.
         penalty: ℓ.
     """
 
@@ -138,15 +136,15 @@ class Given:
         self.products = exactly(self.signs @ self.signs.T)
         if name == "Kernel":
             apart = (self.frames[:, None] != self.frames).sum(2)
-            pairs = apart[:n, :n][np.triu_indices(n, 1)]
+            pairs = apart[np.triu_indices(n, 1)]
             median = float(np.quantile(pairs, 0.5, method="lower"))
             self.products = np.vectorize(mpmath.exp)(exactly(-apart) / median)
         factor = mpmath.cholesky(mpmath.matrix(self.products.tolist()))
         self.features = np.array(factor.tolist(), object)
-        self.inside = around(name, self.features[:n], self.labels)
+        self.inside = around(name, self.features, self.labels)
         self.penalty = FACTOR * (self.inside**2).sum() / n
         if name == "LDA":
-            self.penalty = mpmath.mpf(ledoit_wolf(self.signs[:n], self.labels))
+            self.penalty = mpmath.mpf(ledoit_wolf(self.signs, self.labels))
 
     @cached_property
     def matrix(self) -> Array:
@@ -162,74 +160,75 @@ class Given:
 # Cases --------------------------------------------------------------------------------------------
 
 
-def forward(name: str, shape: str, left_out: bool = True) -> Any:
-    """Scores of frames that are left out, in units of their size, or of queries: by the definition
-    in single precision, and by the read-out."""
+def forward(name: str, shape: str) -> Any:
+    """Scores of frames that are left out, in units of their size: by the definition in single
+    precision, and by the read-out."""
     given = Given(name, shape)
     n, labels = given.n, given.labels
+
+    def in_units(scores: Array) -> Array:
+        return scores.astype(float) / np.linalg.norm(scores.astype(float))
 
     def by(dtype: Any) -> Array:
         features, penalty = given.features.astype(dtype), dtype(given.penalty)
         scores = []
-        for i in range(n) if left_out else range(n, len(features)):
-            known = np.arange(n) != i  # of a query all
+        for i in range(n):
+            known = np.arange(n) != i
             weights, zero, constants = weights_of(
-                name, features[:n][known], labels[known], penalty
+                name, features[known], labels[known], penalty
             )
             scores.append(constants + ((features[i] - zero) * weights).sum(1))
         return in_units(np.stack(scores))
 
-    def in_units(scores: Array) -> Array:
-        scores = scores.astype(float)
-        return scores / np.linalg.norm(scores) if left_out else scores
-
     def ours() -> Array:
         state = fitted(given.readout, given.frames, labels)
-        if left_out:
-            return in_units(state.held_out.scores.numpy())
-        return given.readout.scores(state, words_of(given.frames[n:])).numpy()
+        return in_units(state.held_out.scores.numpy())
 
     return partial(by, np.float32), ours, by(mpmath.mpf), given.bound
 
 
 def backward(name: str, shape: str) -> Any:
-    """The residual A·x − b relative to ‖G‖·‖x‖ + ‖b‖, as the products G are given: of the solution
-    by the library, and by an inverse in single precision."""
+    """Solutions by an inverse in single precision and by the library; in place of an exact one, the
+    system that they should solve."""
     given = Given(name, shape)
     n, penalty = given.n, float(given.penalty)
-    if name == "Ridge":
-        right = np.eye(n)
-        solution = Dual.of(words_of(given.frames[:n]), penalty).inverse.numpy()
-    else:
-        means = means_of(given.features[:n], given.labels)
+    right = np.eye(n)
+    if name != "Ridge":
+        means = means_of(given.features, given.labels)
         right = given.inside @ (means - means.mean(0)).T
-        products = torch.from_numpy(given.products[:n, :n].astype(float))
-        problem = Problem.of(products, torch.from_numpy(given.labels))
-        solution = problem.solve(penalty).products.frames.numpy()
+    words, labels = words_of(given.frames), torch.from_numpy(given.labels)
+    products = torch.from_numpy(given.products.astype(float))
 
-    def error(solution: Array) -> float:
-        residual = given.matrix @ exactly(solution) - right
-        apart, products, x, b = (
-            np.linalg.norm(part.astype(float))
-            for part in (residual, given.products[:n, :n], solution, right)
-        )
-        return float(apart / (products * x + b))
-
-    def naive() -> float:
+    def naive() -> Array:
         single = np.linalg.inv(given.matrix.astype(np.float32))
-        return error(single @ right.astype(np.float32))
+        return single @ right.astype(np.float32)
 
-    return naive, partial(error, solution), 0.0, n * EPSILON
+    def ours() -> Array:
+        if name == "Ridge":
+            return Dual.of(words, penalty).inverse.numpy()
+        return Problem.of(products, labels).solve(penalty).products.frames.numpy()
+
+    return naive, ours, (given, right), n * EPSILON
 
 
-def kept_weights(name: str, most: int, share: float) -> Any:
-    """Weights of the classes in whole steps [L, D]: by their definition, and as they are kept.
+def residual(solution: Array, system: tuple[Given, Array]) -> float:
+    """A·x − b relative to ‖G‖·‖x‖ + ‖b‖, as the products G are given."""
+    given, right = system
+    apart = given.matrix @ exactly(solution) - right
+    of_apart, products, x, b = (
+        np.linalg.norm(part.astype(float))
+        for part in (apart, given.products, solution, right)
+    )
+    return float(of_apart / (products * x + b))
+
+
+def kept_weights(most: int = 7, share: float = 0.995) -> Any:
+    """Weights of LDA in whole steps [L, D]: by their definition, and as they are kept.
 
     The unit is this quantile of their sizes over the most steps; the naive one is the median.
     """
-    given = Given(name, FEW)
-    penalty = float(given.penalty)
-    weights, _, _ = weights_of(name, given.signs[: given.n], given.labels, penalty)
+    given = Given("LDA", FEW)
+    weights, _, _ = weights_of("LDA", given.signs, given.labels, float(given.penalty))
 
     def rounded(quantile: float) -> Array:
         sizes = np.sort(np.abs(weights), 1)
@@ -270,14 +269,10 @@ CASES = [
       for what, naive, unit, error, prepare in (
           ("frames left out", "the definition in float32", "of the scores", relative, forward),
           ("backward error", "an inverse in float32", "of products and solution",
-           largest, backward))
+           residual, backward))
       for shape in INPUTS for name in READOUTS),
-    *(Case("read-outs", f"{name}, weights", INPUTS[FEW], "in units of the median",
-           f"hdc.readouts.{name}", "weights", differing, partial(kept_weights, name, most, share))
-      for name, most, share in (("LDA", 7, 0.995), ("Ridge", 127, 1.0))),
-    Case("read-outs", "Kernel, queries", INPUTS[FEW], "the definition in float32",
-         "hdc.readouts.Kernel", "of the scores",
-         relative, partial(forward, "Kernel", FEW, left_out=False)),
+    Case("read-outs", "LDA, weights", INPUTS[FEW], "in units of the median",
+         "hdc.readouts.LDA", "weights", differing, kept_weights),
     Case("read-outs", "Kernel, its factors", "the first are not the best", "the first",
          "hdc.readouts.Kernel", "factors", differing, factors),
 ]  # fmt: skip

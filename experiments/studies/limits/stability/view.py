@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import pandas as pd
 
-from experiments.reporting.columns import Column
+from experiments.reporting.columns import Column, milliseconds
 from experiments.reporting.facets import intervals
 from experiments.reporting.plot import entry, legend_below
 from experiments.reporting.study import Figure
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 NAMES = [
     *("case", "part", "extreme", "naive", "ours", "unit", "tolerance"),
-    *("error_naive", "error_ours", "verdict"),
+    *("error_naive", "error_ours", "verdict", "time_naive_s", "time_ours_s"),
 ]
 # Ends of the axis, where no error and no number are drawn: errors lie between.
 NONE, LOST = 1e-19, 1e19
@@ -69,26 +69,27 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
 
 TABLE = Table(
     "stability",
-    lambda frame: frame[NAMES],
+    lambda frame: frame.reindex(columns=NAMES),
     of="stability",
     title=title,
     columns={
-        "part": Column("Family"),
         "extreme": Column("Why it is extreme"),
         "naive": Column("Naive computation"),
-        "unit": Column("Error in"),
         "error_naive": Column(
             "Error, naive", error, note="A dash: no number came out."
         ),
         "error_ours": Column("Error, this library", error),
         "tolerance": Column("Tolerance", error),
+        "time_naive_s": Column("CPU time, naive, ms", milliseconds, of_machine=True),
+        "time_ours_s": Column("CPU time, ms", milliseconds, of_machine=True),
     },
     shown=(
-        *("part", "case", "extreme", "naive", "unit"),
-        *("error_naive", "error_ours", "tolerance"),
+        *("case", "extreme", "naive", "error_naive", "error_ours", "tolerance"),
+        *("time_naive_s", "time_ours_s"),
     ),
     note="The same input by the naive computation and by this library, against an exact "
-    "reference. A case holds if the library's error is within the tolerance.",
+    "reference. A case holds if the library's error is within the tolerance. CPU time: of one "
+    "call, on one thread.",
 )
 FIGURE = Figure(
     "stability",

@@ -19,7 +19,6 @@ from torch import Tensor
 
 from baselines.softmax import SoftmaxRegression
 from baselines.softmax_dual import DualSoftmaxRegression
-from baselines.training import OPTIMIZERS
 from experiments.records.rows import Row
 from experiments.studies.limits.stiffness import newton as of_newton
 from experiments.studies.limits.stiffness.problem import Array, Problem
@@ -162,28 +161,21 @@ def dual(problem: Problem, watch: Watch) -> None:
 
 def minibatches(problem: Problem, watch: Watch, **recipe: Any) -> None:
     """:class:`baselines.softmax.SoftmaxRegression` in float32, from zero weights."""
-    n, n_classes = problem.onehot.shape
+    n, d = len(problem.x), problem.x.shape[1] - 1
+    floats = torch.from_numpy(problem.x[:, None, :-1]).float()
 
     class Centred(SoftmaxRegression):
-        """Takes frames that are no whole numbers."""
-
-        def scores(self, batch: Tensor) -> Tensor:
-            found: Tensor = self.network_(batch)
-            return found
+        """Reads centred frames in place of whole numbers."""
 
         def read(self, frames: Any, index: Any) -> Tensor:
-            part: Tensor = frames[index]
+            part: Tensor = floats[index]
             return part
 
     c = 1 / (problem.strength * n)
-    model = Centred(C=c, init="zeros", max_epochs=10**9, **recipe)
-    frames = torch.from_numpy(problem.x[:, :-1]).float()
-    model.shape_, model.classes_ = (1, frames.shape[1]), np.arange(n_classes)
-    model.network_ = model._initial_network()
-    weight, bias = model.network_.parameters()
-    optimizer = OPTIMIZERS[model.optimizer]([weight, bias], lr=model.lr)
-    targets = torch.from_numpy(problem.onehot.argmax(1))
-    for _ in model._epochs(frames, targets, optimizer):
+    model = Centred(pixels="raw", C=c, init="zeros", max_epochs=10**9, **recipe)
+    stand_in = torch.zeros(n, 1, d, dtype=torch.uint8)
+    for _ in model.train(stand_in, problem.onehot.argmax(1)):
+        weight, bias = model.network_.parameters()
         both = torch.cat([weight, bias[:, None]], 1).detach().double()
         loss, _ = problem.evaluate(both.numpy())
         watch.reached(loss)

@@ -66,20 +66,15 @@ def optimum(problem: Problem) -> Array:
 
 
 def solve(matrix: Array, right: Array) -> Array:
-    """Solution [M] of a positive definite system [M, M], by Cholesky in the matrix's precision."""
+    """Solution [M] of a positive definite system [M, M], in the precision of the matrix."""
     if matrix.dtype == np.float64:
         return cho_solve(cho_factor(matrix, lower=True), right)
-    # LAPACK has no such numbers: column by column, the right side as one more row.
-    rows = np.vstack([matrix, right])
-    m = len(matrix)
-    for k in range(m):
+    # LAPACK has no such numbers: Gauss-Jordan elimination, whose pivots stay positive.
+    rows = np.column_stack([matrix, right])
+    for k in range(len(matrix)):
         if not rows[k, k] > 0:
             raise np.linalg.LinAlgError("expected a positive definite matrix")
-        rows[k:, k] /= np.sqrt(rows[k, k])
-        below = rows[k + 1 :, k]
-        rows[k + 1 :, k + 1 :] -= np.outer(below, below[: m - k - 1])
-    solution = rows[m].copy()
-    for k in reversed(range(m)):
-        solution[k] -= rows[k + 1 : m, k] @ solution[k + 1 :]
-        solution[k] /= rows[k, k]
-    return solution
+        pivot = rows[k] / rows[k, k]
+        rows -= np.outer(rows[:, k], pivot)
+        rows[k] = pivot
+    return rows[:, -1]

@@ -40,12 +40,15 @@ LAWS = {"gradient descent": 1.0, "momentum": 0.5}
 FLOOR = 1e-16  # smaller errors are drawn there
 
 
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+
+
 def power(value: float) -> str:
-    """Two digits and a power of ten: 19, 1.9·10⁷."""
-    if value < 1e4:
+    """Two digits and a power of ten: 19, 1.7 × 10⁻¹⁵."""
+    if 1 <= value < 1e4:
         return f"{value:.0f}"
-    digits, exponent = f"{value:.1e}".split("e+")
-    return f"{digits}·10{str(int(exponent)).translate(str.maketrans('0123456789', '⁰¹²³⁴⁵⁶⁷⁸⁹'))}"
+    digits, exponent = f"{value:.1e}".split("e")
+    return f"{digits} × 10{str(int(exponent)).translate(_SUPERSCRIPTS)}"
 
 
 COLUMNS = {
@@ -58,31 +61,22 @@ COLUMNS = {
 }
 
 
-def _best(frame: pd.DataFrame) -> pd.DataFrame:
-    """The last line of each problem and method; for Adam, the rate that arrived first, or came
-    nearest."""
-    last = frame[frame.ended.fillna("") != ""]
-    arrived = last.ended == "arrived"
-    ordered = last.assign(
-        family=last.method.str.partition(",")[0],
-        losses=last.evaluations.where(arrived, np.inf),
-    ).sort_values(["losses", "error"], kind="stable")
-    return ordered.drop_duplicates(["problem", "family"]).sort_index()
-
-
 def ends(frame: pd.DataFrame) -> pd.DataFrame:
     """One row per problem and method: where it ended."""
-    return _best(frame)[["apart", "strength", *COLUMNS]]
+    return frame[frame.ended.fillna("") != ""][["apart", "strength", *COLUMNS]]
 
 
 def curves(frame: pd.DataFrame) -> pd.DataFrame:
-    """The points of the methods of :func:`ends`, on their way (``family``: without the rate); and
-    the condition numbers of ``real`` problems."""
-    chosen = _best(frame)[["problem", "method", "family"]]
-    on_their_way = frame.merge(chosen, on=["problem", "method"])
-    every = pd.concat([on_their_way, frame[frame.real.notna()]])
-    names = ["scene", "origin", *COLUMNS, "family", "real"]
-    return every[names].assign(split=split_of(frame))
+    """The points of each method on its way, and the condition numbers of ``real`` problems."""
+    names = ["scene", "origin", *COLUMNS, "real"]
+    return frame[names].assign(split=split_of(frame))
+
+
+def look_of(method: str) -> dict[str, Any]:
+    """Colour and line of a method, the same for all rates."""
+    family, _, _ = method.partition(",")
+    line = "--" if family.endswith("Regression") else "-"
+    return {"color": COLOURS[family], "ls": line, "lw": 1}
 
 
 def draw(figure: Canvas, data: pd.DataFrame) -> None:
@@ -92,34 +86,29 @@ def draw(figure: Canvas, data: pd.DataFrame) -> None:
     for axes, letter, (kappa, of_problem) in zip(
         panels, LETTERS, problems, strict=False
     ):
-        for family, curve in of_problem.groupby("family", sort=False):
+        for method, curve in of_problem.groupby("method", sort=False):
+            look = look_of(str(method))
             times, errors = 1e3 * curve.fit_s, curve.error.clip(lower=FLOOR)
-            look: Any = {"color": COLOURS[str(family)]}
-            look["ls"] = "--" if str(family).endswith("Regression") else "-"
-            axes.loglog(times, errors, lw=1, **look)
+            axes.loglog(times, errors, **look)
             mark = MARKS.get(curve.ended.iloc[-1], "x")
-            axes.plot(times.iloc[-1], errors.iloc[-1], mark, ms=4, **look)
+            axes.plot(times.iloc[-1], errors.iloc[-1], marker=mark, ms=4, **look)
         axes.set(xlabel="run time (ms)", ylabel="loss minus optimum")
         panel(axes, letter, f"condition number {power(kappa)}")
     _draw_steps(panels[len(problems)], data)
     panel(panels[len(problems)], LETTERS[len(problems)], "until it arrives")
-    lines = [
-        entry(name, color=c, ls="--" if name.endswith("Regression") else "-")
-        for name, c in COLOURS.items()
-    ]
-    legend_below(figure, lines, 4)
+    legend_below(figure, [entry(name, **look_of(name)) for name in COLOURS], 4)
 
 
 def _draw_steps(axes: Axes, data: pd.DataFrame) -> None:
     """Evaluations over κ of those that arrived, the laws through the first, and real problems."""
     arrived = data[data.ended == "arrived"]
     kappas = np.array([data.kappa.min(), data.kappa.max()])
-    for family, ends in arrived.groupby("family", sort=False):
-        look: Any = {"color": COLOURS[str(family)], "marker": "o", "ms": 3, "lw": 1}
+    for method, ends in arrived.groupby("method", sort=False):
+        look = look_of(str(method)) | {"ls": "-", "marker": "o", "ms": 3}
         axes.loglog(ends.kappa, ends.evaluations, **look)
-        if family in LAWS:
+        if method in LAWS:
             first = ends.iloc[0]
-            law = (kappas / first.kappa) ** LAWS[str(family)]
+            law = (kappas / first.kappa) ** LAWS[str(method)]
             axes.plot(kappas, first.evaluations * law, **DASHED)
     axes.set(xlabel="condition number", ylabel="losses computed", ylim=(1, 1e5))
     real = data[data.real.notna()].kappa
@@ -139,7 +128,7 @@ TABLE = Table(
     note="Frames are centred. The condition number rises as frames repeat each other more nearly "
     "and the penalty becomes weaker. Each method starts at zero weights and ends when its error is "
     "a millionth of the first (arrived), when its time is over, or when it goes no further. Adam's "
-    "rate falls to zero along a cosine; the table has the rate that arrived first or came nearest. "
+    "rate falls to zero along a cosine. "
     "SoftmaxRegression and DualSoftmaxRegression are solvers of this project. The optimum is found "
     "by Newton's method in extended precision.",
 )

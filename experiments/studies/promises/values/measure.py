@@ -10,21 +10,27 @@ from __future__ import annotations
 import itertools
 import warnings
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, ClassVar
 
 import numpy as np
+from sklearn.decomposition import KernelPCA
+from sklearn.linear_model import RidgeCV
+from torch import Tensor
 
-from experiments.protocol.data import at_seed, scene_at
+from baselines.bank import Bank
+from experiments.protocol.data import at_seed
 from experiments.protocol.evaluate import bank_of
 from experiments.protocol.model import models_of
 from experiments.protocol.settings import Split
 from experiments.protocol.splits import nested, resample_split
 from experiments.protocol.task import Context, Row, Task
-from experiments.studies.promises.values.numbers import answers
-from hdc import HDCClassifier
+from hdc import HDCClassifier, HDCRegressor
 
 BINS = 10
 """Bins of equal width of the probability of an answer."""
+PENALTIES = 10.0 ** np.arange(-4, 5)
+"""Penalties that ridge regression tries, in units of the mean square of a centred frame."""
 
 
 class Drawn(Task, frozen=True):
@@ -61,8 +67,7 @@ def of_classes(
 class Values(Drawn, frozen=True):
     """One row: mean absolute ``error`` of one model's answers to ``n_test`` frames, in ``unit`` of
     the first value of the scene; of the library's regressor also the share of the values ``inside``
-    its intervals for ``alpha`` and their mean ``width``. Frames of values below ``at_least`` are
-    left out: above its surface, a fibre's actuator presses nothing.
+    its intervals for ``alpha``.
 
     Arguments: configs/experiment/values.yaml.
     """
@@ -72,48 +77,82 @@ class Values(Drawn, frozen=True):
 
     splits: Mapping[str, Split]
     n_train: Sequence[int]
-    bins: int
     alpha: float | int
-    at_least: float | int | None
 
     def rows(self, context: Context) -> Iterator[Row]:
-        for recording, row, pool, test in self.parts(context, self.splits):
-            known: Any = recording  # a cached scene has frames and labels alone
-            if not hasattr(recording, "values"):
-                known = scene_at(self.scene, row["seed"], False, context.console)
-            numbers = known.values[:, 0]
-            if self.at_least is not None:
-                pool = pool[numbers[pool] >= self.at_least]
-                test = test[numbers[test] >= self.at_least]
+        anew = replace(context, cache=False)  # a cached scene has no values
+        for recording, row, pool, test in self.parts(anew, self.splits):
+            numbers = recording.values[:, 0]
             random = np.random.default_rng((row["seed"], row["draw"], 1))
             order = random.permutation(pool)
             sizes = [n for n in self.n_train if n <= len(order)]
             train = order[: max(sizes)]
             bank = bank_of(recording, np.concatenate([train, test]))
             queries = np.arange(len(train), len(bank))
-            row |= {"value": known.value_names[0], "unit": known.units[0]}
+            row |= {"value": recording.value_names[0], "unit": recording.units[0]}
             row["n_test"] = len(test)
             for n in sizes:
                 given = bank, numbers[train[:n]], queries, numbers[test]
-                for found in answers(*given, self.bins, self.alpha):
+                for found in answers(*given, self.alpha):
                     yield {**row, "n": n, **found}
+
+
+def answers(
+    bank: Bank, y: np.ndarray, queries: np.ndarray, truth: np.ndarray, alpha: float
+) -> Iterator[Row]:
+    """The mean absolute ``error`` of the mean, of ridge regression on grey values, and of the
+    library's regressor, of which also the share of values ``inside`` its intervals.
+
+    Args:
+        bank: all frames, of which the first train.
+        y: values of the training frames [n].
+        queries: indices of the frames asked for [Q].
+        truth: their values [Q].
+        alpha: share of values that may lie outside the intervals.
+    """
+    train = np.arange(len(y))
+    products = bank.kernel(train, queries, "unit_centred")
+    model = HDCRegressor(readout="ridge").fit(bank.at(train), y)
+    answer, low, high = model.predict(bank.at(queries), True, alpha)
+    inside = float(((low <= truth) & (truth <= high)).mean())
+    for name, found, more in (
+        ("mean", y.mean(), {}),
+        ("ridge_greys", ridge_values(*products, y), {}),
+        ("regressor", answer, {"alpha": alpha, "inside": inside}),
+    ):
+        yield {"model": name, "error": float(np.abs(found - truth).mean()), **more}
+
+
+def ridge_values(inside: Tensor, across: Tensor, y: np.ndarray) -> np.ndarray:
+    """Ridge regression of numbers with the penalty of least leave-one-out error.
+
+    It is that of the frames themselves, whose weights lie in the span of the training frames.
+
+    Args:
+        inside, across: products of training frames [N, N], of queries with them [Q, N].
+        y: numbers of the training frames [N].
+    """
+    span = KernelPCA(kernel="precomputed", remove_zero_eig=True)
+    coordinates = span.fit_transform(inside.numpy())
+    unit = float((coordinates**2).sum()) / len(y)
+    model = RidgeCV(alphas=unit * PENALTIES).fit(coordinates, y)
+    return model.predict(span.transform(across.numpy()))
 
 
 class Coverage(Drawn, frozen=True):
     """One row: a model in one draw of one split after ``n`` frames of every class.
 
     The share ``covered`` of ``n_test`` held-out frames by the model's prediction set for ``alpha``,
-    the mean ``size`` of the set, and the share ``refused`` of empty sets. Lists over :data:`BINS`
-    bins of the probability of an answer: how many ``answers``, how many of them ``right``, the sum
-    ``sure`` of their probabilities p, and ``spread`` of p(1 − p); none after one frame, which fits
-    no probability.
+    and the mean ``size`` of the set. Lists over :data:`BINS` bins of the probability of an answer:
+    how many ``answers``, how many of them ``right``, and the sum ``sure`` of their probabilities;
+    none after one frame, which fits no probability.
     Arguments: configs/experiment/coverage.yaml.
 
     Raises:
         ValueError: naming the key that is wrong.
     """
 
-    revision: ClassVar = 5
+    revision: ClassVar = 6
 
     splits: Mapping[str, Split]
     models: Mapping[str, Any]
@@ -144,12 +183,10 @@ def sets(model: HDCClassifier, queries: Any, labels: np.ndarray, alpha: float) -
         # That few frames give full sets is what is measured here.
         warnings.filterwarnings("ignore", message=".*no frame is refused")
         found = model.predict_set(queries, alpha)
-    sizes = np.array([len(one) for one in found])
     held = [label in one for one, label in zip(found, labels, strict=True)]
     return {
         "covered": float(np.mean(held)),
-        "size": float(sizes.mean()),
-        "refused": float((sizes == 0).mean()),
+        "size": float(np.mean([len(one) for one in found])),
     }
 
 
@@ -167,5 +204,4 @@ def probabilities(model: HDCClassifier, queries: Any, labels: np.ndarray) -> Row
         "answers": summed(np.ones(len(sure))),
         "right": summed(right),
         "sure": summed(sure),
-        "spread": summed(sure * (1 - sure)),
     }

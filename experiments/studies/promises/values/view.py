@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import pandas as pd
 
@@ -24,39 +24,21 @@ if TYPE_CHECKING:
 
 FEWEST = 20
 """Answers of a bin that the figure shows."""
-COUNTING = ("hdc", "hdc_integer")
-"""Models whose promise is proven, and from how many frames of a class at 90 %."""
-PROVEN_FROM = 9
 SHOWN = ("hdc", "hdc_lda", "hdc_kernel")
 """Read-outs of the figure: published, and LDA and kernel of the same bits."""
-SESSIONS = {"random": "same", "counts": "next"}
 ROWS = {
     "random": "frames like those\nin training",
     "counts": "another session,\ntime or position",
 }
-COLUMNS = {
-    "recording": Column("Frames", scene_name),
-    "answer": Column("Value"),
-    "split": Column("Session", lambda split: SESSIONS.get(split, split)),
-    "model": Column("Read-out", display_name),
-    "n": Column("Frames of a class"),
-    "mean": Column("Mean guess"),
-    "ridge_greys": Column("Ridge on grey values"),
-    "regressor": Column("HDCRegressor"),
-    "inside": Column("In its intervals, of 90 %", percent),
-    "same": Column("Covered, same session, %", percent),
-    "same_least": Column("lowest, %", percent),
-    "same_size": Column("Labels of a set"),
-    "next": Column("Covered, next session, %", percent),
-    "next_least": Column("lowest, %", percent),
-}
+SESSIONS = {"random": "same", "counts": "next"}
 SESSION = "Same session: a random split; next: split by session, time or position. "
+OF_SESSION = Column("Session", lambda split: SESSIONS.get(split, split))
 
 
 def errors(frame: pd.DataFrame) -> pd.DataFrame:
     """A row for each scene, split and number of training frames; a column for each model. Means are
     over seeds, or over draws where there is one seed."""
-    numbers = dict.fromkeys(("error", "inside", "width"), float)
+    numbers = {"error": float, "inside": float}
     lines = []
     for scene, rows in by_scene(frame).items():
         first, several = rows.iloc[0], seeds_are_units(rows)
@@ -68,38 +50,26 @@ def errors(frame: pd.DataFrame) -> pd.DataFrame:
             line = {"recording": scene, "answer": answer, "split": split, "n": n}
             for model, own in same.groupby("model"):
                 line |= over_units(own.error.tolist(), several).columns(str(model))
-            own = same.xs("regressor", level="model")
-            inside = over_units(own.inside.tolist(), several).within(0, 1)
-            line |= inside.columns("inside")
-            line |= over_units(own.width.tolist(), several).columns("width")
+            inside = same.xs("regressor", level="model").inside.tolist()
+            line |= over_units(inside, several).within(0, 1).columns("inside")
             lines.append(line)
     return pd.DataFrame(lines)
 
 
 def promises(frame: pd.DataFrame) -> pd.DataFrame:
-    """A row for each read-out and n: means over scenes, and the scene with the least coverage."""
-    by_scene = frame.groupby(["model", "n", "split", "scene"], sort=False)
-    every = by_scene[["covered", "size"]].mean().round(9).reset_index()
-    lines = []
-    for (_, n), rows in every.groupby([pd.factorize(every.model)[0], "n"]):
-        model = rows.model.iloc[0]
-        line: dict[str, Any] = {"model": model, "n": n, "promised": promise(model, n)}
-        for split, session in SESSIONS.items():
-            own = rows[rows.split == split]
-            line |= {
-                session: own.covered.mean(),
-                f"{session}_least": own.covered.min(),
-                f"{session}_size": own["size"].mean(),
-            }
-        lines.append(line)
-    return pd.DataFrame(lines)
-
-
-def promise(model: str, n: int) -> str:
-    """Promise of :mod:`hdc.conformal` for the same session at alpha 0.1."""
-    if n < 4:
-        return "all labels"
-    return "at least 90 %" if model in COUNTING and n >= PROVEN_FROM else "about 90 %"
+    """A row for each read-out, n and split: means over scenes, and the least coverage."""
+    by = ["model", "n", "split"]
+    of_scenes = frame.groupby([*by, "scene"], sort=False)[["covered", "size"]].mean()
+    return (
+        of_scenes.round(9)
+        .groupby(by, sort=False)
+        .agg(
+            covered=("covered", "mean"),
+            least=("covered", "min"),
+            size=("size", "mean"),
+        )
+        .reset_index()
+    )
 
 
 def reliability(frame: pd.DataFrame) -> pd.DataFrame:
@@ -136,16 +106,18 @@ TABLES = [
         promises,
         of="coverage",
         title="How often the right label is in a set that is to hold it with 90 %",
-        key=("model", "n"),
-        columns=COLUMNS,
-        shown=(
-            *("model", "n", "promised"),
-            *("same", "same_least", "same_size", "next", "next_least"),
-        ),
+        key=("model", "n", "split"),
+        columns={
+            "model": Column("Read-out", display_name),
+            "n": Column("Frames of a class"),
+            "split": OF_SESSION,
+            "covered": Column("Covered, %", percent),
+            "least": Column("lowest, %", percent),
+            "size": Column("Labels of a set"),
+        },
         note="HDCClassifier.predict_set with alpha = 0.1, means over data sets, and the one with "
-        f"the lowest. {SESSION}The promise is for the same session alone. At least: proven for "
-        "every distribution of frames; about: by leave-one-out scores, or of classes with fewer "
-        "than nine frames compared together. A class of one to three frames is in every set.",
+        f"the lowest. {SESSION}The promise is for the same session alone. A class of one to three "
+        "frames is in every set.",
     ),
     Table(
         "values",
@@ -153,23 +125,24 @@ TABLES = [
         of="values",
         title="Mean absolute error of predicted values",
         key=("recording", "answer", "split", "n"),
-        columns=COLUMNS | {"n": Column("Training frames")},
+        columns={
+            "recording": Column("Frames", scene_name),
+            "answer": Column("Value"),
+            "split": OF_SESSION,
+            "n": Column("Training frames"),
+            "mean": Column("Mean of the training frames"),
+            "ridge_greys": Column("Ridge on grey values"),
+            "regressor": Column("HDCRegressor"),
+            "inside": Column("In its intervals, of 90 %", percent),
+        },
         shown=(
-            "recording",
-            "answer",
-            "split",
-            "n",
-            "mean",
-            "ridge_greys",
-            "regressor",
-            "inside",
+            *("recording", "answer", "split", "n"),
+            *("mean", "ridge_greys", "regressor", "inside"),
         ),
         note=f"{SESSION}HDCRegressor: ridge regression on bits; 1 − 2·alpha of its intervals is "
-        "proven for the same session, about 1 − alpha is expected. The CSV has its nearest frame, "
-        "and prototypes of ten bins of the value that stand for the mean of the bin's training "
-        f"frames. Ridge: the penalty of the least leave-one-out error. Brackets: Student over "
-        "sensors or input fields; of one camera, the central 95 % of draws, none of fewer than "
-        "ten.",
+        "proven for the same session, about 1 − alpha is expected. Ridge: the penalty of the least "
+        "leave-one-out error. Brackets: Student over sensors or input fields; of one camera, the "
+        "central 95 % of draws, none of fewer than ten.",
     ),
 ]
 FIGURES = [
