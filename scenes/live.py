@@ -16,10 +16,8 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from scenes.pressed import Touch
 from scenes.sensor.camera import Camera
-from scenes.sensor.contact import ExactPress, Press
-from scenes.sensor.contact import Touch as Contact
+from scenes.sensor.contact import ExactPress, Press, Touch
 from scenes.sensor.environment import Room
 from scenes.sensor.seeds import stream
 from scenes.sensor.sensor import Sensor
@@ -32,18 +30,23 @@ SIXTEEN_DAYS = 0.55  # K, of configs/scene/drift.yaml
 
 
 class SimulatedSensor:
-    """A :class:`scenes.pressed.Pressable` of the simulated sensor.
+    """A source of frames (:class:`hdc.live.Source`) that is pressed.
 
-    Each touch has a temperature drawn from that of the room, and misses place and depth as the
-    robot of the scene ``touch`` does; the seed and the number of the touch determine both.
+    Each sample is a new touch at the present place. It has a temperature drawn from that of the
+    room, and misses place and depth as the robot of the scene ``touch`` does; the seed and the
+    number of the touch determine both.
 
     Args:
         side: pixels a side of the frame.
         seed: of the sensor and of what is drawn.
+
+    Attributes:
+        length, width: of the surface in m: x in [0, length], ``|y|`` ≤ width/2.
+        offset: temperature drift in K.
+        touch: the present one, or None.
     """
 
     label = None
-    sixteen_days = SIXTEEN_DAYS
 
     def __init__(self, side: int = 250, seed: int = 0) -> None:
         whole = Camera()
@@ -68,6 +71,7 @@ class SimulatedSensor:
         self.press(None)
 
     def press(self, touch: Touch | None) -> None:
+        """Press here until the next call, or lift off."""
         self.touch = touch
         self._pressed, self._temperature, _ = self._draw(touch)
 
@@ -80,6 +84,7 @@ class SimulatedSensor:
         return self.touched(n, self.touch)
 
     def touched(self, n: int, touch: Touch | None) -> list[np.ndarray]:
+        """Frames of n new touches at this place."""
         return [self._exposed(*self._draw(touch)) for _ in range(n)]
 
     def _draw(self, touch: Touch | None) -> tuple[Tensor, float, np.random.Generator]:
@@ -91,7 +96,7 @@ class SimulatedSensor:
         if touch is None:
             return torch.zeros_like(self._sensor.phase), temperature, rng
         across, along, deeper = rng.standard_normal(3)
-        missed = Contact(
+        missed = Touch(
             touch.depth * max(0.0, 1 + DEPTH_SPREAD * deeper),
             touch.x + POSITION_SPREAD * across,
             touch.y + POSITION_SPREAD * along,

@@ -62,7 +62,7 @@ class SpeckleScene:
         self.seed = seed
         check_integer("scene.samples_per_class", samples_per_class, 1)
         self.classes = tuple(map(str, classes))
-        self._counts = [samples_per_class] * len(self.classes)
+        self._per_class = samples_per_class
         self.contacts: list[Press | None] = []
         for name, difference in classes.items():
             if difference is None:
@@ -111,8 +111,7 @@ class SpeckleScene:
             depth=float(self.samples["depth"][index]),
             x=float(self.samples["x"][index]),
             y=float(self.samples["y"][index]),
-            sample=self._stream("texture", index),
-            object=stream(self.seed, "object", label),
+            random=self._stream("texture", index),
         )
         phases += self._bound[label](touch)
         return phases
@@ -127,7 +126,7 @@ class SpeckleScene:
             "sensor": asdict(self.sensor),
             "contacts": contacts,
             "classes": self.classes,
-            "counts": self._counts,
+            "counts": [self._per_class] * len(self.classes),
             # A key without a meaning, on which the digests of all records stand.
             "sessions": [asdict(room) | {"creep": None} for room in self.sessions],
             "seed": self.seed,
@@ -155,9 +154,11 @@ class SpeckleScene:
         self, session: int, room: Room
     ) -> tuple[np.ndarray, dict[str, np.ndarray]]:
         """Labels and properties of the samples of one session."""
-        n = int(sum(self._counts))
-        ordered = np.repeat(np.arange(len(self.classes)), self._counts)
-        labels = stream(self.seed, "labels", session).permutation(ordered)
+        ordered = np.repeat(np.arange(len(self.classes)), self._per_class)
+        labels, n = (
+            stream(self.seed, "labels", session).permutation(ordered),
+            len(ordered),
+        )
         touches = stream(self.seed, "touches", session)
         normals = touches.standard_normal((n, 3))
         weather = stream(self.seed, "room", session)
