@@ -23,7 +23,7 @@ from baselines.smoothing import smoothed
 from hdc.parameters import check_choice
 
 KERNELS = ("unit", "raw", "standardised")
-"""Scalings of pixels (baselines.pixels); their products follow from those of grey values."""
+"""Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""
 
 
 class Bank(hdc.bank.Bank):

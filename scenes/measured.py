@@ -149,14 +149,11 @@ class MeasuredScene(PublicScene):
         rows = self._rows[row_numbers(indices, len(self))].tolist()
         if not rows:
             return torch.empty((0, *self.shape), dtype=torch.uint8)
-        frames = {row: self._decoded[row] for row in rows if row in self._decoded}
-        missing = [row for row in dict.fromkeys(rows) if row not in frames]
-        for row, frame in self._read(missing):
-            frames[row] = frame
-            if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
-                self._decoded[row] = frame
-        images = [frames[row] for row in rows]
-        return torch.from_numpy(np.stack(images))
+        missing = [row for row in dict.fromkeys(rows) if row not in self._decoded]
+        frames = self._decoded | dict(self._read(missing))
+        if len(frames) * frames[rows[0]].nbytes <= MEMORY_BYTES:
+            self._decoded.update(frames)
+        return torch.from_numpy(np.stack([frames[row] for row in rows]))
 
     def _read(self, rows: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
         """Yield each of these rows with its frame, one folder after the other."""

@@ -167,13 +167,13 @@ class PressedPage(Page):
     async def _pressed(self, event: events.MouseEventArguments) -> None:
         x = event.image_x * 1e-3
         y = self.source.width / 2 - event.image_y * 1e-3
-        near = {
-            math.hypot(place.x - x, place.y - y): place
-            for place in self.session.places.values()
-            if place is not None
-        }
-        least = min(near, default=math.inf)
-        await self._press(near[least] if least < NEAR else Touch(DEPTH, x, y))
+        near = Touch(DEPTH, x, y)
+        least = NEAR
+        for place in filter(None, self.session.places.values()):
+            distance = math.hypot(place.x - x, place.y - y)
+            if distance < least:
+                near, least = place, distance
+        await self._press(near)
 
     async def _press(self, touch: Touch | None) -> None:
         await self.do(lambda _: self.source.press(touch))

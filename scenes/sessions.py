@@ -78,9 +78,8 @@ class Joined:
         self.labels = np.concatenate([scene.labels for scene in self._scenes])
         sizes = [len(scene.labels) for scene in self._scenes]
         self._starts = np.cumsum([0, *sizes])
-        orders = []
-        for scene, start in zip(self._scenes, self._starts, strict=False):
-            orders.append(scene.samples["order"] + start)
+        starts = zip(self._scenes, self._starts, strict=False)
+        orders = [scene.samples["order"] + start for scene, start in starts]
         self.samples: Mapping[str, np.ndarray] = {
             "order": np.concatenate(orders),
             "session": np.repeat(np.arange(len(sizes)), sizes),

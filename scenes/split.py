@@ -62,17 +62,10 @@ def split(
 
     rng = np.random.default_rng(seed)
     if kind == "grouped":
-        require(groups is not None, "split.groups", groups, "the group of each sample")
         test = _of_whole_groups(classes, class_of, target, np.asarray(groups), rng)
         train = rng.permutation(n)
         return train[~np.isin(train, test)], test
-    require(kind in KINDS, "split.kind", kind, f"one of {', '.join(KINDS)}, grouped")
-    if kind == "random":
-        rank = rng.permutation(n)
-    else:
-        expected = "the place of each sample"
-        require(order is not None, "split.order", order, expected)
-        rank = np.asarray(order)
+    rank = rng.permutation(n) if kind == "random" else np.asarray(order)
     trained, tested = [], []
     for members, n_last in zip(
         _by_class(class_of, rank, len(classes)), target, strict=True
@@ -132,16 +125,15 @@ def neighbours_leak(
     count its times from 0.
     """
     _, class_of, _ = _classes(labels)
-    trained = np.full(len(class_of), -1)  # class of a training sample, else −1
+    trained = np.full(len(class_of), -1)
     trained[train] = class_of[train]
     in_time = np.lexsort((order, session))
-    same_session = session[in_time][1:] == session[in_time][:-1]
-    same_class = trained[in_time][:-1] == class_of[in_time][1:]
-    leaks = np.zeros(len(class_of), bool)
-    leaks[in_time[1:]] |= same_session & same_class  # from the one before
-    same_class = trained[in_time][1:] == class_of[in_time][:-1]
-    leaks[in_time[:-1]] |= same_session & same_class  # from the one after
-    return float(leaks[test].mean())
+    session, trained, class_of = session[in_time], trained[in_time], class_of[in_time]
+    together = session[1:] == session[:-1]
+    leaks = np.zeros(len(in_time), bool)
+    leaks[1:] |= together & (trained[:-1] == class_of[1:])  # from the one before
+    leaks[:-1] |= together & (trained[1:] == class_of[:-1])  # from the one after
+    return float(leaks[np.isin(in_time, test)].mean())
 
 
 def learning_curve_subset(
@@ -213,7 +205,7 @@ def by_session(sessions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         ValueError: there is one session only.
     """
     first, last = sessions.min(), sessions.max()
-    require(first != last, "split.kind", "one", "two or more sessions")
+    require(first != last, "scene", 1, "two or more sessions")
     return np.flatnonzero(sessions == first), np.flatnonzero(sessions == last)
 
 

@@ -142,11 +142,15 @@ class Patch:
                 rows.append(row)
                 weights.append(weight)
                 offset += 3 * n * n
-        self._read = self._sparse(
-            np.concatenate(weights),
-            (np.concatenate(rows), np.concatenate(columns)),
-            offset,
+        places = torch.from_numpy(
+            np.stack([np.concatenate(rows), np.concatenate(columns)])
         )
+        values = torch.from_numpy(np.concatenate(weights))
+        shape = (len(sensor.path_set), offset)
+        # Support of compressed rows is in beta.
+        with warnings.catch_warnings(action="ignore"):
+            entries = torch.sparse_coo_tensor(places, values, shape)
+            self._read = entries.to_sparse_csr().to(sensor.place)
 
     def _grids(self) -> dict[int, list[int]]:
         """Levels by the grid that they need, in points a side."""
@@ -180,19 +184,6 @@ class Patch:
         whole = response.reshape(-1, SIDE, SIDE // 2 + 1)
         area = (SIDE * CELL / n) ** 2
         return (_coarsen(whole, n) / area).astype(np.complex64)
-
-    def _sparse(
-        self,
-        weights: np.ndarray,
-        coordinates: tuple[np.ndarray, np.ndarray],
-        n_columns: int,
-    ) -> Tensor:
-        """Matrix float32 [P, n_columns] on the device, from (rows, columns) of its weights."""
-        shape = (len(self._sensor.path_set), n_columns)
-        # Support of compressed rows is in beta.
-        with warnings.catch_warnings(action="ignore"):
-            entries = torch.sparse_coo_tensor(np.stack(coordinates), weights, shape)
-            return entries.to_sparse_csr().to(self._sensor.place)
 
     def _readings(
         self, level: int, n: int

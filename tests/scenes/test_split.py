@@ -141,8 +141,6 @@ LABELS = np.arange(20) % 2
             {"test_fraction": 0.99},
             "split: expected samples of class 0 on both sides of its 10",
         ),
-        ({"kind": "time"}, r"kind: expected one of random, .*, found 'time'"),
-        ({"kind": "grouped"}, "split.groups: expected the group of each sample, foun"),
         (
             {"kind": "grouped", "groups": LABELS},
             "groups of class 0 of which .* found 1",
