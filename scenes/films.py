@@ -71,8 +71,6 @@ class FilmScene(PublicScene):
         films = _films(root, sessions, labels)
         self.sha256 = self.source.check(root, [film.file for film in films])
         self.classes = tuple(sorted({film.label for film in films}))
-        missing = sorted(set(labels or ()) - set(self.classes))
-        require(not missing, "scene.labels", missing, "labels that some film has")
         self._settings = (self.sha256, frames_per_film, subsample)
         files = tuple(str(root / film.file) for film in films)
         self._images = _pressed(files, frames_per_film, subsample)

@@ -24,8 +24,8 @@ from hdc.live.page import (
     small,
 )
 from hdc.live.session import Sample, Session, View
-from scenes.live import SIXTEEN_DAYS, SimulatedSensor
 from scenes.sensor.contact import Touch
+from scenes.simulated import SIXTEEN_DAYS, SimulatedSensor
 
 RECENT = 20
 """Tests behind the accuracy that is shown."""

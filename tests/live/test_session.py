@@ -11,9 +11,9 @@ from hdc.live import Recorded
 from hdc.live.session import Session
 from hdc.live.worker import Worker
 from hdc.readers import Window
-from scenes.live import SIXTEEN_DAYS, SimulatedSensor
 from scenes.pressed import DEPTH, PressedSession
 from scenes.sensor.contact import Touch
+from scenes.simulated import SIXTEEN_DAYS, SimulatedSensor
 
 PLACES = {name: Touch(DEPTH, x, 0.0)
           for name, x in (("left", 0.028), ("middle", 0.040), ("right", 0.052))}  # fmt: skip
