@@ -83,17 +83,14 @@ class MeasuredScene(PublicScene):
         except readers.SettingError as error:
             raise ValueError(f"scene.{error}") from error
         self.shape = self._parts[0].frame_shape
-        files = []
-        for folder, part in zip(folders, self._parts, strict=True):
-            names = part.samples["file"].tolist()
-            files += [posixpath.normpath(f"{folder}/{name}") for name in names]
+        files = _files(folders, self._parts)
         tables = [
             posixpath.normpath(f"{folder}/{table}") for folder in folders if table
         ]
         self.sha256 = self.source.check(root, [*files, *tables])
-        for name in damaged:
-            expected = "a file of a frame of this recording"
-            require(name in files, "scene.damaged", name, expected)
+        others = sorted(set(damaged) - set(files))
+        expected = "files of frames of this recording"
+        require(not others, "scene.damaged", others, expected)
         self._settings = (self.sha256, subsample)
         self._decoded = _decoded(*self._settings)
         self.samples: Mapping[str, np.ndarray] = _samples(self._parts)
@@ -178,6 +175,15 @@ class MeasuredScene(PublicScene):
 def _decoded(sha256: str, subsample: int) -> dict[int, np.ndarray]:
     """Frames by row, shared by all scenes of the same files and pixels in this process."""
     return {}
+
+
+def _files(folders: Sequence[str], parts: Sequence[readers.Recording]) -> list[str]:
+    """The file of each frame, relative to the repository."""
+    files = []
+    for folder, part in zip(folders, parts, strict=True):
+        names = part.samples["file"].tolist()
+        files += [posixpath.normpath(f"{folder}/{name}") for name in names]
+    return files
 
 
 def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:

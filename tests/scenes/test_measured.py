@@ -141,7 +141,7 @@ def test_a_damaged_file_is_left_out_where_it_is_named(root):
     scene = touches(**settings, damaged=["data/a_2.png"])
     assert scene.labels.tolist() == [0, 1]
     assert scene.frames(range(2)).shape == (2, 30, 30)
-    with pytest.raises(ValueError, match=r"scene\.damaged: expected a file of a frame"):
+    with pytest.raises(ValueError, match=r"scene\.damaged: expected files of frames"):
         touches(**settings, damaged=["a_2.png"])
 
 
