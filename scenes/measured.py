@@ -9,7 +9,6 @@ from __future__ import annotations
 import copy
 import hashlib
 import posixpath
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -31,10 +30,10 @@ class MeasuredScene(PublicScene):
 
     Args:
         source: the repository, arguments of :class:`scenes.source.Source`.
-        template, table, image_column, crop, subsample: see :func:`hdc.readers.open_recording`.
+        template, table, image_column, subsample: see :func:`hdc.readers.open_recording`.
         folders: folders of the repository. Where there are two or more, each is a session.
-        values: continuous quantities, a mapping each: ``name``, ``unit``, and a ``column`` of the
-            table or ``labels``, the value of each label.
+        values: continuous quantities, a mapping each: ``name``, ``unit`` and the ``column`` of the
+            table.
         levels: classes where there are no labels: the name of a ``value`` and the upper ``edges``
             of its classes.
         unknown: labels of frames that belong to no class.
@@ -61,14 +60,12 @@ class MeasuredScene(PublicScene):
         values: Sequence[Mapping[str, Any]] = (),
         levels: Mapping[str, Any] | None = None,
         unknown: Sequence[str] = (),
-        crop: Sequence[int] | None = None,
         subsample: int = 1,
         rename: Mapping[str, str] | None = None,
         damaged: Sequence[str] = (),
     ) -> None:
         self.source = Source(**source)
         root = self.source.folder()
-        columns = [value["column"] for value in values if "column" in value]
         try:
             self._parts = [
                 readers.open_recording(
@@ -76,8 +73,8 @@ class MeasuredScene(PublicScene):
                     template=template,
                     table=table,
                     image_column=image_column,
-                    value_columns=columns,
-                    window=readers.Window(crop, subsample),
+                    value_columns=[value["column"] for value in values],
+                    window=readers.Window(None, subsample),
                     check=False,  # the digest says whether they are the files that were looked at
                     fewest_classes=1,
                 )
@@ -86,15 +83,21 @@ class MeasuredScene(PublicScene):
         except readers.SettingError as error:
             raise ValueError(f"scene.{error}") from error
         self.shape = self._parts[0].frame_shape
-        files = _files(folders, self._parts, table)
-        self.sha256 = self.source.check(root, files)
-        self._settings = (self.sha256, tuple(crop or ()), subsample)
+        files = _files(folders, self._parts)
+        tables = [
+            posixpath.normpath(f"{folder}/{table}") for folder in folders if table
+        ]
+        self.sha256 = self.source.check(root, [*files, *tables])
+        others = sorted(set(damaged) - set(files))
+        expected = "files of frames of this recording"
+        require(not others, "scene.damaged", others, expected)
+        self._settings = (self.sha256, subsample)
         self._decoded = _decoded(*self._settings)
         self.samples: Mapping[str, np.ndarray] = _samples(self._parts)
         self.value_names = tuple(value["name"] for value in values)
         self.units = tuple(value["unit"] for value in values)
         names = _labels(self._parts, rename or {})
-        self.values = _values(values, self._parts, names)
+        self.values = _values(self._parts)
         if levels is None:
             found = set(names.tolist())
             classes = tuple(sorted(found, key=readers.natural_key))
@@ -102,7 +105,7 @@ class MeasuredScene(PublicScene):
             classes, names = self._levels(levels)
         expected = "edges of a value: no image has a label"
         require(len(classes) > 0, "scene.levels", levels, expected)
-        whole = ~_named(damaged, folders, self._parts)
+        whole = ~np.isin(files, list(damaged))
         apart = np.isin(names, list(unknown))
         self.unknown: MeasuredScene | None = None
         if apart.any():
@@ -143,14 +146,11 @@ class MeasuredScene(PublicScene):
         rows = self._rows[row_numbers(indices, len(self))].tolist()
         if not rows:
             return torch.empty((0, *self.shape), dtype=torch.uint8)
-        frames = {row: self._decoded[row] for row in rows if row in self._decoded}
-        missing = [row for row in dict.fromkeys(rows) if row not in frames]
-        for row, frame in self._read(missing):
-            frames[row] = frame
-            if (len(self._decoded) + 1) * frame.nbytes <= MEMORY_BYTES:
-                self._decoded[row] = frame
-        images = [frames[row] for row in rows]
-        return torch.from_numpy(np.stack(images))
+        missing = [row for row in dict.fromkeys(rows) if row not in self._decoded]
+        frames = self._decoded | dict(self._read(missing))
+        if len(frames) * frames[rows[0]].nbytes <= MEMORY_BYTES:
+            self._decoded.update(frames)
+        return torch.from_numpy(np.stack([frames[row] for row in rows]))
 
     def _read(self, rows: Sequence[int]) -> Iterator[tuple[int, np.ndarray]]:
         """Yield each of these rows with its frame, one folder after the other."""
@@ -172,40 +172,18 @@ class MeasuredScene(PublicScene):
 
 
 @lru_cache(maxsize=4)
-def _decoded(
-    sha256: str, crop: tuple[int, ...], subsample: int
-) -> dict[int, np.ndarray]:
-    """Frames by row, shared by all scenes of the same files and window in this process."""
+def _decoded(sha256: str, subsample: int) -> dict[int, np.ndarray]:
+    """Frames by row, shared by all scenes of the same files and pixels in this process."""
     return {}
 
 
-def _files(
-    folders: Sequence[str],
-    parts: Sequence[readers.Recording],
-    table: str | None,
-) -> list[str]:
-    """The files that are read, relative to the repository."""
+def _files(folders: Sequence[str], parts: Sequence[readers.Recording]) -> list[str]:
+    """The file of each frame, relative to the repository."""
     files = []
     for folder, part in zip(folders, parts, strict=True):
         names = part.samples["file"].tolist()
-        if table:
-            names.append(table)
         files += [posixpath.normpath(f"{folder}/{name}") for name in names]
     return files
-
-
-def _named(
-    damaged: Sequence[str],
-    folders: Sequence[str],
-    parts: Sequence[readers.Recording],
-) -> np.ndarray:
-    """Which frames are in files of these names, bool [N]."""
-    files = np.array(_files(folders, parts, None))
-    for name in damaged:
-        require(
-            name in files, "scene.damaged", name, "a file of a frame of this recording"
-        )
-    return np.isin(files, list(damaged))
 
 
 def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:
@@ -215,7 +193,7 @@ def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:
         orders.append(part.order + start)
         start += part.order.max() + 1
     samples = {"order": np.concatenate(orders)}
-    for name in ("file", "group", "group_name", "session", "session_name"):
+    for name in ("file", "group", "session", "session_name"):
         if all(name in part.samples for part in parts):
             columns = [part.samples[name] for part in parts]
             samples[name] = np.concatenate(columns)
@@ -236,26 +214,16 @@ def _labels(
     return np.array(names)
 
 
-def _values(
-    values: Sequence[Mapping[str, Any]],
-    parts: Sequence[readers.Recording],
-    names: np.ndarray,
-) -> np.ndarray:
-    """Continuous quantities float64 [N, k], by column of the table or by label; nan: not known."""
-    n = sum(len(part) for part in parts)
-    found = np.full((n, len(values)), np.nan)
-    column = 0  # of those that were read
-    for k, value in enumerate(values):
-        if "column" in value:
-            read = [np.asarray(part.values)[:, column] for part in parts]
-            found[:, k] = np.concatenate(read)
-            column += 1
-        for name, number in value.get("labels", {}).items():
-            found[names == name, k] = number
-    return found
+def _values(parts: Sequence[readers.Recording]) -> np.ndarray:
+    """Continuous quantities float64 [N, k] of the columns that were read."""
+    read = [
+        np.empty((len(part), 0)) if part.values is None else part.values
+        for part in parts
+    ]
+    return np.concatenate(read)
 
 
 if __name__ == "__main__":
     from scenes.listing import show
 
-    show(sys.argv[1:])
+    show()
