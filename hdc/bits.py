@@ -117,7 +117,7 @@ def hamming(queries: Tensor, prototypes: Tensor) -> Tensor:
     known = prototypes.contiguous().numpy()
     kernels = backends.in_use.get()
     if kernels:
-        return torch.from_numpy(kernels.hamming(asked, known))
+        return torch.from_numpy(kernels.weighted_hamming(asked, known[:, None]))
     return torch.from_numpy(_hamming_by_numpy(asked, known))
 
 
@@ -170,6 +170,12 @@ def dot(counts: Tensor, n: Tensor, words: Tensor, dimension: int) -> Tensor:
     ones = count_ones(words)[:, None]
     distances = _weighted_hamming(words, counts)
     return 2 * ((largest - n) * ones - distances) + n * dimension
+
+
+def shifted_dot(weights: Tensor, shift: int, words: Tensor, dimension: int) -> Tensor:
+    """(2v − 1)·q of queries v and whole weights q, bit-sliced as q + shift: int64 [Q, L]."""
+    n = torch.full((len(weights),), 2 * shift)
+    return dot(weights, n, words, dimension) // 2
 
 
 def _weighted_hamming(words: Tensor, counts: Tensor) -> Tensor:
@@ -268,8 +274,8 @@ def majority(words: Tensor, ties: str = "zero") -> Tensor:
     _check_words("majority", words)
     if len(words) == 0:
         raise ValueError("majority: expected at least one hypervector, found none")
-    counts = planes.vertical_sum(words)
-    return planes.majority(counts, len(words), ties)
+    of_one_class = torch.zeros(len(words), dtype=torch.int64)
+    return planes.majorities(*planes.counted(words, of_one_class, 1), ties)[0]
 
 
 def random_hypervector(

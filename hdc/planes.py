@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -21,14 +22,6 @@ _BLOCK = 4096  # words of a row that numpy adds at a time: they stay in the cach
 WORD = 64
 TIES = ("zero", "one")
 _UNPACKED = 2**25  # bits at a time, at 8 bytes each, that a GPU adds up
-
-
-def vertical_sum(words: Tensor) -> Tensor:
-    """Count the ones of each bit position: int64 [N, W] → planes [P, W], P = bit length of N."""
-    n, width = words.shape
-    counts = words.new_zeros(max(1, n.bit_length()), width)
-    count_into(counts, words, range(n))
-    return counts
 
 
 def count_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:
@@ -76,6 +69,12 @@ def count_classes(
     return counts, n
 
 
+def counted(words: Tensor, rows: Tensor, n_classes: int) -> tuple[Tensor, Tensor]:
+    """:func:`count_classes` into counters of L classes that begin with zero."""
+    none = words.new_zeros(n_classes, 1, words.shape[1])
+    return count_classes(none, torch.zeros(n_classes, dtype=torch.int64), words, rows)
+
+
 def with_room(counts: Tensor, n: int) -> Tensor:
     """Counters [L, P, W] with room for n hypervectors of a class: a copy only if needed."""
     n_planes = n.bit_length()
@@ -105,18 +104,12 @@ def _count_into(counts: Any, words: Any, rows: Sequence[int]) -> None:
             total, row = _full_adder(*held)
             waiting[p] = [total]
             p += 1
+    nothing = np.zeros_like(counts[0])
     for p, plane in enumerate(counts):
         # At most three rows wait here: two, and a carry from the plane below.
-        held = waiting[p]
-        if len(held) == 3:
-            plane[:], carry = _full_adder(*held)
-            waiting[p + 1].append(carry)
-        elif len(held) == 2:
-            carry = held[0] & held[1]
-            plane[:] = held[0] ^ held[1]
-            waiting[p + 1].append(carry)
-        elif held:
-            plane[:] = held[0]
+        held = waiting[p] + [nothing] * (3 - len(waiting[p]))
+        plane[:], carry = _full_adder(*held)
+        waiting[p + 1].append(carry)
 
 
 def _sum_into(counts: Tensor, words: Tensor, rows: Sequence[int]) -> None:

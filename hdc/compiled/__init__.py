@@ -10,7 +10,7 @@ only; see :mod:`hdc.backends`.
 from __future__ import annotations
 
 from hdc.compiled.combine import combine
-from hdc.compiled.count import count_into, hamming, weighted_hamming
+from hdc.compiled.count import count_into, weighted_hamming
 from hdc.compiled.encode import encode
 from hdc.compiled.relative import exceed, in_steps, sums
 
@@ -19,7 +19,6 @@ __all__ = [
     "count_into",
     "encode",
     "exceed",
-    "hamming",
     "in_steps",
     "sums",
     "weighted_hamming",

@@ -27,11 +27,6 @@ def count_into(
     share(work, n_blocks, n_bytes=len(order) * width * 8)
 
 
-def hamming(queries: np.ndarray, prototypes: np.ndarray) -> np.ndarray:
-    """Hamming distances int64 [Q, L] of words [Q, W] and [L, W]."""
-    return weighted_hamming(queries, prototypes[:, None])
-
-
 def weighted_hamming(queries: np.ndarray, planes: np.ndarray) -> np.ndarray:
     """Σ_p 2^p·Ham(v, b_p) of queries v [Q, W] and planes b_p [L, P, W]: int64 [Q, L]."""
     distances = np.zeros((len(queries), len(planes)), np.int64)

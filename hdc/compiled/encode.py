@@ -21,7 +21,7 @@ from hdc.compiled.operations import (
     greater,
     of_pixels,
     ones,
-    share,
+    share_rows,
 )
 from hdc.compiled.ties import add_ties, rotations_of
 from hdc.encoders.ties import MULTIPLIER
@@ -44,12 +44,8 @@ def encode(
     wanted = np.array(n_ones, np.int64)
     n_equal = np.empty((len(images), len(wanted)), np.int64)
     missing = np.empty_like(n_equal)
-
-    def work(start: int, stop: int) -> None:
-        rows = slice(start, stop)
-        _encode(images[rows], words[rows], wanted, n_equal[rows], missing[rows])
-
-    share(work, len(images), images.nbytes * len(wanted))
+    n_bytes = images.nbytes * len(wanted)
+    share_rows(_encode, n_bytes, (images, words, n_equal, missing), wanted)
     return n_equal, (missing > 0) & (missing < n_equal)
 
 
@@ -256,10 +252,10 @@ def put(words, row, start):
 
 @compile_kernel(
     *of_pixels(
-        "void(pixel[:, ::1], int64[:, ::1], int64[::1], int64[:, ::1], int64[:, ::1])"
+        "void(pixel[:, ::1], int64[:, ::1], int64[:, ::1], int64[:, ::1], int64[::1])"
     )
 )
-def _encode(images, words, wanted, n_equal, missing):
+def _encode(images, words, n_equal, missing, wanted):
     """:func:`encode` in one thread."""
     n_pixels, n_levels = images.shape[1], len(wanted)
     width = (n_pixels + WORD - 1) // WORD

@@ -15,10 +15,11 @@ from __future__ import annotations
 import functools
 import itertools
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
+import numpy as np
 import torch
 from llvmlite import ir
 from numba import config, njit, types
@@ -49,6 +50,20 @@ def share(work: Callable[[int, int], object], n: int, n_bytes: int) -> None:
     work(0, cuts[1])
     for other in others:
         other.result()
+
+
+def share_rows(
+    kernel: Callable[..., object],
+    n_bytes: int,
+    arrays: Sequence[np.ndarray],
+    *others: object,
+) -> None:
+    """Call a kernel on consecutive rows of some arrays, a piece per thread, and on the others."""
+
+    def work(start: int, stop: int) -> None:
+        kernel(*(array[start:stop] for array in arrays), *others)
+
+    share(work, len(arrays[0]), n_bytes)
 
 
 @functools.cache
@@ -85,6 +100,14 @@ def _pointer(context, builder, kind, array, place):
     return cgutils.get_item_pointer(context, builder, kind, view, place)
 
 
+def _everywhere(builder, vector, value):
+    """A vector with a value in all of its 64 places."""
+    i32 = ir.IntType(32)
+    one = builder.insert_element(ir.Constant(vector, ir.Undefined), value, i32(0))
+    first_place = ir.Constant(ir.VectorType(i32, WORD), None)
+    return builder.shuffle_vector(one, one, first_place)
+
+
 def _compare(relation: str):
     """An intrinsic (pixels, row, start, level) → the mask of 64 pixels, the first one lowest."""
 
@@ -97,12 +120,7 @@ def _compare(relation: str):
             place = _pointer(context, builder, signature.args[0], pixels, (row, start))
             vector = ir.VectorType(ir.IntType(number.bitwidth), WORD)
             block = builder.load(builder.bitcast(place, vector.as_pointer()), align=1)
-            i32 = ir.IntType(32)
-            one = builder.insert_element(
-                ir.Constant(vector, ir.Undefined), level, i32(0)
-            )
-            zeros = ir.Constant(ir.VectorType(i32, WORD), None)
-            levels = builder.shuffle_vector(one, one, zeros)
+            levels = _everywhere(builder, vector, level)
             to_mask = builder.icmp_signed if number.signed else builder.icmp_unsigned
             mask = to_mask(relation, block, levels)
             return builder.bitcast(mask, ir.IntType(WORD))
@@ -138,8 +156,6 @@ def sum_where(typing_context, masks, w, numbers, k, sums):
         masks, w, numbers, k, sums = arguments
         vector = ir.VectorType(ir.FloatType(), WORD)
         flags = ir.VectorType(ir.IntType(1), WORD)
-        i32 = ir.IntType(32)
-        first_everywhere = ir.Constant(ir.VectorType(i32, WORD), None)
         totals = [cgutils.alloca_once(builder, vector) for _ in range(AT_ONCE)]
         for total in totals:
             builder.store(ir.Constant(vector, None), total)
@@ -152,9 +168,7 @@ def sum_where(typing_context, masks, w, numbers, k, sums):
             for t, total in enumerate(totals):
                 place = loop.index, builder.add(k, ir.Constant(k.type, t))
                 pointer = _pointer(context, builder, signature.args[2], numbers, place)
-                undefined = ir.Constant(vector, ir.Undefined)
-                one = builder.insert_element(undefined, builder.load(pointer), i32(0))
-                number = builder.shuffle_vector(one, one, first_everywhere)
+                number = _everywhere(builder, vector, builder.load(pointer))
                 before = builder.load(total)
                 after = builder.fadd(before, number)
                 builder.store(builder.select(is_one, after, before), total)

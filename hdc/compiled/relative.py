@@ -6,18 +6,14 @@ from __future__ import annotations
 import numpy as np
 
 from hdc.compiled.encode import put, rest_of
-from hdc.compiled.operations import WORD, compile_kernel, greater, of_pixels, share
+from hdc.compiled.operations import WORD, compile_kernel, greater, of_pixels, share_rows
 
 
 def sums(images: np.ndarray) -> np.ndarray:
     """Sums of the pixels of images [N, D], and of their squares: int64 [N, 2]."""
     images = np.ascontiguousarray(images)
     found = np.empty((len(images), 2), np.int64)
-
-    def work(start: int, stop: int) -> None:
-        _sums(images[start:stop], found[start:stop])
-
-    share(work, len(images), images.nbytes)
+    share_rows(_sums, images.nbytes, (images, found))
     return found
 
 
@@ -34,23 +30,16 @@ def in_steps(
     """
     images = np.ascontiguousarray(images)
     values = np.empty(images.shape, np.int32)
-
-    def work(start: int, stop: int) -> None:
-        rows = slice(start, stop)
-        _in_steps(images[rows], totals[rows], deviations[rows], step, values[rows])
-
-    share(work, len(images), values.nbytes)
+    arrays = images, totals, deviations, values
+    share_rows(_in_steps, values.nbytes, arrays, step)
     return values
 
 
 def exceed(values: np.ndarray, levels: np.ndarray, words: np.ndarray) -> None:
     """Fill words [N, ⌈T·D/64⌉] with values int32 [N, D] > levels int32 [N, T]."""
     values = np.ascontiguousarray(values)
-
-    def work(start: int, stop: int) -> None:
-        _exceed(values[start:stop], levels[start:stop], words[start:stop])
-
-    share(work, len(values), values.nbytes * levels.shape[1])
+    n_bytes = values.nbytes * levels.shape[1]
+    share_rows(_exceed, n_bytes, (values, levels, words))
 
 
 # Kernels -----------------------------------------------------------------------------------------
@@ -69,10 +58,10 @@ def _sums(images, found):
 
 @compile_kernel(
     *of_pixels(
-        "void(pixel[:, ::1], float64[::1], float64[::1], float64, int32[:, ::1])"
+        "void(pixel[:, ::1], float64[::1], float64[::1], int32[:, ::1], float64)"
     )
 )
-def _in_steps(images, totals, deviations, step, values):
+def _in_steps(images, totals, deviations, values, step):
     n_pixels = np.float64(images.shape[1])
     for i in range(len(images)):
         total, deviation = totals[i], deviations[i]

@@ -18,13 +18,10 @@ def rotations_of(width):
 
 
 @compile_kernel("uint64(uint64, uint64)")
-def _rotated_left(word, by):
-    return (word << by) | (word >> ((np.uint64(64) - by) & np.uint64(63)))
-
-
-@compile_kernel("uint64(uint64, uint64)")
-def _rotated_right(word, by):
-    return (word >> by) | (word << ((np.uint64(64) - by) & np.uint64(63)))
+def _rotated(word, by):
+    """A word rotated to the left by 0 to 64 bits."""
+    most = np.uint64(63)
+    return (word << (by & most)) | (word >> ((np.uint64(64) - by) & most))
 
 
 @compile_kernel("int64(uint64[::1], int64)")
@@ -38,15 +35,19 @@ def _count_rounds(rotated, n):
 
 
 @compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64)")
-def _add_spread(equals, words, rotations, missing, n_equal):
+def add_ties(equals, words, rotations, missing, n_equal):
     """Add the first `missing` of n_equal ties to words [W], by the order of ``spread``.
 
     How many whole rounds of one bit per word fit is guessed from the share that is missing. Since
     the order is even, the guess is nearly right.
     """
     width = len(equals)
+    if missing == n_equal:
+        for w in range(width):
+            words[w] |= np.int64(equals[w])
+        return
     for w in range(width):
-        equals[w] = _rotated_left(equals[w], rotations[w])
+        equals[w] = _rotated(equals[w], rotations[w])
     low, n_low, high, n_high = np.int64(0), np.int64(0), np.int64(64), n_equal
     while high - low > 1:
         guess = low + (missing - n_low) * (high - low) // max(
@@ -61,21 +62,13 @@ def _add_spread(equals, words, rotations, missing, n_equal):
     place = np.uint64(low)
     whole_rounds = (np.uint64(1) << place) - np.uint64(1)
     for w in range(width):
-        words[w] |= np.int64(_rotated_right(equals[w] & whole_rounds, rotations[w]))
+        back = np.uint64(64) - rotations[w]
+        words[w] |= np.int64(_rotated(equals[w] & whole_rounds, back))
     rest = missing - n_low
     for w in range(width):
         if rest == 0:
             return
         bit = (equals[w] >> place) & np.uint64(1)
-        words[w] |= np.int64(_rotated_right(bit << place, rotations[w]))
+        back = np.uint64(64) - rotations[w]
+        words[w] |= np.int64(_rotated(bit << place, back))
         rest -= np.int64(bit)
-
-
-@compile_kernel("void(uint64[::1], int64[::1], uint64[::1], int64, int64)")
-def add_ties(equals, words, rotations, missing, n_equal):
-    """Add ties to words [W] until `missing` are added."""
-    if missing == n_equal:
-        for w in range(len(equals)):
-            words[w] |= np.int64(equals[w])
-    else:
-        _add_spread(equals, words, rotations, missing, n_equal)

@@ -12,7 +12,7 @@ from torch import Tensor
 
 from hdc import backends, bits
 from hdc.encoders.ranks import warn_of_constant
-from hdc.encoders.relative import RelativeEncoder
+from hdc.encoders.relative import RelativeEncoder, moments
 
 _LARGEST = 10**6  # numerator or denominator of a threshold
 _INT32 = torch.iinfo(torch.int32).max
@@ -99,13 +99,7 @@ def deviations_of(differences: Tensor) -> list[int]:
     mean have Σ x² ≤ 2³²·D, but for rounding; and |Σ d| ≤ 2·D.
     """
     n = differences.shape[1]
-    kernels = backends.in_use.get()
-    if kernels:
-        totals, squares = torch.from_numpy(kernels.sums(differences.numpy())).T
-    else:
-        values = differences.long()
-        totals = values.sum(1)
-        squares = (values * values).sum(1)
+    totals, squares = moments(differences)
     variances = (squares - (totals * totals + n - 1) // n) // n  # rounded down
     # Below zero only where a damaged reference made sums overflow.
     return [math.isqrt(max(0, variance)) for variance in variances.tolist()]

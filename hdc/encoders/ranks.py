@@ -3,17 +3,18 @@
 The paper thresholds a speckle pattern so that 0 and 1 appear with the same probability: q = ½.
 The ones are the pixels above the threshold m, and the first of the pixels equal to m, by one order
 of pixels (:mod:`hdc.encoders.ties`). The bits of several thresholds follow one another: bit t·D + j
-is pixel j at threshold t. Small frames and floats are ordered here. Large frames of integers are
-searched by :mod:`hdc.encoders.thresholds`. :mod:`hdc.compiled` gives equal results.
+is pixel j at threshold t. Small frames are thresholded many at once, and large ones on the CPU one
+after another. :mod:`hdc.compiled` gives equal results.
 """
 
 from __future__ import annotations
 
 import functools
 import math
+from bisect import bisect_left
 from collections.abc import Callable, Sequence
 from fractions import Fraction
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import torch
@@ -21,16 +22,15 @@ from torch import Tensor
 
 from hdc import backends, bits, inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.thresholds import one_by_one
-from hdc.encoders.ties import in_order
+from hdc.encoders.ties import first_of, in_order
 from hdc.warning import warn
 
 # Pixels of several frames ordered at once, at up to 30 bytes each; a GPU needs more to be busy.
 _STEP, _STEP_ON_GPU = 2**20, 2**25
 _SMALL = 4096
 """Pixels per frame up to which several frames are ordered at once."""
-_BLOCK = 16  # frames that are counted one after another, the bits of each being kept
-_COMPILED = (torch.uint8, torch.uint16, torch.int32)  # types that the kernels take
+COMPILED = (torch.uint8, torch.uint16, torch.int32)
+"""Types that the kernels take."""
 Route = Callable[[Tensor, Sequence[int]], tuple[Any, Any, Any]]
 
 
@@ -72,19 +72,25 @@ class RankEncoder(Encoder):
             ValueError: for another shape, no pixels, or pixels that are not finite.
             TypeError: for a dtype that has no order (bool, complex).
         """
-        words, ties = encode_ranks(frames, self.quantiles, first)
-        self._warn_of(ties, frames.shape[1:].numel(), first)
+        inputs.check_frames(frames)
+        n_pixels = frames.shape[1:].numel()
+        words, n_equal, split = encode_ranks(frames, self.ones(n_pixels), first)
+        constant = n_equal[:, 0] == n_pixels
+        if constant.any():
+            warn_of_constant(np.flatnonzero(constant).tolist(), first)
+        tied = n_equal[split & ~constant[:, None]]
+        self._warn_of_ties(tied.max(initial=0) / n_pixels)
         return words
 
     def ones(self, n_pixels: int) -> list[int]:
-        """How many of n_pixels become ones, for each quantile."""
-        return numbers_of_ones(self.quantiles, n_pixels)
+        """How many of n_pixels become ones, ⌊(1 − q)·D⌋ for each quantile q."""
+        return [
+            (q.denominator - q.numerator) * n_pixels // q.denominator
+            for q in self.quantiles
+        ]
 
-    def _warn_of(self, ties: Ties, n_pixels: int, first: int) -> None:
-        """Warn of constant frames, by index, and once of frames with many ties."""
-        if ties.constant:
-            warn_of_constant(ties.constant, first)
-        share = ties.most / n_pixels
+    def _warn_of_ties(self, share: float) -> None:
+        """Warn once of a frame that has this share of its pixels on both sides of a cut."""
         if share <= self.tied_share or self._warned:
             return
         self._warned = True
@@ -94,54 +100,32 @@ class RankEncoder(Encoder):
         )
 
 
-class Ties(NamedTuple):
-    """Ties and constant frames found by a call of :func:`encode_ranks`.
-
-    Attributes:
-        constant: indices of frames whose pixels are all equal.
-        most: largest number of pixels of a frame that equal a threshold of which only some became
-            ones; constant frames are not counted.
-    """
-
-    constant: list[int]
-    most: int
-
-
 def encode_ranks(
-    frames: Tensor, quantiles: Sequence[Fraction], first: int = 0
-) -> tuple[Tensor, Ties]:
-    """Hypervectors of frames, int64 [N, ⌈T·D/64⌉] for T quantiles, and their ties.
+    frames: Tensor, ones: Sequence[int], first: int = 0
+) -> tuple[Tensor, np.ndarray, np.ndarray]:
+    """Hypervectors of frames, for T numbers of pixels that become ones.
 
     Arguments and errors as in :meth:`RankEncoder.encode`.
+
+    Returns:
+        Words int64 [N, ⌈T·D/64⌉], how many pixels equal each threshold, int64 [N, T], and whether
+        only some of them became ones.
     """
-    inputs.check_frames(frames)
     n = len(frames)
     n_pixels = frames.shape[1:].numel()
-    ones = numbers_of_ones(quantiles, n_pixels)
-    width = bits.words_for(len(ones) * n_pixels)
-    if n == 0:
-        return frames.new_empty((0, width), dtype=torch.int64), Ties([], 0)
     kernels = backends.in_use.get()
-    if kernels and frames.dtype in _COMPILED:
-        words = torch.empty(n, width, dtype=torch.int64)
+    if kernels and frames.dtype in COMPILED:
+        width = bits.words_for(len(ones) * n_pixels)
+        packed = torch.empty(n, width, dtype=torch.int64)
         images = frames.reshape(n, n_pixels).numpy()
-        equal, split = kernels.encode(images, words.numpy(), ones)
-        return words, ties_of(equal, split, n_pixels)
+        return packed, *kernels.encode(images, packed.numpy(), ones)
     step, route = route_of(frames, n_pixels)
     found = []
-    for start in range(0, n, step):
+    for start in range(0, max(1, n), step):
         pixels = _pixels(frames[start : start + step], first + start)
         found.append(map(torch.as_tensor, route(pixels, ones)))
-    words, equal, split = (torch.cat(part) for part in zip(*found, strict=True))
-    counts = equal.numpy(force=True), split.numpy(force=True)
-    return words, ties_of(*counts, n_pixels)
-
-
-def numbers_of_ones(quantiles: Sequence[Fraction], n_pixels: int) -> list[int]:
-    """⌊(1 − q)·D⌋ for each quantile q."""
-    return [
-        (q.denominator - q.numerator) * n_pixels // q.denominator for q in quantiles
-    ]
+    words, n_equal, split = (torch.cat(part) for part in zip(*found, strict=True))
+    return words, n_equal.numpy(force=True), split.numpy(force=True)
 
 
 def warn_of_constant(constant: Sequence[int], first: int) -> None:
@@ -161,23 +145,15 @@ def route_of(frames: Tensor, n_pixels: int) -> tuple[int, Route]:
     The function takes pixels [B, D] and numbers of ones.
     """
     on_cpu = frames.device.type == "cpu"
-    if on_cpu and n_pixels > _SMALL and not frames.is_floating_point():
-        return _BLOCK, one_by_one
+    if on_cpu and n_pixels > _SMALL:
+        return max(1, len(frames)), one_by_one
     step = _STEP if on_cpu else _STEP_ON_GPU
     return max(1, step // n_pixels), at_once
 
 
-def ties_of(equal: np.ndarray, split: np.ndarray, n_pixels: int) -> Ties:
-    """Ties, from the counts and flags [N, T] of :func:`at_once`."""
-    constant = equal[:, 0] == n_pixels
-    counted = equal[split & ~constant[:, None]]
-    most = int(counted.max(initial=0))
-    return Ties(np.flatnonzero(constant).tolist(), most)
-
-
 def _pixels(frames: Tensor, first: int) -> Tensor:
     """Pixels [B, D] of some frames, checked to be finite, in a type that numpy can compare."""
-    pixels = frames.detach().reshape(len(frames), -1)
+    pixels = frames.detach().flatten(1)
     if not pixels.is_floating_point():
         return pixels
     if pixels.dtype not in (torch.float32, torch.float64):
@@ -188,6 +164,8 @@ def _pixels(frames: Tensor, first: int) -> Tensor:
 
 def check_finite(pixels: Tensor, first: int) -> None:
     """Raise ValueError, naming the frame, for floats [B, D] that are not finite."""
+    if len(pixels) == 0:
+        return
     # On the CPU by numpy: waking torch's threads may take longer than the frame.
     values = pixels.detach().numpy() if pixels.device.type == "cpu" else pixels
     if math.isfinite(values.min()) and math.isfinite(values.max()):  # NaN is found, too
@@ -206,15 +184,14 @@ def at_once(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
     """Threshold pixels [B, D] on any device, so that T numbers of pixels become ones.
 
     Returns:
-        Words int64 [B, ⌈T·D/64⌉], how many pixels equal each threshold, [B, T], and whether only
-        some of them became ones.
+        As :func:`encode_ranks`.
     """
     if pixels.dtype == torch.uint64:  # the same order, without the wrap at 2^63
         pixels = pixels.view(torch.int64) ^ torch.iinfo(torch.int64).min
     elif not pixels.is_floating_point():
         pixels = pixels.long()  # torch does not compare all unsigned types
     n_pixels = pixels.shape[1]
-    places = [min(n_pixels - wanted, n_pixels - 1) for wanted in ones]
+    places = [n_pixels - 1 - wanted for wanted in ones]
     thresholds = _values_at(pixels, places)
     found = []
     for t, wanted in enumerate(ones):
@@ -234,7 +211,7 @@ def _values_at(pixels: Tensor, places: list[int]) -> Tensor:
 def _ones_of(
     pixels: Tensor, threshold: Tensor, wanted: int
 ) -> tuple[Tensor, Tensor, Tensor]:
-    """Mask [B, D] of the pixels that become ones, and the two results of :func:`at_once`, [B].
+    """Mask [B, D] of the pixels that become ones, and the two other results, [B].
 
     Args:
         pixels, threshold: [B, D] and [B, 1].
@@ -244,11 +221,9 @@ def _ones_of(
     equal = pixels == threshold
     n_equal = equal.sum(1)
     missing = wanted - above.sum(1)
-    split = (missing > 0) & (missing < n_equal)
-    if wanted == 0:
-        return above, n_equal, split
+    split = missing > 0
     if not split.any():
-        return above | equal, n_equal, split
+        return above, n_equal, split
     in_order, places = _order_on(pixels.device, pixels.shape[1])
     ties = equal[:, in_order]
     ties &= ties.cumsum(1, dtype=torch.int32) <= missing[:, None]
@@ -259,3 +234,44 @@ def _ones_of(
 def _order_on(device: torch.device, n_pixels: int) -> tuple[Tensor, ...]:
     """:func:`hdc.encoders.ties.in_order` in the memory of a device."""
     return tuple(torch.from_numpy(array).to(device) for array in in_order(n_pixels))
+
+
+# Large frames one after another ------------------------------------------------------------------
+
+
+def one_by_one(pixels: Tensor, ones: Sequence[int]) -> tuple[Any, Any, Any]:
+    """:func:`at_once` for large frames on the CPU."""
+    n, n_pixels = pixels.shape
+    mask = np.empty((len(ones), n_pixels), np.bool_)
+    words = torch.empty(n, bits.words_for(mask.size), dtype=torch.int64)
+    n_equal = np.empty((n, len(ones)), np.int64)
+    missing = np.empty_like(n_equal)
+    for i, image in enumerate(pixels.numpy()):
+        for t, threshold in enumerate(_thresholds(image, ones)):
+            np.greater(image, threshold, out=mask[t])
+            equal = np.flatnonzero(image == threshold)
+            n_equal[i, t] = len(equal)
+            missing[i, t] = ones[t] - np.count_nonzero(mask[t])
+            if missing[i, t]:
+                mask[t, first_of(equal, missing[i, t], n_pixels)] = True
+        words[i] = bits.pack(torch.from_numpy(mask).flatten())
+    return words, n_equal, missing > 0
+
+
+def _thresholds(image: np.ndarray, ones: Sequence[int]) -> list[Any]:
+    """For each number of ones, the least pixel of an image [D] with at most as many above it."""
+    if image.itemsize > 2:
+        places = [len(image) - 1 - wanted for wanted in ones]
+        return np.partition(image, places)[places].tolist()
+
+    @functools.cache
+    def n_above(value: int) -> int:
+        return int(np.count_nonzero(image > value))
+
+    # Counting a few times takes less time than ordering the pixels.
+    least, most = int(image.min()), int(image.max())
+    found = []
+    for wanted in ones:
+        place = bisect_left(range(least, most), -wanted, key=lambda x: -n_above(x))
+        found.append(least + place)
+    return found

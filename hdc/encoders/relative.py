@@ -11,20 +11,18 @@ from abc import abstractmethod
 from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
-import numpy as np
 import torch
 from torch import Tensor
 
 from hdc import backends, inputs
 from hdc.encoders.base import Encoder
-from hdc.encoders.ranks import check_finite, warn_of_constant
+from hdc.encoders.ranks import COMPILED, check_finite, warn_of_constant
 from hdc.tensors import checked
 
 FRACTION = 16  # bits after the point of a standardised pixel
 _STEPS = 2.0**FRACTION
 LARGEST = 18  # bits that floating-point pixels are scaled to
-# Smaller pixels are rounded to 0.
-_POWERS = [2.0**k for k in range(-2, LARGEST + 1)]
+_GREYS = (torch.uint8, torch.uint16)
 EXACT = (torch.uint8, torch.int8, torch.int16, torch.uint16)
 GIVEN = "given"
 """Stands in a file for a reference frame that the user gave."""
@@ -166,20 +164,26 @@ def standardised(frames: Tensor, first: int = 0) -> Tensor:
     inputs.check_frames(frames)
     flat = frames.flatten(1)
     n_pixels = flat.shape[1]
-    kernels = backends.in_use.get()
-    if kernels and flat.dtype in (torch.uint8, torch.uint16):
-        images = flat.numpy()
-        totals, squares = kernels.sums(images).T
-        deviations = _deviations(totals, squares, n_pixels)
-        divisors = np.array(deviations, np.float64)
-        steps = kernels.in_steps(images, totals.astype(float), divisors, _STEPS)
-        return torch.from_numpy(steps)
-    pixels = integers(flat, first)
-    sums = pixels.sum(1)
-    deviations = _deviations(sums, (pixels * pixels).sum(1), n_pixels)
+    pixels = flat if flat.dtype in _GREYS else integers(flat, first)
+    sums, squares = moments(pixels)
+    deviations = _deviations(sums, squares, n_pixels)
     deviation = torch.tensor(deviations, dtype=torch.float64, device=pixels.device)
+    kernels = backends.in_use.get()
+    if kernels and pixels.dtype in _GREYS:
+        given = pixels.numpy(), sums.double().numpy(), deviation.numpy()
+        return torch.from_numpy(kernels.in_steps(*given, _STEPS))
     values = pixels.double().mul_(n_pixels).sub_(sums[:, None])  # in place, still whole
     return values.mul_(_STEPS).div_(deviation[:, None]).floor_().to(torch.int32)
+
+
+def moments(values: Tensor) -> tuple[Tensor, Tensor]:
+    """Sums of integers [N, D] and of their squares: int64 [N] each."""
+    kernels = backends.in_use.get()
+    if kernels and values.dtype in COMPILED:
+        sums, squares = torch.from_numpy(kernels.sums(values.numpy())).T
+        return sums, squares
+    values = values.long()
+    return values.sum(1), (values * values).sum(1)
 
 
 def _deviations(sums: Any, squares: Any, n_pixels: int) -> list[int]:
@@ -193,17 +197,14 @@ def integers(pixels: Tensor, first: int) -> Tensor:
     if pixels.dtype in EXACT:
         return pixels.to(torch.int64)
     values = pixels.double()
-    if len(values):
-        check_finite(values, first)
+    check_finite(values, first)
     # The middle, not the mean: machines round sums of floats differently.
     halves = values.amin(1, keepdim=True) / 2, values.amax(1, keepdim=True) / 2
     values = values - (halves[0] + halves[1])
     mantissas, exponents = torch.frexp(values)
     _, largest = torch.frexp(values.abs().amax(1, keepdim=True))
-    # Powers of two from a table, since torch computes them in 32 bits, up to 2¹²⁷.
-    powers = torch.tensor(_POWERS, dtype=torch.float64, device=values.device)
-    last = len(_POWERS) - 1
-    # A zero has the exponent 0, whatever the other pixels are.
-    places = (exponents - largest + last).clamp(min=0, max=last).long()
-    scaled = mantissas * powers[places]
+    # A zero has the exponent 0, whatever the other pixels are; pixels below 1/4 are rounded to 0.
+    exponents = (exponents - largest + LARGEST).clamp(-2, LARGEST)
+    # By shifts, since torch computes powers of two in 32 bits.
+    scaled = mantissas * (1 << (exponents.long() + 2)) / 4
     return scaled.round().to(torch.int64)

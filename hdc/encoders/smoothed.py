@@ -7,6 +7,7 @@ import math
 from collections.abc import Mapping
 from typing import Any, ClassVar, Self
 
+import numpy as np
 import torch
 from torch import Tensor
 
@@ -147,16 +148,9 @@ def _along(images: Tensor, weights: tuple[int, ...], axis: int) -> Tensor:
     """Weighted sums along an axis of images int64 [N, H, W]."""
     n = images.shape[axis]
     reach = len(weights) // 2
-    around = _mirrored(n, reach).to(images.device)
-    padded = images.index_select(axis, around)
+    around = np.pad(np.arange(n), reach, "reflect")
+    padded = images.index_select(axis, torch.from_numpy(around).to(images.device))
     total = torch.zeros_like(images)
     for k, weight in enumerate(weights):
         total.add_(padded.narrow(axis, k, n), alpha=weight)
     return total
-
-
-def _mirrored(n: int, reach: int) -> Tensor:
-    """Indices −reach … n − 1 + reach along n pixels, mirrored at the first and the last."""
-    period = max(1, 2 * (n - 1))
-    places = torch.arange(-reach, n + reach) % period
-    return torch.minimum(places, period - places) if n > 1 else places

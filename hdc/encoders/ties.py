@@ -27,63 +27,19 @@ MULTIPLIER = 0x9E3779B1  # 2^32 over the golden ratio
 @functools.lru_cache(maxsize=4)
 def in_order(n_pixels: int) -> tuple[np.ndarray, np.ndarray]:
     """Pixels in the order in which ties become ones, int64 [D], and the place of each pixel."""
-    pixel = np.arange(n_pixels)
-    width = words_for(n_pixels)
-    word, bit = np.divmod(pixel, WORD)
-    round_ = (bit + _rotations(width)[word]) % WORD
-    order = (round_ * width + word).argsort()
+    order = _keys(np.arange(n_pixels), n_pixels).argsort()
     return order, order.argsort()
 
 
-def first_ties(ties: np.ndarray, n_ties: int, wanted: int) -> np.ndarray:
-    """The first of the pixels that equal the threshold of a frame, words int64 [W].
-
-    Args:
-        ties: words with a one for each of these pixels.
-        n_ties: how many there are.
-        wanted: how many of them become ones, at most n_ties.
-    """
-    if wanted == n_ties:
-        return ties
-    if wanted == 0:
-        return np.zeros_like(ties)
-    rotations = _rotations(len(ties))
-    before_round, of_round = _round_masks()
-    n = wanted * WORD // n_ties  # the order is even: about so many rounds fit whole
-    while True:
-        first = ties & before_round[n].take(rotations)
-        following = ties & of_round[n].take(rotations)
-        missing = wanted - count_ones(first)
-        if missing < 0:
-            n -= 1
-        elif missing > np.count_nonzero(following):
-            n += 1
-        else:
-            break
-    words = np.flatnonzero(following)
-    following[words[missing:]] = 0
-    return first | following
+def first_of(tied: np.ndarray, wanted: int, n_pixels: int) -> np.ndarray:
+    """The first of some pixels, of which fewer than all are wanted, in any order."""
+    keys = _keys(tied, n_pixels)
+    return tied[keys < np.partition(keys, wanted)[wanted]]
 
 
-def count_ones(words: np.ndarray) -> int:
-    """Ones of words int64 [W]."""
-    ones = np.bitwise_count(words.view(np.uint64))
-    return int(ones.sum(dtype=np.int64))
-
-
-@functools.lru_cache(maxsize=4)
-def _rotations(width: int) -> np.ndarray:
-    """h(w) of the words of a hypervector, int64 [W]."""
-    return (np.arange(width) * MULTIPLIER % 2**32) >> 26
-
-
-@functools.cache
-def _round_masks() -> tuple[np.ndarray, np.ndarray]:
-    """Masks of the bits of a word before round n, and in it, by n and h: int64 [64, 64] each."""
-    bit = np.arange(WORD)
-    rotation = bit[:, None]
-    round_ = (bit + rotation) % WORD  # [h, b]
-    n = np.arange(WORD)[:, None, None]
-    before = np.packbits(round_ < n, axis=-1, bitorder="little")
-    at = np.packbits(round_ == n, axis=-1, bitorder="little")
-    return before.view(np.int64)[..., 0], at.view(np.int64)[..., 0]
+def _keys(pixels: np.ndarray, n_pixels: int) -> np.ndarray:
+    """Numbers that rise in the order of pixels int64 [n], of a frame of n_pixels."""
+    width = words_for(n_pixels)
+    word, bit = pixels // WORD, pixels % WORD
+    rotation = (word * MULTIPLIER % 2**32) >> 26
+    return (bit + rotation) % WORD * width + word

@@ -86,8 +86,8 @@ class Readout(Part, ABC):
 
         Args:
             words: N hypervectors.
-            rows: their classes int64 [N] (CPU), in [0, L).
-            n_classes: L. A class without training frames must never have the largest score.
+            rows: their classes int64 [N] (CPU); each of 0 … L − 1 occurs.
+            n_classes: L.
         """
 
     @abstractmethod
@@ -138,7 +138,10 @@ class Readout(Part, ABC):
 
 
 class Updatable(Readout):
-    """Base class of read-outs that learn batch by batch, and may learn new classes later."""
+    """Base class of read-outs that learn batch by batch, and may learn new classes later.
+
+    A class without training frames must never have the largest score.
+    """
 
     held_out: Any = None
     """The method of :class:`Readout`, if the read-out can score left-out frames."""

@@ -245,22 +245,10 @@ def discriminants(products: Products, rows: Tensor) -> tuple[Tensor, Tensor]:
     return products.penalty * (scores + lost), chosen
 
 
-def held_out_of(
-    products: Products, place: Tensor, known: Tensor, n_classes: int, unit: float = 1.0
-) -> HeldOut:
-    """Leave-one-out scores by :func:`discriminants` as scores of L classes, times a unit.
-
-    Args:
-        products: products of a solution.
-        place: place of each frame's class in `known`, int64 [N].
-        known: classes with a frame, int64 [K]; scores of other classes are zero.
-        n_classes: L.
-        unit: factor of the scores.
-    """
-    found, places = discriminants(products, place)
-    scores = torch.zeros(len(places), n_classes, dtype=torch.float64)
-    scores[:, known] = unit * found
-    return HeldOut(scores, known[place[places]])
+def held_out_of(products: Products, rows: Tensor, unit: float = 1.0) -> HeldOut:
+    """The scores of :func:`discriminants` for frames of classes int64 [N], times a unit."""
+    scores, places = discriminants(products, rows)
+    return HeldOut(unit * scores, rows[places])
 
 
 def check_memory(readout: str, size: int, what: str = "frames") -> None:

@@ -36,8 +36,6 @@ from hdc.readouts.discriminant import (
 from hdc.tensors import Kinds
 from hdc.warning import warn
 
-_LOWEST = -1e300  # offset of a class without training frames
-
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Expansion(State):
@@ -98,20 +96,14 @@ class Kernel(Readout):
         Raises:
             ValueError: for more than 8000 frames, for which the kernel of all pairs is too large.
         """
-        n = len(rows)
-        check_memory("kernel", n)
-        known, place = rows.unique(return_inverse=True)
+        check_memory("kernel", len(rows))
         distances = bits.hamming(words.packed, words.packed).cpu()
-        best = fewest_errors(distances, place, self.scales, self.penalties)
-        products = best.solution.products
+        best = fewest_errors(distances, rows, self.scales, self.penalties)
+        dual, offsets, products = best.solution
         if products.penalty is None:
             warn(
                 "kernel: no class has two different frames, so the nearest mean is learned",
             )
-        dual = torch.zeros(n, n_classes, dtype=torch.float64)
-        offsets = torch.full((n_classes,), _LOWEST, dtype=torch.float64)
-        dual[:, known] = best.solution.dual
-        offsets[known] = best.solution.offsets
         return Expansion(
             frames=words.packed,
             dual=dual,
@@ -119,7 +111,7 @@ class Kernel(Readout):
             reach=_number(best.reach),
             scale=_number(best.scale),
             penalty=_number(best.penalty),
-            held_out=held_out_of(products, place, known, n_classes),
+            held_out=held_out_of(products, rows),
         )
 
     def scores(self, state: Expansion, words: Hypervectors) -> Tensor:
@@ -161,31 +153,20 @@ def fewest_errors(
         scales, penalties: values of s and λ, above zero.
     """
     median = median_of_pairs(distances)
-    tried: list[Tried] = []
+    # Only on evenly spread frames, so that classes count in proportion to their frames.
+    even = evenly(len(place))
+    tried = []
     for scale in scales:
-        tried += _tries(distances, place, scale * median, scale, penalties)
+        reach = scale * median
+        problem = Problem.of(likeness(distances, reach), place)
+        for penalty in penalties:
+            strength = penalty * problem.trace / len(place)
+            solution = problem.solve(None if problem.is_empty else strength)
+            scores, places = discriminants(solution.products, place)
+            is_wrong = scores.argmax(1) != place[places]
+            errors = int(is_wrong[torch.isin(places, even)].sum())
+            tried.append(Tried(errors, scale, penalty, reach, solution))
     return min(tried, key=lambda one: one.errors)
-
-
-def _tries(
-    distances: Tensor,
-    place: Tensor,
-    reach: float,
-    scale: float,
-    penalties: Sequence[float],
-) -> list[Tried]:
-    """The results of all penalties for one scale."""
-    problem = Problem.of(likeness(distances, reach), place)
-    found = []
-    for penalty in penalties:
-        strength = penalty * problem.trace / len(place)
-        solution = problem.solve(None if problem.is_empty else strength)
-        scores, places = discriminants(solution.products, place)
-        # Only on evenly spread frames, so that classes count in proportion to their frames.
-        counted = torch.isin(places, evenly(len(place)))
-        errors = int((scores.argmax(1) != place[places])[counted].sum())
-        found.append(Tried(errors, scale, penalty, reach, solution))
-    return found
 
 
 def likeness(distances: Tensor, reach: float) -> Tensor:

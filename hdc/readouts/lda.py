@@ -28,7 +28,7 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.bits import combinations, dot, gram
+from hdc.bits import combinations, gram, shifted_dot
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share, is_number
 from hdc.readouts.among_bits import ProblemAmongBits
@@ -48,7 +48,6 @@ _LEVELS, _OFFSET, _PLANES = 7, 8, 4  # weights are stored as q + 8, bit-sliced
 _CLIPPED = 0.995  # quantile of the weights that becomes the largest
 _NONE = 1e-9  # of the largest weight: what rounding leaves of a constant pixel
 _UNIT_BITS = 20  # of the largest scale
-_NOWHERE = -(2**62)  # offset of a class without training frames
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -74,11 +73,6 @@ class Discriminants(State):
         """The weights in the units of the scores, float32 [L, D] (CPU)."""
         shifted = bits.numbers_of(self.weights.cpu(), dimension)
         return (shifted - _OFFSET).float() * self.scales[:, None].float()
-
-    def known_offsets(self) -> Tensor:
-        """Offsets float64 [L]; 0 for a class without training frames."""
-        known = self.offsets > _NOWHERE
-        return torch.where(known, self.offsets, 0).double()
 
 
 class LDA(Readout):
@@ -114,10 +108,9 @@ class LDA(Readout):
             ValueError: for more than 8000 frames of more than 8000 bits, for which the products of
                 all pairs, of frames or of bits, are too large.
         """
-        packed, dimension = words.packed, words.dimension
+        dimension = words.dimension
         check_memory("lda", min(len(rows), dimension), "frames or bits")
-        known, place = rows.unique(return_inverse=True)
-        problem = problem_of(words, place)
+        problem = problem_of(words, rows)
         if problem.is_empty:
             warn(
                 "lda: no class has two different frames, so the nearest mean is learned",
@@ -127,12 +120,10 @@ class LDA(Readout):
         if isinstance(problem, ProblemAmongBits):
             weights = weights.T.float()
         else:
-            weights = combinations(weights, packed)[:, :dimension]
-        means = class_means(packed, place, len(known), dimension)
-        learned = weights, means, offsets
-        state, unit = _stored(learned, known, n_classes, alpha, packed.device)
-        held_out = held_out_of(products, place, known, n_classes, unit)
-        return replace(state, held_out=held_out)
+            weights = combinations(weights, words.packed)[:, :dimension]
+        means = class_means(words, rows, n_classes)
+        state, unit = _stored(weights, means, offsets, alpha, words.packed.device)
+        return replace(state, held_out=held_out_of(products, rows, unit))
 
     def adapt(
         self, state: Discriminants, words: Hypervectors, rows: Tensor, share: float
@@ -140,7 +131,7 @@ class LDA(Readout):
         """Mix the old discriminants and the discriminants of new frames.
 
         Both are divided by the norm of their weights; `share` is the weight of the new ones. A
-        class without new frames keeps its old discriminant.
+        class without new frames keeps its old discriminant; nothing is then held out.
 
         Raises:
             ValueError: for a share outside [0, 1], or 1 with new frames of a single class.
@@ -151,38 +142,36 @@ class LDA(Readout):
                 "p: expected a share below 1 with new frames of a single class, found 1; "
                 "use p < 1, or frames of two classes"
             )
-        n_classes, dimension = len(state.weights), words.dimension
-        new = self.fit(words, rows, n_classes)
-        floats = state.floats(dimension), new.floats(dimension)
-        lengths = [float(weights.norm()) or 1.0 for weights in floats]
-        before, after = (1 - share) / lengths[0], share / lengths[1]
-        weights = before * floats[0] + after * floats[1]
-        offsets = before * state.known_offsets() + after * new.known_offsets()
         known, place = rows.unique(return_inverse=True)
-        means = class_means(words.packed, place, len(known), dimension)
-        full = means.mean(0).repeat(n_classes, 1)
+        new = self.fit(words, place, len(known))
+        old_weights = state.floats(words.dimension)
+        new_weights = new.floats(words.dimension)
+        before = (1 - share) / (float(old_weights.norm()) or 1.0)
+        after = share / (float(new_weights.norm()) or 1.0)
+        weights, offsets = before * old_weights, before * state.offsets.double()
+        weights[known] += after * new_weights
+        offsets[known] += after * new.offsets.double()
+        means = class_means(words, place, len(known))
+        full = means.mean(0).repeat(len(weights), 1)
         full[known] = means
-        every = (state.offsets > _NOWHERE).nonzero().flatten()
-        learned = weights[every], full[every], offsets[every]
         alpha, device = float(new.shrinkage), words.packed.device
-        mixed, unit = _stored(learned, every, n_classes, alpha, device)
+        mixed, unit = _stored(weights, full, offsets, alpha, device)
+        if len(known) < len(weights):
+            return mixed
         held_out = new.held_out
         assert held_out is not None
         # The old discriminants have not learnt the new frames.
-        several = torch.bincount(rows, minlength=n_classes)[rows] > 1
         chosen = spread_over(rows)
-        chosen = chosen[several[chosen]]
-        old = before * self.scores(state, words[chosen]).double().cpu()
+        several = torch.bincount(rows)[rows[chosen]] > 1
+        old = before * self.scores(state, words[chosen[several]]).double().cpu()
         found = HeldOut(unit * (old + after * held_out.scores), held_out.rows)
         return replace(mixed, held_out=found)
 
     def scores(self, state: Discriminants, words: Hypervectors) -> Tensor:
         """The discriminants, int64 [Q, L]."""
-        n = torch.full((len(state.weights),), 2 * _OFFSET)
-        twice = dot(state.weights, n, words.packed, words.dimension)
-        scales = state.scales.to(twice.device)
-        offsets = state.offsets.to(twice.device)
-        return twice // 2 * scales + offsets
+        products = shifted_dot(state.weights, _OFFSET, words.packed, words.dimension)
+        scales = state.scales.to(products.device)
+        return products * scales + state.offsets.to(products.device)
 
 
 def problem_of(words: Hypervectors, rows: Tensor) -> Problem | ProblemAmongBits:
@@ -231,40 +220,35 @@ def closed_form(
     return min(1.0, max(0.0, share))
 
 
-def class_means(words: Tensor, rows: Tensor, n_classes: int, dimension: int) -> Tensor:
+def class_means(words: Hypervectors, rows: Tensor, n_classes: int) -> Tensor:
     """Means of the hypervectors of each class in ±1, float32 [L, D] (CPU)."""
     onehot = torch.nn.functional.one_hot(rows, n_classes)
-    sums = combinations(onehot, words)[:, :dimension]
+    sums = combinations(onehot, words.packed)[:, : words.dimension]
     return sums / onehot.sum(0)[:, None]
 
 
 def _stored(
-    learned: tuple[Tensor, Tensor, Tensor],
-    known: Tensor,
-    n_classes: int,
+    weights: Tensor,
+    means: Tensor,
+    offsets: Tensor,
     alpha: float,
     device: torch.device,
 ) -> tuple[Discriminants, float]:
-    """The rounded state, in which only `known` classes can win, and the unit of its scores.
+    """The rounded state, and the unit of its scores.
 
     Args:
-        learned: weights, means and offsets of the known classes, as in :func:`_quantised`.
-        known: classes with training frames, int64 [K].
-        n_classes: L.
+        weights, means, offsets: as in :func:`_quantised`.
         alpha: α.
         device: device of the weights.
     """
-    rounded, scales, offsets = _quantised(*learned)
+    rounded, scales, offsets = _quantised(weights, means, offsets)
     unit = 2**_UNIT_BITS / float(scales.max())
     state = Discriminants(
-        weights=rounded.new_zeros(n_classes, *rounded.shape[1:], device=device),
-        scales=torch.zeros(n_classes, dtype=torch.int64),
-        offsets=torch.full((n_classes,), _NOWHERE),
+        weights=rounded.to(device),
+        scales=(scales * unit).round().long(),
+        offsets=(offsets * unit).round().long(),
         shrinkage=torch.tensor(alpha, dtype=torch.float64),
     )
-    state.weights[known.to(device)] = rounded.to(device)
-    state.scales[known] = (scales * unit).round().long()
-    state.offsets[known] = (offsets * unit).round().long()
     return state, unit
 
 

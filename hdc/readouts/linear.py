@@ -11,7 +11,7 @@ import torch
 from torch import Tensor
 
 from hdc import bits
-from hdc.bits import dot
+from hdc.bits import shifted_dot
 from hdc.hypervectors import Hypervectors
 from hdc.readouts.base import State
 from hdc.tensors import Kinds
@@ -41,10 +41,9 @@ class Linear(State):
 
     def values(self, words: Hypervectors) -> Tensor:
         """w·x + b of Q hypervectors, float64 [Q, L]; the products are exact."""
-        n = torch.full((len(self.weights),), 2 * _OFFSET)
-        twice = dot(self.weights, n, words.packed, words.dimension)
-        scales = self.scales.to(twice.device)
-        return twice // 2 * scales + self.intercepts.to(twice.device)
+        products = shifted_dot(self.weights, _OFFSET, words.packed, words.dimension)
+        scales = self.scales.to(products.device)
+        return products * scales + self.intercepts.to(products.device)
 
     def floats(self) -> Tensor:
         """The weights, float64 [L, 64·W] (CPU)."""

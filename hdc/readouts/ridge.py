@@ -17,8 +17,6 @@ from hdc.readouts.linear import Linear
 from hdc.readouts.values import RESIDUALS, ValueReadout, ValueState
 from hdc.tensors import Kinds
 
-_LOWEST = -1e300  # intercept of a class without frames
-
 
 class Ridge(Readout):
     """Ridge regression of 1 for the class of a frame and −1 for the others.
@@ -39,10 +37,7 @@ class Ridge(Readout):
         check_penalty(self.penalty)
 
     def fit(self, words: Hypervectors, rows: Tensor, n_classes: int) -> Linear:
-        state = _of_classes(words, rows, n_classes, self.penalty)
-        empty = torch.bincount(rows, minlength=n_classes) == 0
-        state.intercepts[empty] = _LOWEST
-        return state
+        return _of_classes(words, rows, n_classes, self.penalty)
 
     def adapt(self, state: Linear, words: Hypervectors, rows: Tensor) -> Linear:
         """Fit new frames, with the penalty on the change of the weights."""

@@ -140,8 +140,9 @@ def test_it_recalibrates_or_says_why_not(model):
     assert answers(model) == before  # of which it is a copy
 
 
-@pytest.mark.parametrize("readout", READOUTS)
+@pytest.mark.parametrize("readout", ["majority", "counts", "neighbours"])
 def test_a_class_without_frames_never_wins(readout):
+    """Only a read-out that learns batch by batch may have one."""
     words = torch.from_numpy(np.random.default_rng(0).integers(0, 2**60, (20, 4)))
     rows = 2 * (torch.arange(20) % 2)
     model = fitted(make_readout(readout), words, rows, 4, 256)

@@ -9,7 +9,7 @@ from baselines.softmax_dual import DualSoftmaxRegression
 from experiments.studies.limits.numerics import measure as numerics
 from experiments.studies.limits.stability.measure import CASES
 from hdc import bits, prototypes
-from hdc.encoders import Levels, Median, deviation, ranks, relative, smoothed
+from hdc.encoders import Levels, Median, deviation, relative, smoothed
 from hdc.prototypes import Counters
 from hdc.readouts import discriminant, kernel, lda, least_squares
 from hdc.readouts.discriminant import Problem
@@ -86,12 +86,12 @@ MUTANTS = {
     # Others.
     "dark pixels are ones": (Median, "encode", inverted, "Median, 16-bit pixels of 4,097"),
     "one bit more": (
-        ranks, "numbers_of_ones", after(lambda ones: [n + 1 for n in ones]),
+        Median, "ones", after(lambda ones: [n + 1 for n in ones]),
         "Median, a rising frame of 4,097"),
     "a level less": (Levels, "quantiles", fewer_levels, "Levels, a rising frame of 65"),
     "without the sign": (relative, "standardised", after(abs), "Reference, 65 pixels"),
     "edges repeated, not mirrored": (
-        smoothed, "_mirrored", after(lambda places: places.roll(1)),
+        smoothed.np, "pad", before(lambda places, reach, _: (places, reach, "symmetric")),
         "Smoothed image of 5 × 13 pixels"),
     "a word left out": (
         bits, "hamming", before(lambda a, b, *rest: (a[..., 1:], b[..., 1:], *rest)),

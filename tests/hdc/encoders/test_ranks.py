@@ -8,7 +8,7 @@ import pytest
 import torch
 
 from hdc import bits
-from hdc.encoders import Levels, Median, Quantile, ranks, thresholds
+from hdc.encoders import Levels, Median, Quantile, ranks
 from tests.hdc.own import KERNELS, by
 
 pytestmark = [
@@ -61,32 +61,27 @@ def brightest(frames, quantile="1/2"):
 
 
 def by_every_route(monkeypatch, frames, encoder):
-    """Words and ties: by kernels, many frames at once, one after another by samples as wrong as can
-    be."""
+    """Words, and numbers of ties: by kernels, many frames at once, one after another."""
     images = torch.from_numpy(frames)
-    d = images.shape[1:].numel()
-    if KERNELS and images.dtype in ranks._COMPILED:
-        yield by("compiled", ranks.encode_ranks, images, encoder.quantiles)
-    for places in (thresholds._sampled(d), np.zeros(1, int), np.full(5, d - 1)):
-        monkeypatch.setattr(thresholds, "_sampled", lambda _, places=places: places)
-        for route in ((5, ranks.at_once), (16, ranks.one_by_one)):
-            if route[1] is ranks.one_by_one and images.is_floating_point():
-                continue
-            monkeypatch.setattr(ranks, "route_of", lambda *_, route=route: route)
-            yield ranks.encode_ranks(images, encoder.quantiles)
+    ones = encoder.ones(images.shape[1:].numel())
+    if KERNELS and images.dtype in ranks.COMPILED:
+        yield by("compiled", ranks.encode_ranks, images, ones)
+    for route in ((5, ranks.at_once), (16, ranks.one_by_one)):
+        monkeypatch.setattr(ranks, "route_of", lambda *_, route=route: route)
+        yield ranks.encode_ranks(images, ones)
 
 
 def assert_brightest(encoder, frames, monkeypatch):
     flat = frames.reshape(len(frames), -1)
     masks = [brightest(flat, q) for q in encoder.quantiles]
     expected = np.concatenate(masks, 1)
-    constant = np.flatnonzero((flat == flat[:, :1]).all(1)).tolist()
-    split = set()
-    for words, ties in by_every_route(monkeypatch, frames, encoder):
+    constant = (flat == flat[:, :1]).all(1)
+    ties = []
+    for words, n_equal, split in by_every_route(monkeypatch, frames, encoder):
         assert np.array_equal(bits.unpack(words, expected.shape[1]).numpy(), expected)
-        assert ties.constant == constant
-        split.add(ties.most)
-    assert len(split) == 1
+        assert np.array_equal(n_equal[:, 0] == flat.shape[1], constant)
+        ties.append((n_equal * split).tolist())
+    assert all(found == ties[0] for found in ties)
 
 
 @pytest.mark.parametrize(("encoder", "d", "dtype"), CASES, ids=repr)
