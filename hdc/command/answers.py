@@ -28,12 +28,12 @@ class Wanted(NamedTuple):
 
     Attributes:
         reject: share of known frames that may be refused as none of the classes.
-        interval: share of frames of which sets or intervals are to hold the truth.
+        alpha: share of frames of which sets or intervals may miss the truth.
         proba: whether probabilities of the classes are wanted.
     """
 
     reject: float | None = None
-    interval: float | None = None
+    alpha: float | None = None
     proba: bool = False
 
 
@@ -41,9 +41,9 @@ def columns(model: Any, frames: np.ndarray, wanted: Wanted) -> dict[str, Any]:
     """The answers for frames [n, …] by name; each frame is encoded once.
 
     A classifier gives ``label`` [n], and where they are wanted ``known`` [n], ``set`` (a list of n
-    arrays), ``probability`` of the best class [n] and ``probabilities`` [n, L], and where there are
+    lists), ``probability`` of the best class [n] and ``probabilities`` [n, L], and where there are
     prototypes ``distances`` [n, L] as shares of the bits. A regressor gives ``values`` [n, T], and
-    ``intervals`` [n, T, 2] where they are wanted.
+    ``intervals`` [n, T, 2] where they are wanted, None at an infinite end.
 
     Raises:
         ValueError: probabilities or rejection by a regressor, or by a model that has none.
@@ -58,8 +58,9 @@ def _of_classes(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
     found = {"label": model.predict(words)}
     if wanted.reject:
         found["known"] = model.is_known(words, wanted.reject)
-    if wanted.interval is not None:
-        found["set"] = model.predict_set(words, outside(wanted.interval))
+    if wanted.alpha is not None:
+        sets = model.predict_set(words, wanted.alpha)
+        found["set"] = [labels.tolist() for labels in sets]
     if wanted.proba:
         found["probabilities"] = model.predict_proba(words)
         found["probability"] = found["probabilities"].max(axis=1)
@@ -73,17 +74,12 @@ def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
         if given:
             found = type(model).__name__
             raise ValueError(f"{option}: expected a model of classes, found {found}")
-    if wanted.interval is None:
+    if wanted.alpha is None:
         return {"values": model.predict(words).reshape(len(words), -1)}
-    alpha = outside(wanted.interval)
-    parts = model.predict(words, return_interval=True, alpha=alpha)
+    parts = model.predict(words, return_interval=True, alpha=wanted.alpha)
     values, *ends = (part.reshape(len(words), -1) for part in parts)
-    return {"values": values, "intervals": np.stack(ends, axis=2)}
-
-
-def outside(interval: float) -> float:
-    """The share that may lie outside: 1 − 0.9 is 0.1, not a bit less."""
-    return round(1 - interval, 12)
+    both = np.stack(ends, axis=2)
+    return {"values": values, "intervals": np.where(np.isfinite(both), both, None)}
 
 
 def batched(items: Iterable[Any]) -> Iterator[list[Any]]:
@@ -101,9 +97,9 @@ def ask(
     window: Window,
     files: Sequence[Path],
     wanted: Wanted,
-    settings: Mapping[str, Any] | None = None,
+    settings: Mapping[str, Any],
 ) -> Iterator[dict[str, Any]]:
-    """The model's answers for image files, then for each frame of arrays, tables and videos.
+    """The model's answers for image files, and for each frame of arrays, tables and videos.
 
     Each has ``file``, and of a regressor ``values`` by name, or else ``label`` (None: none of
     these). Where classes have prototypes, ``distances`` by class follow, as shares of the bits.
@@ -113,25 +109,31 @@ def ask(
     ``axes`` and ``image_column`` of :func:`hdc.readers.open_recording`.
 
     Raises:
-        ValueError: a template or axes where all files are images and videos, a file cannot be read,
-            or its frames do not fit the model.
+        ValueError: a file cannot be read, or its frames do not fit the model.
     """
-    settings = settings or {}
-    kinds = {file: kind_of(readers.split_name(file)[0]) for file in files}
-    images = [file for file in files if not kinds[file]]
-    videos = [file for file in files if kinds[file] == VIDEO]
-    others = [file for file in files if kinds[file] not in ("", VIDEO)]
-    for name in ("template", "axes"):
-        if settings.get(name) and not others:
-            wanted_files = "a folder or a file of arrays"
-            raise ValueError(f"--{name}: expected {wanted_files}, found {files[0]}")
-    stills = zip(images, stream_files(images, window), strict=True)
-    yield from _rows(model, stills, wanted)
-    for path in others:
-        yield from _rows(model, _recorded(model, path, window, settings), wanted)
-    for video in videos:
-        # All before the first is given: at its end a video may turn out to be cut off.
-        yield from list(_rows(model, _of_video(video, window), wanted))
+    for kind, alike in itertools.groupby(files, _kind):
+        for placed in _sources(model, kind, [*alike], window, settings):
+            yield from _rows(model, placed, wanted)
+
+
+def _kind(file: Path) -> str:
+    """The kind of recording that holds frames; empty for an image."""
+    return kind_of(readers.split_name(file)[0])
+
+
+def _sources(
+    model: Any,
+    kind: str,
+    files: Sequence[Path],
+    window: Window,
+    settings: Mapping[str, Any],
+) -> Iterable[Iterable[Placed]]:
+    """Frames of files of one kind; images are decoded ahead, one file after the other."""
+    if not kind:
+        return [zip(files, stream_files(files, window), strict=True)]
+    if kind == VIDEO:
+        return (_of_video(file, window) for file in files)
+    return (_recorded(model, file, window, settings) for file in files)
 
 
 def _recorded(
@@ -165,22 +167,23 @@ def _rows(
         for place, frame in some:
             check_size(model, frame.shape, place)
         found = columns(model, np.stack([frame for _, frame in some]), wanted)
-        if "values" in found:
-            names = value_names(model) or numbered(found["values"].shape[1])
-        else:
+        if "label" in found:
             names = tuple(str(label) for label in model.classes_)
-        if "intervals" in found:  # JSON has no infinite numbers
-            ends = found["intervals"]
-            found["intervals"] = np.where(np.isfinite(ends), ends, None)
+        else:
+            names = value_names(model) or numbered(found["values"].shape[1])
         for k, (place, _) in enumerate(some):
-            row: dict[str, Any] = {"file": str(place)}
-            for name, column in found.items():
-                own = column[k].tolist()
-                by_name = isinstance(column, np.ndarray) and column.ndim > 1
-                row[name] = dict(zip(names, own, strict=True)) if by_name else own
+            row = {name: _own(column[k], names) for name, column in found.items()}
             if not row.pop("known", True):
                 row["label"] = None
-            yield row
+            yield {"file": str(place), **row}
+
+
+def _own(item: Any, names: Sequence[str]) -> Any:
+    """What a row has of a column, as JSON: by name where there is one for each class or value."""
+    if isinstance(item, list):
+        return item
+    own = item.tolist()
+    return dict(zip(names, own, strict=True)) if item.ndim else own
 
 
 def table_row(answer: Mapping[str, Any]) -> dict[str, str]:

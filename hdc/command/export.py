@@ -59,14 +59,13 @@ def export(
         plan = exporting.Plan.of(found, name, int(bits), reject, window)
     except ValueError as error:
         raise ValueError(f"{model}: {error}") from error
-    sizes = plan.sizes
     messages.say(
-        f"classes: {sizes.classes}, frames of {messages.size(plan.frame_shape)} of "
-        f"{sizes.pixel_bits} bits, {sizes.dimension} bits compared",
-        f"tables: {sizes.constant_bytes} bytes",
-        f"memory: {sizes.scratch_bytes} bytes, and {sizes.frame_bytes} of the frame",
+        f"classes: {len(plan.classes)}, frames of {messages.size(plan.frame_shape)} of "
+        f"{bits} bits, {plan.dimension} bits compared",
+        f"tables: {plan.constant_bytes} bytes",
+        f"memory: {plan.scratch_bytes} bytes, and {plan.frame_bytes} of the frame",
     )
-    if sizes.constant_bytes > LARGE:
+    if plan.constant_bytes > LARGE:
         warnings.warn(f"{model}: {TOO_LARGE}", stacklevel=2)
     origin = f"{model.name}, trained {found.metadata_.get('trained', 'in Python')}"
     write_atomically(output, exporting.header(plan, output.name, origin))

@@ -20,7 +20,7 @@ from hdc.readers import Window
     "--folder", type=options.FILE, metavar="RECORDING", help="Play this back instead."
 )
 @click.option(
-    "--video", type=options.FILE, metavar="FILE", help="Play this, without labels."
+    "--video", type=options.FILE, metavar="FILE", help="Play this video instead."
 )
 @pixels
 @click.option(

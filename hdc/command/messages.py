@@ -33,14 +33,9 @@ def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
 
 def form_line(model: Any, path: Path) -> str:
     """The form and both sizes of a model that was saved."""
-    used, stored = sizes(model, path)
+    used, stored = model.prediction_bytes_, path.stat().st_size
     form = f"{model.encoder}, {model.readout}"
     return f"form: {form}; {used:,} bytes to predict, {stored:,} in the file"
-
-
-def sizes(model: Any, path: Path) -> tuple[int, int]:
-    """Bytes that a prediction needs, and bytes of the file."""
-    return model.prediction_bytes_, path.stat().st_size
 
 
 def whole(recording: Recording) -> str:
@@ -96,27 +91,24 @@ def size(shape: Sequence[int]) -> str:
 
 def with_units(names: Sequence[str], units: Sequence[str]) -> list[str]:
     """Names of values, with the unit in brackets where there is one."""
-    if not any(units):
-        return list(names)
     pairs = zip(names, units, strict=True)
     return [f"{name} [{unit}]" if unit else name for name, unit in pairs]
 
 
 def described(model: Any, path: Path) -> dict[str, Any]:
     """Description of a saved model; the last rows say what was trained."""
-    n_used, n_file = sizes(model, path)
     rows: dict[str, Any] = {
         "kind": type(model).__name__,
         "encoder": repr(model.encoder_),
         "readout": repr(model.readout_),
         "frames": size(model.frame_shape_),
-        "bytes to predict": n_used,
-        "bytes of the file": n_file,
+        "bytes to predict": model.prediction_bytes_,
+        "bytes of the file": path.stat().st_size,
         **model.metadata_,
     }
     if hasattr(model, "classes_"):
-        counts = zip(model.classes_, model.counts_, strict=True)
-        rows["classes"] = {str(c): int(n) for c, n in counts}
+        names = map(str, model.classes_.tolist())
+        rows["classes"] = dict(zip(names, model.counts_.tolist(), strict=True))
     return rows
 
 
@@ -130,13 +122,10 @@ def percent(share: float) -> str:
 
 def score_lines(result: Mapping[str, Any]) -> list[str]:
     """A score in lines for people."""
+    n = result["frames"]
     if "errors" in result:
-        errors = result["errors"].items()
-        found = [_error_line(name, own, result["frames"]) for name, own in errors]
-        widths = [_width_line(*one) for one in errors if "coverage" in one[1]]
-        return [*found, *widths]
-    n, share = result["frames"], result["accuracy"]
-    low, high = result["interval"]
+        return [_error_line(name, own, n) for name, own in result["errors"].items()]
+    share, (low, high) = result["accuracy"], result["interval"]
     by = f" by {result['interval_by']}".removesuffix(f" by {n} frames")
     found = [
         f"accuracy {percent(share)} (95 % interval {percent(low)} to {percent(high)}{by}), "
@@ -150,10 +139,6 @@ def score_lines(result: Mapping[str, Any]) -> list[str]:
             f"refused {result['refused']} of {n} known frames; expected at most {limit}"
         )
         found.append(text)
-    if "coverage" in result:
-        own = result["coverage"]
-        line = _coverage_line(own, "sets")
-        found.append(f"{line}; {own['mean_size']:.2f} classes a set")
     return found
 
 
@@ -169,30 +154,13 @@ def limit_of_refused(reject: float, left_out: str) -> str:
 
 
 def _error_line(name: str, own: Mapping[str, Any], n: int) -> str:
-    error, guess = (_number(own[key], own) for key in ("mean_absolute_error", "guess"))
+    error, guess = (
+        f"{own[key]:.4g} {own['unit']}".rstrip()
+        for key in ("mean_absolute_error", "guess")
+    )
     return (
         f"{name}: mean absolute error {error} (mean baseline {guess}), R² "
         f"{own['r_squared']:.3f}, {n} frames"
-    )
-
-
-def _width_line(name: str, own: Mapping[str, Any]) -> str:
-    width = own["coverage"]["mean_width"]
-    line = _coverage_line(own["coverage"], "intervals")
-    shown = _number(float("inf") if width is None else width, own)
-    return f"{name}: {line}; mean width {shown}"
-
-
-def _number(value: float, own: Mapping[str, Any]) -> str:
-    """A number with its unit, if it has one."""
-    return f"{value:.4g} {own.get('unit', '')}".rstrip()
-
-
-def _coverage_line(found: Mapping[str, Any], what: str) -> str:
-    low, high = found["interval"]
-    return (
-        f"{what} for {found['asked']:g} contain the truth for {percent(found['share'])} of these "
-        f"frames (95 % interval {percent(low)} to {percent(high)})"
     )
 
 
@@ -200,12 +168,13 @@ def confusions(result: Mapping[str, Any]) -> list[str]:
     """Lines of the table of a score's confusions, a row a true class; none of values."""
     if "classes" not in result:
         return []
-    counts = np.array(result["confusion"])
     names = result["classes"]
-    width = max(len(text) for text in [*names, str(counts.max())])
+    rows = [["", *names]]
+    for name, counts in zip(names, result["confusion"], strict=True):
+        rows.append([name, *map(str, counts)])
+    width = max(len(cell) for row in rows for cell in row)
     found = ["rows are the true classes, columns the predicted ones"]
-    for name, row in [("", names), *zip(names, counts.tolist(), strict=True)]:
-        found.append(
-            " ".join([f"{name:{width}}", *(f"{cell:>{width}}" for cell in row)])
-        )
+    for name, *cells in rows:
+        padded = (cell.rjust(width) for cell in cells)
+        found.append(" ".join([name.ljust(width), *padded]))
     return found

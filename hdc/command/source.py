@@ -15,7 +15,6 @@ import numpy as np
 from hdc import readers
 from hdc.command.options import FILE, axes, image_column, template
 from hdc.readers import VIDEO, Recording, Window, kind_of
-from hdc.readers.listing import MANIFEST
 
 _OPTIONS = (
     template,
@@ -90,18 +89,11 @@ class Source:
         return frames
 
     def with_values(self, names: Sequence[str]) -> Source:
-        """The same with these values in this order, unless others are given or it has none."""
+        """The same with these values in this order, unless others are given."""
         given = self.settings.get("value_columns") or names
-        if not names or set(given) != set(names) or not self._has_columns():
+        if set(given) != set(names):
             return self
         return Source(self.path, {**self.settings, "value_columns": tuple(names)})
-
-    def _has_columns(self) -> bool:
-        """Whether it is a file, or a folder with a table or a manifest."""
-        if not self.path.is_dir() or self.settings.get("table"):
-            return True
-        by_template = self.settings.get("template") is not None
-        return not by_template and (self.path / MANIFEST).exists()
 
     def like(self, path: Path) -> Source:
         """Another recording, opened as this one.

@@ -20,6 +20,8 @@ DEFAULT = ("levels", "lda")
 """Encoder and read-out for classes: chosen by the rule in docs/claims.md."""
 PUBLISHED = ("median", "majority")
 """Encoder and read-out of the paper."""
+OF_VALUES = ("median", "ridge")
+"""Encoder and read-out for numbers."""
 
 
 @click.command(short_help="Train a model on labelled images.")
@@ -93,21 +95,28 @@ def _untrained(
 ) -> tuple[Any, list[str]]:
     """A model of these parts that learns n frames of a recording, and a line on why its read-out is
     not the default one."""
+    kind: type = hdc.HDCClassifier
+    default = DEFAULT if len(frames.classes) > 1 else PUBLISHED
+    if frames.values is not None:
+        kind, default = hdc.HDCRegressor, OF_VALUES
+    model = kind(encoder or default[0], readout or default[1])
+    why = "" if readout or default != DEFAULT else _why_not(model, n, frames)
+    if not why:
+        return model, []
+    return kind(encoder or PUBLISHED[0], PUBLISHED[1]), [why]
+
+
+def _why_not(model: Any, n: int, frames: Recording) -> str:
+    """Why the default read-out cannot learn n frames; empty where it can."""
     from hdc.readouts.discriminant import MOST_FRAMES
 
-    if frames.values is not None:
-        return hdc.HDCRegressor(encoder or "median", readout or "ridge"), []
-    if len(frames.classes) == 1:  # nothing to tell apart
-        return hdc.HDCClassifier(encoder or PUBLISHED[0], readout or PUBLISHED[1]), []
-    model = hdc.HDCClassifier(encoder or DEFAULT[0], readout or DEFAULT[1])
     n_bits = model.fresh("encoder").dimension(math.prod(frames.frame_shape))
-    if readout is not None or min(n, n_bits) <= MOST_FRAMES:
-        return model, []
-    why = (
+    if min(n, n_bits) <= MOST_FRAMES:
+        return ""
+    return (
         f"majority in place of {DEFAULT[1]}, which learns at most {MOST_FRAMES} frames of more "
         f"than {MOST_FRAMES} bits, found {n} of {n_bits}"
     )
-    return hdc.HDCClassifier(encoder or PUBLISHED[0], PUBLISHED[1]), [why]
 
 
 def _held_out(

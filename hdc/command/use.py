@@ -54,7 +54,9 @@ def predict(
     for path in images:
         is_listed = path.is_dir() and template is None
         files += _files_in(path) if is_listed else [path]
-    wanted = answers.Wanted(reject, interval, proba)
+    # 1 − 0.9 is 0.1, not a bit less.
+    alpha = None if interval is None else round(1 - interval, 12)
+    wanted = answers.Wanted(reject, alpha, proba)
     settings = {"template": template, "axes": axes, "image_column": image_column}
     rows = answers.ask(found, window, files, wanted, settings)
     refused = number = 0
@@ -91,25 +93,21 @@ def _files_in(root: Path) -> list[Path]:
 @options.model
 @recording
 @options.reject
-@options.interval
 @options.json
 def evaluate(
     model: Path,
     source: Source,
     reject: float | None,
-    interval: float | None,
     as_json: bool,
 ) -> None:
     """Measure accuracy and confusions on a RECORDING, or errors of its numbers.
 
     The interval of the accuracy is Wilson's, for 95 %. R² is the share of the variance that is
-    predicted. With --interval 0.9 the command counts how often intervals or sets contain the truth
-    on this RECORDING. They are made to contain it for 90 % of the frames recorded under the
-    training conditions.
+    predicted.
     """
     found, window = work.load(model)
     frames = work.frames_for(found, window, source)
-    result = scores.score(found, frames, np.arange(len(frames)), reject, interval)
+    result = scores.score(found, frames, np.arange(len(frames)), reject)
     if as_json:
         click.echo(json.dumps(result))
     else:

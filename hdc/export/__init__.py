@@ -7,7 +7,6 @@ the caller's. docs/export.md shows it at work.
 
 from hdc.export.header import header
 from hdc.export.plan import Plan
-from hdc.export.sizes import Sizes
 from hdc.export.vectors import test_vectors
 
-__all__ = ["Plan", "Sizes", "header", "test_vectors"]
+__all__ = ["Plan", "header", "test_vectors"]

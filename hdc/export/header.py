@@ -10,7 +10,6 @@ import jinja2
 import numpy as np
 
 from hdc.export.plan import Plan
-from hdc.readouts import LDA
 from hdc.rejection import VERSION
 
 MARK = "Made by hdc export"
@@ -37,10 +36,9 @@ def filled(template: str, plan: Plan, **words: object) -> str:
         .get_template(template)
         .render(
             vars(plan),
+            plan=plan,
             N=plan.name.upper(),
             mark=MARK,
-            is_weighted=isinstance(plan.readout, LDA),
-            is_cut=plan.is_cut,
             rejection=VERSION,
             **words,
         )
@@ -73,8 +71,13 @@ def paragraph(text: str, start: str = " *") -> str:
     """Lines of a comment, with text that ends none and begins none."""
     printable = "".join(c if c.isprintable() else "?" for c in " ".join(text.split()))
     safe = printable.replace("*/", "* /").replace("/*", "/ *")
-    lines = textwrap.wrap(safe, WIDTH - 3, break_long_words=False)
-    return f"{start} " + "\n * ".join(lines)
+    return textwrap.fill(
+        safe,
+        WIDTH,
+        initial_indent=f"{start} ",
+        subsequent_indent=" * ",
+        break_long_words=False,
+    )
 
 
 def aligned(text: str, width: int = 0) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import prod
 from typing import Any, Self
 
 import numpy as np
@@ -12,16 +13,15 @@ from hdc import bits
 from hdc.classifier import HDCClassifier
 from hdc.encoders import Deviation, Levels, Median, Quantile
 from hdc.encoders.ranks import RankEncoder
-from hdc.export.sizes import Sizes
 from hdc.readers import Window
 from hdc.readouts import LDA, Majority, Trained
 
 ENCODERS = (Median, Quantile, Levels, Deviation)
 READOUTS = (Majority, Trained, LDA)
-PLANES = 4
-"""Hypervectors that hold the weights of a class of LDA."""
 _WEIGHT_OFFSET = 8  # the weights of a state of LDA are q + 8
 _MOST_LIGHT = 2**37  # pixels times grey values: sums that 64 bits hold 65536 times
+_COUNTS = 256 * 4  # bytes of a count of each value of a byte
+_TURNS = 64 * 4  # bytes of a count of each turn of the order "spread"
 
 
 @dataclass(frozen=True)
@@ -30,40 +30,31 @@ class Plan:
 
     Attributes:
         name: beginning of all names in the header.
-        encoder, readout, state: the parts of the model, and what the read-out has learned.
-        classes: names of the L classes that have training frames, in the order of the model.
-        rows: their rows in the model.
-        empty: names of the others, which no frame can be of.
+        encoder, readout: the parts of the model.
+        classes: names of the L classes.
         frame_shape: (H, W) or (D,) of the frames.
+        pixel_bits: of the frames, 8 or 16.
+        dimension: bits of a hypervector.
         window: how training frames were cut out of images.
-        tables: by name, uint64 [L, W] (weights [L, 4, W], lit [W]) of hypervectors, int64 [L] or
-            [T] of numbers.
+        tables: by name, as wide as in the header: hypervectors uint64 [L, W] (weights [L, 4, W],
+            lit [W]), and numbers [L], [T] or [D].
         alpha: share of frames of known classes that may be refused; None without rejection.
         farthest: the largest distance at which a frame is known.
         left_out: what was left out to find it, of :data:`hdc.rejection.UNITS`.
-        sizes: what it takes.
     """
 
     name: str
     encoder: RankEncoder | Deviation
     readout: Majority | Trained | LDA
-    state: Any
     classes: tuple[str, ...]
-    rows: tuple[int, ...]
-    empty: tuple[str, ...]
     frame_shape: tuple[int, ...]
+    pixel_bits: int
+    dimension: int
     window: Window
     tables: dict[str, np.ndarray]
     alpha: float | None
     farthest: int
     left_out: str
-    sizes: Sizes
-
-    @property
-    def is_cut(self) -> bool:
-        """Whether frames are cut out of images by a function of the header."""
-        cut = self.window.crop is not None or self.window.subsample > 1
-        return cut and len(self.frame_shape) == 2
 
     @classmethod
     def of(
@@ -85,57 +76,95 @@ class Plan:
             window: how training frames were cut out of images.
 
         Raises:
-            ValueError: for a model, an encoder or a read-out that is not exported.
+            ValueError: for a model, an encoder or a read-out that is not exported, or a class
+                without training frames.
         """
-        _check_exportable(model)
-        encoder, readout = model.encoder_, model.readout_
-        known = model.counts_ > 0
-        rows = np.flatnonzero(known).tolist()
-        names = np.array([str(label) for label in model.classes_.tolist()])
+        _check_exportable(model, pixel_bits)
+        tables = _encoding(model.encoder_, model.n_features_in_) | _classes(model)
         farthest, unit = 0, ""
-        relative = isinstance(encoder, Deviation)
-        if relative:
-            _check_size(model.n_features_in_, pixel_bits)
-        tables = _encoding(encoder, model.n_features_in_)
-        tables |= _classes(readout, model.state_, rows, model.dimension_)
         if alpha is not None:
             rejection = model._head.rejection
             farthest, unit = rejection.threshold(alpha), rejection.unit
-            tables |= _majorities(model, rows, rejection.prototypes)
-        sizes = Sizes(
-            pixels=model.n_features_in_,
-            ranked=_ranked(encoder, model.n_features_in_),
-            pixel_bits=pixel_bits,
-            thresholds=_thresholds(encoder),
-            classes=len(rows),
-            planes=PLANES if "weights" in tables else 1,
-            extra=int("majority" in tables),
-            relative=relative,
-        )
+            majority = _unsigned(rejection.prototypes)
+            # The scores of lda, of trained and of thinned classes are of others.
+            if not np.array_equal(majority, tables.get("prototypes", ())):
+                tables["majority"] = majority
         return cls(
             name=name,
-            encoder=encoder,
-            readout=readout,
-            state=model.state_,
-            classes=tuple(names[known].tolist()),
-            rows=tuple(rows),
-            empty=tuple(names[~known].tolist()),
+            encoder=model.encoder_,
+            readout=model.readout_,
+            classes=tuple(map(str, model.classes_.tolist())),
             frame_shape=tuple(model.frame_shape_),
+            pixel_bits=pixel_bits,
+            dimension=model.dimension_,
             window=window or Window(),
             tables=tables,
             alpha=alpha,
             farthest=farthest,
             left_out=unit,
-            sizes=sizes,
         )
 
+    @property
+    def is_cut(self) -> bool:
+        """Whether frames are cut out of images by a function of the header."""
+        cut = self.window.crop is not None or self.window.subsample > 1
+        return cut and len(self.frame_shape) == 2
 
-def exports(encoder: object, readout: object) -> bool:
-    """Whether a model of these parts can be written as a header."""
-    return type(encoder) in ENCODERS and type(readout) in READOUTS
+    @property
+    def pixels(self) -> int:
+        """Pixels of a frame."""
+        return prod(self.frame_shape)
+
+    @property
+    def thresholds(self) -> int:
+        """Bits per pixel."""
+        key = "ones" if "ones" in self.tables else "numerators"
+        return len(self.tables[key])
+
+    @property
+    def ranked(self) -> int:
+        """Pixels that become bits; fewer than all where an encoder uses lit ones only."""
+        return self.dimension // self.thresholds
+
+    @property
+    def words(self) -> int:
+        """Words of a hypervector."""
+        return bits.words_for(self.dimension)
+
+    @property
+    def frame_bytes(self) -> int:
+        """Bytes of a frame, which the caller holds."""
+        return self.pixels * self.pixel_bits // 8
+
+    @property
+    def constant_bytes(self) -> int:
+        """Bytes of all tables; the names of the classes come on top."""
+        return sum(table.nbytes for table in self.tables.values())
+
+    @property
+    def scratch_bytes(self) -> int:
+        """Bytes of the structure that a prediction works with."""
+        total = 8 * (self.words + len(self.classes))
+        if "reference" in self.tables:
+            return total + 8 * self.thresholds
+        total += _COUNTS * self.pixel_bits // 8 + _TURNS
+        if "lit" in self.tables:
+            total += self.ranked * self.pixel_bits // 8
+        return -(-total // 8) * 8  # a structure ends where its widest member may begin
 
 
-def _check_exportable(model: Any) -> None:
+def exports(model: object) -> bool:
+    """Whether a model of these parts, trained or not, can be written as a header."""
+    return (
+        isinstance(model, HDCClassifier)
+        and type(model.fresh("encoder")) in ENCODERS
+        and type(model.fresh("readout")) in READOUTS
+    )
+
+
+def _check_exportable(model: Any, pixel_bits: int) -> None:
+    """Refuse what is not exported, and frames of which sums do not fit into 64 bits, or Python
+    rounds quotients."""
     if not isinstance(model, HDCClassifier):
         raise ValueError(
             f"export: expected a classifier, found {type(model).__name__}, whose values need "
@@ -152,25 +181,17 @@ def _check_exportable(model: Any) -> None:
             "export: expected the read-out majority, trained or lda, found "
             f"{model.readout_!r}"
         )
-
-
-def _check_size(n_pixels: int, pixel_bits: int) -> None:
-    """Refuse frames of which sums do not fit into 64 bits, or Python rounds quotients."""
-    if n_pixels << pixel_bits > _MOST_LIGHT:
+    if not model.counts_.all():
+        empty = model.classes_[model.counts_ == 0].tolist()
         raise ValueError(
-            f"export: expected at most {_MOST_LIGHT >> pixel_bits} pixels of {pixel_bits} bits "
-            f"with the encoder deviation, found {n_pixels}"
+            f"export: expected frames of each class, found none of {empty[0]!r}"
         )
-
-
-def _thresholds(encoder: RankEncoder | Deviation) -> int:
-    if isinstance(encoder, Deviation):
-        return len(encoder.thresholds)
-    return len(encoder.quantiles)
-
-
-def _ranked(encoder: RankEncoder | Deviation, n_pixels: int) -> int:
-    return encoder.dimension(n_pixels) // _thresholds(encoder)
+    n_pixels, most = model.n_features_in_, _MOST_LIGHT >> pixel_bits
+    if isinstance(model.encoder_, Deviation) and n_pixels > most:
+        raise ValueError(
+            f"export: expected at most {most} pixels of {pixel_bits} bits with the encoder "
+            f"deviation, found {n_pixels}"
+        )
 
 
 def _encoding(encoder: RankEncoder | Deviation, n_pixels: int) -> dict[str, np.ndarray]:
@@ -178,55 +199,35 @@ def _encoding(encoder: RankEncoder | Deviation, n_pixels: int) -> dict[str, np.n
     if isinstance(encoder, Deviation):
         thresholds = encoder.fractions()
         return {
-            "reference": encoder.reference_.long().numpy(force=True),
-            "numerators": np.array([t.numerator for t in thresholds]),
-            "denominators": np.array([t.denominator for t in thresholds]),
+            "reference": encoder.reference_.numpy(force=True).astype(np.int32),
+            "numerators": np.array([t.numerator for t in thresholds], np.int32),
+            "denominators": np.array([t.denominator for t in thresholds], np.int32),
         }
-    ranked = _ranked(encoder, n_pixels)
-    tables = {"ones": np.array(encoder.ones(ranked), np.int64)}
+    ranked = encoder.dimension(n_pixels) // len(encoder.quantiles)
+    tables = {"ones": np.array(encoder.ones(ranked), np.uint32)}
     if isinstance(encoder, Levels) and ranked < n_pixels:
         tables["lit"] = _unsigned(bits.pack(encoder.lit_.cpu()))
     return tables
-
-
-def _classes(
-    readout: Majority | Trained | LDA, state: Any, rows: list[int], dimension: int
-) -> dict[str, np.ndarray]:
-    """Tables of the read-out."""
-    if isinstance(readout, LDA):
-        return _weights(state, rows, dimension)
-    return {"prototypes": _unsigned(state.prototypes[rows])}
 
 
 def _unsigned(words: Tensor) -> np.ndarray:
     return words.numpy(force=True).view(np.uint64)
 
 
-def _weights(state: Any, rows: list[int], dimension: int) -> dict[str, np.ndarray]:
-    """Weights, and the scales and biases of the sum Σ (q + 8)·v − 8·|v| over the bits v.
+def _classes(model: HDCClassifier) -> dict[str, np.ndarray]:
+    """Tables of the read-out: prototypes, or weights, and the scales and biases of the sum
+    Σ (q + 8)·v − 8·|v| over the bits v.
 
     With bits of ±1, q·x = 2·(Σ (q + 8)·v − 8·|v|) − Σ (q + 8) + 8·D.
     """
-    weights = state.weights[rows]
-    ones = bits.count_ones(weights).tolist()
-    scales = state.scales[rows].tolist()
-    offsets = state.offsets[rows].tolist()
-    biases = []
-    for of_planes, scale, offset in zip(ones, scales, offsets, strict=True):
-        total = sum(n << plane for plane, n in enumerate(of_planes))
-        biases.append(offset + scale * (_WEIGHT_OFFSET * dimension - total))
+    state = model.state_
+    if not isinstance(model.readout_, LDA):
+        return {"prototypes": _unsigned(state.prototypes)}
+    places = 2 ** np.arange(state.weights.shape[1])
+    total = bits.count_ones(state.weights).numpy(force=True) @ places
+    scales, offsets = (part.numpy(force=True) for part in (state.scales, state.offsets))
     return {
-        "weights": _unsigned(weights),
-        "scales": np.array(scales, np.int64),
-        "biases": np.array(biases, np.int64),
+        "weights": _unsigned(state.weights),
+        "scales": scales,
+        "biases": offsets + scales * (_WEIGHT_OFFSET * model.dimension_ - total),
     }
-
-
-def _majorities(
-    model: HDCClassifier, rows: list[int], prototypes: Tensor
-) -> dict[str, np.ndarray]:
-    """The prototypes of rejection where the scores are of others: lda, trained, thinned ones."""
-    counts = isinstance(model.readout_, Majority)
-    if counts and prototypes.equal(model.prototypes_[rows]):
-        return {}
-    return {"majority": _unsigned(prototypes)}

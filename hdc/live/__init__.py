@@ -12,6 +12,6 @@ Nothing is written to disk: a model is saved by download.
 
 from __future__ import annotations
 
-from hdc.live.sources import Recorded, Source, Stream, open_source
+from hdc.live.sources import Source, Stream, open_source
 
-__all__ = ["Recorded", "Source", "Stream", "open_source"]
+__all__ = ["Source", "Stream", "open_source"]

@@ -6,7 +6,6 @@ import asyncio
 import contextlib
 import secrets
 from collections.abc import Callable, Sequence
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,8 +14,7 @@ from nicegui.server import Server
 from starlette.responses import Response
 
 from hdc.live.guard import Guard
-from hdc.live.session import REPLACED, Answer, Session
-from hdc.live.sources import Recorded
+from hdc.live.session import REPLACED, Session
 from hdc.live.worker import FASTEST, Worker
 
 REFRESH = 0.2
@@ -127,16 +125,12 @@ class Page:
             "are one."
         )
         self.controls()
-        self._label = small()
         ui.label("The model says").classes("heading")
         self._answer = ui.label().classes("answer")
-        self._beside = small()
+        self._time = small()
 
     def controls(self) -> None:
-        """Controls of the source: a button that pauses a recording."""
-        source = self.source
-        if isinstance(source, Recorded):
-            _icon("play_arrow", "play or pause", self.doing(lambda _: source.play()))
+        """Controls of the source, of which these have none."""
 
     def _classified(self) -> None:
         """The classes, taught here or before."""
@@ -155,7 +149,7 @@ class Page:
         ui.label("2. Teach it").classes("heading")
         small(f"{self.act}, name it and learn {SAMPLES} samples; then the next.")
         with div("row"):
-            self._name = ui.input("name of a new class (empty: as recorded)")
+            self._name = ui.input("name of a new class")
             self._name.classes("grow").props("dense outlined maxlength=24")
             self._name.on("keydown.enter", self._new_class)
             button("New class", self._new_class)
@@ -181,12 +175,9 @@ class Page:
         return lambda: self.do(job)
 
     async def _new_class(self) -> None:
-        name = self._name.value or self.worker.view.label or ""
+        name = self._name.value
         self._name.set_value("")
         await self.do(lambda s: s.learn(name, SAMPLES, new=True))
-
-    async def _recalibrate(self, name: str) -> None:
-        await self.do(lambda s: s.recalibrate(name, SAMPLES))
 
     async def _save(self) -> None:
         content = await self.do(Session.saved)
@@ -196,24 +187,19 @@ class Page:
     # Updates -------------------------------------------------------------------------------------
 
     def refresh(self) -> None:
-        view, session = self.worker.view, self.session
-        if session.counts != self._shown:
-            self._shown = session.counts
+        view, counts = self.worker.view, self.session.counts
+        if counts != self._shown:
+            self._shown = counts
             self._show_classes()
-        if view.label:
-            paused = "" if getattr(self.source, "playing", True) else ", paused"
-            self._label.set_text(f"recorded as “{view.label}”{paused}")
-        answer = view.answer
-        text, beside = "nothing yet: teach it two classes", ""
-        if answer is not None:
-            text, beside = _in_words(answer, view.seconds)
-            for name, distance in answer.distances.items():
+        text, label, time = "nothing yet: teach it two classes", None, ""
+        if view.answer is not None:
+            label, time = view.answer.label, f"{1e3 * view.seconds:.1f} ms"
+            text = "none of these" if label is None else label
+            for name, distance in view.answer.distances.items():
                 self._show_distance(name, distance)
-        label = answer.label if answer else None
-        look = colour(list(session.counts), label)
         self._answer.set_text(view.error or text)
-        self._answer.style(f"color: {look}")
-        self._beside.set_text(beside)
+        self._answer.style(f"color: {colour(list(counts), label)}")
+        self._time.set_text(time)
 
     def _show_distance(self, name: str, distance: float) -> None:
         if name in self._rows:
@@ -243,15 +229,9 @@ class Page:
     def _show_buttons(self, name: str) -> None:
         more = self.doing(lambda s: s.learn(name, SAMPLES))
         _icon("add", f"learn {SAMPLES} more samples", more)
-        _icon("sync", "recalibrate", partial(self._recalibrate, name))
+        again = self.doing(lambda s: s.recalibrate(name, SAMPLES))
+        _icon("sync", "recalibrate", again)
         _icon("delete_outline", "forget", self.doing(lambda s: s.forget(name)))
-
-
-def _in_words(answer: Answer, seconds: float) -> tuple[str, str]:
-    """The predicted class; and its distance and the time that it took."""
-    text = "none of these" if answer.label is None else answer.label
-    nearest = [f"distance {least:.3f}" for least in sorted(answer.distances.values())]
-    return text, " · ".join([*nearest[:1], f"{1e3 * seconds:.1f} ms"])
 
 
 def div(classes: str) -> ui.element:

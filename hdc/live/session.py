@@ -44,7 +44,6 @@ class View:
     drawn: np.ndarray | None = None
     """uint8 [H, 2·W]: grey values, and beside them the share of each pixel's bits that are one."""
     answer: Answer | None = None  # None where the model cannot predict yet
-    label: str | None = None  # class of the frame, if the source knows it
     seconds: float = 0.0  # from the frame to the answer
     error: str = ""  # why there is no newer frame
 
@@ -97,7 +96,7 @@ class Session:
         shares = planes.reshape(-1, *frame.shape).mean(axis=0)
         grey = frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
         drawn = np.hstack([grey, (255 * shares).astype(np.uint8)])
-        return View(drawn, answer, self.source.label, seconds)
+        return View(drawn, answer, seconds)
 
     def _encoded(self, frame: np.ndarray) -> Hypervectors:
         """The hypervector of a frame [H, W]; the published one while there is no model."""

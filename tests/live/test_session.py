@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from hdc import HDCClassifier
-from hdc.live import Recorded
+from hdc.live import open_source
 from hdc.live.session import Session
 from hdc.live.worker import Worker
 from hdc.readers import Window
@@ -139,22 +139,24 @@ def test_the_worker_survives_jobs_and_frames_that_fail(empty, monkeypatch):
 
 def test_a_recording_is_played_over_and_over_and_learnt(tmp_path, frames_and_labels):
     frames, labels = frames_and_labels(n=40, classes=2)
-    names = np.array(["1 mm", "2 mm"])[labels]
-    np.savez(tmp_path / "r.npz", frames=frames, labels=names)
-    recorded = Recorded(tmp_path / "r.npz", Window())
-    session = Session(recorded)
-    seen = [session.look().drawn for _ in range(41)]
-    assert (seen[40] == seen[0]).all()
-    while session.look() and recorded.label != "1 mm":
-        pass
-    recorded.play()
-    assert (session.look().drawn == session.look().drawn).all()  # it is paused
+    order = np.argsort(labels, kind="stable")
+    np.savez(tmp_path / "r.npz", frames=frames, labels=labels, order=np.argsort(order))
+    session = Session(open_source(Window(), tmp_path / "r.npz", None, 0))
+    seen = [np.hsplit(session.look().drawn, 2)[0] for _ in range(80)]
+    # The first was looked at for its size.
+    assert np.array_equal(seen[:40], np.roll(frames[order], -1, axis=0))
+    assert np.array_equal(seen[40:], seen[:40])
     session.learn("1 mm", 6, new=True)
-    recorded.play()
-    while session.look() and recorded.label != "2 mm":
+    while not np.array_equal(session.source.frame(), frames[order[20]]):
         pass
     session.learn("2 mm", 6, new=True)
     session.learn("2 mm", 4)
     assert session.counts == {"1 mm": 6, "2 mm": 10}
-    session.learn("2 mm", 100)
-    assert session.counts["2 mm"] == 30  # a class has no more than its 20 frames
+    asked = [session.ask(frame).label for frame in frames[order]]
+    assert asked.count("1 mm") == asked[:20].count("1 mm") >= 6
+
+
+def test_what_is_no_image_is_not_played(tmp_path):
+    np.savez(tmp_path / "v.npz", frames=np.ones((6, 7)), labels=[0, 1] * 3)
+    with pytest.raises(ValueError, match=r"v\.npz: expected images .* found float64"):
+        open_source(Window(), tmp_path / "v.npz", None, 0)

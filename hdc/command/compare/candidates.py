@@ -1,7 +1,5 @@
 """The models that are compared: forms of the library, and four models of grey values of
 scikit-learn.
-
-They stand in the order in which they are tried, the cheapest first.
 """
 
 from __future__ import annotations
@@ -10,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from hdc import HDCClassifier, HDCRegressor
-from hdc.export import plan
+import hdc
 
 FORMS = (
     ("median", "majority"),  # as published
@@ -34,67 +31,55 @@ PENALTIES = np.logspace(0, 6, 7)
 """Penalties of ridge regression; its own leave-one-out chooses among them."""
 
 
-def is_form(model: Any) -> bool:
-    """Whether a model is a form of the library, and no model of grey values."""
-    return isinstance(model, HDCClassifier | HDCRegressor)
-
-
-def exports(model: Any) -> bool:
-    """Whether ``hdc export`` writes a model as a header."""
-    return is_form(model) and plan.exports(
-        model.fresh("encoder"), model.fresh("readout")
-    )
-
-
-def forms(learns_values: bool) -> dict[str, Any]:
-    """Untrained models by name: the form without a choice, then the others of the short list."""
-    kind = HDCRegressor if learns_values else HDCClassifier
+def cheapest_first(learns_values: bool) -> dict[str, Any]:
+    """Untrained models by name: the form without a choice, the baselines, the other forms, and last
+    support vectors."""
+    kind: type = hdc.HDCRegressor if learns_values else hdc.HDCClassifier
     listed = VALUE_FORMS if learns_values else FORMS
-    return {", ".join(parts): kind(*parts) for parts in listed}
+    first, *others = ((", ".join(parts), kind(*parts)) for parts in listed)
+    *cheap, machine = baselines(learns_values).items()
+    return dict([first, *cheap, *others, machine])
 
 
 def baselines(learns_values: bool) -> dict[str, Any]:
     """Models of grey values by name, each pixel standardised over the training frames."""
-    from sklearn.compose import TransformedTargetRegressor
-    from sklearn.linear_model import RidgeClassifierCV, RidgeCV
-    from sklearn.multioutput import MultiOutputRegressor
-    from sklearn.neighbors import (
-        KNeighborsClassifier,
-        KNeighborsRegressor,
-        NearestCentroid,
-    )
     from sklearn.pipeline import make_pipeline
     from sklearn.preprocessing import FunctionTransformer, StandardScaler
-    from sklearn.svm import SVC, SVR
 
-    models = {
+    models = _of_values() if learns_values else _of_classes()
+    return {
+        f"{name} of grey values": make_pipeline(
+            FunctionTransformer(np.float32), StandardScaler(), model
+        )
+        for name, model in models.items()
+    }
+
+
+def _of_classes() -> dict[str, Any]:
+    from sklearn.linear_model import RidgeClassifierCV
+    from sklearn.neighbors import KNeighborsClassifier, NearestCentroid
+    from sklearn.svm import SVC
+
+    return {
         "mean image": NearestCentroid(),
         "1-NN": KNeighborsClassifier(1),
         "ridge": RidgeClassifierCV(PENALTIES),
         "SVM": SVC(C=10),
     }
-    if learns_values:
-        models = {
-            "ridge": RidgeCV(PENALTIES),
-            "1-NN": KNeighborsRegressor(1),
-            "3-NN": KNeighborsRegressor(3),
-            "SVM": MultiOutputRegressor(SVR(C=10, epsilon=0.01)),
-        }
-    found = {}
-    for name, model in models.items():
-        whole = make_pipeline(FunctionTransformer(_flat), StandardScaler(), model)
-        if learns_values:
-            whole = TransformedTargetRegressor(whole, transformer=StandardScaler())
-        found[f"{name} of grey values"] = whole
-    return found
 
 
-def _flat(frames: np.ndarray) -> np.ndarray:
-    return frames.reshape(len(frames), -1).astype(np.float32)
+def _of_values() -> dict[str, Any]:
+    from sklearn.compose import TransformedTargetRegressor
+    from sklearn.linear_model import RidgeCV
+    from sklearn.multioutput import MultiOutputRegressor
+    from sklearn.neighbors import KNeighborsRegressor
+    from sklearn.preprocessing import StandardScaler
+    from sklearn.svm import SVR
 
-
-def cheapest_first(learns_values: bool) -> dict[str, Any]:
-    """The form without a choice, the baselines, the other forms, and last support vectors."""
-    first, *others = forms(learns_values).items()
-    *cheap, machine = baselines(learns_values).items()
-    return dict([first, *cheap, *others, machine])
+    machine = MultiOutputRegressor(SVR(C=10, epsilon=0.01))
+    return {
+        "ridge": RidgeCV(PENALTIES),
+        "1-NN": KNeighborsRegressor(1),
+        "3-NN": KNeighborsRegressor(3),
+        "SVM": TransformedTargetRegressor(machine, transformer=StandardScaler()),
+    }

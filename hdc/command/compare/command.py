@@ -5,22 +5,17 @@ from __future__ import annotations
 import warnings
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import click
 import numpy as np
 
-from hdc.command import messages, options
+from hdc.command import messages, options, splits
+from hdc.command.compare import candidates, judge
 from hdc.command.messages import with_units
 from hdc.command.source import Source, pixels, recording
 from hdc.readers import Recording, Window
 
-if TYPE_CHECKING:
-    from hdc.command.compare.judge import Data, Test
-
-Losses = dict[str, list[np.ndarray]]
-"""Losses of the models by name, in each test [Q]: 1 for a wrong label and 0 for a right one. A loss
-of values is the mean of their errors, each divided by the error of the constant baseline."""
 CLEAR = 0.05
 """A gain is clear below this probability that it is chance."""
 _NAME = 26
@@ -50,55 +45,81 @@ def compare(
     the published form is clear, by sign flips of whole sessions or groups. Frames are held in
     memory.
     """
-    from hdc.command.compare import candidates, judge
-
     warnings.filterwarnings("ignore", module="sklearn")  # of baselines, in each fold
     frames = source.open(window)
+    recordings = {"in folds": frames}
+    if other is not None:
+        recordings[f"on {other}"] = source.like(other).open(window)
+    *_, last = recordings.values()
+    _check_alike(frames, last)
+    folds, units = splits.folds(frames)
+    messages.say(*_about(frames, len(folds), units))
+    if other is not None:
+        messages.say(f"tested on {other}: {len(last)} frames")
+        units = splits.units(last)
     models = candidates.cheapest_first(frames.values is not None)
-    later = None if other is None else source.like(other).open(window)
-    if later is not None:
-        _check_alike(frames, later)
-    data, tests = judge.prepared(frames, later)
-    heads = _heads(frames, ["in folds", f"on {other}"][: len(tests)])
-    messages.say(*_about(frames, tests, other), "  ".join(heads))
-    losses = _losses(models, data, tests, heads)
+    values = with_units(frames.value_names, frames.value_units)
+    losses = _losses(models, judge.prepared(recordings, folds), values)
     published, *_ = models
     if published not in losses:
         raise ValueError(f"{source.path}: expected {published} to learn the frames")
-    forms = [name for name in losses if candidates.is_form(models[name])]
-    chosen = min(forms, key=lambda name: losses[name][0].mean())
+    forms = [name for name in losses if hasattr(models[name], "encoder")]
+    means = {name: [loss.mean() for loss in own] for name, own in losses.items()}
+    chosen = min(forms, key=lambda name: means[name][0])
+    form = models[chosen]
     messages.say(
-        *_chosen_lines(models[chosen], chosen, losses),
-        *_gain_lines(chosen, published, forms, losses, tests[-1].units, frames),
+        *_best_lines(chosen, {name: own[-1] for name, own in means.items()}),
+        f"Use: hdc train with --encoder {form.encoder} --readout {form.readout}",
+        _gain_line(chosen, forms, losses, units, bool(values)),
     )
+    if not values and means[chosen][-1] - means[chosen][0] > messages.FALL:
+        messages.say(messages.DIFFERS)
 
 
 def _losses(
-    models: Mapping[str, Any],
-    data: Data,
-    tests: Sequence[Test],
-    heads: Sequence[str],
-) -> Losses:
+    models: Mapping[str, Any], data: judge.Data, values: Sequence[str]
+) -> judge.Losses:
     """The losses of the models, whose rows are said; not of those that refuse the frames, or that
     come after an interruption."""
-    from hdc.command.compare import judge
-
-    losses: Losses = {}
-    refused: list[str] = []
+    losses: judge.Losses = {}
     try:
         for name, model in models.items():
             try:
-                found = [judge.errors(model, data, test) for test in tests]
-                times = judge.times(model, data, tests[0])
+                errors, *times = judge.errors(model, data)
             except ValueError as why:
-                refused.append(f"left out: {name}: {why}")
-            else:
-                losses[name] = [(each / data.scale).mean(axis=1) for each in found]
-                messages.say(_row(name, model, found, times, data.truth, heads))
+                messages.say(f"left out: {name}: {why}")
+                continue
+            row = _row(model, errors, times, values)
+            row = {f"{'model':<{_NAME}}": name.ljust(_NAME), **row}
+            if not losses:
+                messages.say("  ".join(row))
+            cells = (f"{cell:>{len(head)}}" for head, cell in row.items())
+            messages.say("  ".join(cells))
+            losses[name] = [data.loss(own) for own in errors.values()]
     except KeyboardInterrupt:
         messages.say("interrupted: the rows above are whole")
-    messages.say(*refused)
     return losses
+
+
+def _row(
+    model: Any,
+    errors: Mapping[str, np.ndarray],
+    times: Sequence[float],
+    values: Sequence[str],
+) -> dict[str, str]:
+    """The cells of a model by their heads: the accuracy, or the mean error of each value, in each
+    test; the times to learn and to answer; whether it can be exported."""
+    from hdc.export.plan import exports  # late: it imports torch
+
+    row = {}
+    for k, value in enumerate(values or ["accuracy"]):
+        for test, own in errors.items():
+            mean = own[:, k].mean()
+            shown = f"{mean:.4g}" if values else messages.percent(1 - mean)
+            row[f"{value} {test}"] = shown
+    for head, time in zip(("s to learn", "ms a frame"), times, strict=True):
+        row[head] = f"{time:.3g}"
+    return row | {"exports": "yes" if exports(model) else "no"}
 
 
 def _check_alike(recording: Recording, other: Recording) -> None:
@@ -121,91 +142,45 @@ def _kind(recording: Recording) -> str:
 # Words -------------------------------------------------------------------------------------------
 
 
-def _about(frames: Recording, tests: Sequence[Test], other: Path | None) -> list[str]:
-    """The recording, and how models are tested on it."""
-    folds, *others = tests
-    why = f", for {folds.units.why}" if folds.units.why else ""
+def _about(frames: Recording, n_folds: int, units: splits.Units) -> list[str]:
+    """The recording, and how models are chosen on it."""
+    by = "at random" if units.kind == "frame" else f"by {units.kind}"
+    why = f", for {units.why}" if units.why else ""
     return [
         f"{len(frames)} frames, {messages.whole(frames)}",
         *messages.reading_lines(frames),
-        f"chosen by {folds.how}{why}",
-        *(f"tested on {other}: {len(test.units.of)} frames" for test in others),
+        f"chosen by {n_folds} folds {by}{why}",
     ]
 
 
-def _heads(frames: Recording, tests: Sequence[str]) -> list[str]:
-    """Names of the columns, that of the models as wide as the longest."""
-    names = with_units(frames.value_names, frames.value_units) or ["accuracy"]
-    columns = [f"{name} {test}" for name in names for test in tests]
-    return [f"{'model':<{_NAME}}", *columns, "s to learn", "ms a frame", "exports"]
-
-
-def _row(
-    name: str,
-    model: Any,
-    found: Sequence[np.ndarray],
-    times: tuple[float, float],
-    truth: np.ndarray,
-    heads: Sequence[str],
-) -> str:
-    """A row, its cells as wide as the heads: the accuracy, or the mean error of each value, in each
-    test; the times to learn and to answer."""
-    from hdc.command.compare import candidates
-
-    means = [errors.mean(axis=0) for errors in found]
-    if truth.ndim == 1:
-        cells = [messages.percent(1 - mean.item()) for mean in means]
-    else:
-        cells = [f"{mean:.4g}" for mean in np.ravel(means, order="F")]
-    cells += [f"{seconds:.3g}" for seconds in times]
-    cells.append("yes" if candidates.exports(model) else "no")
-    pairs = zip(cells, heads[1:], strict=True)
-    columns = [f"{cell:>{len(head)}}" for cell, head in pairs]
-    return "  ".join([f"{name:<{_NAME}}", *columns])
-
-
-def _chosen_lines(form: Any, chosen: str, losses: Losses) -> list[str]:
-    """The best models of the last test, and the options of the form that was chosen."""
-    last = {name: of_tests[-1].mean() for name, of_tests in losses.items()}
-    best = [name for name, loss in last.items() if loss == min(last.values())]
-    line = f"Use: hdc train with --encoder {form.encoder} --readout {form.readout}"
-    if best == [chosen]:
-        return [line]
+def _best_lines(chosen: str, means: Mapping[str, float]) -> list[str]:
+    """The models of the least mean loss, where they are not the chosen one alone."""
+    best = [name for name, loss in means.items() if loss == min(means.values())]
     said = f"Best of the table: {', '.join(best)}. Cross-validation chose {chosen}."
-    return [said, line]
+    return [] if best == [chosen] else [said]
 
 
-def _gain_lines(
+def _gain_line(
     chosen: str,
-    published: str,
     forms: Sequence[str],
-    losses: Losses,
-    units: Any,
-    frames: Recording,
-) -> list[str]:
-    """The gain of the choice over the published form in the last test, and a line where its
-    accuracy is much lower than in the folds."""
-    from hdc.command.compare import judge
-
-    first, *others = (1 - loss.mean() for loss in losses[chosen])
-    falls = frames.values is None and others and first - others[-1] > messages.FALL
-    differs = [messages.DIFFERS] if falls else []
+    losses: judge.Losses,
+    units: splits.Units,
+    is_of_values: bool,
+) -> str:
+    """The gain of the choice over the first form in the last test, and whether it is clear: over
+    recordings that are known, for frames of one are alike."""
+    published = forms[0]
     if chosen == published:
-        return [f"No other form was better than {published} in the folds.", *differs]
-    # No choice has seen another recording.
-    compared = [published, chosen] if others else forms
-    last = {name: losses[name][-1] for name in compared}
-    gain = last[published].mean() - last[chosen].mean()
-    won = f"{100 * gain:+.1f} points of accuracy"
-    if frames.values is not None:
-        word = "less" if gain >= 0 else "more"
-        won = f"{abs(gain):.3g} of the constant baseline's error {word}"
+        return f"No other form was better than {published} in the folds."
+    if len(losses[chosen]) > 1:  # no choice has seen another recording
+        forms = [published, chosen]
+    last = {name: losses[name][-1] for name in forms}
+    gain = 100 * (last[published].mean() - last[chosen].mean())
+    won = f"{gain:+.1f} points of accuracy"
+    if is_of_values:
+        won = f"{-gain:+.1f} % of the constant baseline's error"
     p = judge.p_value(chosen, published, last, units.of)
-    return [f"{chosen} over {published}: {won}, {_clear(p, units.kind)}.", *differs]
-
-
-def _clear(p: float, kind: str) -> str:
-    """Whether a gain is clear: over recordings that are known, for frames of one are alike."""
-    if kind == "frame":
-        return f"p = {p:.2g} of single frames; a gain is clear only over sessions or groups"
-    return f"{'a' if p < CLEAR else 'no'} clear gain (p = {p:.2g} of {kind}s)"
+    said = f"{'a' if p < CLEAR else 'no'} clear gain (p = {p:.2g} of {units.kind}s)"
+    if units.kind == "frame":
+        said = f"p = {p:.2g} of single frames; a gain is clear only over sessions or groups"
+    return f"{chosen} over {published}: {won}, {said}."

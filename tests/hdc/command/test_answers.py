@@ -84,12 +84,12 @@ def table(found):
 
 def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
     model = Nearest()
-    asked = answers.Wanted(0.4, 0.8, True)
-    found = list(answers.ask(model, Window(), [classes], asked))
+    asked = answers.Wanted(0.4, 0.2, True)
+    found = list(answers.ask(model, Window(), [classes], asked, {}))
     assert found[2] == {
         "file": f"{classes}, frame 2",
         "label": "b",
-        "set": ["b", "c"],  # of those within 1 − 0.8
+        "set": ["b", "c"],
         "probability": 0.95,
         "probabilities": {"a": pytest.approx(0.2), "b": 0.95, "c": 0.85},
         "distances": {"a": 0.8, "b": 0.05, "c": 0.15},
@@ -107,20 +107,20 @@ def test_an_answer_of_a_classifier_has_all_that_is_asked_for(classes):
         def distances(self):
             raise AttributeError
 
-    first, *_ = answers.ask(Without(), Window(), [classes], PLAIN)
+    first, *_ = answers.ask(Without(), Window(), [classes], PLAIN, {})
     assert first == {"file": f"{classes}, frame 0", "label": "a"}
 
 
 def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals():
     path = saved("v.npz", [[5, 7, 4], [6, 8, 255]])
     model = Read()
-    plain = list(answers.ask(model, Window(), [path], PLAIN))
+    plain = list(answers.ask(model, Window(), [path], PLAIN, {}))
     assert plain[0] == {"file": f"{path}, frame 0", "values": {"force": 5.0, "x": 7.0}}
     assert table(plain)[:2] == [
         "file|values force|values x",
         f"{path}, frame 0|5.0000|7.0000",
     ]
-    found = list(answers.ask(model, Window(), [path], answers.Wanted(None, 0.8)))
+    found = list(answers.ask(model, Window(), [path], answers.Wanted(None, 0.2), {}))
     assert [answer["intervals"] for answer in found] == [
         {"force": [3.0, 7.0], "x": [5.0, 9.0]},
         {"force": [None, None], "x": [None, None]},
@@ -132,24 +132,22 @@ def test_an_answer_of_a_regressor_has_values_and_the_ends_of_their_intervals():
     ]
 
 
-def test_images_are_answered_before_arrays_and_these_before_videos(
-    write_film, tmp_path
-):
+def test_files_of_all_kinds_are_answered_in_their_order(write_film, tmp_path):
     film, array, image = (tmp_path / name for name in ("v.MKV", "a.npy", "i.PNG"))
     write_film(film, [np.full((16, 20), grey, np.uint8) for grey in (10, 90)])
     np.save(array, np.full((1, 16, 20), 50, np.uint8))
     assert cv2.imwrite(str(image), np.full((16, 20), 7, np.uint8))
     model = Read()
     model.frame_shape_ = (3,)
-    found = answers.ask(model, Window((4, 2, 3, 1)), [film, array, image], PLAIN)
+    found = answers.ask(model, Window((4, 2, 3, 1)), [film, array, image], PLAIN, {})
     assert [(answer["file"], answer["values"]["x"]) for answer in found] == [
-        (str(image), 7.0),
-        (str(array), 50.0),
         (f"{film} at 0.000 s", pytest.approx(10, abs=3)),
         (f"{film} at 0.100 s", pytest.approx(90, abs=3)),
+        (str(array), 50.0),
+        (str(image), 7.0),
     ]
     with pytest.raises(BadFrame, match=r"i\.PNG: expected 3 pixels .* found 20 × 16"):
-        list(answers.ask(model, Window(), [image], PLAIN))
+        list(answers.ask(model, Window(), [image], PLAIN, {}))
 
 
 def test_a_value_of_a_table_is_no_part_of_its_frame(tmp_path):
@@ -157,13 +155,13 @@ def test_a_value_of_a_table_is_no_part_of_its_frame(tmp_path):
     rows.write_text("p,force,q,r\n1,9,2,3\n")
     model = Read()
     model.frame_shape_ = (3,)
-    (found,) = answers.ask(model, Window(), [rows], PLAIN)
+    (found,) = answers.ask(model, Window(), [rows], PLAIN, {})
     assert found == {"file": f"{rows}, line 2", "values": {"force": 1.0, "x": 2.0}}
 
 
 def test_a_score_of_classes_is_complete(classes):
     recording = open_recording(classes)
-    found = scores.score(Nearest(), recording, np.arange(4), 0.4, 0.8)
+    found = scores.score(Nearest(), recording, np.arange(4), 0.4)
     assert found == {
         "frames": 4,
         "accuracy": 0.75,
@@ -176,12 +174,6 @@ def test_a_score_of_classes_is_complete(classes):
         "reject": 0.4,
         "refused": 1,
         "left_out": "group",
-        "coverage": {
-            "asked": 0.8,
-            "share": 0.5,  # a, b, b and c, and none
-            "interval": pytest.approx([0.15, 0.85], abs=1e-3),
-            "mean_size": 1.0,
-        },
     }
     assert messages.score_lines(found)[2] == (
         "refused 1 of 4 known frames; expected at most 40 %"
@@ -219,26 +211,18 @@ def test_an_interval_is_of_recordings_where_they_are_known():
 
 
 def test_a_score_of_values_is_complete():
-    frames = [[5, 7, 4], [6, 8, 4], [0, 0, 4], [1, 1, 4], [1, 1, 255]]
-    truth = [[6, 7], [3, 8], [9, 9], [1, 1.5], [1, 1]]
+    frames = [[5, 7, 4], [6, 8, 4], [0, 0, 4], [1, 1, 4]]
+    truth = [[6, 7], [3, 8], [9, 9], [1, 1.5]]
     about = {"value_names": ["force", "x"], "value_units": ["N", ""]}
     recording = open_recording(saved("v.npz", frames, values=truth, **about))
-    found = scores.score(Read(), recording, np.array([0, 1, 3]), interval=0.8)
+    found = scores.score(Read(), recording, np.array([0, 1, 3]))
     assert found["frames"] == 3
     assert found["errors"]["force"] == {
         "mean_absolute_error": pytest.approx(4 / 3),
         "guess": 2.0,  # of 4 for 6, 3 and 1
         "r_squared": pytest.approx(1 - 10 / (38 / 3)),
         "unit": "N",
-        "coverage": {
-            "asked": 0.8,
-            "share": 2 / 3,
-            "interval": pytest.approx([0.2077, 0.9385], abs=1e-4),
-            "mean_width": 4.0,
-        },
     }
     assert messages.score_lines(found)[0] == (
         "force: mean absolute error 1.333 N (mean baseline 2 N), R² 0.211, 3 frames"
     )
-    wide = scores.score(Read(), recording, np.array([4]), interval=0.8)
-    assert messages.score_lines(wide)[3].endswith("mean width inf")

@@ -93,7 +93,8 @@ def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
     recording = open_recording(archive if of_classes else of_values)
     frames = recording[:]
     truth = np.array(recording.names) if of_classes else recording.values
-    data, (own,) = judge.prepared(recording)
+    splits, _ = folds(recording)
+    data = judge.prepared({"in folds": recording}, splits)
     listed = candidates.cheapest_first(not of_classes)
     assert plain.keys() <= listed.keys()
     for name, model in listed.items():
@@ -101,9 +102,9 @@ def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
         if other is None:
             given, other = frames, library(*name.split(", "))
         answers = np.empty_like(truth)
-        for train, test in folds(recording)[0]:
+        for train, test in splits:
             answers[test] = other.fit(given[train], truth[train]).predict(given[test])
-        found = judge.errors(model, data, own)
+        found = judge.errors(model, data)[0]["in folds"]
         if of_classes:
             assert found[:, 0].tolist() == (answers != truth).tolist(), name
         else:
@@ -111,8 +112,10 @@ def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
 
 
 def test_errors_of_values_are_weighed_by_those_of_the_constant_baseline():
-    values = np.array([[0.0, 5], [1, 5], [9, 5], [2, 5]])
-    assert judge.constant_errors(values).tolist() == [2.5, 1]  # one of equal values
+    values = np.array([[0.0, 5], [1, 5], [9, 5], [2, 5], [100, 7]])
+    data = judge.Data(values, values, [], {"in folds": np.arange(4), "on x": [4]})
+    loss = data.loss(np.array([[2.5, 0], [5, 3]]))
+    assert loss.tolist() == [0.5, 2.5]  # by 2.5, and by 1 where all are equal
 
 
 def test_a_gain_is_tested_by_whole_units():
@@ -120,7 +123,7 @@ def test_a_gain_is_tested_by_whole_units():
     for units, expected in (
         (np.arange(8), 2**-6),
         (np.arange(8) // 2, 2**-3),
-        (np.zeros(8), 0.5),
+        (np.zeros(8, int), 0.5),
     ):
         p = judge.p_value("new", "old", losses, units)
         assert p == pytest.approx(expected, rel=0.3)

@@ -38,8 +38,6 @@ def test_what_is_read_is_named_in_one_line(hdc, model, frames, write):
         ("predict r/a/0.png m", "r/a/0.png: expected"),
         ("predict m 'no\n.png'", "no .png: expected a readable file, found none"),
         ("predict m empty", "empty: expected images (.png"),
-        ("predict m r/a/0.png --template {label}/*.png",
-         "--template: expected a folder or a file of arrays, found r/a/0.png"),
         ("predict n r --reject", "--reject: expected a model of classes, found HDCRegressor"),
         ("evaluate r m", "expected a saved model, found what is not a regular file"),
         ("recalibrate m other -o out",
@@ -64,6 +62,7 @@ def test_a_wrong_command_line_is_one_line_and_2(hdc):
         ("train x -o m --circular 360",
          "--circular: this option left; learn cosine and sine as two"),
         ("evaluate --choose", "No such option"),
+        ("evaluate m r --interval 0.9", "left; hdc predict --interval 0.9 --json"),
         ("train x -o m --set thresholds=15",
          "expected PART__NAME=VALUE such as encoder__thresholds=15, found thresholds=15"),
     ):  # fmt: skip

@@ -9,7 +9,7 @@ from hdc import HDCClassifier
 from hdc.encoders import Deviation, Levels, Median
 from hdc.export import Plan, header
 from hdc.readers import Window
-from hdc.readouts import Majority
+from hdc.readouts import Majority, Trained
 from tests.hdc.export.compiler import ENCODERS, run, trained_on
 
 pytestmark = pytest.mark.filterwarnings(
@@ -43,12 +43,12 @@ def compiled(gcc, folder, plan, frames, *options):
     [N], and whether each is known [N]."""
     (folder / "touch.h").write_text(header(plan, "touch.h", "a test"))
     known = "1" if plan.alpha is None else "touch_known(&scratch)"
-    pixels = np.ascontiguousarray(frames, f"uint{plan.sizes.pixel_bits}").tobytes()
+    pixels = np.ascontiguousarray(frames, f"uint{plan.pixel_bits}").tobytes()
     source = DRIVER.replace("KNOWN", known)
     found = run(gcc, folder, source, *options, given=pixels)
     answers = np.frombuffer(found, np.int64).reshape(len(frames), -1)
-    width = plan.sizes.words
-    words, scores, rest = np.split(answers, [width, width + plan.sizes.classes], axis=1)
+    width = plan.words
+    words, scores, rest = np.split(answers, [width, width + len(plan.classes)], axis=1)
     return words, scores, *rest.T
 
 
@@ -119,7 +119,7 @@ def test_the_window_of_training_is_cut_out(gcc, tmp_path):
 )
 @pytest.mark.parametrize(
     "readout",
-    ["majority", Majority(class_weight="balanced"), "lda", "trained"],
+    ["majority", Majority(class_weight="balanced"), "lda", Trained(margin=0.5)],
     ids=repr,
 )
 @pytest.mark.parametrize("grouped", [False, True])

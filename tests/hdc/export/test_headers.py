@@ -10,7 +10,7 @@ import pytest
 
 from hdc import HDCClassifier, HDCRegressor
 from hdc.encoders import Deviation, Smoothed
-from hdc.export import Plan, Sizes, header
+from hdc.export import Plan, header
 from hdc.readers import Window
 from hdc.readouts import Majority
 from tests.hdc.export.compiler import ENCODERS, STRICT, run, trained_on
@@ -67,32 +67,32 @@ def test_no_floating_point_no_library_and_the_sizes_that_are_said(
     asked(gcc, "-std=c99", "-Os", "-ffreestanding", *STRICT, "-c", "touch.c")
     assert asked("nm", "-u", "touch.o") == ""
     code, data, bss = (int(n) for n in asked("size", "touch.o").split()[6:9])
-    constants = plan.sizes.constant_bytes
+    constants = plan.constant_bytes
     assert (data, bss) == (0, 0)
     assert constants < code < constants + 2048
     said = run(gcc, tmp_path, SIZES.replace("TABLES", tables))
-    assert said.decode() == f"{constants} {plan.sizes.scratch_bytes}"
+    assert said.decode() == f"{constants} {plan.scratch_bytes}"
 
 
 PAGE_ROWS = {
-    "100 × 100 × 8 bits, 10 classes, median, majority": Sizes(10_000, 10_000, 8, 1, 10),
-    "500 × 500 × 8 bits, 10 classes, median, majority": Sizes(250_000, 250_000, 8, 1, 10),
-    "500 × 500 × 16 bits, 10 classes, median, majority": Sizes(250_000, 250_000, 16, 1, 10),
-    "100 × 100 × 8 bits, 10 classes, levels (7), majority": Sizes(10_000, 10_000, 8, 7, 10),
-    "100 × 100 × 8 bits, 10 classes, median, lda": Sizes(10_000, 10_000, 8, 1, 10, planes=4),
+    "100 × 100 × 8 bits, 10 classes, median, majority": (100, 8, "median", "majority"),
+    "500 × 500 × 8 bits, 10 classes, median, majority": (500, 8, "median", "majority"),
+    "500 × 500 × 16 bits, 10 classes, median, majority": (500, 16, "median", "majority"),
+    "100 × 100 × 8 bits, 10 classes, levels (7), majority": (100, 8, "levels", "majority"),
+    "100 × 100 × 8 bits, 10 classes, median, lda": (100, 8, "median", "lda"),
 }  # fmt: skip
 
 
-def test_the_table_of_the_page_is_computed():
+@pytest.mark.parametrize("what", PAGE_ROWS)
+def test_the_table_of_the_page_is_computed(what):
     page = PAGE.read_text(encoding="utf-8")
-    for what, sizes in PAGE_ROWS.items():
-        numbers = (
-            sizes.constant_bytes,
-            sizes.scratch_bytes,
-            sizes.frame_bytes,
-        )
-        row = " | ".join([what, *(f"{number:,}" for number in numbers)])
-        assert f"| {row} |\n" in page, f"| {row} |"
+    side, pixel_bits, encoder, readout = PAGE_ROWS[what]
+    frames = np.random.default_rng(0).integers(0, 256, (20, side, side), np.uint8)
+    model = HDCClassifier(encoder, readout).fit(frames, np.arange(20) % 10)
+    plan = Plan.of(model, "touch", pixel_bits)
+    numbers = plan.constant_bytes, plan.scratch_bytes, plan.frame_bytes
+    row = " | ".join([what, *(f"{number:,}" for number in numbers)])
+    assert f"| {row} |\n" in page
 
 
 def test_programs_of_the_page_compile(tmp_path):
@@ -167,13 +167,16 @@ def test_what_is_not_exported_is_refused_with_the_reason(model, message):
         Plan.of(model, "touch")
 
 
-def test_frames_too_large_and_untrained_models_are_refused():
+def test_frames_too_large_untrained_models_and_empty_classes_are_refused():
     model, _ = trained_on(65, Deviation([0]))
     model.n_features_in_ = 2**21 + 1
     with pytest.raises(ValueError, match="at most 2097152 pixels of 16 bits with the"):
         Plan.of(model, "touch", 16)
     with pytest.raises(ValueError, match="expected a trained model"):
         Plan.of(HDCClassifier(), "touch")
+    model = HDCClassifier().partial_fit(IMAGES, CLASSES, classes=[0, 1, 2])
+    with pytest.raises(ValueError, match="frames of each class, found none of 2"):
+        Plan.of(model, "touch")
 
 
 # The command -------------------------------------------------------------------------------------
