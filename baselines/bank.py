@@ -20,12 +20,10 @@ from baselines import products
 from baselines.base import FRAME_TYPES
 from baselines.products import Moments
 from baselines.smoothing import smoothed
-from hdc import backends
-from hdc.bits import gram
 from hdc.parameters import check_choice
 
-KERNELS = ("unit", "unit_centred", "raw", "standardised", "bits")
-"""Scalings of pixels (baselines.pixels) whose products follow from products of grey values."""
+KERNELS = ("unit", "raw", "standardised")
+"""Scalings of pixels (baselines.pixels); their products follow from those of grey values."""
 
 
 class Bank(hdc.bank.Bank):
@@ -78,16 +76,6 @@ class Bank(hdc.bank.Bank):
         flat = self.frames.flatten(1)
         return products.cross_products(flat, flat)
 
-    @functools.cached_property
-    def bits(self) -> Tensor:
-        """Products of hypervectors in ±1, D − 2·Hamming, float64 [N, N]."""
-        n_pixels = len(self) * self.dimension
-        backend = backends.choose_backend("auto", "cpu", n_pixels)
-        with backends.computing(backend):
-            words = self.words().packed
-            found = gram(words, words, self.dimension)
-        return found.to(self.frames.device)
-
     def at(self, rows: np.ndarray) -> Rows:
         """Some of the frames, to train or to test a model."""
         return Rows(self, np.asarray(rows, dtype=np.int64))
@@ -97,40 +85,21 @@ class Bank(hdc.bank.Bank):
         """Moments of the grey values of each frame, minus the same constant."""
         return products.moments(self.frames.flatten(1))
 
-    def kernel(
+    def centred(
         self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
     ) -> tuple[Tensor, Tensor]:
-        """Products of scaled frames: of the training frames [n, n], of queries with them [Q, n].
+        """Products of scaled frames minus the mean scaled training frame: of the training frames
+        [n, n], of queries with them [Q, n].
 
-        A mean over training frames is over these; one that occurs k times counts k times.
+        The mean is over the training frames; one that occurs k times counts k times.
 
         Args:
             train, queries: indices of frames, n and Q.
             pixels: one of :data:`KERNELS`; others raise a ValueError.
         """
         check_choice("pixels", pixels, KERNELS)
-        rows = np.concatenate([train, queries])
-        n = len(train)
-        if pixels == "bits":
-            part = self.bits[np.ix_(rows, train)]
-        elif pixels == "standardised":
-            part = self._standardised(rows, train)
-        else:
-            part = self._scaled(rows, train, pixels)
-        return part[:n], part[n:]
-
-    def centred(
-        self, train: np.ndarray, queries: np.ndarray, pixels: str = "unit"
-    ) -> tuple[Tensor, Tensor]:
-        """:meth:`kernel` of scaled frames minus the mean scaled training frame."""
-        if pixels in ("raw", "unit", "unit_centred"):
-            # The offset cancels, so it is left out and costs the small integers no digits.
-            scale = 1.0 if pixels == "raw" else 1 / self.white
-            square = scale**2
-            inside = square * self.greys[np.ix_(train, train)]
-            across = square * self.greys[np.ix_(queries, train)]
-        else:
-            inside, across = self.kernel(train, queries, pixels)
+        inside = self._products(train, train, pixels)
+        across = self._products(queries, train, pixels)
         means = inside.mean(0)
         mean = inside.mean()
         own = across.mean(1, keepdim=True)
@@ -138,24 +107,14 @@ class Bank(hdc.bank.Bank):
         centred_across = across - means - own + mean
         return centred_inside, centred_across
 
-    def _standardised(self, rows: np.ndarray, columns: np.ndarray) -> Tensor:
+    def _products(self, rows: np.ndarray, columns: np.ndarray, pixels: str) -> Tensor:
+        """Products of scaled frames, up to an offset of all pixels, which centring cancels."""
         greys = self.greys[np.ix_(rows, columns)]
-        ours = self.moments.of(rows)
-        theirs = self.moments.of(columns)
-        return standardised(greys, ours, theirs, self.dimension)
-
-    def _scaled(self, rows: np.ndarray, train: np.ndarray, pixels: str) -> Tensor:
-        """Products of scale·(x − offset), the same two numbers for all pixels."""
-        ours = self.moments.of(rows)
-        theirs = self.moments.of(train)
-        offset = float(-products.constant_of(self.frames))
-        if pixels == "unit_centred":
-            offset = float(theirs.first.mean()) / self.dimension
+        if pixels == "standardised":
+            ours, theirs = self.moments.of(rows), self.moments.of(columns)
+            return standardised(greys, ours, theirs, self.dimension)
         scale = 1.0 if pixels == "raw" else 1 / self.white
-        shift = offset * (ours.first[:, None] + theirs.first)
-        constant = offset**2 * self.dimension
-        greys = self.greys[np.ix_(rows, train)]
-        return scale**2 * (greys - shift + constant)
+        return scale**2 * greys
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from torch import Tensor
@@ -52,23 +52,8 @@ class GreysLDA(DualLinearClassifier):
     def take(self, frames: FrameSource, index: slice | Tensor) -> Tensor:
         return smoothed(super().take(frames, index), self.smooth)
 
-    def predict_from(
-        self, bank: Bank, train: np.ndarray, queries: np.ndarray
-    ) -> np.ndarray:
-        """See :func:`experiments.protocol.evaluate.evaluate`."""
-        return super().predict_from(bank.smoothed(self.smooth), train, queries)
-
-    def predict_zeroed(
-        self,
-        bank: Bank,
-        train: np.ndarray,
-        queries: np.ndarray,
-        before: np.ndarray,
-        after: np.ndarray,
-    ) -> np.ndarray:
-        """See :meth:`baselines.linear.DualLinearClassifier.predict_zeroed`."""
-        part = bank.smoothed(self.smooth)
-        return super().predict_zeroed(part, train, queries, before, after)
+    def _solved(self, bank: Bank, *given: Any) -> tuple[Tensor, float]:
+        return super()._solved(bank.smoothed(self.smooth), *given)
 
     def solve(self, gram: Tensor, targets: Tensor) -> tuple[Tensor, Tensor, float]:
         """A [N, L], b [L], and 0 in the place of the loss, which there is none of."""
@@ -83,17 +68,16 @@ class GreysKernel(Classifier):
     """Discriminant analysis with a kernel of Euclidean distances; it keeps all training frames.
 
     Args:
-        pixels, smooth: as in :class:`GreysLDA`.
+        pixels: as in :class:`GreysLDA`.
         scales, penalties: as in :class:`hdc.readouts.Kernel`, chosen by leave-one-out.
 
     Attributes:
-        frames_: the training frames [N, D], smoothed.
+        frames_: the training frames [N, D].
         dual_, offsets_: float64 [N, L] and [L].
         reach_: s·m, the distance at which the kernel is 1/e.
     """
 
     pixels: str = "standardised"
-    smooth: int = 0
     scales: Sequence[float] = (1, 2, 0.5, 0.25)
     penalties: Sequence[float] = (0.1, 0.3, 0.03)
 
@@ -115,9 +99,6 @@ class GreysKernel(Classifier):
         check_choice("pixels", self.pixels, PIXELS)
         return super().start(frames, labels)
 
-    def take(self, frames: FrameSource, index: slice | Tensor) -> Tensor:
-        return smoothed(super().take(frames, index), self.smooth)
-
     def scores(self, batch: Tensor) -> Tensor:
         """The discriminants, float64 [n, L]."""
         images = batch.flatten(1)
@@ -128,7 +109,6 @@ class GreysKernel(Classifier):
         self, bank: Bank, train: np.ndarray, queries: np.ndarray
     ) -> np.ndarray:
         """See :func:`experiments.protocol.evaluate.evaluate`."""
-        bank = bank.smoothed(self.smooth)
         model = replace(self)
         targets = model.start(bank.at(train), bank.labels[train])
         known, asked = bank.moments.of(train), bank.moments.of(queries)

@@ -1,14 +1,13 @@
-"""The simplest baselines: logistic regression of a few numbers of a frame.
+"""The simplest baseline: logistic regression of a few numbers of a frame.
 
-Where one of these is as accurate as a classifier of all pixels, classes differ in brightness or in
-coarse layout, and recognising them needs no speckle.
+Where it is as accurate as a classifier of all pixels, classes differ in brightness or in coarse
+layout, and recognising them needs no speckle.
 """
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from collections.abc import Iterator
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import ClassVar
 
 import cv2
@@ -19,28 +18,39 @@ from sklearn.preprocessing import StandardScaler
 from torch import Tensor
 
 from baselines.bank import Bank
-from baselines.base import Classifier, FrameSource, arithmetic
+from baselines.base import Classifier, FrameSource
 
 _BATCH = 64  # frames that features are made of at a time
 
 
 @dataclass(kw_only=True, eq=False)
-class FeatureClassifier(Classifier):
-    """Logistic regression of standardised features; a subclass writes ``features``.
+class Thumbnail(Classifier):
+    """Logistic regression of a picture of a few pixels, each the mean of the pixels of the frame
+    that it covers, standardised over the training frames.
 
     Args:
+        width, height: of the picture, in pixels.
         C: inverse strength of the penalty, as in scikit-learn's LogisticRegression.
 
     Attributes:
-        mean_, deviation_: of each feature over the training frames, float64 [F].
+        mean_, deviation_: of each pixel of the pictures, float64 [F], F = width · height.
         weight_, bias_: float64 [L, F] and [L].
     """
 
+    width: int = 8
+    height: int = 6
     C: float = 1.0
 
-    @abstractmethod
+    revision: ClassVar[int] = 1
+
     def features(self, batch: Tensor) -> Tensor:
-        """Features of each frame, independent of others: [n, H, W] → float64 [n, F] (CPU)."""
+        """Pixels of the pictures, each of its frame alone: [n, H, W] → float64 [n, F] (CPU)."""
+        size = self.width, self.height
+        pictures = []
+        for frame in batch.reshape(-1, *self.shape_).float().numpy(force=True):
+            picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
+            pictures.append(torch.from_numpy(picture))
+        return torch.stack(pictures).flatten(1).double()
 
     def train(
         self, frames: FrameSource, labels: np.ndarray
@@ -64,20 +74,11 @@ class FeatureClassifier(Classifier):
         """See :func:`experiments.protocol.evaluate.evaluate`."""
         model = replace(self)
         targets = model.start(bank.at(train), bank.labels[train])
-        features = model._features_of(bank)
+        kind = type(self), self.width, self.height
+        features = bank.each(model.features, kind)
         model._fit(features[train], targets)
         best = model._logits(features[queries]).argmax(dim=1)
         return model.classes_[best.numpy()]
-
-    def _features_of(self, bank: Bank) -> Tensor:
-        """Features of all frames, computed once for all models of these parameters."""
-
-        def features(batch: Tensor) -> Tensor:
-            images = arithmetic(batch).reshape(-1, *self.shape_)
-            return self.features(images)
-
-        parameters = repr(astuple(self))
-        return bank.each(features, key=(type(self), parameters))
 
     def state_tensors(self) -> dict[str, Tensor]:
         """weight [L, F] and bias [L], and mean and deviation of the features."""
@@ -107,38 +108,3 @@ class FeatureClassifier(Classifier):
         # Row by row: a logit does not depend on how many are asked for.
         products = standardised[:, None] * self.weight_
         return products.sum(dim=2) + self.bias_
-
-
-@dataclass(kw_only=True, eq=False)
-class Brightness(FeatureClassifier):
-    """Two numbers per frame: the mean and the standard deviation of its pixels."""
-
-    revision: ClassVar[int] = 1
-
-    def features(self, batch: Tensor) -> Tensor:
-        pixels = batch.flatten(1).cpu().double()
-        mean = pixels.mean(dim=1)
-        deviation = pixels.std(dim=1, correction=0)
-        return torch.stack([mean, deviation], dim=1)
-
-
-@dataclass(kw_only=True, eq=False)
-class Thumbnail(FeatureClassifier):
-    """A picture of a few pixels, each the mean of the pixels of the frame that it covers.
-
-    Args:
-        width, height: of the picture, in pixels.
-    """
-
-    width: int = 8
-    height: int = 6
-
-    revision: ClassVar[int] = 1
-
-    def features(self, batch: Tensor) -> Tensor:
-        size = self.width, self.height
-        pictures = []
-        for frame in batch.float().numpy(force=True):
-            picture = cv2.resize(frame, size, interpolation=cv2.INTER_AREA)
-            pictures.append(torch.from_numpy(picture))
-        return torch.stack(pictures).flatten(1).double()

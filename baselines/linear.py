@@ -15,15 +15,14 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from baselines.bank import KERNELS, Bank
+from baselines.bank import Bank
 from baselines.base import (
     Classifier,
     FrameSource,
     arithmetic,
     first_of_the_best,
 )
-from baselines.pixels import PixelScaling, fit_scaling
-from hdc.parameters import check_choice
+from baselines.pixels import scaling
 
 FRAMES = 20  # turned into floats at a time
 
@@ -39,8 +38,8 @@ class DualLinearClassifier(Classifier):
         device: where it is computed; needs float64.
 
     Attributes:
-        weight_: float32 [L, D], for pixels as the camera gives them; for ``standardised`` and
-            ``bits`` for the scaled pixels.
+        weight_: float32 [L, D], for pixels as the camera gives them; for ``standardised`` for the
+            scaled pixels.
         bias_: float32 [L].
         coefficients_: A, float64 [N, L], each column summing to zero.
     """
@@ -60,7 +59,6 @@ class DualLinearClassifier(Classifier):
         self, frames: FrameSource, labels: np.ndarray
     ) -> Iterator[dict[str, float]]:
         """Solve; yields once: samples_seen = N, epoch = 1 and the loss."""
-        check_choice("pixels", self.pixels, KERNELS)
         targets = self.start(frames, labels)
         images = self.take(frames, slice(0, len(frames)))
         everyone = np.arange(len(frames))
@@ -70,13 +68,11 @@ class DualLinearClassifier(Classifier):
         # With columns that sum to exactly zero, the mean frame has no part in the weights.
         self.coefficients_ = coefficients - coefficients.mean(dim=0)
         self._scale = _scale(gram, self.coefficients_, bias)
-        self._scaling = fit_scaling(self.pixels, self, frames)
-        factor = 1.0
-        if isinstance(self._scaling, PixelScaling):  # folded into the weights
-            factor = self._scaling.scale**2
-            self._scaling = PixelScaling()
+        in_weights = self.pixels == "unit"  # the factor of all pixels
+        known = "raw" if in_weights else self.pixels
+        self._scaling = scaling(known, self.frame_dtype_)
         sums = self._combine(images)
-        self.weight_ = sums[:-1].mul_(factor)
+        self.weight_ = sums[:-1].mul_((1 / bank.white) ** 2 if in_weights else 1.0)
         self._mean = sums[-1]
         of_mean = self.weight_.double() @ self._mean.double()
         self.bias_ = (bias - of_mean).float()

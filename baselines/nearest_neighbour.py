@@ -1,4 +1,4 @@
-"""Nearest neighbours: every training frame is kept, as bits or as grey values."""
+"""Nearest neighbours: the grey values of every training frame are kept."""
 
 from __future__ import annotations
 
@@ -13,33 +13,26 @@ from torch.nn import functional as F
 from baselines import products
 from baselines.bank import Bank
 from baselines.base import Classifier, FrameSource
-from hdc import bits
-from hdc.encoders import Median
-from hdc.parameters import check_choice
 
-PIXELS = ("bits", "raw")
 REPORT = 100  # frames between two yields
 
 
 @dataclass(kw_only=True, eq=False)
 class NearestNeighbour(Classifier):
-    """The most frequent label among the k nearest training frames; of equally frequent ones the
-    label of the nearest frame.
+    """The most frequent label among the k training frames of least Euclidean distance; of equally
+    frequent ones the label of the nearest frame.
 
     Training frames of the first class are nearer at equal distances.
 
     Args:
         k: number of neighbours.
-        pixels: ``bits``: Hamming distance of hypervectors, as HDC encodes frames; ``raw``:
-            Euclidean distance of grey values.
 
     Attributes:
-        frames_: the training frames: hypervectors int64 [N, ⌈D/64⌉], or pixels [N, D].
+        frames_: pixels of the training frames [N, D].
         labels_: int64 [N], their class indices.
     """
 
     k: int = 1
-    pixels: str = "bits"
 
     revision: ClassVar[int] = 1
     prediction_batch: ClassVar[int] = 500  # each batch reads all training frames once
@@ -54,31 +47,23 @@ class NearestNeighbour(Classifier):
         for first in range(0, len(frames), REPORT):
             batch = self.read(frames, slice(first, first + REPORT))
             batch = batch.flatten(1)
-            if self.pixels == "bits":
-                batch = Median().encode(batch)
             if kept is None:
                 kept = batch.new_empty(len(frames), batch.shape[1])
             last = first + len(batch)
             kept[first:last] = batch
             self.frames_, self.labels_ = kept[:last], targets[:last]
-            if self.pixels != "bits":
-                self._squares = products.moments(self.frames_).second
+            self._squares = products.moments(self.frames_).second
             yield {"samples_seen": last}
 
     def check(self) -> None:
         """Raise ValueError for a parameter that is wrong."""
-        check_choice("pixels", self.pixels, PIXELS)
         if self.k < 1:
             raise ValueError(f"k: expected an integer from 1, found {self.k}")
 
     def scores(self, batch: Tensor) -> Tensor:
         """Votes of the nearest training frames, int64 [n, L]; see :meth:`_votes`."""
-        if self.pixels == "bits":
-            distances = bits.hamming(Median().encode(batch), self.frames_)
-        else:
-            images = batch.flatten(1)
-            greys = products.cross_products(images, self.frames_)
-            distances = self._squares - 2 * greys  # squares, up to a constant per row
+        greys = products.cross_products(batch.flatten(1), self.frames_)
+        distances = self._squares - 2 * greys  # squares, up to a constant per row
         return self._votes(distances, self.labels_, len(self.classes_))
 
     def predict_from(
@@ -88,11 +73,8 @@ class NearestNeighbour(Classifier):
         model = replace(self)
         model.check()
         targets = model.start(bank.at(train), bank.labels[train])
-        chosen = np.ix_(queries, train)
-        if self.pixels == "bits":
-            distances = -bank.bits[chosen]  # twice the Hamming distance, less D
-        else:
-            distances = bank.moments.of(train).second - 2 * bank.greys[chosen]
+        greys = bank.greys[np.ix_(queries, train)]
+        distances = bank.moments.of(train).second - 2 * greys
         votes = self._votes(distances, targets, len(model.classes_))
         return model.classes_[votes.argmax(1).numpy(force=True)]
 

@@ -32,7 +32,3 @@ class SGD(_Eager, torch.optim.SGD):
     """:class:`torch.optim.SGD`."""
 
     step = torch.no_grad()(_unguarded(torch.optim.SGD.step))
-
-
-class LBFGS(_Eager, torch.optim.LBFGS):
-    """:class:`torch.optim.LBFGS`."""

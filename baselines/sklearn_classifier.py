@@ -16,7 +16,7 @@ from torch import Tensor
 from torch.nn import functional as F
 
 from baselines.base import Classifier, FrameSource, in_memory_order
-from baselines.pixels import fit_scaling
+from baselines.pixels import scaling
 
 
 @dataclass(kw_only=True, eq=False)
@@ -43,7 +43,7 @@ class SklearnClassifier(Classifier):
     ) -> Iterator[dict[str, float]]:
         """Fit; yields once: samples_seen = N."""
         targets = self.start(frames, labels)
-        self.scaling_ = fit_scaling(self.pixels, self, frames)
+        self.scaling_ = scaling(self.pixels, self.frame_dtype_)
         features = self._features(self.read(frames, slice(0, len(frames))))
         estimator = copy.deepcopy(self.estimator)
         if estimator.get_params().get("random_state", 0) is None:

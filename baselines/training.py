@@ -21,30 +21,15 @@ from torch.nn import functional as F
 
 from baselines import optimisers
 from baselines.base import Classifier, FrameSource, in_memory_order
-from baselines.pixels import fit_scaling
+from baselines.pixels import scaling
 from hdc.parameters import check_choice
 
 INITS = ("linear", "normal", "zeros")
-MEMORY_FORMATS = {
-    "contiguous": torch.contiguous_format,
-    "channels_last": torch.channels_last,
-}
 FULL_CHUNK = 20  # frames scaled at a time in a full batch
-# Relative change of the loss between two reports: float32 has no more.
-LBFGS_TOLERANCE = 1e-7
 # fused: one pass over the parameters a step instead of several; the arithmetic is the same.
 OPTIMIZERS: dict[str, Callable[..., torch.optim.Optimizer]] = {
     "Adam": partial(optimisers.Adam, fused=True),
     "SGD": partial(optimisers.SGD, fused=True),
-    # Five iterations between two reports.
-    "LBFGS": partial(
-        optimisers.LBFGS,
-        max_iter=5,
-        history_size=10,
-        tolerance_grad=0.0,
-        tolerance_change=0.0,
-        line_search_fn="strong_wolfe",
-    ),
 }
 
 
@@ -54,13 +39,12 @@ class IterativeClassifier(Classifier):
 
     Args:
         pixels: one of the scalings in baselines.pixels, by name.
-        optimizer: ``Adam``, ``SGD``, or ``LBFGS`` with strong-Wolfe line search (full batch).
+        optimizer: ``Adam`` or ``SGD``.
         lr: learning rate; the published one is 1e-4.
         batch_size: frames per step; None for all, which makes SGD plain gradient descent.
         max_epochs: passes over the training frames after which ``train`` returns.
         C: inverse strength of the L2 penalty on weights (biases go free), as in scikit-learn's
             LogisticRegression; None for no penalty.
-        memory_format: ``contiguous`` or ``channels_last``.
         micro_batch: frames held as activations at a time (None: the whole batch), for less memory.
         reports_per_epoch: how often in an epoch ``train`` yields.
         init: initial weights. ``linear``: PyTorch's own, weights and biases uniform within ±1/√n
@@ -79,7 +63,6 @@ class IterativeClassifier(Classifier):
     batch_size: int | None = 20
     max_epochs: int = 100
     C: float | None = None
-    memory_format: str = "contiguous"
     micro_batch: int | None = None
     reports_per_epoch: int = 1
     init: str = "linear"
@@ -103,17 +86,19 @@ class IterativeClassifier(Classifier):
         ``loss`` is the mean of F over the frames of the last epoch. ``batch_accuracy`` is the share
         of frames since the last report that the network classified correctly just before it learnt
         from them, which needs no extra pass. The caller decides when to stop, also at a loss that
-        is not finite; L-BFGS returns on convergence.
+        is not finite.
         """
         self._check_parameters()
         targets = self.start(frames, labels)
         network = self._initial_network()
-        layout = MEMORY_FORMATS[self.memory_format]
-        # The stubs of torch do not know this keyword of Module.to.
-        self.network_ = network.to(device=self.device, memory_format=layout)  # type: ignore[call-overload]
+        # Channels last: convolutions are faster on a CPU. The stubs of torch do not know this
+        # keyword of Module.to.
+        self.network_ = network.to(
+            device=self.device, memory_format=torch.channels_last
+        )  # type: ignore[call-overload]
         make_optimizer = OPTIMIZERS[self.optimizer]
         optimizer = make_optimizer(self.network_.parameters(), lr=self.lr)
-        self.scaling_ = fit_scaling(self.pixels, self, frames)
+        self.scaling_ = scaling(self.pixels, self.frame_dtype_)
         yield from self._epochs(frames, targets, optimizer)
 
     def _check_parameters(self) -> None:
@@ -122,12 +107,7 @@ class IterativeClassifier(Classifier):
             if value is not None and value < 1:
                 raise ValueError(f"{name}: expected at least 1, found {value}")
         check_choice("init", self.init, INITS)
-        check_choice("memory_format", self.memory_format, MEMORY_FORMATS)
         check_choice("optimizer", self.optimizer, OPTIMIZERS)
-        if self.optimizer == "LBFGS" and self.batch_size is not None:
-            raise ValueError(
-                f"batch_size: LBFGS needs the whole training set (null), found {self.batch_size}"
-            )
 
     def _initial_network(self) -> nn.Module:
         """The network with its initial weights; the global random state is left as it was."""
@@ -146,8 +126,7 @@ class IterativeClassifier(Classifier):
     def scores(self, batch: Tensor) -> Tensor:
         """Logits float32 [n, L]."""
         # [n, 1, H, W] is the same memory in both layouts, so this only renames the strides.
-        layout = MEMORY_FORMATS[self.memory_format]
-        inputs = self.scaling_(batch)[:, None].to(memory_format=layout)
+        inputs = self.scaling_(batch)[:, None].to(memory_format=torch.channels_last)
         return self.network_(inputs)
 
     def state_tensors(self) -> dict[str, Tensor]:
@@ -165,7 +144,7 @@ class IterativeClassifier(Classifier):
         numbers = range(1, parts + 1)
         reports = {math.ceil(steps * number / parts) for number in numbers}
         order = torch.Generator().manual_seed(self.seed)
-        seen, taken, mean, previous = 0, 0, math.nan, math.inf
+        seen, taken = 0, 0
         losses: deque[Tensor] = deque(maxlen=steps)
         right: list[Tensor] = []  # of the batches since the last report
         asked = 0
@@ -175,49 +154,36 @@ class IterativeClassifier(Classifier):
             for step in range(1, steps + 1):
                 last = min(step * size, n)
                 rows = range((step - 1) * size, last)
-                evaluated: list[tuple[Tensor, Tensor]] = []
-                batch = frames, targets, permutation, rows
-                closure = partial(self._evaluate, optimizer, evaluated, *batch)
-                optimizer.step(closure)  # type: ignore[arg-type]  # a tensor is a float here
-                # The first evaluation is at the weights before the step, for every optimiser.
-                loss, hits = evaluated[0]
+                optimizer.zero_grad(set_to_none=True)
+                loss, hits = self._evaluate(frames, targets, permutation, rows)
+                optimizer.step()
                 losses.append(loss)
                 right.append(hits)
                 asked += len(rows)
                 taken += 1
-                seen += len(evaluated) * len(rows)
+                seen += len(rows)
                 if step in reports:
-                    mean = torch.stack(list(losses)).mean().item()
                     yield {
                         "samples_seen": seen,
                         "epoch": seen / n,
                         "steps": taken,
-                        "loss": mean,
+                        "loss": torch.stack(list(losses)).mean().item(),
                         "batch_accuracy": torch.stack(right).sum().item() / asked,
                     }
                     right, asked = [], 0
-            if isinstance(optimizer, torch.optim.LBFGS):
-                if abs(previous - mean) <= LBFGS_TOLERANCE * abs(mean):
-                    return
-                previous = mean
 
     def _evaluate(
         self,
-        optimizer: torch.optim.Optimizer,
-        evaluated: list[tuple[Tensor, Tensor]],
         frames: FrameSource,
         targets: Tensor,
         order: Tensor | None,
         rows: range,
-    ) -> Tensor:
-        """Loss of one batch; its gradient is in the parameters.
-
-        The loss and the number of frames that were right are appended to ``evaluated``.
-        """
-        optimizer.zero_grad(set_to_none=True)
+    ) -> tuple[Tensor, Tensor]:
+        """Loss of one batch and the number of its frames that were right; the gradient is added to
+        that of the parameters."""
         size = self.micro_batch or (FULL_CHUNK if order is None else len(rows))
         # Near the optimum log-sum-exp and logit nearly cancel: in float32 the rounding of a logit
-        # of 5 is a thousandth of such a loss, and the line search of L-BFGS stalls.
+        # of 5 is a thousandth of such a loss.
         exact = torch.float32 if targets.device.type == "mps" else torch.float64
         loss = torch.zeros((), dtype=exact, device=self.device)
         right = torch.zeros((), dtype=torch.int64, device=self.device)
@@ -237,5 +203,4 @@ class IterativeClassifier(Classifier):
             penalty = squares / (2 * self.C * len(frames))
             penalty.backward()
             loss += penalty.detach()
-        evaluated.append((loss, right))
-        return loss
+        return loss, right

@@ -62,16 +62,14 @@ class FibreScene:
             the mean is taken over all positions and perturbations, not over a frame.
         side: pixels per side of each polarisation's image; above the 41 of the stored modes the
             *field* is interpolated by a Fourier series (the modes are dark at the rim).
-        seed: of the input fields.
+        seed: of the input field.
         sampling_seed: of positions, perturbations and photons.
-        n_fields: K input fields, one after the other into the same fibre; their images lie side by
-            side, so a frame has K times the pixels.
         source: repository of another fibre: arguments of :class:`scenes.source.Source`.
         file: array [P, 110, inputs] of its matrices in that repository.
         step: press depth between one matrix and the next, from 0 on (m).
 
     Attributes:
-        shape: (side, 2·side·K), both polarisations side by side.
+        shape: (side, 2·side), both polarisations side by side.
         samples: ``depth`` is Δx in m; for others see :class:`scenes.frames.Scene`.
         source, sha256: where the matrices come from, and the digest of their files.
 
@@ -96,13 +94,11 @@ class FibreScene:
         side: int = 41,
         seed: int = 0,
         sampling_seed: int = 0,
-        n_fields: int = 1,
         source: Mapping[str, Any] | None = None,
         file: str | None = None,
         step: float | None = None,
     ) -> None:
         check_integer("scene.samples_per_class", samples_per_class, 1)
-        check_integer("scene.n_fields", n_fields, 1)
         require_number("scene.perturbation", perturbation, 0)
         require_number("scene.photons", photons, 0)
         require_number("scene.saturation", saturation, 0, strict=True)
@@ -130,7 +126,7 @@ class FibreScene:
 
         n = len(self.classes) * samples_per_class
         self.labels = np.arange(n) % len(self.classes)
-        self.shape = (side, 2 * side * n_fields)
+        self.shape = (side, 2 * side)
         self._perturbation, self._photons = float(perturbation), float(photons)
         self._sampling_seed = sampling_seed
         positions = []
@@ -143,14 +139,9 @@ class FibreScene:
 
         self._inputs = self._matrices.shape[2]
         rng = np.random.default_rng(seed)
-        fields = _complex_normal(rng, n_fields * self._inputs)
-        self._fields = fields.reshape(n_fields, self._inputs)
+        self._field = _complex_normal(rng, self._inputs)
         used = self._matrices[np.concatenate(members)]
-        means = [
-            _mean_intensity(used, self._modes, field, self._perturbation)
-            for field in self._fields
-        ]
-        self._mean = float(np.mean(means))
+        self._mean = _mean_intensity(used, self._modes, self._field, self._perturbation)
         self._full_scale = float(saturation) * self._mean
         self._interpolate = _dirichlet(side, self._grid) if side > self._grid else None
         self._settings: tuple[Any, ...] = (
@@ -163,14 +154,12 @@ class FibreScene:
             seed,
             sampling_seed,
         )
-        if n_fields > 1:
-            self._settings += (n_fields,)
 
     def __len__(self) -> int:
         return len(self.labels)
 
     def frames(self, indices: Indices) -> Tensor:
-        """Frames uint8 [len(indices), side, 2·side·K]; an IndexError for one outside [0, N)."""
+        """Frames uint8 [len(indices), side, 2·side]; an IndexError for one outside [0, N)."""
         rows = row_numbers(indices, len(self)).tolist()
         frames = np.empty((len(rows), *self.shape), np.uint8)
         for k, row in enumerate(rows):
@@ -194,21 +183,14 @@ class FibreScene:
         # the batch.
         rng = self._draw(i)
         rng.choice(1)  # the position, drawn in __init__
-        matrix = self._matrices[self._position[i]]
-        images = [self._intensity(matrix, field, rng) for field in self._fields]
-        scale = 255 / self._full_scale
-        grey = np.rint(np.hstack(images) * scale)
+        intensity = self._intensity(self._matrices[self._position[i]], rng)
+        grey = np.rint(intensity * (255 / self._full_scale))
         return np.clip(grey, 0, 255).astype(np.uint8)
 
-    def _intensity(
-        self,
-        matrix: np.ndarray,
-        field: np.ndarray,
-        rng: np.random.Generator,
-    ) -> np.ndarray:
-        """|E|² [side, 2·side] of one perturbed input field, photons counted."""
-        field = field + self._perturbation * _complex_normal(rng, self._inputs)
-        amplitudes = (matrix @ field).reshape(2, -1)
+    def _intensity(self, matrix: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+        """|E|² [side, 2·side] of a perturbed input field, photons counted."""
+        change = self._perturbation * _complex_normal(rng, self._inputs)
+        amplitudes = (matrix @ (self._field + change)).reshape(2, -1)
         image = amplitudes @ self._modes
         image = image.reshape(2, self._grid, self._grid)
         if self._interpolate is not None:
@@ -293,16 +275,11 @@ def _array(
         raise ValueError(
             f"{file}: expected a complex array {shape}, found: {error}"
         ) from error
-    found = f"{array.dtype} {array.shape}"
-    fits = array.ndim == len(shape) and array.dtype.kind == "c"
-    for wanted, length in zip(shape, array.shape, strict=False):
-        fits = fits and wanted in (None, length)
-    if fits and not np.isfinite(array).all():
-        found += ", not all finite"
-        fits = False
-    if not fits:
+    lengths = zip(shape, array.shape, strict=False)
+    fits = array.ndim == len(shape) and all(n in (None, found) for n, found in lengths)
+    if not fits or array.dtype.kind != "c" or not np.isfinite(array).all():
         raise ValueError(
-            f"{file}: expected a finite complex array {shape}, found {found}"
+            f"{file}: expected a finite complex array {shape}, found {array.dtype} {array.shape}"
         )
     return array.astype(np.complex128)
 

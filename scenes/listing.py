@@ -1,26 +1,24 @@
 """The public data sets: which are present, and one script that downloads the others.
 
-``python -m scenes.measured`` prints both. ``python -m scenes.measured NAME …`` reads the named ones
-and prints commit, digest, licence and citation of each.
+``python -m scenes.measured`` prints both. Commit, digest, licence and citation of a data set are in
+its file of configs/scene.
 """
 
 from __future__ import annotations
 
 import os
-import sys
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from hydra.errors import InstantiationException
-from hydra.utils import get_object
 from omegaconf import OmegaConf
 from rich.console import Console
 from rich.table import Table
 
-from scenes.export import config_of, scene_of
-from scenes.fibre import PRESSED, FibreScene
+from scenes.composed import config_of, scene_of
+from scenes.fibre import PRESSED
 from scenes.source import DATA, Source
 
 CONFIGS = Path(__file__).resolve().parents[1] / "configs" / "scene"
@@ -40,7 +38,7 @@ def _is_public(file: Path) -> bool:
 
 
 def _is_fibre(scene: Any) -> bool:
-    return "_target_" in scene and get_object(scene._target_) is FibreScene
+    return scene.get("_target_") == "scenes.fibre.FibreScene"
 
 
 def sources(scene: Any) -> list[Source]:
@@ -81,7 +79,7 @@ def _present(name: str, split: Any) -> tuple[str, ...]:
     try:
         scene = scene_of([f"scene={name}"])
     except InstantiationException:
-        return "unreadable", *[""] * 6  # details say what was found
+        return "unreadable", *[""] * 6
     height, width = scene.shape
     return (
         "yes",
@@ -102,32 +100,9 @@ def _count(scene: Any, name: str) -> str:
     return str(len(set(zip(of.tolist(), scene.samples[name].tolist(), strict=True))))
 
 
-def details(name: str) -> str:
-    """Contents and source of a data set, or how to get it."""
-    try:
-        scene = scene_of([f"scene={name}"])
-    except InstantiationException as error:
-        return f"{name}: {error.__cause__}"
-    counts = ", ".join(map(str, np.bincount(scene.labels)))
-    source = scene.source
-    return (
-        f"{name}: {len(scene)} frames {scene.shape}, {scene.origin}; per class: {counts}\n"
-        f"  github.com/{source.repository} @ {source.commit}\n"
-        f"  sha256 {scene.sha256}\n"
-        f"  licence: {source.licence}; {source.cite}"
-    )
-
-
-def show(names: Sequence[str]) -> None:
-    """Print the details of the named data sets, or the overview of all."""
-    known = public_names()
-    for name in names:
-        if name not in known:
-            sys.exit(f"error: expected names among {', '.join(known)}, found {name}")
-        print(details(name))
-    if names:
-        return
-    table, commands = overview(known)
+def show() -> None:
+    """Print the table, and the script where a recording is missing."""
+    table, commands = overview(public_names())
     Console().print(table)
     if not commands:
         return

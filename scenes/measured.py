@@ -9,7 +9,6 @@ from __future__ import annotations
 import copy
 import hashlib
 import posixpath
-import sys
 from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Any
@@ -31,10 +30,10 @@ class MeasuredScene(PublicScene):
 
     Args:
         source: the repository, arguments of :class:`scenes.source.Source`.
-        template, table, image_column, crop, subsample: see :func:`hdc.readers.open_recording`.
+        template, table, image_column, subsample: see :func:`hdc.readers.open_recording`.
         folders: folders of the repository. Where there are two or more, each is a session.
-        values: continuous quantities, a mapping each: ``name``, ``unit``, and a ``column`` of the
-            table or ``labels``, the value of each label.
+        values: continuous quantities, a mapping each: ``name``, ``unit`` and the ``column`` of the
+            table.
         levels: classes where there are no labels: the name of a ``value`` and the upper ``edges``
             of its classes.
         unknown: labels of frames that belong to no class.
@@ -61,14 +60,12 @@ class MeasuredScene(PublicScene):
         values: Sequence[Mapping[str, Any]] = (),
         levels: Mapping[str, Any] | None = None,
         unknown: Sequence[str] = (),
-        crop: Sequence[int] | None = None,
         subsample: int = 1,
         rename: Mapping[str, str] | None = None,
         damaged: Sequence[str] = (),
     ) -> None:
         self.source = Source(**source)
         root = self.source.folder()
-        columns = [value["column"] for value in values if "column" in value]
         try:
             self._parts = [
                 readers.open_recording(
@@ -76,8 +73,8 @@ class MeasuredScene(PublicScene):
                     template=template,
                     table=table,
                     image_column=image_column,
-                    value_columns=columns,
-                    window=readers.Window(crop, subsample),
+                    value_columns=[value["column"] for value in values],
+                    window=readers.Window(None, subsample),
                     check=False,  # the digest says whether they are the files that were looked at
                     fewest_classes=1,
                 )
@@ -88,13 +85,13 @@ class MeasuredScene(PublicScene):
         self.shape = self._parts[0].frame_shape
         files = _files(folders, self._parts, table)
         self.sha256 = self.source.check(root, files)
-        self._settings = (self.sha256, tuple(crop or ()), subsample)
+        self._settings = (self.sha256, subsample)
         self._decoded = _decoded(*self._settings)
         self.samples: Mapping[str, np.ndarray] = _samples(self._parts)
         self.value_names = tuple(value["name"] for value in values)
         self.units = tuple(value["unit"] for value in values)
         names = _labels(self._parts, rename or {})
-        self.values = _values(values, self._parts, names)
+        self.values = _values(self._parts)
         if levels is None:
             found = set(names.tolist())
             classes = tuple(sorted(found, key=readers.natural_key))
@@ -172,10 +169,8 @@ class MeasuredScene(PublicScene):
 
 
 @lru_cache(maxsize=4)
-def _decoded(
-    sha256: str, crop: tuple[int, ...], subsample: int
-) -> dict[int, np.ndarray]:
-    """Frames by row, shared by all scenes of the same files and window in this process."""
+def _decoded(sha256: str, subsample: int) -> dict[int, np.ndarray]:
+    """Frames by row, shared by all scenes of the same files and pixels in this process."""
     return {}
 
 
@@ -215,7 +210,7 @@ def _samples(parts: Sequence[readers.Recording]) -> dict[str, np.ndarray]:
         orders.append(part.order + start)
         start += part.order.max() + 1
     samples = {"order": np.concatenate(orders)}
-    for name in ("file", "group", "group_name", "session", "session_name"):
+    for name in ("file", "group", "session", "session_name"):
         if all(name in part.samples for part in parts):
             columns = [part.samples[name] for part in parts]
             samples[name] = np.concatenate(columns)
@@ -236,26 +231,16 @@ def _labels(
     return np.array(names)
 
 
-def _values(
-    values: Sequence[Mapping[str, Any]],
-    parts: Sequence[readers.Recording],
-    names: np.ndarray,
-) -> np.ndarray:
-    """Continuous quantities float64 [N, k], by column of the table or by label; nan: not known."""
-    n = sum(len(part) for part in parts)
-    found = np.full((n, len(values)), np.nan)
-    column = 0  # of those that were read
-    for k, value in enumerate(values):
-        if "column" in value:
-            read = [np.asarray(part.values)[:, column] for part in parts]
-            found[:, k] = np.concatenate(read)
-            column += 1
-        for name, number in value.get("labels", {}).items():
-            found[names == name, k] = number
-    return found
+def _values(parts: Sequence[readers.Recording]) -> np.ndarray:
+    """Continuous quantities float64 [N, k] of the columns that were read."""
+    read = [
+        np.empty((len(part), 0)) if part.values is None else part.values
+        for part in parts
+    ]
+    return np.concatenate(read)
 
 
 if __name__ == "__main__":
     from scenes.listing import show
 
-    show(sys.argv[1:])
+    show()

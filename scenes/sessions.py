@@ -7,7 +7,7 @@ later ones; train on one fibre and use another.
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import numpy as np
 import torch
@@ -34,7 +34,6 @@ class Halves:
         self.labels = scene.labels
         self.shape = scene.shape
         self.origin = scene.origin
-        self.revision = _revision([scene])
         session = np.zeros(len(self.labels), np.int64)
         for c in range(len(self.classes)):
             members = np.flatnonzero(self.labels == c)
@@ -78,7 +77,6 @@ class Joined:
         self.classes = first.classes
         self.shape = first.shape
         self.origin = first.origin
-        self.revision = _revision(self._scenes)
         self.labels = np.concatenate([scene.labels for scene in self._scenes])
         sizes = [len(scene.labels) for scene in self._scenes]
         self._starts = np.cumsum([0, *sizes])
@@ -106,8 +104,3 @@ class Joined:
         """SHA-256 of the scenes' digests."""
         digests = " ".join(scene.fingerprint() for scene in self._scenes)
         return hashlib.sha256(digests.encode()).hexdigest()
-
-
-def _revision(scenes: Sequence[Scene]) -> int:
-    """The latest revision of the scenes that make the frames; a scene without one counts as 1."""
-    return max(getattr(scene, "revision", 1) for scene in scenes)

@@ -12,7 +12,7 @@ from scenes.source import DATA, Source
 
 
 def needs(config: Any) -> str:
-    """One line: ``needs scipy, data of owner/name; lacks cv2``. Empty where nothing is needed.
+    """One line: ``needs sklearn, data of owner/name; lacks cv2``. Empty where nothing is needed.
 
     Args:
         config: resolved. Nothing of it is imported or built.

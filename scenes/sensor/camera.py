@@ -17,7 +17,6 @@ from functools import cached_property
 
 import numpy as np
 import torch
-from scipy.optimize import brentq
 from torch import Tensor
 
 from hdc.parameters import check_integer
@@ -90,11 +89,14 @@ class Camera:
         def beam(width: float) -> np.ndarray:
             return np.asarray(np.exp(-square / (2 * width**2)))
 
-        def excess(width: float) -> float:
+        low, high = 0.2, 50.0  # a wider beam is more even
+        while high - low > 1e-12:
+            width = (low + high) / 2
             light = beam(width)
-            return float(light.std() / light.mean()) - self.unevenness
-
-        light = beam(brentq(excess, 0.2, 50.0, xtol=1e-9))
+            if light.std() > self.unevenness * light.mean():
+                low = width
+            else:
+                high = width
         return np.asarray(light / light.mean())
 
 

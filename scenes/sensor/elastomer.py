@@ -17,9 +17,8 @@ from functools import cached_property, lru_cache
 from typing import Any
 
 import numpy as np
+from numpy.polynomial import polynomial
 from numpy.typing import NDArray
-from scipy import special
-from scipy.interpolate import CubicSpline
 
 from hdc.parameters import check_integer
 from scenes.validate import require_number
@@ -31,11 +30,37 @@ NODES_PER_PERIOD = 8  # Gauss-Legendre nodes a period of the fastest oscillation
 
 
 def hertz_transform(x: Array) -> Array:
-    """Φ(x) = (sin x − x·cos x)/x³ = j1(x)/x, with Φ(0) = 1/3."""
-    x = np.asarray(x, dtype=np.float64)
-    large = x > 1e-6
-    safe = np.where(large, x, 1.0)
-    return np.where(large, special.spherical_jn(1, safe) / safe, 1 / 3)
+    """Φ(x) = (sin x − x·cos x)/x³ for x ≥ 0. Below 1, where the difference cancels, it is the power
+    series Σ 2(n + 1)/(2n + 3)!·(−x²)ⁿ."""
+    near, far = np.minimum(x, 1.0), np.maximum(x, 1.0)
+    terms = [2 * (n + 1) / math.factorial(2 * n + 3) for n in range(10)]
+    series = polynomial.polyval(-near * near, terms)
+    closed = (np.sin(far) - far * np.cos(far)) / far**3
+    return np.where(x < 1, series, closed)
+
+
+def bessel(order: int, x: Array) -> Array:
+    """J0 or J1 of x ≥ 0, to 1e-15.
+
+    Below 25 it is the mean over an angle θ of cos(x·sin θ) or sin θ·sin(x·sin θ), beyond it
+    Hankel's expansion √(2/πx)·Re[e^{iχ}·Σ a_k·(i/x)^k] with χ = x − (order + ½)·π/2 (Abramowitz
+    and Stegun 9.1.18 and 9.2.5). SciPy has both, but a scene would load 66 modules for them.
+    """
+    found = np.zeros_like(x)
+    is_near = x < 25
+    near, far = x[is_near], x[~is_near]
+    for sine in np.sin(np.pi * (np.arange(16) + 0.5) / 32):
+        angle = near * sine
+        found[is_near] += np.sin(angle) * sine if order else np.cos(angle)
+    found[is_near] /= 16
+    term = np.ones_like(far, dtype=complex)
+    total = term.copy()
+    for k in range(1, 21):
+        term *= 1j * (4 * order**2 - (2 * k - 1) ** 2) / (8 * k) / far
+        total += term
+    wave = np.exp(1j * (far - (order + 0.5) * np.pi / 2))
+    found[~is_near] = np.sqrt(2 / (np.pi * far)) * (wave * total).real
+    return found
 
 
 def layer_response(
@@ -43,33 +68,12 @@ def layer_response(
     z: Array,
     thickness: float,
 ) -> tuple[Array, Array]:
-    """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows or cancels."""
+    """(P, Q) at wavenumbers k [1/m] and heights z [m], broadcast; nothing overflows."""
     near, far = _excess(k, z, thickness)
     kd = k * (thickness - z)
     p = near + (1 + kd) * np.exp(-kd)
     q = far + kd * np.exp(-kd)
-    # P and Q are of order H³ and H² for a small H, what they are differences of is of order one.
-    big_h, s = np.minimum(k * thickness, 1), np.minimum(k * z, 1)
-    thin_p, thin_q = _thin(big_h, s)
-    small = k * thickness < 1
-    return np.where(small, thin_p, p), np.where(small, thin_q, q)
-
-
-def _thin(big_h: Array, s: Array) -> tuple[Array, Array]:
-    """(P, Q) of H ≤ 1 from hyperbolic functions, without differences of nearly equal terms.
-
-    U = N(s)/N(H) with N(s) = H·cosh H·s·sinh s + (cosh H + H·sinh H)(sinh s − s·cosh s), and
-    N(H) = (sinh 2H − 2H)/2 cancels against w̄: P = N(s)/C, Q = N′(s)/C, C = (cosh 2H + 1)/2 + H².
-    s·cosh s − sinh s = s²·i1(s), the modified spherical Bessel function.
-    """
-    cosh_h, sinh_h = np.cosh(big_h), np.sinh(big_h)
-    cosh_s, sinh_s = np.cosh(s), np.sinh(s)
-    rest = cosh_h + big_h * sinh_h
-    size = cosh_h**2 + big_h**2
-    lower = rest * s**2 * special.spherical_in(1, s)
-    p = big_h * cosh_h * s * sinh_s - lower
-    q = big_h * cosh_h * (sinh_s + s * cosh_s) - rest * s * sinh_s
-    return p / size, q / size
+    return p, q
 
 
 def _excess(
@@ -235,20 +239,29 @@ def _table(
     stretch = 4 * radius  # steps near the contact about a/60, at r = 100 mm about h/2
     t = np.linspace(0, reach / (reach + stretch), intervals + 1)
     r = stretch * t / (1 - t)
-    width = t[1] - t[0]
     pieces = []
     for values in layer._displacement(r, layer.heights, radius):
-        # Both are even in r, so their slope at the axis is zero.
-        flat = (1, np.zeros(values.shape[1]))
-        spline = CubicSpline(
-            t,
-            values,
-            axis=0,
-            bc_type=(flat, "not-a-knot"),
-        )
-        pieces += [spline.c[3 - power] * width**power for power in range(4)]
+        pieces += _cubic_pieces(values)
     coefficients = np.stack(pieces, axis=-1).swapaxes(0, 1)
     return RadialTable(coefficients.copy(), stretch, reach)
+
+
+def _cubic_pieces(values: Array) -> list[Array]:
+    """Coefficients, lowest power first, of the cubic spline through values [n + 1, levels] one unit
+    apart: four [n, levels]. Its slope is zero at the first, for a function that is even there, and
+    its third derivative does not jump at the last but one."""
+    n = len(values)
+    system = np.eye(n, k=-1) + 4 * np.eye(n) + np.eye(n, k=1)
+    right = np.zeros_like(values)
+    right[1:-1] = 3 * (values[2:] - values[:-2])
+    system[0, :2] = 1, 0
+    system[-1, -2:] = 2, 1
+    steps = np.diff(values, axis=0)
+    right[-1] = (5 * steps[-1] + steps[-2]) / 2
+    slopes = np.linalg.solve(system, right)
+    first, last = slopes[:-1], slopes[1:]
+    square = 3 * steps - 2 * first - last
+    return [values[:-1], first, square, first + last - 2 * steps]
 
 
 def _unscaled(
@@ -265,11 +278,11 @@ def _unscaled(
     r = r[:, None]
     kr = r * k
     # J1(x)/x → 1/2 on the axis.
-    off_axis = special.j1(kr) / np.maximum(r, 1e-300)
+    off_axis = bessel(1, kr) / np.maximum(r, 1e-300)
     j1_over_r = np.where(kr > 1e-8, off_axis, k / 2)
     space_z, space_r = half_space(r, h - z, radius)
     u_r_over_r = space_r + j1_over_r @ (weight * q)
-    sunk = space_z + special.j0(kr) @ (weight * p)
+    sunk = space_z + bessel(0, kr) @ (weight * p)
     return u_r_over_r, sunk
 
 

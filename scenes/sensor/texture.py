@@ -25,7 +25,6 @@ from functools import lru_cache
 
 import numpy as np
 import torch
-from scipy import sparse
 from torch import Tensor
 
 from scenes.sensor.contact import BoundContact, Press, Touch
@@ -213,14 +212,10 @@ class Patch:
     ) -> Tensor:
         """Matrix float32 [P, n_columns] on the device, from (rows, columns) of its weights."""
         shape = (len(self._sensor.path_set), n_columns)
-        read = sparse.csr_matrix((weights, coordinates), shape=shape)
-        starts = torch.from_numpy(read.indptr)
-        indices = torch.from_numpy(read.indices)
-        values = torch.from_numpy(read.data)
-        # Support of sparse tensors is in beta.
+        # Support of compressed rows is in beta.
         with warnings.catch_warnings(action="ignore"):
-            matrix = torch.sparse_csr_tensor(starts, indices, values, shape)
-            return matrix.to(self._sensor.place)
+            entries = torch.sparse_coo_tensor(np.stack(coordinates), weights, shape)
+            return entries.to_sparse_csr().to(self._sensor.place)
 
     def _readings(
         self, level: int, n: int

@@ -12,7 +12,6 @@ from baselines import library
 from baselines.bank import Bank
 from baselines.base import Classifier
 from baselines.correlation import CorrelationClassifier
-from baselines.features import Brightness
 from baselines.mean_image import MeanImage
 from baselines.nearest_neighbour import NearestNeighbour
 from baselines.training import IterativeClassifier
@@ -27,7 +26,7 @@ from tests.experiments.composed import tree
 
 ALL = sorted(path.stem for path in (CONFIGS / "model").glob("*.yaml"))
 # Variants of a recipe that differ in a number only.
-VARIANTS = {"softmax_zero", "cnn3"}
+VARIANTS = {"cnn3"}
 SLOW = {"bits_chosen", "greys_chosen"}
 NAMES = [name for name in ALL if not name.startswith("hdc") and name not in VARIANTS]
 
@@ -35,7 +34,7 @@ NAMES = [name for name in ALL if not name.startswith("hdc") and name not in VARI
 def make(name):
     """The model of a config, quick enough for small frames."""
     model = instantiate(tree(f"model={name}").model, _convert_="all")
-    if isinstance(model, IterativeClassifier) and model.optimizer != "LBFGS":
+    if isinstance(model, IterativeClassifier):
         return replace(model, lr=1e-2, max_epochs=20)
     return model
 
@@ -43,11 +42,6 @@ def make(name):
 @pytest.fixture(params=NAMES)
 def model(request):
     return make(request.param)
-
-
-def least(model):
-    """Share of small training frames that a model has right: their classes differ by patterns."""
-    return 0.4 if isinstance(model, Brightness) else 0.9
 
 
 def same_state(a, b):
@@ -101,7 +95,7 @@ def test_learns_frames_of_16_bits_and_labels_as_they_are(model, speckle):
     named = np.array(["left", "right", "far away"])[labels]
     wide = (frames.to(torch.int32) * 257).to(torch.uint16)
     right = model.fit(wide, named.tolist()).predict(wide) == named
-    assert right.mean() > least(model)
+    assert right.mean() > 0.9
     assert model.predict(wide[0]).shape == (1,)
     for asked, message in (
         (frames, r"expected torch\.uint16 as in training, found .*uint8"),
@@ -182,8 +176,8 @@ def plainly(model, bank, train, queries, stop):
 
 # Not those with random ties, whose prototypes of equal classes differ, nor networks.
 TIED = [
-    *("hdc", "hdc_integer", "nearest_neighbour", "knn_greys", "correlation"),
-    *("mean_image", "ridge", "ridge_standardised", "linear_bits"),
+    *("hdc", "hdc_integer", "hdc_neighbours", "knn_greys", "correlation"),
+    *("mean_image", "ridge", "ridge_standardised"),
     *("softmax_dual", "softmax_dual_standardised"),
 ]
 STOP = StopRule(least_steps=2, most_steps=3)
@@ -194,7 +188,7 @@ COMBINATIONS = {
 }
 COMBINATIONS |= {
     "median neighbours 3": HDCClassifier(readout=Neighbours(3)),
-    "knn 3": NearestNeighbour(k=3, pixels="raw"),
+    "knn 3": NearestNeighbour(k=3),
     "mean_image standardised": MeanImage(pixels="standardised"),
 }
 

@@ -60,7 +60,7 @@ def test_from_python(tmp_path, monkeypatch):
     assert names["low"] <= names["difference"] <= names["high"]
     assert names["accuracy"](1.0) > 0.5
     assert len(names["rows"]) > 1000
-    assert set(names["rows"]["scene.n_fields"].dropna()) <= {1, 4, 16}
+    assert set(names["rows"]["scene.side"].dropna()) == {41}
 
 
 def test_picture_of_the_method():

@@ -26,7 +26,7 @@ HEAVY = (
     "sklearn",
     "pandas",
     "matplotlib",
-    "scipy.stats",
+    "scipy",
     "baselines.cnn",
 )
 pytestmark = pytest.mark.usefixtures("results", "one_thread")

@@ -44,14 +44,14 @@ def test_a_sample_is_the_same_in_any_batch_order_and_number():
         scene.frames([40])
 
 
-def assert_is_the_measured_matrix_times_the_fields(frame, matrix, n_fields, seed):
+def assert_is_the_measured_matrix_times_the_field(frame, matrix, seed):
     """Without noise and perturbation: the published formula, written out."""
     modes = np.load(EXCERPT / "Data" / "modes_out_after_correction.npy")
-    shape = (n_fields, matrix.shape[1], 2)
-    parts = np.random.default_rng(seed).standard_normal(shape)
-    halves = []
-    for field in parts[..., 0] + 1j * parts[..., 1]:
-        halves += [modes.T @ half for half in np.split(matrix @ field, 2)]
+    real, imaginary = (
+        np.random.default_rng(seed).standard_normal((matrix.shape[1], 2)).T
+    )
+    field = real + 1j * imaginary
+    halves = [modes.T @ half for half in np.split(matrix @ field, 2)]
     expected = np.hstack([np.abs(half.reshape(21, 21)) ** 2 for half in halves])
     frame = frame.numpy().astype(float)
     scale = (frame * expected).sum() / (expected**2).sum()
@@ -62,15 +62,14 @@ def assert_is_the_measured_matrix_times_the_fields(frame, matrix, n_fields, seed
 CLEAR = {"perturbation": 0, "photons": 0, "saturation": 60}
 
 
-@pytest.mark.parametrize("n_fields", [1, 3])
-def test_a_frame_is_that_of_the_matrix_of_its_depth(n_fields):
-    scene = excerpt(seed=3, n_fields=n_fields, **CLEAR)
+def test_a_frame_is_that_of_the_matrix_of_its_depth():
+    scene = excerpt(seed=3, **CLEAR)
     for i, frame in enumerate(scene.frames(range(5))):
         position = f"{5.04 + scene.samples['depth'][i] * 1e3:.4f}".rstrip("0")
         name = position + "0" * position.endswith(".")
         with np.load(EXCERPT / "Data" / f"TM_modes_{name}.npz") as file:
             matrix = file["TM_corr_modes"]
-        assert_is_the_measured_matrix_times_the_fields(frame, matrix, n_fields, 3)
+        assert_is_the_measured_matrix_times_the_field(frame, matrix, 3)
 
 
 def test_the_exposure_is_fixed_and_photons_are_counted():
@@ -102,7 +101,7 @@ def test_an_enlarged_field_is_the_same_field():
 def test_the_fingerprint_follows_every_setting():
     changed = [
         {"samples_per_class": 9}, {"perturbation": 0.4}, {"photons": 20}, {"side": 50},
-        {"saturation": 5.0}, {"seed": 1}, {"sampling_seed": 1}, {"n_fields": 2},
+        {"saturation": 5.0}, {"seed": 1}, {"sampling_seed": 1},
         {"depth_edges": [0.0, 40e-6, 80e-6]},
     ]  # fmt: skip
     prints = {excerpt(**settings).fingerprint() for settings in [{}, {}, *changed]}
@@ -122,7 +121,7 @@ def test_matrices_of_another_fibre(tmp_path, monkeypatch):
     assert scene.classes == ("≤ 4 µm", "4–10 µm")
     assert set(np.round(scene.values[:, 0], 6)) <= {0, 2, 4, 6, 8, 10}
     matrix = matrices[round(scene.values[0, 0] / 2)]
-    assert_is_the_measured_matrix_times_the_fields(scene.frames([0])[0], matrix, 1, 0)
+    assert_is_the_measured_matrix_times_the_field(scene.frames([0])[0], matrix, 0)
 
 
 def test_a_missing_repository_is_named(tmp_path, monkeypatch):

@@ -9,7 +9,7 @@ import torch
 from hydra.errors import InstantiationException
 
 from scenes import listing, measured
-from scenes.export import scene_of
+from scenes.composed import scene_of
 from scenes.frames import Scene
 from scenes.listing import show
 from scenes.measured import MeasuredScene
@@ -57,7 +57,8 @@ def test_a_recording_is_a_scene(pressed, monkeypatch):
     expected = torch.from_numpy(np.stack(grey))
     assert torch.equal(scene.frames(indices), expected)
     monkeypatch.setattr(measured, "MEMORY_BYTES", 0)
-    assert torch.equal(touches(crop=[2, 0, 6, 6]).frames(indices), expected[..., 2:])
+    part = touches(subsample=2).frames(indices)
+    assert torch.equal(part, expected[:, ::2, ::2])
     assert scene.frames([]).shape == (0, 6, 8)
 
 
@@ -118,22 +119,17 @@ def test_unknown_frames_are_a_scene_of_their_own(root):
     """And a class whose name is spelled in two ways is one."""
     for grey, label in enumerate(["n13311", "extra", "n13529", "m13529"]):
         write_image(root / label / f"s{grey}_1.png", np.full((3, 3), grey, np.uint8))
-    labels = {"n13311": 1.3311, "n13529": 1.3529}
     scene = touches(
         template="{label}/{group}_{order}.png",
         rename={"m13529": "n13529"},
         unknown=["extra"],
-        values=[{"name": "index", "unit": "1", "labels": labels}],
     )
     assert scene.classes == ("n13311", "n13529")
     assert scene.labels.tolist() == [1, 0, 1]
-    assert scene.values.tolist() == [[1.3529], [1.3311], [1.3529]]
     assert scene.frames(range(3))[:, 0, 0].tolist() == [3, 0, 2]
-    assert scene.samples["group_name"].tolist() == ["s3", "s0", "s2"]
     unknown = scene.unknown
     assert (unknown.classes, len(unknown)) == (("extra",), 1)
     assert unknown.frames([0])[0, 0, 0] == 1
-    assert np.isnan(unknown.values).all()
     assert unknown.fingerprint() != scene.fingerprint()
 
 
@@ -170,7 +166,7 @@ def test_the_commands_clone_nothing_where_the_variable_is_not_set(monkeypatch):
 def test_missing_recordings_are_listed_with_one_script(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("MEASURED_DATA", str(tmp_path))
     (tmp_path / "article_MMF_disorder").mkdir()
-    show([])
+    show()
     table, script = capsys.readouterr().out.split("This script gets")
     for name, state in (("gelsight", "no"), ("tactip", "no"), ("fibre", "unreadable")):
         assert re.search(rf" {name} .*│ {state}", table)

@@ -21,7 +21,7 @@ def test_a_process_says_what_it_imports_and_what_that_costs():
     assert 1e8 < row["peak_bytes"] < 1e9
     columns = (row[name] for name in ("package", "modules", "package_s"))
     of = {name: rest for name, *rest in zip(*columns, strict=True)}
-    assert {"python", "torch", "numpy", "hdc", "scipy"} <= set(of)
+    assert {"python", "torch", "numpy", "hdc", "scenes"} <= set(of)
     assert sum(seconds for _, seconds in of.values()) < row["first_prediction_s"]
     torch, hdc = of["torch"], of["hdc"]
     assert torch[0] > hdc[0] > 10

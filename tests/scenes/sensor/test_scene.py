@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import torch
 
-from scenes.export import scene_of
+from scenes.composed import scene_of
 from scenes.frames import Scene
 
 TINY = ("sensor.camera.grid=64", "sensor.camera.crop=60", "sensor.camera.pupil=24")

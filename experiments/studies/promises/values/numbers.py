@@ -48,7 +48,7 @@ def answers(
 
     yield row("mean", np.full(len(queries), y.mean()))
     yield row("bins", binned(learned, y, asked, bins))
-    products = bank.kernel(train, queries, "unit_centred")
+    products = bank.centred(train, queries)
     yield row("ridge_greys", ridge_values(*products, y))
     for name, readout in REGRESSORS.items():
         model = HDCRegressor(readout=readout).fit(learned, y)
