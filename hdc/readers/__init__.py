@@ -15,7 +15,6 @@ from pathlib import Path
 import numpy as np
 
 from hdc.readers.about import natural_key
-from hdc.readers.asked import Asked
 from hdc.readers.files import (
     Ambiguous,
     BadFrame,
@@ -24,7 +23,8 @@ from hdc.readers.files import (
     missing,
     wrong,
 )
-from hdc.readers.recording import Recording, Window
+from hdc.readers.recording import Recording
+from hdc.readers.settings import Asked, Window
 
 __all__ = [
     "Ambiguous",
@@ -117,9 +117,9 @@ def open_recording(
         ValueError: a label, a table or a folder is not as described.
         ModuleNotFoundError: a library of the extra ``files`` is missing.
     """
-    window = window or Window(crop, subsample)
     path, dataset = split_name(Path(path).expanduser())
     asked = Asked(
+        window or Window(crop, subsample),
         labels=labels,
         table=None if table is None else Path(table).expanduser(),
         values=value_columns if table is None or value_columns else None,
@@ -133,7 +133,7 @@ def open_recording(
     )
     reader = f"hdc.readers.{_READERS[_checked_kind(path, asked)]}"
     try:  # libraries are imported where their files are read
-        opened: Recording = import_module(reader).open_frames(path, window, asked)
+        opened: Recording = import_module(reader).open_frames(path, asked)
     except ModuleNotFoundError as error:
         raise missing(error) from error
     return opened.kept(memory_bytes) if check and opened.is_decoded else opened

@@ -14,8 +14,8 @@ from pathlib import Path
 
 import numpy as np
 
-from hdc.readers.asked import Asked
 from hdc.readers.files import SHOWN, SettingError, wrong
+from hdc.readers.settings import Asked
 from hdc.readers.table import Rows, parse_number, read_csv
 
 KNOWN = ("order", "session", "group")
@@ -24,12 +24,11 @@ _NAMES = ("label", "file")
 _OF_FRAME = ("frame", "time")
 """Columns that say which frame it is: neither are these, unless they are named."""
 _INTEGER = re.compile(r"[-+]?\d+", re.ASCII)
-_MISSING = {"", "nan", "na", "n/a", "null", "none", "-", "inf", "+inf", "-inf"}
-"""Texts for a missing number, in upper or lower case."""
 _OF_UNITS = re.compile(
     r"(?:^|[^a-z])(?:session|trial|run|day|date|take|rep|repetition|batch|block|visit)s?"
     r"(?:[^a-z]|no|nr|id|num|number|$)"
 )
+
 """Names of columns that number recordings, in lower case."""
 
 
@@ -66,7 +65,6 @@ class Columns:
         columns: numbers or text [N] by name; that of labels is text.
         units: of numbers, by name.
         learnt: names that are learnt where none is named; None means all numbers.
-        classes: names of the classes in their order, where it is stated.
     """
 
     where: object
@@ -75,7 +73,6 @@ class Columns:
     columns: dict[str, np.ndarray]
     units: Mapping[str, str] = field(default_factory=dict)
     learnt: Sequence[str] | None = None
-    classes: Sequence[str] | None = None
 
     @classmethod
     def read(cls, path: Path, required: Sequence[str] = ()) -> Columns:
@@ -94,11 +91,6 @@ class Columns:
             columns[name] = np.array(cells) if name in _NAMES else typed(cells)
         return cls(where, len(rows), lambda i: rows[i][0], columns)
 
-    def only(self, *names: str) -> Columns:
-        """Columns of these names, where they are there."""
-        kept = {name: self.columns[name] for name in names if name in self.columns}
-        return replace(self, columns=kept)
-
     def take(self, rows: np.ndarray) -> Columns:
         """The columns of these rows [n]."""
         kept = {name: column[rows] for name, column in self.columns.items()}
@@ -112,15 +104,13 @@ class Columns:
         Raises:
             SettingError: there is no such column.
         """
-        wanted = {"session": asked.sessions, "group": asked.groups}
         columns = dict(self.columns)
-        for known, name in wanted.items():
-            if name is None:
-                continue
-            if name not in self.columns:
+        for known, name in (("session", asked.sessions), ("group", asked.groups)):
+            if name is not None and name not in self.columns:
                 raise wrong(f"{known}s", name, f"one of {', '.join(self.columns)}")
-            columns.pop(name, None)
-            columns[known] = self.columns[name]
+            if name is not None:
+                columns.pop(name, None)
+                columns[known] = self.columns[name]
         return replace(self, columns=columns)
 
     def about(self, value_columns: Sequence[str] | None, fewest_classes: int) -> About:
@@ -134,56 +124,50 @@ class Columns:
         Raises:
             ValueError: there is nothing to learn, or a column is not as it has to be.
         """
-        labels, samples = self.columns.get("label"), self._samples()
-        if value_columns is None or (labels is None and not value_columns):
-            value_columns = self.numeric() if self.learnt is None else self.learnt
-        if labels is None and not value_columns and fewest_classes > 0:
+        samples, names = self._samples(), self._learnt(value_columns)
+        values = self.values(names)
+        units = tuple(self.units.get(name, "") for name in names)
+        if "label" in self.columns:
+            stated = normalised(self.columns["label"])
+            classes, labels = self._classes(stated, samples, fewest_classes)
+            return About(samples, classes, labels, values, tuple(names), units)
+        if fewest_classes > 0 and values is None:
             raise ValueError(
                 f"{self.where}: expected a label of each frame, or numbers to learn, found "
                 f"{', '.join(self.columns) or 'neither'} (--labels or --column names them)"
             )
-        classes: tuple[str, ...] = ()
-        if labels is not None:
-            classes, labels = self._classes(normalised(labels), samples, fewest_classes)
-        return About(
-            samples,
-            classes,
-            labels,
-            values=self.values(value_columns),
-            value_names=tuple(value_columns),
-            value_units=tuple(self.units.get(name, "") for name in value_columns),
-        )
+        return About(samples, (), None, values, tuple(names), units)
+
+    def _learnt(self, value_columns: Sequence[str] | None) -> Sequence[str]:
+        """Names of the columns that are learnt; see :meth:`about`."""
+        has_labels = "label" in self.columns
+        if value_columns or (has_labels and value_columns is not None):
+            return value_columns
+        return self.numeric() if self.learnt is None else self.learnt
 
     def _classes(
         self, names: list[str], samples: dict[str, np.ndarray], fewest: int
     ) -> tuple[tuple[str, ...], np.ndarray]:
-        """Names of the classes as stated, by a column class_index or in natural order; and the
-        index of each label [N]."""
+        """Names of the classes, by a column class_index or in natural order; and the index of each
+        label [N]."""
         if "" in names:
             found = f"none of frame {names.index('')}"
             raise ValueError(
                 f"{self.where}: expected a label of each frame, found {found}"
             )
-        different = set(names)
-        classes = sorted(different, key=natural_key)
-        if self.classes is not None:
-            classes = normalised(self.classes)
+        classes = sorted({*names}, key=natural_key)
         indices = samples.pop("class_index", None)
         if indices is not None:
             pairs = sorted(set(zip(indices.tolist(), names, strict=True)))
-            classes = [name for _, name in pairs]
-            if len(pairs) > len(different):
+            if len(pairs) > len(classes):
                 raise ValueError(
                     f"{self.where}: expected one class_index per label, found {pairs}"
                 )
+            classes = [name for _, name in pairs]
         if len(classes) < fewest:
             found = ", ".join(classes)
             raise ValueError(
                 f"{self.where}: expected two classes or more, found only {found!r}"
-            )
-        if unknown := different - set(classes):
-            raise ValueError(
-                f"{self.where}: expected one of the {len(classes)} classes, found {unknown}"
             )
         return tuple(classes), _places(names, classes)
 
@@ -204,11 +188,9 @@ class Columns:
                 samples[name] = numbers if column.dtype.kind == "U" else column
                 continue
             names = normalised(column)
-            missing = [_is_missing(text) for text in names]
-            if any(missing) and not all(missing):
-                first = missing.index(True)
-                found = f"expected the {name} of each row, found {names[first]!r}"
-                raise ValueError(f"{self.place(first)}: {found}")
+            if "" in names:
+                place = self.place(names.index(""))
+                raise ValueError(f"{place}: expected the {name} of each row, found ''")
             samples[f"{name}_name"] = np.array(names)
             samples[name] = _places(names, sorted(set(names), key=natural_key))
         return samples
@@ -216,19 +198,14 @@ class Columns:
     def numeric(self) -> list[str]:
         """Names of the columns of numbers, without those that are known and those without a name.
 
-        Most cells of such a column are numbers, or are missing where there is a number.
-
-        Raises:
-            ValueError: a column of numbers has another cell.
+        One number makes a column one of numbers, so that a cell that is none is not overlooked.
         """
-        names = []
-        for name, column in self.columns.items():
-            is_known = name in (*KNOWN, *_NAMES, *_OF_FRAME) or is_unnamed(name)
-            if is_known or not _is_mostly_numbers(column):
-                continue
-            self.numbers(name)
-            names.append(name)
-        return names
+        known = (*KNOWN, *_NAMES, *_OF_FRAME)
+        return [
+            name
+            for name, column in self.columns.items()
+            if name not in known and not is_unnamed(name) and _has_a_number(column)
+        ]
 
     def numbers(self, name: str) -> np.ndarray:
         """One column, float64 [N].
@@ -247,17 +224,13 @@ class Columns:
                 f"{self.where}: expected {self.n} numbers in the column {name}, found {found}"
             )
         if column.dtype.kind == "U":
-            fits = np.array(
-                [parse_number(cell) is not None for cell in column.tolist()]
-            )
+            fits = [parse_number(cell) is not None for cell in column.tolist()]
         else:
-            fits = np.isfinite(column)
-        if not fits.all():
-            first = int(fits.argmin())
-            found = column.tolist()[first]
-            raise ValueError(
-                f"{self.place(first)}: expected a number in {name}, found {found!r}"
-            )
+            fits = np.isfinite(column).tolist()
+        if not all(fits):
+            first = fits.index(False)
+            found = f"expected a number in {name}, found {column.tolist()[first]!r}"
+            raise ValueError(f"{self.place(first)}: {found}")
         return column.astype(float)
 
     def values(self, names: Sequence[str]) -> np.ndarray | None:
@@ -266,17 +239,10 @@ class Columns:
         return np.stack(columns, axis=1) if columns else None
 
 
-def _is_mostly_numbers(column: np.ndarray) -> bool:
-    if column.dtype.kind != "U":
-        return column.dtype.kind in "iuf"
-    texts = column.tolist()
-    numbers = sum(parse_number(text) is not None for text in texts)
-    missing = sum(_is_missing(text) for text in texts)
-    return numbers > 0 and 2 * (numbers + missing) > len(texts)
-
-
-def _is_missing(text: str) -> bool:
-    return text.casefold() in _MISSING
+def _has_a_number(column: np.ndarray) -> bool:
+    if column.dtype.kind == "U":
+        return any(parse_number(text) is not None for text in column.tolist())
+    return column.dtype.kind in "iuf"
 
 
 def is_unnamed(column: str) -> bool:

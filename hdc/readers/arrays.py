@@ -10,84 +10,76 @@ from pathlib import Path
 from typing import Any
 
 from hdc.readers.about import Columns
-from hdc.readers.asked import Asked
 from hdc.readers.axes import Frames, reading
 from hdc.readers.files import Ambiguous, BadFrame, SettingError, file_digest
 from hdc.readers.known import beside, check_learnt, columns_of, count
-from hdc.readers.recording import Recording, Window
+from hdc.readers.recording import Recording
+from hdc.readers.settings import Asked
 from hdc.readers.store import Store
 from hdc.readers.stores import load
 from hdc.readers.table import columns_in
 from hdc.readers.template import suggested
 
 
-def open_frames(
-    path: Path, window: Window, asked: Asked, store: Store | None = None
-) -> Recording:
+def open_frames(path: Path, asked: Asked) -> Recording:
     """Frames of an array, with labels or values beside it in the file, or in a table.
 
     Without ``asked.axes`` they are as :func:`~hdc.readers.axes.reading` says. The table is beside
-    the file by default, its suffix replaced by .csv, where the file has no labels. A `store` that
-    is loaded is not loaded again.
+    the file by default, its suffix replaced by .csv, where the file has no labels.
 
     Raises:
         Ambiguous: two arrays, or two orders of axes, can be meant.
         ValueError: the file or one of its arrays is not as described.
     """
-    store = store or load(path)
+    store = load(path)
     name = _frames_name(path, store, asked)
     array = store.arrays[name]
-    _check_pixels(path, name, array, asked.axes)
+    _check_pixels(f"{path}[{name}]", array)
     arrays = beside(path, store, asked, name)
-    table = _table(path, arrays, asked)
-    columns = None if table is None else Columns.read(table)
+    columns, notes = _table(path, arrays, asked)
     axes = asked.axes or store.axes.get(name)
     if axes is None:
-        n_rows = columns.n if columns else count(arrays, asked.named, array.shape)
+        values = asked.values or ()
+        n_rows = columns.n if columns else count(arrays, values, array.shape)
         axes = reading(f"{path}[{name}]", array, n_rows, store.frames_last)
     where = f"{path}:/{asked.dataset}" if asked.dataset else f"{path}"
 
     def place(i: int) -> str:
         return f"{where}, frame {i}" if n > 1 else where
 
-    frames = Frames(place, array, axes, window)
+    frames = Frames(place, array, axes, asked.window)
     n = frames.n
     if columns is None:
-        columns = columns_of(path, arrays, n, store.frames_last)
+        columns = columns_of(path, arrays, n)
         if asked.fewest_classes > 0 and not asked.values:
             check_learnt(path, store, columns, array.shape)
     else:
         _check_rows(columns, n)
-    read = asked.dataset, tuple(axes)
     as_read = f"{path.name}[{name}] {tuple(array.shape)} as {', '.join(axes)}"
     return Recording.of(
         columns,
         frames,
-        window,
         asked,
-        lambda: _digest(path, *read),
+        lambda: repr((file_digest(path), asked.dataset, tuple(axes))),
         values=asked.values,
-        notes=(as_read, *store.note(), *_notes(path, table, asked)),
+        notes=(as_read, *store.notes(), *notes),
         image_shape=frames.size,
     )
 
 
-def _notes(path: Path, table: Path | None, asked: Asked) -> list[str]:
-    """Which table the labels are of, where one lies beside the file."""
-    beside_it = path.with_suffix(".csv")
-    if asked.table is None and table is not None:
-        return [f"labels of {table.name}"]
-    if table is None and asked.labels is None and "label" in columns_in(beside_it):
-        return [f"labels and values of the file, not of {beside_it.name}"]
-    return []
-
-
-def _table(path: Path, arrays: dict[str, Any], asked: Asked) -> Path | None:
-    """The table of a file: that which is asked for, or one beside it where it has no labels."""
-    if asked.table is not None or "label" in arrays or "values" in arrays:
-        return asked.table
+def _table(
+    path: Path, arrays: dict[str, Any], asked: Asked
+) -> tuple[Columns | None, list[str]]:
+    """The table that is asked for, or one with labels beside a file that has none; and a note on
+    what lies beside it."""
+    if asked.table is not None:
+        return Columns.read(asked.table), []
     table = path.with_suffix(".csv")
-    return table if "label" in columns_in(table) else None
+    if "label" not in columns_in(table):
+        return None, []
+    if "label" in arrays or "values" in arrays:
+        return None, [f"labels and values of the file, not of {table.name}"]
+    return Columns.read(table), [f"labels of {table.name}"]
 
 
 def _check_rows(columns: Columns, n: int) -> None:
@@ -104,13 +96,6 @@ def _check_rows(columns: Columns, n: int) -> None:
         )
 
 
-def _digest(path: Path, dataset: str, axes: tuple[str, ...]) -> str:
-    """That of the file, and of how it was read where that is not as usual."""
-    own = file_digest(path)
-    usual = axes[-2:] == ("height", "width") or axes[-1] == "feature"
-    return own if usual and not dataset else repr((own, (dataset, axes)))
-
-
 def _frames_name(path: Path, store: Store, asked: Asked) -> str:
     """The array that holds the frames."""
     dataset = asked.dataset
@@ -119,20 +104,26 @@ def _frames_name(path: Path, store: Store, asked: Asked) -> str:
         return wanted
     if wanted in store.unread:
         raise BadFrame(f"{path}[{wanted}]: {store.unread[wanted]}")
-    arrays = store.arrays.items()
-    listed = ", ".join(f"{name} {tuple(array.shape)}" for name, array in arrays)
-    if dataset:
-        raise SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
-    found = _stacks(store, asked.axes)
+    found = [] if dataset else _stacks(store, asked.axes)
     if len(found) == 1:
         return found[0]
     if found:
-        choices = [f"--template '{made}'" for made in suggested(found)]
+        usual = ("{group}", "{label}") if "/" in "".join(found) else ()
+        choices = [f"--template '{made}'" for made in suggested(found, usual)]
         choices += [f"{path}:/{name}" for name in found]
         raise Ambiguous(f"{path}: several arrays", choices)
-    raise ValueError(
-        f"{path}: expected an array of frames [N, H, W] or [N, D], found "
-        f"{listed or 'none'}{store.advice()}"
+    raise _no_frames(path, store, dataset)
+
+
+def _no_frames(path: Path, store: Store, dataset: str) -> ValueError:
+    """The error of a file without the array of frames: what it has."""
+    arrays = store.arrays.items()
+    listed = ", ".join(f"{name} {tuple(array.shape)}" for name, array in arrays)
+    if dataset:
+        return SettingError(f"path: {path}: expected one of {listed}; no {dataset}")
+    found = "; ".join([listed or "none", *store.notes()])
+    return ValueError(
+        f"{path}: expected an array of frames [N, H, W] or [N, D], found {found}"
     )
 
 
@@ -147,13 +138,9 @@ def _stacks(store: Store, axes: Sequence[str] | None) -> list[str]:
     return stacks or tables
 
 
-def _check_pixels(
-    path: Path, name: str, array: Any, axes: Sequence[str] | None
-) -> None:
-    shape, kind = tuple(array.shape), array.dtype
-    if 0 in shape or len(shape) < (2 if axes is None else 1):
-        text = f"{path}[{name}]: expected shape [N, H, W] or [N, D], found {shape}"
-        one = len(shape) == 1 and shape[0] > 1
-        raise ValueError(f"{text}; --axes feature reads one frame" if one else text)
-    if kind.kind not in "uif" or kind.itemsize > 8:
-        raise ValueError(f"{path}[{name}]: expected integers or floats, found {kind}")
+def _check_pixels(place: str, array: Any) -> None:
+    kind, shape = array.dtype, tuple(array.shape)
+    if kind.kind not in "uif" or kind.itemsize > 8 or 0 in shape:
+        raise ValueError(
+            f"{place}: expected frames of integers or floats, found {kind} {shape}"
+        )

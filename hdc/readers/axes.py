@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from hdc.readers.files import Ambiguous, SettingError, wrong
-from hdc.readers.recording import Window, check_finite
+from hdc.readers.recording import check_finite
+from hdc.readers.settings import Window
 
 INSIDE = ("height", "width", "channel", "feature")
 """Axes of one frame; channels are grey, or red, green and blue."""
@@ -46,7 +47,7 @@ def reading(
         labels = "" if n is None else f" with N = {n}, as there are labels or values"
         raise SettingError(
             f"{where}: expected shape [N, H, W] or [N, D]{labels}, found {shape} (--axes names "
-            "them)"
+            "them, as --axes feature a vector that is one frame)"
         )
     if len(possible) > 1:
         choices = [f"--axes {','.join(axes)}" for axes in readings(len(shape))]

@@ -8,8 +8,7 @@ from its beginning.
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -20,7 +19,8 @@ from av.sidedata.sidedata import Type
 
 from hdc.readers.files import BadFrame, check_file
 from hdc.readers.images import grey
-from hdc.readers.recording import Window, in_any_order
+from hdc.readers.recording import in_any_order
+from hdc.readers.settings import Window
 
 
 class Film:
@@ -28,28 +28,25 @@ class Film:
 
     Attributes:
         path: of the file.
-        numbers, times, rows: of the frames that are chosen: numbers from 0, times in s, and rows of
-            a table.
-        shape, dtype: of a frame; known after :meth:`read`.
+        numbers: from 0, of the frames that are chosen.
+        times: of all frames in s; known after :meth:`read`.
+        shape, dtype: of a frame; known after :meth:`read` or :meth:`expect`.
     """
 
     def __init__(self, path: Path, window: Window) -> None:
         self.path, self._window = path, window
-        self.numbers: list[int] = []
-        self.times: list[float] = []
-        self.rows: list[int] = []
+        self.numbers, self.times = np.arange(0), np.empty(0)
         self.shape: tuple[int, ...] = ()
         self.dtype = np.dtype(np.uint8)
 
-    def read(self, row_of: Callable[[int, float], int], end: float = math.inf) -> None:
-        """Choose each frame before ``end`` whose number and time in s have a row, which is ≥ 0."""
-        frames = stream_video(self.path, self._window, end)
-        for number, (time, frame) in enumerate(frames):
+    def read(self) -> np.ndarray:
+        """Choose all frames; their times [n] in s."""
+        times = []
+        for time, frame in stream_video(self.path, self._window):
             self.shape, self.dtype = frame.shape, frame.dtype
-            if (row := row_of(number, time)) >= 0:
-                self.numbers.append(number)
-                self.times.append(time)
-                self.rows.append(row)
+            times.append(time)
+        self.numbers, self.times = np.arange(len(times)), np.array(times)
+        return self.times
 
     def expect(self) -> None:
         """Choose all frames that the header states, or as many as there are; none is decoded but
@@ -57,9 +54,9 @@ class Film:
         first = next(stream_video(self.path, self._window))[1]
         self.shape, self.dtype = first.shape, first.dtype
         with opened(self.path) as (_, stream):
-            self.numbers = [*range(stream.frames)]
-        if not self.numbers:
-            self.read(lambda *_: 0)
+            self.numbers = np.arange(stream.frames)
+        if not len(self.numbers):
+            self.read()
 
     def place(self, i: int) -> str:
         """The video, and the number of a frame."""
@@ -72,7 +69,7 @@ class Film:
     def _ordered(self, index: np.ndarray) -> Iterator[np.ndarray]:
         """Frames of these indices, which increase."""
         frames = enumerate(stream_video(self.path, self._window))
-        for wanted in (self.numbers[i] for i in index):
+        for wanted in self.numbers[index]:
             found = (frame for number, (_, frame) in frames if number == wanted)
             frame = next(found, None)
             if frame is None:
@@ -80,10 +77,8 @@ class Film:
             yield frame
 
 
-def stream_video(
-    path: Path, window: Window, end: float = math.inf
-) -> Iterator[tuple[float, np.ndarray]]:
-    """Time in s and grey frame [H, W] of each frame of a video before ``end`` in s.
+def stream_video(path: Path, window: Window) -> Iterator[tuple[float, np.ndarray]]:
+    """Time in s and grey frame [H, W] of each frame of a video.
 
     Raises:
         BadFrame: a frame is damaged, or frames are missing.
@@ -91,23 +86,18 @@ def stream_video(
     """
     times: list[float] = []
     with opened(path) as (container, stream):
-        start = 0.0
         for frame in _decoded(path, container.decode(stream)):
             if frame.time is None or frame.is_corrupt:
                 raise BadFrame(
                     f"{path}: expected whole frames, found that number {len(times)} is damaged"
                 )
-            start = start if times else frame.time
-            time = frame.time - start
-            if times and time <= times[-1]:
-                found = f"frame {len(times)} at {time:g} s after one at {times[-1]:g} s"
+            if times and frame.time <= times[-1]:
+                found = f"frame {len(times)} at {frame.time:g} s after one at {times[-1]:g} s"
                 raise BadFrame(
                     f"{path}: expected frames one after the other, found {found}"
                 )
-            times.append(time)
-            if time >= end:
-                return
-            yield time, grey(window.of(_pixels(path, frame)))
+            times.append(frame.time)
+            yield frame.time - times[0], grey(window.of(_pixels(path, frame)))
         if not times or len(times) < stream.frames:
             wanted = f"{stream.frames or 'some'} frames as its header says"
             raise BadFrame(f"{path}: expected {wanted}, found {len(times)}")

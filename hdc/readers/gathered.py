@@ -7,53 +7,47 @@ of a video.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from hdc.readers import ARRAY, arrays, kind_of
 from hdc.readers.about import Columns
-from hdc.readers.asked import Asked
 from hdc.readers.axes import readings
 from hdc.readers.files import Ambiguous, BadFrame, wrong
-from hdc.readers.recording import Recording, Window, in_any_order
+from hdc.readers.recording import Recording, in_any_order
+from hdc.readers.settings import Asked
 from hdc.readers.stores import load
+from hdc.readers.table import Rows
 from hdc.readers.template import Template
-
-Fields = Mapping[str, str]
-"""Texts that the name of a file says, by field."""
-Part = tuple[str, str, Fields, Recording]
-"""Where a file or an array is, its name, what that says, and its frames."""
 
 
 def open_files(
-    root: Path,
-    files: Mapping[str, Fields],
-    others: Sequence[str],
-    window: Window,
-    asked: Asked,
+    root: Path, rows: Rows, others: tuple[str, ...], asked: Asked
 ) -> Recording:
-    """The frames of these files, one after the other; the `others` of the folder are left out.
+    """The frames of files of a folder, one after the other.
+
+    Args:
+        root: the folder.
+        rows: where each file is, its name as ``file``, and what that says.
+        others: files that are left out.
+        asked: settings of the recording.
 
     Raises:
         Ambiguous: an array of two axes may be a frame or vectors.
         BadFrame: a file cannot be read, or its frames are not of the size and depth of the first.
         ValueError: a file or its name is not as described.
     """
-    parts = []
-    for file, fields in files.items():
-        opened = partial(_opened, root / file, fields, window, asked.of_part())
-        # A file is opened again for its frames: not all files are in memory at once.
-        found = replace(opened(), each=partial(_each, opened))
-        parts.append((f"{root / file}", file, fields, found))
-    joined = _joined(root, "files", parts, window, asked)
-    return replace(joined, other_files=tuple(others))
+    own = asked.of_part()
+    parts = [_opened(root / row["file"], {*row}, own) for _, row in rows]
+    return _joined(root, "files", rows, parts, asked, other_files=others)
 
 
-def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
+def open_frames(path: Path, asked: Asked) -> Recording:
     """The arrays of a file that a template names, one after the other.
 
     Raises:
@@ -63,30 +57,27 @@ def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
     if asked.dataset:
         raise wrong("template", asked.template, f"null with {path}:/{asked.dataset}")
     read, store = Template(asked.template).read, load(path)
-    parts = []
+    rows: Rows = []
     for name in store.arrays:
-        if (fields := read(name)) is not None:
-            own = asked.of_part()._replace(dataset=name)
-            found = arrays.open_frames(path, window, own, store)
-            parts.append((f"{path}:/{name}", name, fields, found))
-    if not parts:
+        if (said := read(name)) is not None:
+            rows.append((f"{path}:/{name}", {"file": name, **said}))
+    if not rows:
         names = ", ".join(store.arrays) or "none"
         raise ValueError(f"{path}: expected arrays {asked.template}, found {names}")
-    return _joined(path, "arrays", parts, window, asked)
+    parts = [arrays.open_frames(path, asked.of_part(row["file"])) for _, row in rows]
+    return _joined(path, "arrays", rows, parts, asked)
 
 
-def _opened(path: Path, fields: Fields, window: Window, asked: Asked) -> Recording:
+def _opened(path: Path, said: set[str], asked: Asked) -> Recording:
+    """The frames of a file. It is opened again for them: not all files are in memory at once."""
     if kind_of(path) == ARRAY:
-        return arrays.open_frames(path, window, asked)
-    from hdc.readers import video  # late: PyAV is of the extra files
+        reader = arrays.open_frames
+    else:
+        from hdc.readers import video  # late: PyAV is of the extra files
 
-    if "label" in fields or "value" in fields:
-        return video.whole(path, window, asked)
-    return video.open_frames(path, window, asked)
-
-
-def _each(opened: Callable[[], Recording], index: np.ndarray) -> Iterator[np.ndarray]:
-    return opened().each(index)
+        reader = video.whole if said & {"label", "value"} else video.open_frames
+    opened = partial(reader, path, asked)
+    return replace(opened(), each=lambda index: opened().each(index))
 
 
 class _Frames:
@@ -113,48 +104,51 @@ class _Frames:
 
 
 def _joined(
-    root: Path, kind: str, parts: Sequence[Part], window: Window, asked: Asked
+    root: Path,
+    kind: str,
+    rows: Rows,
+    parts: Sequence[Recording],
+    asked: Asked,
+    **settings: Any,
 ) -> Recording:
     """The frames of files or arrays of one kind, with what their names and files say."""
-    first = parts[0][-1]
-    wanted = f"frames {first.frame_shape} {first.dtype}"
-    for where, *_, found in parts:
-        own = f"frames {found.frame_shape} {found.dtype}"
-        if wanted != own:
-            raise BadFrame(
-                f"{where}: expected {wanted} as in the first of the {kind}, found {own}"
-            )
-        says_how_many = found.labels is not None or found.values is not None
-        if len(found.frame_shape) == 1 and asked.axes is None and not says_how_many:
-            usual = [("height", "width"), *readings(2)]
-            choices = [f"--axes {','.join(axes)}" for axes in usual]
-            raise Ambiguous(f"{where}: an array of two axes", choices)
-    founds = [found for *_, found in parts]
-    frames, sizes = _Frames(founds), {*map(len, founds)}
-    each = " to ".join(f"{size}" for size in sorted({min(sizes), max(sizes)}))
-    unit = "frame" if each == "1" else "frames"
-    columns, notes = _columns(root, parts, frames.file)
-    has_groups = "group" in parts[0][2] or sizes == {1}
+    for (where, _), part in zip(rows, parts, strict=True):
+        _check_part(where, part, parts[0], asked)
+    frames = _Frames(parts)
+    columns, notes = _columns(root, rows, parts, frames.file)
+    has_groups = "group" in rows[0][1] or len(frames.file) == len(parts)
     return Recording.of(
         columns,
         frames,
-        window,
         asked,
-        lambda: repr([found.digest() for found in founds]),
-        values=asked.named,
+        lambda: repr([part.digest() for part in parts]),
+        values=asked.values or (),
         parts=None if has_groups else frames.file,
-        notes=(f"{len(parts)} {kind} of {each} {unit}", *notes, *first.notes),
-        image_shape=first.image_shape,
+        notes=(f"{len(parts)} {kind}", *notes, *parts[0].notes),
+        image_shape=parts[0].image_shape,
+        **settings,
     )
 
 
+def _check_part(where: str, part: Recording, first: Recording, asked: Asked) -> None:
+    """Raise a BadFrame for frames unlike the frames of the first part, and an Ambiguous for a table
+    of numbers of which nothing says whether it is one frame."""
+    wanted, found = (f"frames {one.frame_shape} {one.dtype}" for one in (first, part))
+    if found != wanted:
+        raise BadFrame(f"{where}: expected {wanted} as in the first, found {found}")
+    says_how_many = part.labels is not None or part.values is not None
+    if len(part.frame_shape) == 1 and asked.axes is None and not says_how_many:
+        usual = [("height", "width"), *readings(2)]
+        choices = [f"--axes {','.join(axes)}" for axes in usual]
+        raise Ambiguous(f"{where}: an array of two axes", choices)
+
+
 def _columns(
-    root: Path, parts: Sequence[Part], part_of: np.ndarray
+    root: Path, rows: Rows, parts: Sequence[Recording], part_of: np.ndarray
 ) -> tuple[Columns, list[str]]:
     """Columns that names and files say of the frames, whose parts are given [N]; and notes."""
-    rows = [(where, {"file": name, **fields}) for where, name, fields, _ in parts]
     columns = Columns.of_rows(root, rows).take(part_of)
-    said, files = {*parts[0][2]}, [found.statements for *_, found in parts]
+    said, files = {*rows[0][1]}, [part.statements for part in parts]
     common = set.intersection(*(set(own.columns) for own in files))
     for name in sorted(common - said - {"order"}):
         found = [own.columns[name] for own in files]

@@ -56,15 +56,13 @@ def _attributes(group: Any, before: str) -> dict[str, np.ndarray]:
 def _dataset(path: Path, item: Any) -> Any:
     """A dataset as an array; None where it is none of numbers or text."""
     kind = item.attrs.get("MATLAB_class", b"")
-    if "MATLAB_object_decode" in item.attrs or "MATLAB_empty" in item.attrs:
+    if {"MATLAB_object_decode", "MATLAB_empty"} & item.attrs.keys():
         return None
     if kind in (b"cell", b"char"):
         return _matlab_text(item, kind)
     texts = _texts(item)
-    if texts is not None:
+    if texts is not None or item.dtype.kind not in "iufb":
         return texts
-    if item.dtype.kind not in "iufb":
-        return None
     array = OnDisk(item, partial(_read, path, item))
     if len(item.shape) < 2:
         return array[()]
@@ -97,12 +95,8 @@ def _matlab_text(item: Any, kind: bytes) -> np.ndarray | None:
     """Rows of characters, or a cell array of them; None of other cells."""
     rows: Any = np.atleast_2d(item[()].T)
     if kind == b"cell":
-        found = (h5py.h5r.dereference(cell, item.id) for cell in rows.flat)
-        cells = [
-            h5py.Dataset(one) for one in found if isinstance(one, h5py.h5d.DatasetID)
-        ]
-        if len(cells) < rows.size:
-            return None
+        file = item.file
+        cells = [file[reference] for reference in rows.flat]
         if any(cell.attrs.get("MATLAB_class") != b"char" for cell in cells):
             return None
         rows = [cell[()].ravel() for cell in cells]
@@ -123,21 +117,26 @@ def _missing_filter(item: Any) -> str:
 
 def _filled_in(path: Path, item: Any) -> str:
     """Why HDF5 would give numbers that nobody wrote; empty where it would not."""
-    names = [name for name, *_ in item.external or ()]
-    if item.is_virtual:
-        names += [source.file_name for source in item.virtual_sources()]
-    for name in names:
+    sources = _sources(item)
+    for name in sources:
         if name != "." and not (path.parent / name).is_file():
             return f"expected its source {name}, found none"
-    wanted, found = _chunks(item)
-    if names or item.size == 0 or found == wanted:
+    wanted, found = (0, 0) if sources else _chunks(item)
+    if found == wanted:
         return ""
     return f"expected {wanted} chunks, found {found}: the others were not written"
+
+
+def _sources(item: Any) -> list[str]:
+    """Names of the files that a dataset lies in, if in others; "." is its own."""
+    if item.is_virtual:
+        return [source.file_name for source in item.virtual_sources()]
+    return [name for name, *_ in item.external or ()]
 
 
 def _chunks(item: Any) -> tuple[int, int]:
     """How many chunks a dataset has by its shape, and in its file."""
     if item.chunks is None:
-        return 1, int(item.id.get_storage_size() > 0)
+        return int(item.size > 0), int(item.id.get_storage_size() > 0)
     sides = zip(item.shape, item.chunks, strict=True)
     return math.prod(-(-n // side) for n, side in sides), item.id.get_num_chunks()

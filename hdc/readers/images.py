@@ -17,7 +17,8 @@ import cv2
 import numpy as np
 
 from hdc.readers.files import BadFrame, SettingError
-from hdc.readers.recording import Window, check_finite
+from hdc.readers.recording import check_finite
+from hdc.readers.settings import Window
 
 S = TypeVar("S")
 T = TypeVar("T")
@@ -48,7 +49,7 @@ def decode(file: Path) -> np.ndarray:
     if data.startswith(TIFF):
         from hdc.readers import tiff
 
-        image = tiff.image(place, data)
+        image = tiff.image(file)
         return image if image.ndim == 2 else image[..., ::-1]
     if data.startswith(PNG):
         if b"acTL" in data[: data.find(b"IDAT")]:  # the mark of an animation

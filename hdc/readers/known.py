@@ -11,46 +11,32 @@ from typing import Any
 import numpy as np
 
 from hdc.readers.about import KNOWN, Columns, is_of_units, numbered
-from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, BadFrame, wrong
+from hdc.readers.settings import Asked
 from hdc.readers.store import Store
 
 LABELS = ("labels", "label")
 """Arrays that are taken for labels by their name."""
-_OF_FILE = ("classes", "values", "value_names", "value_units")
+_OF_FILE = ("values", "value_names", "value_units")
 """Arrays that say something of the file, known by their names, and not of a frame each."""
 
 
 def beside(path: Path, store: Store, asked: Asked, frames: str) -> dict[str, Any]:
-    """The arrays of a file without its `frames`: those in their group of HDF5, or struct of MATLAB,
-    by their names in it, and those in no group. The labels, as asked for or else one of
-    :data:`LABELS`, are ``label``.
+    """The arrays of a file that say something of its `frames`, by their names in the group of HDF5,
+    or struct of MATLAB, of these. The labels, as asked for or else one of :data:`LABELS`, are
+    ``label``.
 
     Raises:
         BadFrame: one that is known by its name, or asked for, cannot be read.
+        SettingError: there are no such labels.
     """
     group = frames[: frames.rfind("/") + 1]
-
-    def of_group(found: Mapping[str, Any]) -> dict[str, Any]:
-        return {
-            name.removeprefix(group): item
-            for name, item in found.items()
-            if name != frames and (name.startswith(group) or "/" not in name)
-        }
-
-    arrays, unread = of_group(store.arrays), of_group(store.unread)
+    arrays = _of_group(store.arrays, group, frames)
+    unread = _of_group(store.unread, group, frames)
     labels = asked.labels and asked.labels.removeprefix(group)
-    for name in (
-        labels,
-        asked.sessions,
-        asked.groups,
-        *LABELS,
-        *_OF_FILE,
-        *KNOWN,
-        *asked.named,
-    ):
-        if name in unread:
-            raise BadFrame(f"{path}[{name}]: {unread[name]}")
+    chosen = {labels, asked.sessions, asked.groups, *(asked.values or ())}
+    for name in unread.keys() & {*chosen, *LABELS, *_OF_FILE, *KNOWN}:
+        raise BadFrame(f"{path}[{name}]: {unread[name]}")
     if labels is not None and labels not in arrays:
         names = ", ".join(arrays) or "no array"
         table = f"a table is named by --values, or lies beside it as {path.stem}.csv"
@@ -59,6 +45,15 @@ def beside(path: Path, store: Store, asked: Asked, frames: str) -> dict[str, Any
     if own is not None:
         arrays["label"] = arrays.pop(own)[...]
     return arrays
+
+
+def _of_group(found: Mapping[str, Any], group: str, frames: str) -> dict[str, Any]:
+    """Arrays in the group of the frames, by their names in it, and arrays in no group."""
+    return {
+        name.removeprefix(group): item
+        for name, item in found.items()
+        if name != frames and (name.startswith(group) or "/" not in name)
+    }
 
 
 def count(
@@ -73,17 +68,16 @@ def count(
     return None
 
 
-def columns_of(path: Path, arrays: dict[str, Any], n: int, from_one: bool) -> Columns:
+def columns_of(path: Path, arrays: dict[str, Any], n: int) -> Columns:
     """Columns of N frames, of the arrays of a file.
 
     Args:
         path: of the file, for errors.
-        arrays: by name, as of :func:`beside`; places along axes are among them.
+        arrays: by name, as of :func:`beside`.
         n: N.
-        from_one: whether numbers of classes count from 1, unless one is 0.
 
     Raises:
-        ValueError: labels, classes or values are not as described.
+        ValueError: labels or values are not as described.
     """
     of_each = {k: _of_each(a, n) for k, a in arrays.items() if k not in _OF_FILE}
     columns = {
@@ -92,11 +86,11 @@ def columns_of(path: Path, arrays: dict[str, Any], n: int, from_one: bool) -> Co
         if name in KNOWN or (array.shape == (n,) and array.dtype.kind in "iufU")
     }
     values, units = _values(path, arrays, n) if "values" in arrays else ({}, {})
-    classes = _texts(path, arrays, "classes")
     if "label" in arrays:
-        # One label alone does not say whether numbers count from 0 or from 1.
-        counted = classes if arrays["label"].shape == (n,) else None
-        columns["label"] = _labels(path, of_each["label"], n, counted, from_one)
+        columns["label"] = _labels(path, of_each["label"], n)
+        if arrays["label"].dtype.kind != "U" and "classes" in arrays:
+            wanted = "labels that are names, such as classes[labels]"
+            raise ValueError(f"{path}[classes]: expected {wanted}, found numbers")
     return Columns(
         where=path,
         n=n,
@@ -104,7 +98,6 @@ def columns_of(path: Path, arrays: dict[str, Any], n: int, from_one: bool) -> Co
         columns=columns | values,
         units=units,
         learnt=tuple(values),
-        classes=classes,
     )
 
 
@@ -117,9 +110,9 @@ def _values(
         found = f"{table.dtype} {table.shape}"
         raise ValueError(f"{path}[values]: expected shape ({n}, k), found {found}")
     table = table.reshape(n, -1)
-    names = _texts(path, arrays, "value_names") or numbered(table.shape[1])
-    units = _texts(path, arrays, "value_units") or [""] * len(names)
-    if not len(names) == len(units) == table.shape[1]:
+    names = _texts(arrays, "value_names") or numbered(table.shape[1])
+    units = _texts(arrays, "value_units") or [""] * len(names)
+    if not len({*names}) == len(units) == table.shape[1]:
         wanted = f"a name and a unit for each of {table.shape[1]} columns"
         found = f"{names} and {units}"
         raise ValueError(f"{path}[value_names]: expected {wanted}, found {found}")
@@ -134,14 +127,8 @@ def _of_each(array: Any, n: int) -> Any:
     return np.broadcast_to(np.ravel(array[...]), (n,))
 
 
-def _labels(
-    path: Path,
-    labels: np.ndarray,
-    n: int,
-    classes: Sequence[str] | None,
-    from_one: bool,
-) -> np.ndarray:
-    """Names [N] of the classes; whole numbers count those that are named."""
+def _labels(path: Path, labels: np.ndarray, n: int) -> np.ndarray:
+    """Names [N] of the classes."""
     # MATLAB's numbers are floats, which tell whole numbers below 2**53 apart.
     if labels.dtype.kind == "f" and (np.abs(labels) < 2**53).all():
         whole = labels.astype(np.int64)
@@ -151,19 +138,12 @@ def _labels(
         raise ValueError(
             f"{path}[labels]: expected integers or strings ({n},), found {found}"
         )
-    first = int(from_one and labels.dtype.kind != "U" and labels.min() > 0)
-    by_number = dict(enumerate(classes or (), start=first))
-    return np.array([str(by_number.get(label, label)) for label in labels.tolist()])
+    return labels.astype(str)
 
 
-def _texts(path: Path, arrays: dict[str, Any], name: str) -> list[str] | None:
-    """The items of an array as text, None where there is none; names have to be different."""
-    if name not in arrays:
-        return None
-    texts = [*map(str, np.ravel(arrays[name][...]))]
-    if len(set(texts)) < len(texts) and name != "value_units":
-        raise ValueError(f"{path}[{name}]: expected different names, found {texts}")
-    return texts
+def _texts(arrays: dict[str, Any], name: str) -> list[str]:
+    """The items of an array as text; none where there is no such array."""
+    return [*map(str, np.ravel(arrays[name][...]))] if name in arrays else []
 
 
 def check_learnt(
@@ -184,7 +164,7 @@ def check_learnt(
         raise Ambiguous(f"{path}: {n} frames and no array labels", choices)
     raise ValueError(
         f"{path}: expected arrays frames and labels, found no labels "
-        f"(or {path.stem}.csv with a row for each of {n} frames){store.advice()}"
+        f"(or {path.stem}.csv with a row for each of {n} frames)"
     )
 
 

@@ -14,9 +14,9 @@ from typing import Any
 
 from hdc.readers import ARRAY, VIDEO, kind_of
 from hdc.readers.about import Columns, natural_key
-from hdc.readers.asked import Asked
 from hdc.readers.files import Ambiguous, wrong
-from hdc.readers.recording import Recording, Window
+from hdc.readers.recording import Recording
+from hdc.readers.settings import Asked
 from hdc.readers.table import Rows, read_csv
 from hdc.readers.template import Template, suggested
 
@@ -26,7 +26,7 @@ Reader = Callable[[str], dict[str, str] | None]
 """Texts that the path of a file says, by column; None where it says none."""
 
 
-def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
+def open_frames(root: Path, asked: Asked) -> Recording:
     """The frames of a folder: its images, or else its files of arrays and videos.
 
     Raises:
@@ -35,86 +35,87 @@ def open_frames(root: Path, window: Window, asked: Asked) -> Recording:
         SettingError: the template or a column cannot be, or a path has two readings.
         ValueError: the folder or its table is not as described, or a folder in it is a link.
     """
-    manifest = root / MANIFEST
-    if asked.table is not None:
-        table = asked.table if asked.table.exists() else root / asked.table
-        rows = _table_rows(table, asked.image_column, asked.named)
-        return _of_table(root, table, rows, window, asked, values=asked.values)
-    if asked.template is None and manifest.exists():
-        rows = _table_rows(manifest, "file", ("file", "label", *asked.named))
-        return _of_table(root, manifest, rows, window, asked, values=asked.named)
+    if (table := _table(root, asked)) is not None:
+        return _of_table(root, table, asked)
     files = all_files(root)
-    if asked.template is None:
-        read = _by_folders(root, files, asked.fewest_classes)
-    else:
-        read = Template(asked.template).read
-    rows, _ = _read(
-        [(str(root / file), {"file": file}) for file in files],
-        read,
-    )
+    named = [(str(root / file), {"file": file}) for file in files]
+    rows = _said(named, _reader(root, files, asked))
     images = [row for row in rows if is_image(row[1]["file"])]
-    chosen = {row["file"] for _, row in images}
-    others = [file for file in files if file not in chosen]
     if images:
-        for name in ("axes", "labels"):
-            if setting := getattr(asked, name):
-                wanted = f"null unless {root} is a folder of arrays or videos"
-                raise wrong(name, setting, wanted)
-        settings: dict[str, Any] = {
-            "values": asked.named or None,
-            "other_files": tuple(others),
-        }
-        return _of_images(root, root, images, window, asked, **settings)
-    return _of_recorded(root, files, rows, window, asked)
-
-
-def _of_recorded(
-    root: Path, files: Sequence[str], rows: Rows, window: Window, asked: Asked
-) -> Recording:
-    """The frames of a folder without images, or a ValueError of what is expected."""
+        values, others = asked.values or None, _others(files, images)
+        return _of_images(root, images, asked, values=values, other_files=others)
+    recorded = [row for row in rows if _is_recorded(root / row[1]["file"])]
+    if asked.template is None or not recorded:
+        raise _unread(root, files, asked)
     from hdc.readers import gathered
 
-    recorded = [file for file in files if kind_of(root / file) in (ARRAY, VIDEO)]
-    if asked.template is not None:
-        said = {row.pop("file"): row for _, row in rows}
-        chosen = {file: said[file] for file in recorded if file in said}
-        if chosen:
-            others = [file for file in files if file not in chosen]
-            return gathered.open_files(root, chosen, others, window, asked)
-    elif recorded:
-        choices = [f"--template '{made}'" for made in suggested(recorded)]
+    return gathered.open_files(root, recorded, _others(files, recorded), asked)
+
+
+def _unread(root: Path, files: Sequence[str], asked: Asked) -> ValueError:
+    """The error of a folder of which no file is read: what is there, and what to type."""
+    recorded = [file for file in files if _is_recorded(root / file)]
+    if recorded and asked.template is None:
+        made = suggested(recorded, ("{label}", "{session}"))
         found = f"{root}: {len(recorded)} files of frames, such as {recorded[0]}"
-        raise Ambiguous(found, choices)
+        return Ambiguous(found, [f"--template '{template}'" for template in made])
     found = f"{len(files)} other files, {', '.join(files[:3])}" if files else "none"
-    raise ValueError(
+    return ValueError(
         f"{root}: expected images in one sub-folder per class, in a {MANIFEST}, or as the template "
         f"says (of the folder of one class give the one above), found {found}"
     )
 
 
 def _of_images(
-    root: Path,
-    base: Path,
-    rows: Rows,
-    window: Window,
-    asked: Asked,
-    where: Path | None = None,
-    **settings: Any,
+    root: Path, rows: Rows, asked: Asked, where: Path | None = None, **settings: Any
 ) -> Recording:
-    """Images of a folder, in rows with their names from ``base``; ``where`` names a table."""
+    """The images in rows of a folder; ``where`` names a table."""
     from hdc.readers.images import Images  # OpenCV
 
-    files = [base / row["file"] for _, row in rows]
-    for (_, row), file in zip(rows, files, strict=True):
-        row["file"] = os.path.relpath(file, root)
+    if asked.axes or asked.labels:
+        name, found = ("axes", asked.axes) if asked.axes else ("labels", asked.labels)
+        raise wrong(name, found, f"null unless {root} is a folder of arrays or videos")
+    columns = Columns.of_rows(where or root, rows)
+    files = [root / row["file"] for _, row in rows]
+    images = Images(files, asked.window)
 
     def digest() -> str:
         contents = (hashlib.sha256(file.read_bytes()).digest() for file in files)
         return hashlib.sha256(b"".join(contents)).hexdigest()
 
-    columns, images = Columns.of_rows(where or root, rows), Images(files, window)
     settings |= {"image_shape": images.size, "is_decoded": True}
-    return Recording.of(columns, images, window, asked, digest, **settings)
+    return Recording.of(columns, images, asked, digest, **settings)
+
+
+# Tables ------------------------------------------------------------------------------------------
+
+
+def _table(root: Path, asked: Asked) -> Path | None:
+    """The table of a folder: that which is asked for, or its manifest."""
+    if asked.table is not None:
+        return asked.table if asked.table.exists() else root / asked.table
+    manifest = root / MANIFEST
+    return manifest if asked.template is None and manifest.exists() else None
+
+
+def _of_table(root: Path, table: Path, asked: Asked) -> Recording:
+    """The images of a table, or of the manifest of the folder.
+
+    Raises:
+        ValueError: an image is missing, or there twice.
+    """
+    values = asked.values
+    if asked.table is None:
+        values = values or ()
+        rows = _table_rows(table, "file", ("file", "label", *values))
+    else:
+        rows = _table_rows(table, asked.image_column, values or ())
+    names = [row["file"] for _, row in rows]
+    if asked.template is not None:
+        rows = _said(rows, Template(asked.template).read)
+    others, notes = _others(names, rows), _locate(root, table, rows)
+    settings = {"values": values, "other_files": others, "notes": notes}
+    return _of_images(root, rows, asked, table, **settings)
 
 
 def _table_rows(table: Path, column: str, required: Sequence[str]) -> Rows:
@@ -133,44 +134,32 @@ def _table_rows(table: Path, column: str, required: Sequence[str]) -> Rows:
     return rows
 
 
-def _of_table(
-    root: Path,
-    table: Path,
-    rows: Rows,
-    window: Window,
-    asked: Asked,
-    **settings: Any,
-) -> Recording:
-    """The images of a table, relative to the folder or to the table, or in the folder by their
+def _locate(root: Path, table: Path, rows: Rows) -> list[str]:
+    """Have each row of a table name its image as it lies from the folder; notes say how.
+
+    Images are in the folder, or beside the table, or else files in the folder that have their
     names, such as images that came from another disk.
 
     Raises:
         ValueError: an image is missing, or there twice.
     """
-    others: list[str] = []
-    notes: list[str] = []
-    if asked.template is not None:
-        rows, others = _read(rows, Template(asked.template).read)
-    names = [row["file"] for _, row in rows]
-    bases = [
-        base
-        for base in (root, table.parent)
-        if all((base / name).is_file() for name in names)
-    ]
-    if not bases:
-        found = _by_names(root, table, names)
-        notes.append(f"images found by their names: {names[0]} is {found[0]}")
-        rows = [
-            (place, {**row, "file": file})
-            for (place, row), file in zip(rows, found, strict=True)
+    names, notes = [row["file"] for _, row in rows], []
+    for base in (root, table.parent):
+        files = [str(base / name) for name in names]
+        if all(map(os.path.isfile, files)):
+            break
+    else:
+        files = _by_names(root, table, names)
+        notes = [
+            f"images found by their names: {names[0]} is {os.path.relpath(files[0], root)}"
         ]
     seen: set[str] = set()
-    for place, row in rows:
-        if (file := os.path.normpath(row["file"])) in seen:
-            raise ValueError(f"{place}: expected each file once, found {file!r} again")
-        seen.add(file)
-    settings |= {"other_files": tuple(others), "notes": notes}
-    return _of_images(root, [*bases, root][0], rows, window, asked, table, **settings)
+    for (place, row), file in zip(rows, files, strict=True):
+        row["file"] = name = os.path.relpath(file, root)
+        if name in seen:
+            raise ValueError(f"{place}: expected each file once, found {name!r} again")
+        seen.add(name)
+    return notes
 
 
 def _by_names(root: Path, table: Path, names: Sequence[str]) -> list[str]:
@@ -181,7 +170,7 @@ def _by_names(root: Path, table: Path, names: Sequence[str]) -> list[str]:
     """
     places: dict[str, list[str]] = {}
     for file in all_files(root):
-        places.setdefault(PurePath(file).name, []).append(file)
+        places.setdefault(PurePath(file).name, []).append(str(root / file))
     found = [places.get(PureWindowsPath(name).name, []) for name in names]
     if any(len(own) != 1 for own in found):
         missing = [name for name in names if not (root / name).is_file()]
@@ -192,26 +181,31 @@ def _by_names(root: Path, table: Path, names: Sequence[str]) -> list[str]:
     return [file for own in found for file in own]
 
 
-def _read(rows: Rows, read: Reader) -> tuple[Rows, list[str]]:
-    """Rows with what their names say, and names of the others: those that do not say it."""
-    kept, others = [], []
-    for place, row in rows:
-        fields = read(row["file"])
-        if fields is None:
-            others.append(row["file"])
-        else:
-            kept.append((place, row | fields))
-    return kept, others
+# Templates and sub-folders -----------------------------------------------------------------------
 
 
-def _by_folders(root: Path, files: Sequence[str], fewest_classes: int) -> Reader:
-    """Reads the class of an image: its folder.
+def _said(rows: Rows, read: Reader) -> Rows:
+    """Those rows of files whose paths say something, with what they say."""
+    read_rows = ((place, row, read(row["file"])) for place, row in rows)
+    return [(place, row | said) for place, row, said in read_rows if said is not None]
+
+
+def _others(files: Sequence[str], rows: Rows) -> tuple[str, ...]:
+    """The files that are not in these rows."""
+    kept = {row["file"] for _, row in rows}
+    return tuple(file for file in files if file not in kept)
+
+
+def _reader(root: Path, files: Sequence[str], asked: Asked) -> Reader:
+    """Reads what the template says; without one the class of an image: its folder.
 
     Where no class is needed, images that all lie in the folder itself have none.
 
     Raises:
         Ambiguous: every image in a folder lies in one of folders: which is the class?
     """
+    if asked.template is not None:
+        return Template(asked.template).read
     inside = [file for file in files if is_image(file) and "/" in file]
     depth = min((file.count("/") for file in inside), default=1)
     if depth > 1:
@@ -221,11 +215,12 @@ def _by_folders(root: Path, files: Sequence[str], fewest_classes: int) -> Reader
             f"{root}: folders of folders, such as {inside[0]}",
             [f"--template '{reading}'" for reading in readings],
         )
-    loose: dict[str, str] | None = {} if fewest_classes == 0 and not inside else None
+    needs_none = asked.fewest_classes == 0 and not inside
+    loose: dict[str, str] | None = {} if needs_none else None
     return lambda file: {"label": file.split("/")[0]} if "/" in file else loose
 
 
-# Folders -----------------------------------------------------------------------------------------
+# Files -------------------------------------------------------------------------------------------
 
 
 def all_files(root: Path) -> list[str]:
@@ -256,3 +251,8 @@ def _raise(error: OSError) -> None:
 def is_image(file: str) -> bool:
     """Whether the name is that of an image."""
     return file.lower().endswith(SUFFIXES)
+
+
+def _is_recorded(file: Path) -> bool:
+    """Whether a file is one of arrays or a video."""
+    return kind_of(file) in (ARRAY, VIDEO)

@@ -16,65 +16,10 @@ from typing import Any, Self, TypeVar
 import numpy as np
 
 from hdc.readers.about import About, Columns, grouped
-from hdc.readers.asked import Asked
-from hdc.readers.files import BadFrame, SettingError, wrong
+from hdc.readers.files import BadFrame
+from hdc.readers.settings import Asked, Window
 
 T = TypeVar("T")
-
-
-@dataclass(frozen=True)
-class Window:
-    """Pixels of an image that are kept: a crop (x, y, width, height), then every n-th of it.
-
-    A frame that is a vector [D] has no crop; every n-th of its numbers is kept. With an `image`
-    (H, W), images of another size are refused.
-    """
-
-    crop: Sequence[int] | None = None
-    subsample: int = 1
-    image: tuple[int, ...] | None = None
-
-    def __post_init__(self) -> None:
-        if self.crop is not None:
-            crop = tuple(self.crop)
-            whole = all(isinstance(n, int | np.integer) for n in crop)
-            if len(crop) != 4 or not whole or min(crop) < 0 or min(crop[2:]) < 1:
-                expected = "null or [x, y, width, height], integers ≥ 0 and sizes ≥ 1"
-                raise wrong("crop", self.crop, expected)
-            object.__setattr__(self, "crop", crop)
-        if not isinstance(self.subsample, int | np.integer) or self.subsample < 1:
-            raise wrong("subsample", self.subsample, "an integer ≥ 1")
-
-    def shape(self, *sides: int) -> tuple[int, ...]:
-        """(H, W) that is kept of an image [height, width], or (D,) of a vector.
-
-        Raises:
-            SettingError: the crop does not lie inside it, or is of images of another size.
-        """
-        kept = self._slices(sides)
-        return tuple(
-            len(range(*part.indices(n))) for part, n in zip(kept, sides, strict=True)
-        )
-
-    def of(self, image: np.ndarray) -> np.ndarray:
-        """A view [H, W], [H, W, channels] or [D] of the pixels that are kept."""
-        return image[self._slices(image.shape[:2])]
-
-    def _slices(self, sides: tuple[int, ...]) -> tuple[slice, ...]:
-        step = self.subsample
-        if len(sides) == 1:
-            if self.crop is not None:
-                raise wrong("crop", self.crop, "null for frames that are vectors")
-            return (slice(None, None, step),)
-        height, width = sides
-        if self.image is not None and self.image != sides:
-            wanted = f"images {self.image[1]} px wide and {self.image[0]} px high as in training"
-            raise SettingError(f"crop: expected {wanted}, found {width} × {height}")
-        x, y, w, h = self.crop or (0, 0, width, height)
-        if x + w > width or y + h > height:
-            wanted = f"a window inside frames {width} px wide and {height} px high"
-            raise wrong("crop", [x, y, w, h], wanted)
-        return slice(y, y + h, step), slice(x, x + w, step)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -114,7 +59,6 @@ class Recording(About):
         cls,
         columns: Columns,
         frames: Any,
-        window: Window,
         asked: Asked,
         digest: Callable[[], str],
         *,
@@ -128,7 +72,6 @@ class Recording(About):
         Args:
             columns: of the frames.
             frames: have ``shape``, ``dtype``, ``each`` and ``place``.
-            window: pixels that are kept.
             asked: names sessions and groups, and how many classes there have to be.
             digest: see the class.
             values: what is learnt; see :meth:`hdc.readers.about.Columns.about`, which may raise.
@@ -147,7 +90,7 @@ class Recording(About):
             each=frames.each,
             place=frames.place,
             digest=cache(digest),
-            window=window,
+            window=asked.window,
             notes=tuple(notes),
             statements=columns,
             **settings,

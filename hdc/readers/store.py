@@ -46,14 +46,9 @@ class Store:
     unread: dict[str, str] = field(default_factory=dict)
     axes: dict[str, tuple[str, ...]] = field(default_factory=dict)
 
-    def note(self) -> list[str]:
-        """Which arrays are not read; empty if all are."""
-        return [f"not read: {', '.join(self.unread)}"] if self.unread else []
-
-    def advice(self) -> str:
-        """Names and reasons of the arrays that are not read; empty if all are."""
-        why = "; ".join(f"{name}: {why}" for name, why in self.unread.items())
-        return f" (not read: {why})" if why else ""
+    def notes(self) -> list[str]:
+        """A phrase for each array that is not read, with the reason."""
+        return [f"{name} is not read, {why}" for name, why in self.unread.items()]
 
 
 def not_plain(name: str) -> str:

@@ -8,19 +8,31 @@ from __future__ import annotations
 
 from pathlib import Path
 from typing import Any
+from weakref import WeakValueDictionary
 
 import numpy as np
 
 from hdc.readers.files import BadFrame
 from hdc.readers.store import OnDisk, Store, not_plain
 
+_LOADED: WeakValueDictionary[tuple[Path, int, int], Store] = WeakValueDictionary()
+"""Files that someone has open, by what tells them from a file that was written later."""
+
 
 def load(path: Path) -> Store:
-    """The arrays of a file.
+    """The arrays of a file, which is read once as long as someone has them.
 
     Raises:
         ValueError: it is damaged, or of another kind.
     """
+    status = path.stat()
+    key = (path, status.st_mtime_ns, status.st_size)
+    if (store := _LOADED.get(key)) is None:
+        _LOADED[key] = store = _read(path)
+    return store
+
+
+def _read(path: Path) -> Store:
     suffix = path.suffix.lower()
     readers = {
         ".mat": _matlab,
@@ -69,10 +81,11 @@ def _npz(path: Path) -> Store:
 def _tiff(path: Path) -> Store:
     from hdc.readers import tiff
 
-    stacks = tiff.stacks(path)
+    stacks = {str(number): pages for number, pages in enumerate(tiff.stacks(path))}
+    axes = ("frame", "height", "width", "channel")
     return Store(
-        {name: _watched(path, stack.pixels) for name, stack in stacks.items()},
-        axes={name: stack.axes for name, stack in stacks.items()},
+        {name: _watched(path, pages) for name, pages in stacks.items()},
+        axes={name: axes[: pages.ndim] for name, pages in stacks.items()},
     )
 
 
@@ -123,16 +136,22 @@ def _add(store: Store, found: dict[str, Any], before: str) -> None:
         if isinstance(item, dict):
             _add(store, item, f"{path}/")
             continue
-        array = np.asarray(item)
-        if array.dtype == object and all(isinstance(c, str) for c in array.flat):
-            array = np.array(array.ravel().tolist())  # a cell array of texts
-        if array.dtype.kind == "U":
-            # MATLAB's rows of characters are equally long.
-            array = np.asarray(np.char.rstrip(array))
+        array = _plain(item)
         if array.dtype.kind not in "iufbU":
             store.unread[path] = not_plain(name)
         else:
             store.arrays[path] = array
+
+
+def _plain(item: Any) -> np.ndarray:
+    """An array, of which cells of text and rows of characters are text."""
+    array = np.asarray(item)
+    if array.dtype == object and all(isinstance(c, str) for c in array.flat):
+        array = np.array(array.ravel().tolist())
+    if array.dtype.kind == "U":
+        # MATLAB's rows of characters are equally long.
+        array = np.asarray(np.char.rstrip(array))
+    return array
 
 
 def _hdf5(path: Path) -> Store:

@@ -19,7 +19,7 @@ from hdc.readers.files import check_file
 Rows = list[tuple[str, dict[str, str]]]
 """Place of each row, such as "t.csv, line 3", and its texts by column."""
 _NUMBER = re.compile(r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?", re.ASCII)
-_DECIMAL_COMMA = re.compile(r"[-+]?\d*,\d+(?:[eE][-+]?\d+)?")
+_DECIMAL_COMMA = re.compile(r"[-+]?[\d.]*,\d+(?:[eE][-+]?\d+)?")
 _THOUSANDS = re.compile(r"[-+]?\d{1,3}(?:\.\d{3})+(?:,\d*)?")
 """A number with points between thousands; in English it may be a fraction."""
 
@@ -113,19 +113,14 @@ def _with_points(lines: list[tuple[str, list[str]]]) -> list[tuple[str, list[str
     Raises:
         ValueError: 1.000 may be one or a thousand, for commas are decimal.
     """
-    numbers = [
-        (place, cell)
-        for place, cells in lines
-        for cell in cells
-        if _DECIMAL_COMMA.fullmatch(cell) or _THOUSANDS.fullmatch(cell)
-    ]
-    thousands = [found for found in numbers if _THOUSANDS.fullmatch(found[1])]
-    if thousands and any("," in cell for _, cell in numbers):
-        place, cell = thousands[0]
-        raise ValueError(
-            f"{place}: expected 1000 or 1,0, found {cell!r} (points between thousands, where "
-            "commas are decimal)"
-        )
+    every = [(place, cell) for place, cells in lines for cell in cells]
+    if any(_DECIMAL_COMMA.fullmatch(cell) for _, cell in every):
+        for place, cell in every:
+            if _THOUSANDS.fullmatch(cell):
+                raise ValueError(
+                    f"{place}: expected 1000 or 1,0, found {cell!r} (points between thousands, "
+                    "where commas are decimal)"
+                )
     return [(place, [*map(_with_point, cells)]) for place, cells in lines]
 
 

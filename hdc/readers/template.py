@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+import os
 import re
 import unicodedata
 from collections import Counter, defaultdict
 from collections.abc import Sequence
-from itertools import zip_longest
-from pathlib import PurePath
-from typing import Any
 
 from hdc.readers.files import SettingError, wrong
 
 _NUMBERED = re.compile(r"(.*?)((?:[\W_]+[A-Za-z]*=?)?)(\d+)")
 """A name such as ball__t=0 or ball_run2: the thing, the text between, and a number."""
+_END = re.compile(r"(\.[^./]+|/[^./]+)?$")
+"""The suffix of a file, or the last part of the name of an array."""
 _FIELDS = {
     "*": ("", "anything"),
     "{order}": ("order", "number"),
@@ -100,22 +100,25 @@ def _shown(fields: dict[str, str]) -> str:
 # Names that suggest a template -----------------------------------------------------------------
 
 
-def suggested(names: Sequence[str]) -> list[str]:
+def suggested(names: Sequence[str], usual: Sequence[str]) -> list[str]:
     """Templates that the names of files, or of arrays in one file, suggest.
 
-    Names are alike that have as many parts, and the same suffix or, of arrays such as
-    trial_1/frames and trial_2/frames, the same last one.
+    Names are alike that have as many parts and the same end: the suffix of a file, or the last part
+    of arrays such as trial_1/frames and trial_2/frames. A folder that all of them are in stays.
+
+    Args:
+        names: of the files or arrays.
+        usual: fields that a name in that folder can be.
     """
-    alike: dict[Any, list[list[str]]] = defaultdict(list)
+    alike: dict[tuple[str, int], list[str]] = defaultdict(list)
     for name in names:
-        suffix = PurePath(name).suffix
-        parts = name.removesuffix(suffix).split("/")
-        last = () if suffix else tuple(parts[1:][-1:])
-        alike[suffix, len(parts), last].append(parts)
+        stem = _END.sub("", name)
+        alike[name.removeprefix(stem), stem.count("/")].append(stem)
     return [
-        f"{made}{suffix}"
-        for (suffix, *_), rows in alike.items()
-        for made in _suggested_of(rows, bool(suffix))
+        template + end
+        for (end, _), stems in alike.items()
+        for template in _suggested_by(stems, usual)
+        if end.startswith(".") or len(stems) > 1
     ]
 
 
@@ -133,27 +136,17 @@ def numbered(names: Sequence[str]) -> str:
     return f"{{label}}{between}{{group{form}}}"
 
 
-def _suggested_of(rows: Sequence[Sequence[str]], are_files: bool) -> list[str]:
-    """Templates of names that are alike, in parts: text that all have stays, and text that differs
-    is a trial, a class or a session."""
-    columns = [[*dict.fromkeys(column)] for column in zip(*rows, strict=True)]
-    varying = [k for k, texts in enumerate(columns) if len(texts) > 1]
-    if not varying and not are_files:
-        return []
-    varying = varying or [len(columns) - 1]
-    twins = numbered([row[varying[-1]] for row in rows])
-    if len(varying) == 1:
-        of_arrays = ("{group}", "{label}") if len(columns) > 1 else ()
-        usual = ("{label}", "{session}") if are_files else of_arrays
-        readings = [[field] for field in (twins, *usual)]
-    else:
+def _suggested_by(stems: Sequence[str], usual: Sequence[str]) -> list[str]:
+    """Templates of names without their ends, which are alike."""
+    folder = os.path.commonpath([*map(os.path.dirname, stems)])
+    parts = os.path.relpath(stems[0], folder or None).split("/")
+    twins = numbered([os.path.basename(stem) for stem in stems])
+    readings = [twins, *usual]
+    if len(parts) > 1:
         # A number that begins anew in each session is no group: a file is one.
-        of_day = ["{session}", twins.replace("{group}", "*")]
-        readings = [of_day, ["{label}", "{group}"], ["{session}", "{label}"]]
-    found = []
-    for reading in filter(all, readings):
-        made = [texts[0] for texts in columns]
-        for k, field in zip_longest(varying, reading, fillvalue="*"):
-            made[int(k)] = field
-        found.append("/".join(made))
-    return found
+        of_day = twins and f"{{session}}/{twins.replace('{group}', '*')}"
+        readings = [of_day, "{label}/{group}", "{session}/{label}"]
+        readings = [
+            reading.replace("/", "/*" * (len(parts) - 2) + "/") for reading in readings
+        ]
+    return [os.path.join(folder, reading) for reading in readings if reading]

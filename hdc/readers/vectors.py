@@ -10,15 +10,16 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
 from hdc.readers.about import KNOWN, Columns, is_unnamed
-from hdc.readers.asked import Asked
 from hdc.readers.axes import Frames
 from hdc.readers.files import file_digest
-from hdc.readers.recording import Recording, Window
+from hdc.readers.recording import Recording
+from hdc.readers.settings import Asked
 from hdc.readers.table import parse_number
 
 _DIGITS = re.compile(r"\d+(?:\.\d+)?")
@@ -29,38 +30,32 @@ _REMEDY = (
 )
 
 
-def open_frames(path: Path, window: Window, asked: Asked) -> Recording:
+def open_frames(path: Path, asked: Asked) -> Recording:
     """The frames of a CSV of vectors [N, D]; see the module's description.
 
     Raises:
         ValueError: the table is not as described; a cell that is no number is named.
     """
-    columns = Columns.read(path, asked.named if asked.fewest_classes > 0 else ())
-    _check_header(path, [*columns.columns])
-    chosen = [name for name in asked.named if name in columns.columns]
-    units = [name for name in (asked.sessions, asked.groups) if name]
-    known = columns.only("label", *KNOWN, *chosen, *units)
-    if asked.fewest_classes > 0 and not chosen and "label" not in known.columns:
-        raise ValueError(
-            f"{path}: expected a column label, or a chosen column of values, found neither"
-        )
-    numbers = [name for name in columns.columns if name not in known.columns]
+    values = asked.values or ()
+    columns = Columns.read(path, values if asked.fewest_classes > 0 else ())
+    names = [*columns.columns]
+    _check_header(path, names)
+    known = {"label", *KNOWN, *values, asked.sessions, asked.groups}
+    numbers = [name for name in names if name not in known]
     vectors = columns.values(numbers)
     if vectors is None:
-        raise ValueError(
-            f"{path}: expected columns of numbers, found {[*columns.columns]}"
-        )
+        raise ValueError(f"{path}: expected columns of numbers, found {names}")
+    said = {name: columns.columns[name] for name in names if name in known}
     odd = unlike(numbers, vectors)
     notes = [f"{', '.join(odd)}: a pixel unlike the others, {_REMEDY}"] if odd else []
     return Recording.of(
-        known,
-        Frames(columns.place, vectors, ("frame", "feature"), window),
-        window,
+        replace(columns, columns=said),
+        Frames(columns.place, vectors, ("frame", "feature"), asked.window),
         asked,
         lambda: file_digest(path),
-        features=tuple(numbers[:: window.subsample]),
+        features=tuple(numbers[:: asked.window.subsample]),
         notes=notes,
-        values=chosen,
+        values=[name for name in values if name in said],
     )
 
 
@@ -90,8 +85,8 @@ def _check_header(path: Path, names: Sequence[str]) -> None:
     """Raise a ValueError for a column without a name, such as the index that pandas writes, or
     where the first line is a frame: numbers that neither rise nor fall."""
     numbers = [number for name in names if (number := parse_number(name)) is not None]
-    in_order = sorted(numbers, reverse=numbers[:1] > numbers[-1:])
-    is_frame = len(numbers) == len(names) and numbers != in_order
+    rises_or_falls = sorted(numbers) in (numbers, numbers[::-1])
+    is_frame = len(numbers) == len(names) and not rises_or_falls
     unnamed = [name for name in names if is_unnamed(name)]
     if is_frame or unnamed:
         found = ", ".join(unnamed or names[:3])

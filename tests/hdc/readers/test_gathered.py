@@ -108,7 +108,7 @@ def test_what_names_do_not_say_is_said_by_the_files(tmp_path, write_film):
     ],
 )  # fmt: skip
 def test_templates_are_suggested_by_names(files, expected):
-    assert suggested(files) == expected
+    assert suggested(files, ("{label}", "{session}")) == expected
 
 
 def test_files_without_a_template_and_one_of_other_frames_are_named(gathered):
@@ -133,7 +133,7 @@ def test_a_vector_in_each_file_is_one_frame(tmp_path, suffix):
     template = f"{{label}}_{{group}}.{suffix}"
     if suffix == "npy":
         with pytest.raises(
-            ValueError, match=r"\(30,\); --axes feature reads one frame"
+            ValueError, match=r"\(30,\) .*--axes feature a vector that is one"
         ):
             open_recording(tmp_path, template=template)
     recording = open_recording(tmp_path, template=template, axes=["feature"])
