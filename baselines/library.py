@@ -50,7 +50,7 @@ def _train(
     learned = HDCClassifier(**model.get_params(deep=False))
     for start in range(0, n, CHUNK):
         rows = slice(start, start + CHUNK)
-        with encoding.computing():
+        with backends.computing(encoding.backend):
             words = joined(encoding.encoded(frames[rows]))
         learned.partial_fit(words, labels[rows], classes)
         vars(model).update(vars(learned))

@@ -9,14 +9,13 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from hdc import inputs
+from hdc import backends, inputs
 from hdc.answers import Answering
 from hdc.availability import needs
 from hdc.encoders import ENCODERS, Encoder
 from hdc.head import Head
-from hdc.hypervectors import Encoding, Hypervectors, joined, source
+from hdc.hypervectors import Encoding, Hypervectors, Sample, joined, source
 from hdc.readouts import READOUTS, Readout, Updatable
-from hdc.sample import Sample
 from hdc.tensors import Parts
 from hdc.warning import warn
 
@@ -140,7 +139,7 @@ class HDCClassifier(Answering):
         """Learn anew; some of the classes may have no frames if the read-out is updatable."""
         encoder = self.fresh("encoder")
         encoding = Encoding.learned(encoder, frames, self.device, self.backend)
-        with encoding.computing():
+        with backends.computing(encoding.backend):
             words = encoding.encoded(frames)
             head = Head(readout, None, Sample(), classes, encoding.dimension)
             head = head.learned(words, labels, self.device, together)
@@ -286,7 +285,7 @@ class HDCClassifier(Answering):
         inputs.check_any(frames)
         inputs.check_shape(frames.shape[1:], self.frame_shape_)
         encoding = replace(self._encoding, encoder=self.encoder_.unlearned())
-        with encoding.computing():
+        with backends.computing(encoding.backend):
             encoding.encoder.zero(frames)
             words = joined(encoding.encoded(frames))
             found = len(self._head.scores(words).argmax(1).unique())

@@ -1,8 +1,8 @@
 """Conformal prediction: p-values and prediction sets from the scores of a read-out.
 
 **Read-outs that count.** A model keeps up to 19 training frames of each class, chosen at random
-(:class:`hdc.sample.Sample`). To ask whether a frame x is of class c, with n training frames and
-their prototype P, compare
+(:class:`hdc.hypervectors.Sample`). To ask whether a frame x is of class c, with n training frames
+and their prototype P, compare
 
 - d, the distance of x to P, with
 - d_i, the distance of a kept frame x_i to the prototype of the n frames with x in place of x_i.
@@ -45,9 +45,9 @@ import torch
 from torch import Tensor
 
 from hdc import bits
+from hdc.hypervectors import Sample
 from hdc.readouts.base import HeldOut
 from hdc.readouts.majority import EXTRAS, Counted, Counting, Majority
-from hdc.sample import Sample
 from hdc.warning import warn
 
 RATE = 0.05

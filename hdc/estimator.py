@@ -12,7 +12,7 @@ from math import prod
 from operator import attrgetter
 from typing import Any, ClassVar
 
-from hdc import inputs
+from hdc import backends, inputs
 from hdc.hypervectors import Encoding, Hypervectors, joined
 from hdc.parameters import Family, Parametrised
 
@@ -72,7 +72,7 @@ class Estimator(Parametrised):
 
     def _computing(self) -> AbstractContextManager[None]:
         """Context in which this thread computes by the chosen backend."""
-        return self._encoding.computing()
+        return backends.computing(self._encoding.backend)
 
     def _check_is_trained(self) -> None:
         """Raise for an untrained model."""

@@ -14,14 +14,13 @@ from torch import Tensor
 
 from hdc import inputs
 from hdc.conformal import Conformal
-from hdc.hypervectors import Hypervectors, joined
+from hdc.hypervectors import Hypervectors, Sample, joined
 from hdc.inputs import Label
 from hdc.parameters import is_number
 from hdc.probability import cross_validated, of_several, sharpness
 from hdc.readouts.base import HeldOut, Readout, Updatable
 from hdc.readouts.majority import Counting
 from hdc.rejection import Rejection, by_frames, by_groups, of_words
-from hdc.sample import Sample
 from hdc.tensors import Parts, check_parts, checked
 from hdc.warning import warn
 

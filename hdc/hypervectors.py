@@ -1,11 +1,11 @@
-"""Encoded frames, which every method of a model accepts instead of the frames, and their making."""
+"""Hypervectors: encoded frames, the trained encoder that makes them, and a sample of them."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Iterable, Iterator
-from contextlib import AbstractContextManager
-from dataclasses import dataclass, replace
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from math import prod
 from typing import Any, Self
 
@@ -16,8 +16,12 @@ from torch import Tensor
 from hdc import backends, inputs
 from hdc.described import describe
 from hdc.parameters import Family, Part
+from hdc.tensors import checked
 
 CHUNK = 256  # frames encoded at a time: 8 MB of packed bits at D = 250,000
+KEPT = 19
+"""Hypervectors stored per class: p-values in steps of 5 %; 0.6 MB at D = 250,000."""
+_WORD = 2**64 - 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,6 +85,9 @@ def source(frames: Any) -> Any:
     return frames
 
 
+# Making them --------------------------------------------------------------------------------------
+
+
 @dataclass(frozen=True, eq=False)
 class Encoding:
     """A trained encoder, the shape of its frames, and what computes."""
@@ -119,10 +126,6 @@ class Encoding:
             with backends.computing(chosen):
                 encoder.fit(frames)
         return cls(encoder, tuple(frames.shape[1:]), device, chosen)
-
-    def computing(self) -> AbstractContextManager[None]:
-        """Context in which this thread computes by the backend."""
-        return backends.computing(self.backend)
 
     def encoded(self, frames: Any) -> Iterator[Hypervectors]:
         """Hypervectors of frames, a chunk at a time; hypervectors are passed on unchanged.
@@ -166,3 +169,96 @@ def _check_alike(expected: Any, found: Any) -> None:
         raise ValueError(
             f"hypervectors: expected the encoder {expected!r}, found {found!r}"
         )
+
+
+# A sample of each class ---------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, eq=False)
+class Sample:
+    """The number of training frames of each class, and hypervectors of up to 19 of them.
+
+    Classes are rows 0 … L − 1. Read-outs that learn all frames at once do not need the
+    hypervectors, and store none.
+    """
+
+    seen: Counter[int] = field(default_factory=Counter)
+    kept: dict[int, Tensor] = field(default_factory=dict)
+    """int64 [m, W] of each class with frames, in the order of their places; never changed."""
+
+    def with_frames(
+        self, words: Tensor, rows: Sequence[int], size: int = KEPT
+    ) -> Sample:
+        """A sample of hypervectors int64 [N, W] of N classes, too, in any batches.
+
+        This is reservoir sampling by algorithm R (Vitter, ACM Trans. Math. Softw. 11, 37 (1985)):
+        frame k draws one of k + 1 places, and is stored if that is one of the first `size`. Random
+        numbers depend only on the seed and on k, so the result does not depend on batches, files or
+        machines.
+        """
+        seen, chosen = self.seen.copy(), {}
+        for i, row in enumerate(rows):
+            k = seen[row]
+            seen[row] += 1
+            place = k if k < size else random_place(k)
+            if place < size:
+                chosen[row, place] = i
+        found = {row: list(self.kept.get(row, ())) for row, _ in chosen}
+        for (row, place), i in chosen.items():
+            found[row][place : place + 1] = [words[i]]
+        stored = {row: torch.stack(own) for row, own in found.items()}
+        return Sample(seen, self.kept | stored)
+
+    def replaced(self, words: Tensor, rows: Sequence[int]) -> Sample:
+        """A sample in which the classes of N new hypervectors [N, W] have new ones only."""
+        new = Sample().with_frames(words, rows)
+        seen = Counter({**self.seen, **new.seen})
+        return Sample(seen, {**self.kept, **new.kept})
+
+    def arranged(self, places: Sequence[int]) -> Sample:
+        """The sample in which class k becomes class places[k]."""
+        seen = Counter({places[row]: n for row, n in self.seen.items()})
+        return Sample(seen, {places[row]: own for row, own in self.kept.items()})
+
+    def listed(self) -> tuple[Tensor, Tensor]:
+        """The stored hypervectors int64 [M, W], class by class, and their classes int64 [M]."""
+        rows = [row for row in sorted(self.kept) for _ in self.kept[row]]
+        words = [self.kept[row] for row in sorted(self.kept)]
+        return torch.cat(words), torch.tensor(rows)
+
+    @classmethod
+    def restored(
+        cls, n_classes: int, seen: Any, tensors: Mapping[str, Tensor], dimension: int
+    ) -> Self:
+        """The sample from a file: numbers of frames, and the hypervectors if there are any.
+
+        Raises:
+            ValueError: if they do not fit together.
+        """
+        sizes = [min(count, KEPT) for count in seen]
+        if min(sizes) < 0 or len(sizes) != n_classes:
+            raise ValueError(f"seen {seen!r}")
+        kept = {}
+        if tensors:
+            kinds = {"sample": "int64 N W"}
+            found = checked(tensors, kinds, N=sum(sizes), D=dimension)
+            parts = enumerate(found["sample"].split(sizes))
+            kept = {row: part.clone() for row, part in parts if len(part)}
+        return cls(Counter(dict(enumerate(seen))), kept)
+
+
+def random_place(k: int) -> int:
+    """A random place from 0 to k, by SplitMix64 of a fixed seed and k.
+
+    Steele, Lea, Flood, Fast splittable pseudorandom number generators, OOPSLA 2014.
+    """
+    mixed = _mix(_mix(1) + k)
+    return mixed * (k + 1) >> 64
+
+
+def _mix(z: int) -> int:
+    """The output of SplitMix64 for a state."""
+    z = (z * 0x9E3779B97F4A7C15) & _WORD
+    z = ((z ^ z >> 30) * 0xBF58476D1CE4E5B9) & _WORD
+    z = ((z ^ z >> 27) * 0x94D049BB133111EB) & _WORD
+    return z ^ z >> 31

@@ -198,26 +198,25 @@ def label_array(labels: Any, n: int, name: str = "labels") -> np.ndarray:
     labels = _without_column(one_a_frame(name, labels, n))
     if isinstance(labels, np.ndarray) and labels.dtype.kind not in "mM":
         labels = labels.tolist()  # Python's numbers of the same value
-    items = [_as_python(label) for label in labels]
-    kinds = [type(label) for label in items]
-    for i, label in enumerate(items):
-        if kinds[i] not in _LABELS or label != label:
-            raise ValueError(
-                f"{name}[{i}]: expected a str, int, float or bool, found {label!r}"
-            )
+    items = [_as_label(label, name, i) for i, label in enumerate(labels)]
     # numpy turns some integers into floats, and drops null characters at the end of a string.
     array = np.array(items)
     found = array.tolist()
-    exact = found == items and [type(label) for label in found] == kinds
+    exact = found == items and [*map(type, found)] == [*map(type, items)]
     return array if exact else np.array(items, object)
 
 
-def _as_python(label: Any) -> Any:
-    """A number or text of numpy or torch as Python's; other objects, such as dates, unchanged."""
+def _as_label(label: Any, name: str, i: int) -> Label:
+    """A number or text, of numpy or torch, too, as Python's; ValueError for other objects."""
     of_numpy = isinstance(label, np.generic) and not isinstance(label, _TIMES)
     if of_numpy or (isinstance(label, Tensor) and label.ndim == 0):
-        return label.item()
-    return label
+        label = label.item()
+    if type(label) not in _LABELS or label != label:
+        raise ValueError(
+            f"{name}[{i}]: expected a str, int, float or bool, found {label!r}"
+        )
+    found: Label = label
+    return found
 
 
 def _without_column(labels: Any) -> Any:

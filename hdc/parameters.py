@@ -37,7 +37,7 @@ class Parametrised:
 
     def get_params(self, deep: bool = True) -> dict[str, Any]:
         """Parameters by name; if `deep`, also the parameters of parts, as ``part__name``."""
-        names = _parameters_of(type(self))
+        names = inspect.signature(type(self)).parameters
         found = {name: getattr(self, name) for name in names}
         if deep:
             for name, make in self.parts.items():
@@ -73,7 +73,10 @@ class Parametrised:
 
     def fresh(self, name: str) -> Any:
         """A new untrained part from a parameter, checked."""
-        part = self.parts[name](getattr(self, name)).unlearned()
+        given = getattr(self, name)
+        part = self.parts[name](given)
+        if part is given:
+            part = part.unlearned()
         part.check()
         return part
 
@@ -91,13 +94,6 @@ class Part(Parametrised):
 
     def check(self) -> None:
         """Raise ValueError for a parameter that is not allowed."""
-
-
-def _parameters_of(kind: type) -> list[str]:
-    """Names of the arguments of a constructor, without ``*args`` and ``**kwargs``."""
-    named = (inspect.Parameter.POSITIONAL_OR_KEYWORD, inspect.Parameter.KEYWORD_ONLY)
-    parameters = inspect.signature(kind).parameters.values()
-    return [parameter.name for parameter in parameters if parameter.kind in named]
 
 
 class Family(UserDict[str, Any]):

@@ -76,7 +76,7 @@ class Counters:
                 source = np.random.Generator(np.random.PCG64(seeds))
                 counted = ones.numpy(force=True)
                 drawn = source.hypergeometric(counted, n - counted, size)
-                ones = torch.from_numpy(drawn).to(self.device)
+                ones = torch.from_numpy(drawn).to(ones.device)
             found.append(ones)
         return self._of_counts(found, self.n.clamp(max=size))
 
@@ -94,10 +94,6 @@ class Counters:
         """The counts of all or some classes as integers int64 [L, D]."""
         chosen = self.planes if rows is None else self.planes[list(rows)]
         return bits.numbers_of(chosen, self.dimension)
-
-    @property
-    def device(self) -> torch.device:
-        return self.planes.device
 
 
 def merged(old: Counters, new: Counters, p: float) -> tuple[Counters, list[int]]:

@@ -10,7 +10,7 @@ import numpy as np
 import torch
 from torch import Tensor
 
-from hdc import inputs
+from hdc import backends, inputs
 from hdc.accuracy import r_squared
 from hdc.encoders import ENCODERS, Encoder
 from hdc.hypervectors import Encoding, Hypervectors, joined, source
@@ -84,7 +84,7 @@ class HDCRegressor(Saved):
         values = _numbers(y, len(frames))
         _check_enough(frames)
         encoding = Encoding.learned(encoder, frames, self.device, self.backend)
-        with encoding.computing():
+        with backends.computing(encoding.backend):
             words = joined(encoding.encoded(frames))
             state = readout.fit(words, _table(values))
         self._encoding = encoding
@@ -240,6 +240,6 @@ def _ends(
     if low < 1 or high > n:
         infinite = torch.full_like(without[:, 0], torch.inf)
         return -infinite, infinite
-    lower = np.partition((without - spread).numpy(), low - 1, axis=1)[:, low - 1]
-    upper = np.partition((without + spread).numpy(), high - 1, axis=1)[:, high - 1]
-    return torch.from_numpy(lower), torch.from_numpy(upper)
+    lower = (without - spread).kthvalue(low, dim=1).values
+    upper = (without + spread).kthvalue(high, dim=1).values
+    return lower, upper

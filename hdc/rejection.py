@@ -14,8 +14,8 @@ holds for frames of another group. Otherwise frames are left out one by one, and
 frames recorded under the training conditions, not for another session.
 
 Up to 100 random frames of each class are left out; for a read-out that counts, without groups, the
-19 frames that it stores (:mod:`hdc.sample`). Their distances are exact, since the counts of a class
-without a frame or a group follow from the counts with it.
+19 frames that it stores (:class:`hdc.hypervectors.Sample`). Their distances are exact, since the
+counts of a class without a frame or a group follow from the counts with it.
 """
 
 from __future__ import annotations
@@ -30,18 +30,15 @@ import torch
 from torch import Tensor
 
 from hdc import bits, planes
-from hdc.hypervectors import Hypervectors
+from hdc.hypervectors import Hypervectors, Sample
 from hdc.inputs import Label
 from hdc.readouts.base import Readout
 from hdc.readouts.majority import Counting
-from hdc.sample import Sample
 from hdc.tensors import checked
 from hdc.warning import warn
 
 VERSION = 2
 """Version of the rule, which an exported header names."""
-UNITS = ("frame", "group")
-"""The unit that is left out at a time."""
 MOST = 100
 """Frames of a class that are left out at most."""
 
@@ -55,7 +52,7 @@ class Rejection:
     distances: Tensor
     """int64 [m] (CPU), distances of left-out frames in rising order."""
     unit: str
-    """One of :data:`UNITS`."""
+    """What is left out at a time, ``"frame"`` or ``"group"``."""
 
     @classmethod
     def of(cls, prototypes: Tensor, distances: Sequence[Tensor], unit: str) -> Self:
@@ -90,7 +87,7 @@ class Rejection:
         """The rule from the tensors of a file, if there are any; ValueError if they do not fit."""
         if not tensors:
             return None
-        (unit,) = [name for name in UNITS if name in tensors] or UNITS[:1]
+        unit = "group" if "group" in tensors else "frame"
         m = len(tensors.get(unit, ()))  # none where each class has a single frame
         kinds = {"prototypes": "int64 K W", unit: "int64 M"}
         found = checked(tensors, kinds, D=dimension, M=m)

@@ -61,8 +61,8 @@ class Saved(Estimator):
     def _contents(self) -> tuple[dict[str, Any], dict[str, Tensor]]:
         """Header, yet without parameters, and tensors, of which :meth:`_fill` makes the model."""
         with self._computing():
-            stored, tensors = self._stored()
-        tensors = flat({**tensors, "encoder": self.encoder_.state()})
+            stored, parts = self._stored()
+        tensors = flat({**parts, "encoder": self.encoder_.state()})
         header = {
             "kind": type(self).__name__,
             **stored,

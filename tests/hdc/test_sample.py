@@ -3,7 +3,7 @@
 import numpy as np
 import torch
 
-from hdc.sample import KEPT, Sample
+from hdc.hypervectors import KEPT, Sample
 
 
 def test_what_is_kept_does_not_depend_on_batches_and_has_a_share_of_each_time():
