@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from operator import attrgetter
 from typing import Any
 
 import numpy as np
@@ -14,6 +13,7 @@ from hdc import inputs
 from hdc.accuracy import accuracy
 from hdc.availability import needs
 from hdc.conformal import RATE
+from hdc.estimator import of_training
 from hdc.head import Head
 from hdc.hypervectors import Hypervectors
 from hdc.parameters import check_share
@@ -25,10 +25,10 @@ class Answering(Saved):
 
     _head: Head
 
-    classes_ = property(attrgetter("_head.labels"))
-    readout_ = property(attrgetter("_head.readout"))
-    state_ = property(attrgetter("_head.state"))
-    prototypes_ = property(attrgetter("_head.state.prototypes"))
+    classes_ = of_training("_head.labels")
+    readout_ = of_training("_head.readout")
+    state_ = of_training("_head.state")
+    prototypes_ = of_training("_head.state.prototypes")
 
     def predict(self, frames: Any) -> np.ndarray:
         """Labels [Q] of frames [Q, H, W] or [Q, D], or of a single image [H, W].

@@ -13,8 +13,20 @@ from operator import attrgetter
 from typing import Any, ClassVar
 
 from hdc import backends, inputs
+from hdc.availability import UnavailableError
 from hdc.hypervectors import Encoding, Hypervectors, joined
 from hdc.parameters import Family, Parametrised
+
+
+def of_training(path: str) -> Any:
+    """A property of a trained model, such as ``"_encoding.encoder"``; an untrained one has none."""
+    found = attrgetter(path)
+
+    def get(model: Estimator) -> Any:
+        model._check_is_trained()
+        return found(model)
+
+    return property(get)
 
 
 class Estimator(Parametrised):
@@ -31,10 +43,10 @@ class Estimator(Parametrised):
     metadata_: dict[str, Any]
     _encoding: Encoding
 
-    encoder_ = property(attrgetter("_encoding.encoder"))
-    backend_ = property(attrgetter("_encoding.backend"))
-    frame_shape_ = property(attrgetter("_encoding.frame_shape"))
-    dimension_ = property(attrgetter("_encoding.dimension"))
+    encoder_ = of_training("_encoding.encoder")
+    backend_ = of_training("_encoding.backend")
+    frame_shape_ = of_training("_encoding.frame_shape")
+    dimension_ = of_training("_encoding.dimension")
 
     @property
     def n_features_in_(self) -> int:
@@ -79,7 +91,7 @@ class Estimator(Parametrised):
         if not hasattr(self, "_encoding"):
             # scikit-learn's kind of error where it is loaded
             module = sys.modules.get("sklearn.exceptions")
-            kind = getattr(module, "NotFittedError", ValueError)
+            kind = getattr(module, "NotFittedError", UnavailableError)
             raise kind(
                 f"{type(self).__name__}: expected a trained model; call fit first"
             )

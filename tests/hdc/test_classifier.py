@@ -75,6 +75,7 @@ SHARE = r"alpha: expected a share in \(0, 1\), found"
         (lambda: trained().p_values(FRAMES, "x"), SHARE),
         (lambda: trained().score(FRAMES[:0], []), "expected at least one frame"),
         (lambda: HDCClassifier(readout="lda").fit(FRAMES), "requires y to be passed"),
+        (lambda: HDCClassifier().classes_, "expected a trained model; call fit first"),
         (lambda: HDCClassifier(readout="ridge").fit(FRAMES[::3], LABELS[::3]),
          r"at least two classes for Ridge\(.*, found one class, 0; .* 'majority'"),
     ],

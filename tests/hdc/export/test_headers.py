@@ -3,6 +3,7 @@
 import re
 import shutil
 import subprocess
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -169,7 +170,7 @@ def test_what_is_not_exported_is_refused_with_the_reason(model, message):
 
 def test_frames_too_large_untrained_models_and_empty_classes_are_refused():
     model, _ = trained_on(65, Deviation([0]))
-    model.n_features_in_ = 2**21 + 1
+    model._encoding = replace(model._encoding, frame_shape=(2**21 + 1,))
     with pytest.raises(ValueError, match="at most 2097152 pixels of 16 bits with the"):
         Plan.of(model, "touch", 16)
     with pytest.raises(ValueError, match="expected a trained model"):
