@@ -14,7 +14,7 @@ import os
 import re
 import sys
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from hdc.readers.files import LIBRARIES
@@ -34,7 +34,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
             # A file may have a name that is no text.
             stream.reconfigure(errors="backslashreplace")
     with warnings.catch_warnings():
-        warnings.showwarning = _Said()
+        warnings.showwarning = _once()
         sys.exit(_status(arguments))
 
 
@@ -85,21 +85,24 @@ def _run(arguments: Sequence[str] | None) -> int:
 
 
 def _say(text: str, status: int) -> int:
-    # What a file is called may hold codes that a terminal obeys.
-    line = " ".join(text.splitlines())
-    shown = "".join(c if c.isprintable() else repr(c)[1:-1] for c in line)
-    print(shown, file=sys.stderr)
+    print(printable(" ".join(text.splitlines())), file=sys.stderr)
     return status
 
 
-class _Said:
+def printable(text: str) -> str:
+    """A text without the codes that a terminal obeys, which the name of a file may hold: tabs, line
+    feeds and the like are written as escapes."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
+def _once() -> Callable[..., None]:
     """Says a warning in one line, once: not again with another share, fold after fold."""
+    before: set[str] = set()
 
-    def __init__(self) -> None:
-        self._before: set[str] = set()
-
-    def __call__(self, message: Warning | str, *_: Any, **__: Any) -> None:
+    def say(message: Warning | str, *_: Any, **__: Any) -> None:
         but_for_shares = re.sub(r"\d+ %", "", str(message))
-        if but_for_shares not in self._before:
-            self._before.add(but_for_shares)
+        if but_for_shares not in before:
+            before.add(but_for_shares)
             _say(f"warning: {message}", 0)
+
+    return say

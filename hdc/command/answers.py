@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from hdc import readers
-from hdc.command.messages import printable
+from hdc.command import printable
 from hdc.command.work import check_fits, check_size, value_names
 from hdc.readers import VECTORS, VIDEO, Window, kind_of
 from hdc.readers.about import numbered
@@ -79,7 +79,9 @@ def _of_values(model: Any, words: Any, wanted: Wanted) -> dict[str, Any]:
     parts = model.predict(words, return_interval=True, alpha=wanted.alpha)
     values, *ends = (part.reshape(len(words), -1) for part in parts)
     both = np.stack(ends, axis=2)
-    return {"values": values, "intervals": np.where(np.isfinite(both), both, None)}
+    intervals = both.astype(object)
+    intervals[np.isinf(both)] = None
+    return {"values": values, "intervals": intervals}
 
 
 def batched(items: Iterable[Any]) -> Iterator[list[Any]]:
@@ -167,9 +169,8 @@ def _rows(
         for place, frame in some:
             check_size(model, frame.shape, place)
         found = columns(model, np.stack([frame for _, frame in some]), wanted)
-        if "label" in found:
-            names = tuple(str(label) for label in model.classes_)
-        else:
+        names: Sequence[str] = [str(label) for label in getattr(model, "classes_", ())]
+        if "values" in found:
             names = value_names(model) or numbered(found["values"].shape[1])
         for k, (place, _) in enumerate(some):
             row = {name: _own(column[k], names) for name, column in found.items()}
@@ -179,7 +180,7 @@ def _rows(
 
 
 def _own(item: Any, names: Sequence[str]) -> Any:
-    """What a row has of a column, as JSON: by name where there is one for each class or value."""
+    """An item of a column as JSON, by name where there is one for each class or value."""
     if isinstance(item, list):
         return item
     own = item.tolist()

@@ -20,7 +20,7 @@ TOO_LARGE = (
 
 
 @click.command(short_help="Write a model as a C99 header.")
-@click.argument("model", type=options.FILE)
+@options.model
 @options.output
 @click.option(
     "--bits",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shlex
+from collections import Counter
 from pathlib import Path, PurePath
 
 import click
@@ -16,9 +17,6 @@ from hdc.readers.files import Ambiguous
 from hdc.readers.listing import all_files
 from hdc.readers.table import columns_in
 from hdc.readers.template import numbered
-
-MOST = 12
-"""Arrays, columns and readings that are shown."""
 
 
 class _Typed(click.Command):
@@ -40,18 +38,13 @@ def look(typed: list[str], source: Source) -> None:
     file, _ = readers.split_name(source.path)
     path = next(word for word in typed if Path(word) == source.path)
     typed.remove(path)
-    said = _shortened(contents(file)) if file.exists() else []
+    said = messages.shortened(contents(file)) if file.exists() else []
     messages.say(*said)
-    for taken, frames in _readings([str(source.path), *typed])[:MOST]:
+    for taken, frames in _readings([str(source.path), *typed])[: messages.LISTED]:
         if said:
             messages.say("")
         said = _described(taken, frames)
         messages.say(*said)
-
-
-def _shortened(lines: list[str]) -> list[str]:
-    rest = len(lines) - MOST
-    return [*lines[:MOST], f"… {rest} more"] if rest > 0 else lines
 
 
 # Its contents -----------------------------------------------------------------------------------
@@ -69,17 +62,16 @@ def contents(path: Path) -> list[str]:
 
 
 def _table(path: Path) -> list[str]:
-    return [f"columns: {', '.join(_shortened(columns_in(path)))}"]
+    return [f"columns: {', '.join(messages.shortened(columns_in(path)))}"]
 
 
 def _files(folder: Path) -> list[str]:
     """How many files of each suffix there are, and the first of them."""
-    found: dict[str, list[str]] = {}
-    for file in all_files(folder):
-        found.setdefault(PurePath(file).suffix.lower(), []).append(file)
+    files = all_files(folder)
+    suffixes = [PurePath(file).suffix.lower() for file in files]
     return [
-        f"{len(files)} {suffix or 'other'} files, such as {files[0]}"
-        for suffix, files in sorted(found.items(), key=lambda pair: -len(pair[1]))
+        f"{n} {suffix or 'other'} files, such as {files[suffixes.index(suffix)]}"
+        for suffix, n in Counter(suffixes).most_common()
     ]
 
 
@@ -113,7 +105,7 @@ def _readings(words: list[str]) -> list[tuple[list[str], Recording]]:
     except Ambiguous as error:
         found: list[tuple[list[str], Recording]] = []
         refused: ValueError = error
-        for choice in reversed(error.choices[:MOST]):
+        for choice in reversed(error.choices[: messages.LISTED]):
             try:
                 found = _readings(_with(words, choice)) + found
             except ValueError as why:

@@ -10,6 +10,7 @@ from typing import Any
 import click
 import numpy as np
 
+from hdc.command import printable
 from hdc.readers import Recording, natural_key
 
 FALL = 0.1
@@ -19,7 +20,7 @@ DIFFERS = (
     "recalibrate the model."
 )
 LISTED = 12
-"""Names of classes or sessions that one line shows."""
+"""Classes, sessions, arrays, columns or readings that are shown."""
 
 
 def content_lines(recording: Recording, learnt: np.ndarray) -> list[str]:
@@ -67,21 +68,19 @@ def session_line(recording: Recording, rows: np.ndarray) -> str:
 
 def _counted(names: Sequence[str], different: Sequence[str]) -> str:
     counts = Counter(names)
-    shown = [f"{name} ({counts[name]})" for name in different[:LISTED]]
-    if len(different) > LISTED:
-        shown.append(f"… {len(different)} in all")
-    return ", ".join(shown)
+    return ", ".join(shortened([f"{name} ({counts[name]})" for name in different]))
+
+
+def shortened(items: list[str]) -> list[str]:
+    """The first items of a long list, and how many more there are."""
+    rest = len(items) - LISTED
+    return [*items[:LISTED], f"… {rest} more"] if rest > 0 else items
 
 
 def say(*lines: str) -> None:
     """Print lines, of which a name of a file or a class can hold no code of a terminal."""
     for line in lines:
         click.echo(printable(line))
-
-
-def printable(text: str) -> str:
-    """A name on one line of a table: tabs, line feeds and the like are written as escapes."""
-    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def size(shape: Sequence[int]) -> str:

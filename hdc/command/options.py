@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from json import loads as json_of
 from pathlib import Path
@@ -69,27 +68,13 @@ output = click.option(
     required=True,
     help="File to write.",
 )
-TRUSTED = "hdc.trusted"
-"""Where the names of ``--trusted`` are kept in the context of a command."""
-
-
-def _keep_trusted(context: click.Context, _: object, names: tuple[str, ...]) -> None:
-    context.meta[TRUSTED] = names
-
-
-def model(command: Callable[..., Any]) -> Callable[..., Any]:
-    """The argument MODEL, and the classes that it may import."""
-    trusted = click.option(
-        "--trusted",
-        multiple=True,
-        expose_value=False,
-        callback=_keep_trusted,
-        metavar="MODULE.CLASS",
-        help="Import this class of your own, which the model names; may be repeated.",
-    )
-    return click.argument("model", type=FILE)(trusted(command))
-
-
+model = click.argument("model", type=FILE)
+trusted = click.option(
+    "--trusted",
+    multiple=True,
+    metavar="MODULE.CLASS",
+    help="Import this class of your own, which the model names; may be repeated.",
+)
 _CIRCULAR = "learn cosine and sine as two columns of the table"
 LEFT = {
     "compare --budget": "rows come cheapest first, and Ctrl-C keeps those that are done",

@@ -24,6 +24,7 @@ PUBLISHED = (
 
 @click.command(short_help="Adapt a model to a changed sensor.")
 @options.model
+@options.trusted
 @recording
 @options.output
 @click.option(
@@ -40,6 +41,7 @@ PUBLISHED = (
 )
 def recalibrate(
     model: Path,
+    trusted: tuple[str, ...],
     source: Source,
     output: Path,
     p: float | None,
@@ -57,7 +59,7 @@ def recalibrate(
     frames into few classes.
     """
     check_replaceable(output)
-    found, window = load(model)
+    found, window = load(model, trusted)
     frames = frames_for(found, window, source, fewest_classes=0)
     every = {"p": p, "method": method}
     given = {name: value for name, value in every.items() if value is not None}

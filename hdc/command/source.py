@@ -141,9 +141,7 @@ def pixels(command: Callable[..., Any]) -> Callable[..., Any]:
 def _with(
     command: Callable[..., Any], options: Sequence[Callable[..., Any]]
 ) -> Callable[..., Any]:
-    for option in reversed(options):
-        command = option(command)
-    return command
+    return functools.reduce(lambda made, add: add(made), reversed(options), command)
 
 
 _SETTINGS = (

@@ -89,26 +89,6 @@ def _have(labels: np.ndarray, unit: np.ndarray) -> np.ndarray:
     return have
 
 
-def _checked(recording: Recording, option: str) -> tuple[np.ndarray, Units]:
-    """The class and the unit of each frame; a ValueError for a class of a single unit, which is
-    either learnt or tested."""
-    labels, unit = _kinds(recording), units(recording)
-    for c, count in enumerate(_have(labels, unit.of).sum(axis=1)):
-        if count < 2:
-            raise ValueError(
-                f"{option}: expected two {unit.kind}s or more of each class, found one"
-                f"{_of_class(recording, c)} (record it again, or test another recording)"
-            )
-    return labels, unit
-
-
-def _of_class(recording: Recording, c: int) -> str:
-    """The name of the class in row c of :func:`_have`; none of numbers."""
-    if recording.values is not None:
-        return ""
-    return f" of {recording.classes[np.unique(_kinds(recording))[c]]}"
-
-
 # Held out ----------------------------------------------------------------------------------------
 
 HOW = {
@@ -125,9 +105,9 @@ def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
     The last sessions of each class, or groups or frames at random.
 
     Raises:
-        ValueError: a class has one unit, or none that can be held out.
+        ValueError: a class has no unit that can be held out, or no other.
     """
-    labels, unit = _checked(recording, "--test-fraction")
+    labels, unit = _kinds(recording), units(recording)
     have = _have(labels, unit.of)
     held = np.zeros(have.shape[1], bool)
     left = have.sum(axis=1)  # units of each class to learn
@@ -142,10 +122,13 @@ def hold_out(recording: Recording, fraction: float) -> tuple[Split, Units]:
                 held[one] = True
                 left -= of
         if not held[own].any():
+            name = ""
+            if recording.values is None:
+                name = f" of {recording.classes[np.unique(labels)[c]]}"
             raise ValueError(
                 f"--test-fraction: expected a {unit.kind} of each class to test and another to "
-                f"learn, found that one{_of_class(recording, c)} is that of another class (hdc "
-                "evaluate tests another recording)"
+                f"learn, found too few{name} (record it again, or let hdc evaluate test another "
+                "recording)"
             )
     is_held = held[unit.of]
     return (np.flatnonzero(~is_held), np.flatnonzero(is_held)), unit
@@ -163,7 +146,11 @@ def folds(recording: Recording) -> tuple[list[Split], Units]:
     Raises:
         ValueError: a class has a single frame, or a single group.
     """
-    labels, unit = _checked(recording, "cross-validation")
+    labels, unit = _kinds(recording), units(recording)
+    if _fewest(labels, unit.of) < 2:
+        raise ValueError(
+            f"cross-validation: expected two {unit.kind}s or more of each class, found one"
+        )
     return list(_folds(labels, unit)), unit
 
 

@@ -125,15 +125,12 @@ def _held_out(
     """Lines on the frames that were held out, and why they were these; and the accuracy, which is
     kept with the model. A model of one class is asked how many of them it refuses."""
     is_of_one = frames.values is None and len(frames.classes) == 1
-    rate = options.RATE if is_of_one else None
-    result = scores.score(model, frames, tested, rate)
+    result = scores.score(model, frames, tested, options.RATE if is_of_one else None)
     first, *others = messages.score_lines(result)
     lines = [f"held out {splits.HOW[unit.kind]}: {first}", *others]
     if unit.why:
         lines.append(f"held out {splits.HOW[unit.kind]} because {unit.why}")
-    if is_of_one or frames.values is not None:
-        return lines, {}
-    return lines, {"held_out": result["accuracy"]}
+    return lines, {"held_out": result.get("accuracy")}
 
 
 def _metadata(frames: Recording, window: Window) -> dict[str, Any]:

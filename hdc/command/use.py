@@ -16,6 +16,7 @@ from hdc.readers.listing import SUFFIXES, all_files, is_image
 
 @click.command(short_help="Classify new images.")
 @options.model
+@options.trusted
 @click.argument("images", type=options.FILE, nargs=-1, required=True)
 @options.template
 @options.axes
@@ -30,6 +31,7 @@ from hdc.readers.listing import SUFFIXES, all_files, is_image
 @options.json
 def predict(
     model: Path,
+    trusted: tuple[str, ...],
     images: tuple[Path, ...],
     template: str | None,
     axes: tuple[str, ...] | None,
@@ -49,7 +51,7 @@ def predict(
     none if it is like no class. Probabilities and intervals hold for frames recorded under the
     training conditions.
     """
-    found, window = work.load(model)
+    found, window = work.load(model, trusted)
     files: list[Path] = []
     for path in images:
         is_listed = path.is_dir() and template is None
@@ -91,11 +93,13 @@ def _files_in(root: Path) -> list[Path]:
 
 @click.command(short_help="Test a model on new labelled images.")
 @options.model
+@options.trusted
 @recording
 @options.reject
 @options.json
 def evaluate(
     model: Path,
+    trusted: tuple[str, ...],
     source: Source,
     reject: float | None,
     as_json: bool,
@@ -105,7 +109,7 @@ def evaluate(
     The interval of the accuracy is Wilson's, for 95 %. R² is the share of the variance that is
     predicted.
     """
-    found, window = work.load(model)
+    found, window = work.load(model, trusted)
     frames = work.frames_for(found, window, source)
     result = scores.score(found, frames, np.arange(len(frames)), reject)
     if as_json:
@@ -120,7 +124,8 @@ def evaluate(
 
 @click.command(short_help="Describe a saved model.")
 @options.model
-def info(model: Path) -> None:
+@options.trusted
+def info(model: Path, trusted: tuple[str, ...]) -> None:
     """Show what a model was trained on, how it sees frames, and what it takes, as JSON."""
-    found, _ = work.load(model)
+    found, _ = work.load(model, trusted)
     click.echo(json.dumps(messages.described(found, model), indent=2))

@@ -3,25 +3,22 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 
-import click
-
 import hdc
 from hdc import io
 from hdc.command.messages import size
-from hdc.command.options import TRUSTED
 from hdc.command.source import Source
 from hdc.readers import BadFrame, Recording, Window, natural_key
 
-KINDS = ("HDCClassifier", "HDCRegressor")
-"""Models that the commands know."""
 
-
-def load(path: Path) -> tuple[Any, Window]:
+def load(path: Path, trusted: Collection[str] = ()) -> tuple[Any, Window]:
     """A saved classifier or regressor, and which pixels of an image it uses.
+
+    It may have parts of the `trusted` classes, which are imported.
 
     Raises:
         ValueError: the file is no such model.
@@ -30,14 +27,9 @@ def load(path: Path) -> tuple[Any, Window]:
         header, _ = io.read_model(path, tensors=False)
     except ValueError as error:
         raise ValueError(f"{path}: expected a saved model, found {error}") from error
-    kind = header.get("kind")
-    if kind not in KINDS:
-        raise ValueError(
-            f"{path}: expected a saved {' or '.join(KINDS)}, found {kind!r}"
-        )
-    context = click.get_current_context(silent=True)
-    trusted = context.meta.get(TRUSTED, ()) if context else ()
-    model = getattr(hdc, kind).load(path, trusted)
+    learns_values = header.get("kind") == hdc.HDCRegressor.__name__
+    kind: Any = hdc.HDCRegressor if learns_values else hdc.HDCClassifier
+    model = kind.load(path, trusted)
     kept = ("crop", "subsample", "image")
     crop, subsample, image = (model.metadata_.get(key) for key in kept)
     return model, Window(crop, subsample or 1, image and tuple(image))

@@ -127,7 +127,6 @@ class Page:
         self.controls()
         ui.label("The model says").classes("heading")
         self._answer = ui.label().classes("answer")
-        self._time = small()
 
     def controls(self) -> None:
         """Controls of the source, of which these have none."""
@@ -191,15 +190,14 @@ class Page:
         if counts != self._shown:
             self._shown = counts
             self._show_classes()
-        text, label, time = "nothing yet: teach it two classes", None, ""
+        text, label = "nothing yet: teach it two classes", None
         if view.answer is not None:
-            label, time = view.answer.label, f"{1e3 * view.seconds:.1f} ms"
+            label = view.answer.label
             text = "none of these" if label is None else label
             for name, distance in view.answer.distances.items():
                 self._show_distance(name, distance)
         self._answer.set_text(view.error or text)
         self._answer.style(f"color: {colour(list(counts), label)}")
-        self._time.set_text(time)
 
     def _show_distance(self, name: str, distance: float) -> None:
         if name in self._rows:

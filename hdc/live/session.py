@@ -8,7 +8,6 @@ the page shows, and changes nothing.
 from __future__ import annotations
 
 import tempfile
-import time
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -44,7 +43,6 @@ class View:
     drawn: np.ndarray | None = None
     """uint8 [H, 2·W]: grey values, and beside them the share of each pixel's bits that are one."""
     answer: Answer | None = None  # None where the model cannot predict yet
-    seconds: float = 0.0  # from the frame to the answer
     error: str = ""  # why there is no newer frame
 
 
@@ -86,17 +84,15 @@ class Session:
     def look(self) -> View:
         """The next frame, and the answer of the model."""
         frame = self.source.frame()
-        begin = time.perf_counter()
         words = self._encoded(frame)
         answer = self._answer(words)
-        seconds = time.perf_counter() - begin
         if words.dimension % frame.size:  # not so many bits of each pixel
             words = _published(frame)
         planes = bits.unpack(words.packed[0], words.dimension).numpy()
         shares = planes.reshape(-1, *frame.shape).mean(axis=0)
         grey = frame if frame.dtype == np.uint8 else (frame >> 8).astype(np.uint8)
         drawn = np.hstack([grey, (255 * shares).astype(np.uint8)])
-        return View(drawn, answer, seconds)
+        return View(drawn, answer)
 
     def _encoded(self, frame: np.ndarray) -> Hypervectors:
         """The hypervector of a frame [H, W]; the published one while there is no model."""

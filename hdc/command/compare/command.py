@@ -13,7 +13,7 @@ import numpy as np
 from hdc.command import messages, options, splits
 from hdc.command.compare import candidates, judge
 from hdc.command.messages import with_units
-from hdc.command.source import Source, pixels, recording
+from hdc.command.source import Source, pixels, recording, truth_of
 from hdc.readers import Recording, Window
 
 CLEAR = 0.05
@@ -46,20 +46,21 @@ def compare(
     memory.
     """
     warnings.filterwarnings("ignore", module="sklearn")  # of baselines, in each fold
-    frames = source.open(window)
-    recordings = {"in folds": frames}
+    frames = last = source.open(window)
     if other is not None:
-        recordings[f"on {other}"] = source.like(other).open(window)
-    *_, last = recordings.values()
-    _check_alike(frames, last)
+        last = source.like(other).open(window)
+        _check_alike(frames, last)
     folds, units = splits.folds(frames)
     messages.say(*_about(frames, len(folds), units))
+    recordings, tests = [frames], {"in folds": folds}
     if other is not None:
         messages.say(f"tested on {other}: {len(last)} frames")
-        units = splits.units(last)
+        recordings, units = [frames, last], splits.units(last)
+        new = np.arange(len(last)) + len(frames)
+        tests[f"on {other}"] = [(np.arange(len(frames)), new)]
     models = candidates.cheapest_first(frames.values is not None)
     values = with_units(frames.value_names, frames.value_units)
-    losses = _losses(models, judge.prepared(recordings, folds), values)
+    losses = _losses(models, recordings, tests, values)
     published, *_ = models
     if published not in losses:
         raise ValueError(f"{source.path}: expected {published} to learn the frames")
@@ -77,49 +78,57 @@ def compare(
 
 
 def _losses(
-    models: Mapping[str, Any], data: judge.Data, values: Sequence[str]
+    models: Mapping[str, Any],
+    recordings: Sequence[Recording],
+    tests: Mapping[str, Sequence[splits.Split]],
+    values: Sequence[str],
 ) -> judge.Losses:
     """The losses of the models, whose rows are said; not of those that refuse the frames, or that
     come after an interruption."""
     losses: judge.Losses = {}
+    frames = np.concatenate([one[:].reshape(len(one), -1) for one in recordings])
+    truth = np.concatenate([truth_of(one) for one in recordings])
+    scale = judge.scale(truth[: len(recordings[0])])
     try:
         for name, model in models.items():
             try:
-                errors, *times = judge.errors(model, data)
+                found = {
+                    test: judge.tested(model, frames, truth, rows)
+                    for test, rows in tests.items()
+                }
             except ValueError as why:
                 messages.say(f"left out: {name}: {why}")
                 continue
-            row = _row(model, errors, times, values)
-            row = {f"{'model':<{_NAME}}": name.ljust(_NAME), **row}
+            row = _row(name, model, found, values)
             if not losses:
                 messages.say("  ".join(row))
             cells = (f"{cell:>{len(head)}}" for head, cell in row.items())
             messages.say("  ".join(cells))
-            losses[name] = [data.loss(own) for own in errors.values()]
+            losses[name] = [(own.errors / scale).mean(axis=1) for own in found.values()]
     except KeyboardInterrupt:
         messages.say("interrupted: the rows above are whole")
     return losses
 
 
 def _row(
-    model: Any,
-    errors: Mapping[str, np.ndarray],
-    times: Sequence[float],
-    values: Sequence[str],
+    name: str, model: Any, found: Mapping[str, judge.Tested], values: Sequence[str]
 ) -> dict[str, str]:
-    """The cells of a model by their heads: the accuracy, or the mean error of each value, in each
-    test; the times to learn and to answer; whether it can be exported."""
+    """The cells of a model by their heads: its name; the accuracy, or the mean error of each value,
+    in each test; the times to learn and to answer; whether it can be exported."""
     from hdc.export.plan import exports  # late: it imports torch
 
-    row = {}
+    row = {f"{'model':<{_NAME}}": name.ljust(_NAME)}
     for k, value in enumerate(values or ["accuracy"]):
-        for test, own in errors.items():
-            mean = own[:, k].mean()
+        for test, own in found.items():
+            mean = own.errors[:, k].mean()
             shown = f"{mean:.4g}" if values else messages.percent(1 - mean)
             row[f"{value} {test}"] = shown
-    for head, time in zip(("s to learn", "ms a frame"), times, strict=True):
-        row[head] = f"{time:.3g}"
-    return row | {"exports": "yes" if exports(model) else "no"}
+    first, *_ = found.values()
+    return row | {
+        "s to learn": f"{first.learn_s:.3g}",
+        "ms a frame": f"{first.frame_ms:.3g}",
+        "exports": "yes" if exports(model) else "no",
+    }
 
 
 def _check_alike(recording: Recording, other: Recording) -> None:

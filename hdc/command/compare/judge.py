@@ -4,89 +4,73 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from hdc.command.source import truth_of
 from hdc.command.splits import Split
-from hdc.readers import Recording
 
 Losses = dict[str, list[np.ndarray]]
-"""The losses [Q] in each test, by the name of the model; see :meth:`Data.loss`."""
+"""The losses [Q] in each test, by the name of the model: 1 for a wrong label; of values the mean of
+their errors, each divided by its :func:`scale`."""
 FLIPS = 9_999
 """Random signs of the units, for the test of a gain."""
 
 
-@dataclass(frozen=True)
-class Data:
-    """Frames of one recording or two, in memory.
+class Tested(NamedTuple):
+    """A model in a test of Q frames, in their order.
 
     Attributes:
-        frames: [N, D].
-        truth: names of the classes [N], or values [N, T].
-        splits: folds of the first recording; and one that learns it and tests the second.
-        tested: indices of the frames of each recording, by the words for its test.
+        errors: absolute errors of the values [Q, T]; of classes [Q, 1], 1 for a wrong label.
+        learn_s: seconds to learn, the median over the splits.
+        frame_ms: milliseconds to answer a frame, the median over the splits.
     """
 
-    frames: np.ndarray
-    truth: np.ndarray
-    splits: Sequence[Split]
-    tested: Mapping[str, np.ndarray]
-
-    def loss(self, errors: np.ndarray) -> np.ndarray:
-        """The loss [Q] of errors [Q, T]: 1 for a wrong label; of values the mean of their errors,
-        each divided by the mean error of always answering the median of the first recording."""
-        if self.truth.ndim == 1:
-            return errors[:, 0]
-        first, *_ = self.tested.values()
-        values = self.truth[first]
-        scale = np.abs(values - np.median(values, axis=0)).mean(axis=0)
-        return (errors / np.where(scale > 0, scale, 1)).mean(axis=1)
+    errors: np.ndarray
+    learn_s: float
+    frame_ms: float
 
 
-def prepared(recordings: Mapping[str, Recording], folds: Sequence[Split]) -> Data:
-    """One recording or two, by the words for their tests, and the folds of the first."""
-    opened = recordings.values()
-    truth = np.concatenate([truth_of(one) for one in opened])
-    first, *_ = opened
-    parts = np.split(np.arange(len(truth)), [len(first)])[: len(opened)]
-    return Data(
-        np.concatenate([one[:].reshape(len(one), -1) for one in opened]),
-        truth,
-        [*folds, (parts[0], parts[1])] if len(opened) > 1 else folds,
-        dict(zip(recordings, parts, strict=True)),
-    )
+def tested(
+    model: Any, frames: np.ndarray, truth: np.ndarray, splits: Sequence[Split]
+) -> Tested:
+    """Train a model on one side of each split, and test it on the other.
 
-
-def errors(model: Any, data: Data) -> tuple[dict[str, np.ndarray], float, float]:
-    """Errors of a model in each test; and medians over the splits of the seconds to learn and the
-    milliseconds to answer a frame.
-
-    The errors are the absolute error of each value [Q, T]; of classes [Q, 1], 1 for a wrong label.
+    Args:
+        model: untrained.
+        frames: [N, D].
+        truth: names of the classes [N], or values [N, T].
+        splits: of the frames, each of which is tested once or not at all.
 
     Raises:
         ValueError: the model refuses the frames.
     """
     from sklearn.base import clone
 
-    answers, times = data.truth.copy(), []
-    for train, tested in data.splits:
+    answers, times = truth.copy(), []
+    for train, rows in splits:
         start = time.perf_counter()
-        trained = clone(model).fit(data.frames[train], data.truth[train])
+        trained = clone(model).fit(frames[train], truth[train])
         learnt = time.perf_counter()
-        found = trained.predict(data.frames[tested])
-        frame_s = (time.perf_counter() - learnt) / len(tested)
+        found = trained.predict(frames[rows])
+        frame_s = (time.perf_counter() - learnt) / len(rows)
         times.append((learnt - start, 1000 * frame_s))
-        answers[tested] = found.reshape(answers[tested].shape)
-    if data.truth.ndim == 1:
-        wrong = (answers != data.truth).astype(float)[:, None]
+        answers[rows] = found.reshape(answers[rows].shape)
+    asked = np.sort(np.concatenate([rows for _, rows in splits]))
+    if truth.ndim == 1:
+        wrong = (answers != truth).astype(float)[:, None]
     else:
-        wrong = np.abs(answers - data.truth)
-    return {test: wrong[rows] for test, rows in data.tested.items()}, *np.median(
-        times, axis=0
-    )
+        wrong = np.abs(answers - truth)
+    return Tested(wrong[asked], *np.median(times, axis=0))
+
+
+def scale(truth: np.ndarray) -> np.ndarray:
+    """Mean error [T] of always answering the median of values [N, T], 1 where all are equal; and 1
+    of classes."""
+    if truth.ndim == 1:
+        return np.ones(1)
+    error = np.abs(truth - np.median(truth, axis=0)).mean(axis=0)
+    return np.where(error > 0, error, 1)
 
 
 def p_value(

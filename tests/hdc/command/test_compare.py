@@ -1,5 +1,6 @@
 """``hdc compare``: its numbers are those of the plain computation."""
 
+import re
 from pathlib import Path
 
 import cv2
@@ -94,17 +95,17 @@ def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
     frames = recording[:]
     truth = np.array(recording.names) if of_classes else recording.values
     splits, _ = folds(recording)
-    data = judge.prepared({"in folds": recording}, splits)
     listed = candidates.cheapest_first(not of_classes)
     assert plain.keys() <= listed.keys()
     for name, model in listed.items():
-        given, other = frames.reshape(len(frames), -1), plain.get(name)
+        flat, other = frames.reshape(len(frames), -1), plain.get(name)
+        given = flat
         if other is None:
             given, other = frames, library(*name.split(", "))
         answers = np.empty_like(truth)
         for train, test in splits:
             answers[test] = other.fit(given[train], truth[train]).predict(given[test])
-        found = judge.errors(model, data)[0]["in folds"]
+        found = judge.tested(model, flat, truth, splits).errors
         if of_classes:
             assert found[:, 0].tolist() == (answers != truth).tolist(), name
         else:
@@ -112,10 +113,8 @@ def test_a_row_is_the_plain_computation(plain, library, archive, of_values):
 
 
 def test_errors_of_values_are_weighed_by_those_of_the_constant_baseline():
-    values = np.array([[0.0, 5], [1, 5], [9, 5], [2, 5], [100, 7]])
-    data = judge.Data(values, values, [], {"in folds": np.arange(4), "on x": [4]})
-    loss = data.loss(np.array([[2.5, 0], [5, 3]]))
-    assert loss.tolist() == [0.5, 2.5]  # by 2.5, and by 1 where all are equal
+    values = np.array([[0.0, 5], [1, 5], [9, 5], [2, 5]])
+    assert judge.scale(values).tolist() == [2.5, 1]  # one of equal values
 
 
 def test_a_gain_is_tested_by_whole_units():
@@ -192,6 +191,22 @@ def test_a_gain_is_clear_only_over_what_was_recorded_together(hdc):
     assert ", a clear gain (p = " in out[-1]
 
 
+def test_a_gain_of_values_is_in_the_error_of_the_constant_baseline(hdc, of_values):
+    out = hdc("compare", of_values, "--column", "depth")[1]
+    errors = {name: float(cells[0]) for name, cells in rows_of(out).items()}
+    depth = np.load(of_values)["values"][:, 0]
+    constant = np.abs(depth - np.median(depth)).mean()
+    best = min(errors, key=lambda name: ("grey" in name, errors[name]))
+    change = 100 * (errors[best] - errors["median, ridge"]) / constant
+    said = re.fullmatch(
+        rf"{best} over median, ridge: (\S+) % of the constant baseline's error, no clear gain "
+        r"\(p = 0\.\d+ of sessions\)\.",
+        out[-1],
+    )
+    assert float(said[1]) == pytest.approx(change, abs=0.1)
+    assert change < 0
+
+
 def test_another_recording_is_tested_and_chooses_nothing(hdc, archive):
     """Its classes are patterns of another sensor: all forms fail, and that is said."""
     other = "tomorrow.npz"
@@ -212,14 +227,14 @@ def test_another_recording_is_tested_and_chooses_nothing(hdc, archive):
 
 
 def test_ctrl_c_keeps_the_rows_that_are_there(hdc, archive, monkeypatch):
-    plain = judge.errors
+    plain = judge.tested
 
     def interrupted(model, *rest):
         if getattr(model, "readout", "") == stop:
             raise KeyboardInterrupt
         return plain(model, *rest)
 
-    monkeypatch.setattr(judge, "errors", interrupted)
+    monkeypatch.setattr(judge, "tested", interrupted)
     stop = "neighbours"
     status, out, _ = hdc("compare", archive)
     assert (status, out[-4]) == (0, "interrupted: the rows above are whole")

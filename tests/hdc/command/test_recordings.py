@@ -79,7 +79,9 @@ def test_numbers_are_compared_with_those_of_the_model_in_its_order(hdc):
 
 def test_what_is_no_model_of_frames_says_what_is_expected(tmp_path):
     io.write_model(tmp_path / "m", {"kind": "HDCIndex", "metadata": {}}, {})
-    with pytest.raises(ValueError, match=r"m: expected a saved .*, found 'HDCIndex'"):
+    with pytest.raises(
+        ValueError, match=r"m: expected a saved .*, found a saved HDCIndex"
+    ):
         load(tmp_path / "m")
 
 

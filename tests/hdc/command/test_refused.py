@@ -33,7 +33,7 @@ def test_what_is_read_is_named_in_one_line(hdc, model, frames, write):
         ("train r -o no/m", "expected a folder to save m in"),
         ("train broken -o out", "broken/a/7.png: expected a whole image"),
         ("train few -o out --test-fraction 0.5",
-         "--test-fraction: expected two frames or more of each class, found one"),
+         "--test-fraction: expected a frame of each class to test and another to learn"),
         ("train r -o out --set encoder__tie=spread", "found 'encoder__tie'"),
         ("predict r/a/0.png m", "r/a/0.png: expected"),
         ("predict m 'no\n.png'", "no .png: expected a readable file, found none"),

@@ -91,12 +91,11 @@ def test_of_each_class_the_same_share_is_held_out(n, group, fraction, held):
 @pytest.mark.parametrize(
     ("recording", "message"),
     [
-        (made([0, 0, 1]),
-         "--test-fraction: expected two frames or more of each class, found one of oil"),
-        (made([0, 0, 1, 1], None, [7, 7, 8, 8]), "expected two groups or more of each"),
+        (made([0, 0, 2]), "--test-fraction: expected a frame .* found too few of wax"),
+        (made([0, 0, 1, 1], None, [7, 7, 8, 8]), "expected a group .* found too few of air"),
         # Each two classes share a group: of two that are tested, a third learns nothing.
-        (made([0, 0, 1, 1, 2, 2], None, [1, 2, 2, 3, 1, 3]),
-         "found that one of .* is that of another class"),
+        (made([0, 0, 1, 1, 2, 2], None, [1, 2, 2, 3, 1, 3]), "expected a group .* too few of"),
+        (Made(None, values=np.zeros((1, 1))), "expected a frame .* found too few \\("),
     ],
 )  # fmt: skip
 def test_what_cannot_be_held_out_is_refused(recording, message):
@@ -123,3 +122,9 @@ def test_folds_test_each_frame_once_and_learn_every_class(recording, kind, count
         assert set(recording.labels[train]) == {0, 1}
         assert not set(unit.of[train]) & set(unit.of[test])
         assert sorted([*train, *test]) == list(range(len(recording)))
+
+
+def test_a_class_of_a_single_unit_has_no_folds():
+    message = "cross-validation: expected two groups or more of each class, found one"
+    with pytest.raises(ValueError, match=message):
+        splits.folds(made([0, 0, 1, 1], None, [7, 8, 9, 9]))
